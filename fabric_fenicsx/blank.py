@@ -1,0 +1,158 @@
+"""The sheet: its mesh, yarn directions and displacement."""
+
+from pathlib import Path
+
+import meshio
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from . import dolfinx_compat as compat
+from .errors import InputError
+from .fibres import fibre_fields
+
+CELLS = {"triangle": ("triangle", 1), "triangle6": ("triangle", 2), "quad": ("quadrilateral", 1), "quad9": ("quadrilateral", 2)}
+
+
+class Blank:
+    """A woven sheet: mesh, fibre fields `a0`, `b0` and the unknown `u`.
+
+    mesh: DOLFINx mesh of triangles or quadrilaterals in R^2 or R^3 [mm]. a, b, up: see `fibre_fields`.
+    degree: 1 or 2, of the displacement. frame: (gdim, gdim) orthonormal rows; `u` holds the displacement's
+    components along them, so that supports may act along axes which are turned in space (default: x, y, z).
+    """
+
+    def __init__(self, mesh, a=0.0, b=None, *, degree=1, frame=None, up=(0.0, 0.0, 1.0), name="blank"):
+        gdim = mesh.geometry.dim
+        self.mesh, self.name = mesh, name
+        self.a0, self.b0 = fibre_fields(mesh, a, b, up)
+        self.V = compat.vector_space(mesh, "Lagrange", degree, gdim)
+        self.u = fem.Function(self.V, name="u")
+        self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
+        if self.frame.shape != (gdim, gdim) or not np.allclose(self.frame @ self.frame.T, np.eye(gdim), atol=1e-12):
+            raise InputError(f"frame of the blank is {self.frame.tolist()}; allowed are {gdim} orthonormal rows")
+        self._turned = not np.array_equal(self.frame, np.eye(gdim))
+
+    @property
+    def displacement(self):
+        """Displacement along x, y, z, a UFL expression in `u`."""
+        return ufl.dot(ufl.as_matrix(self.frame.T.tolist()), self.u) if self._turned else self.u
+
+    @property
+    def degree(self):
+        """Polynomial degree of the displacement."""
+        return self.V.ufl_element().degree() if compat.OLD else self.V.ufl_element().basix_element.degree
+
+    def coordinates(self):
+        """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm]."""
+        return self.V.tabulate_dof_coordinates()
+
+    def nodal_displacement(self):
+        """Displacement along x, y, z at the local nodes, (nodes, gdim) [mm]."""
+        values = self.u.x.array.reshape(-1, self.mesh.geometry.dim)
+        return values @ self.frame if self._turned else values
+
+    def along(self, points):
+        """Coordinates along the frame's axes (gdim, n) of points (3, n) [mm]."""
+        return self.frame @ points[: len(self.frame)]
+
+    def extent(self):
+        """Least and greatest undeformed coordinates along the frame's axes, two arrays (gdim,) [mm]."""
+        x, comm = self.along(self.mesh.geometry.x.T), self.mesh.comm
+        low, high = x.min(1, initial=np.inf), x.max(1, initial=-np.inf)
+        lows, highs = np.empty_like(low), np.empty_like(high)
+        comm.Allreduce(low, lows, MPI.MIN)
+        comm.Allreduce(high, highs, MPI.MAX)
+        return lows, highs
+
+    def midpoints(self):
+        """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
+        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
+        return self.along(self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)[:owned]].mean(1).T)
+
+    @classmethod
+    def from_arrays(cls, comm, points, cells, kind, source="the mesh", **options):
+        """Blank from `points` (n, 2 or 3) [mm] and `cells` (m, k) in gmsh's order, read on rank 0 (None elsewhere).
+
+        kind: meshio's name of the cells: "triangle", "triangle6", "quad", "quad9". A sheet in a plane z = const is
+        meshed in R^2, so its displacement has two components; any other is a manifold mesh in R^3.
+        Raises InputError, on all ranks, for an empty, inverted or degenerate mesh.
+        """
+        points, cells, kind = _on_root(comm, lambda: _checked(np.asarray(points, float), np.asarray(cells), kind, source))
+        cell, degree = CELLS[kind]
+        cells = cells[:, compat.to_dolfinx_order(cell, cells.shape[1])]
+        return cls(compat.create_mesh(comm, cells, points, cell, degree), **options)
+
+    @classmethod
+    def read(cls, comm, path, **options):
+        """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...), in mm."""
+        points, cells, kind = _on_root(comm, lambda: _read(Path(path)))
+        return cls.from_arrays(comm, points, cells, kind, source=str(path), **options)
+
+
+def _on_root(comm, make):
+    """Mesh arrays made on rank 0; an InputError there is raised on every rank; other ranks get empty parts."""
+    part = error = None
+    if comm.rank == 0:
+        try:
+            part = make()
+        except InputError as e:
+            error = str(e)
+    error, kind, shapes = comm.bcast((error, part and part[2], part and (part[0].shape[1], part[1].shape[1])))
+    if error:
+        raise InputError(error)
+    return part if part else (np.empty((0, shapes[0])), np.empty((0, shapes[1]), dtype=np.int64), kind)
+
+
+def _read(path):
+    if not path.is_file():
+        raise InputError(f"mesh file {path} does not exist or is not a file; allowed is any mesh that gmsh or meshio writes")
+    try:
+        mesh = meshio.read(path)
+    except (Exception, SystemExit) as e:  # meshio's readers raise whatever their parsing stumbles on, or exit
+        reason = " ".join(str(e).split()) or type(e).__name__
+        raise InputError(f"mesh file {path} cannot be read ({reason}); allowed is any mesh that gmsh or meshio writes") from None
+    surface = {block.type: [] for block in mesh.cells if block.type in CELLS or block.type in ("quad8", "polygon")}
+    for block in mesh.cells:
+        if block.type in surface:
+            surface[block.type].append(block.data)
+    if len(surface) > 1 or set(surface) - set(CELLS):
+        raise InputError(f"mesh file {path} holds cells {sorted(surface)}; allowed is one kind out of {sorted(CELLS)}")
+    if not surface:
+        raise InputError(f"mesh file {path} holds no surface cells; allowed are {sorted(CELLS)}")
+    ((kind, blocks),) = surface.items()
+    return mesh.points, np.concatenate(blocks), kind
+
+
+def _checked(points, cells, kind, source):
+    """Points and cells fit for use: only nodes in use, in R^2 if the sheet is plane, no bad cell."""
+    if kind not in CELLS:
+        raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
+    if len(cells) == 0:
+        raise InputError(f"{source} is empty: it holds 0 cells; allowed is 1 or more")
+    used, numbers = np.unique(cells, return_inverse=True)
+    points, cells = points[used], numbers.reshape(cells.shape)
+    if not np.isfinite(points).all():
+        node = used[np.flatnonzero(~np.isfinite(points).all(1))[0]]
+        raise InputError(f"{source} has a coordinate that is not a number at node {node}; allowed are finite lengths in mm")
+    if points.shape[1] == 3 and np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points, axis=0).max():
+        points = points[:, :2]
+    corners = points[cells[:, : 3 if CELLS[kind][0] == "triangle" else 4]]
+    if corners.shape[2] == 2:
+        corners = np.concatenate([corners, np.zeros_like(corners[:, :, :1])], 2)
+    edges = np.roll(corners, -1, 1) - corners
+    normals = np.cross(edges, -np.roll(edges, 1, 1))  # twice the area of the triangle at each corner
+    mean = normals.mean(1)
+    size = (edges**2).sum(2).max(1)
+    flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= 1e-16 * size**2)
+    if flat.size:
+        where = corners[flat[0]].mean(0).round(6).tolist()
+        raise InputError(f"{source} has a degenerate or non-convex cell, number {flat[0]} at {where} mm; allowed are cells with area")
+    if points.shape[1] == 2:
+        sense = np.sign(mean[:, 2])
+        inverted = np.flatnonzero(sense != (1 if sense.sum() >= 0 else -1))
+        if inverted.size:
+            where = corners[inverted[0]].mean(0).round(6).tolist()
+            raise InputError(f"{source} has an inverted cell, number {inverted[0]} at {where} mm; allowed is one sense of rotation")
+    return points, cells, kind

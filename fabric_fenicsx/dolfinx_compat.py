@@ -1,0 +1,122 @@
+"""Every difference between DOLFINx 0.5.2 (Debian 12), 0.9 (Debian 13) and 0.11, in the newer names.
+
+To drop Debian 12, delete what stands under `OLD`.
+"""
+
+import logging
+from contextlib import contextmanager
+
+import basix
+import dolfinx
+import dolfinx.plot
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from .timing import phase
+
+VERSION = tuple(int(n) for n in dolfinx.__version__.split(".")[:2])
+OLD = VERSION < (0, 8)
+if not OLD:
+    import basix.ufl
+
+# Neither flag touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional may be
+# computed side by side.
+_C_FLAGS = ["-O2", "-fno-math-errno", "-fno-trapping-math"]
+
+
+def _jit():
+    options = {"cffi_extra_compile_args": _C_FLAGS}
+    return {"jit_params": options} if OLD else {"jit_options": options}
+
+
+@contextmanager
+def _compiling():
+    """Time compilation apart, and keep the C compiler's command lines out of the log."""
+    logging.disable(logging.INFO)
+    try:
+        with phase("compile"):
+            yield
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+def create_mesh(comm, cells, points, cell, degree):
+    """Distributed mesh of `cells` (m, k), in DOLFINx order, and `points` (n, gdim); each rank gives its part.
+
+    cell: "triangle" or "quadrilateral", of geometric degree `degree`.
+    """
+    gdim = points.shape[1]
+    if OLD:
+        element = ufl.VectorElement("Lagrange", ufl.Cell(cell, geometric_dimension=gdim), degree, dim=gdim)
+        return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, domain=ufl.Mesh(element))
+    domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
+    return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=domain)
+
+
+def to_dolfinx_order(cell, nodes):
+    """Permutation p with cells[:, p] in DOLFINx order if cells are in gmsh's; for `nodes` nodes a cell."""
+    return np.asarray(dolfinx.cpp.io.perm_gmsh(getattr(dolfinx.mesh.CellType, cell), nodes))
+
+
+def cell_name(mesh):
+    """ "triangle" or "quadrilateral"."""
+    return mesh.ufl_cell().cellname()
+
+
+def is_affine(mesh):
+    """Whether every cell has one tangent plane: straight-sided triangles."""
+    return cell_name(mesh) == "triangle" and geometry_dofmap(mesh).shape[1] == 3
+
+
+def geometry_dofmap(mesh):
+    """Geometry nodes of each local cell (owned first, then ghosts), (cells, k)."""
+    dofmap = mesh.geometry.dofmap
+    return dofmap if isinstance(dofmap, np.ndarray) else dofmap.array.reshape(dofmap.num_nodes, -1)
+
+
+def vector_space(mesh, family, degree, dim):
+    """Space of vectors with `dim` components; family "Lagrange" or "DG"."""
+    if OLD:
+        return fem.VectorFunctionSpace(mesh, (family, degree), dim=dim)
+    return fem.functionspace(mesh, (family, degree, (dim,)))
+
+
+def scalar_space(mesh, family, degree):
+    """Space of scalars."""
+    return fem.FunctionSpace(mesh, (family, degree)) if OLD else fem.functionspace(mesh, (family, degree))
+
+
+def form(ufl_form):
+    """Compile a form, once per machine: rank 0 first, the others from its cache."""
+    with _compiling():
+        return fem.form(ufl_form, **_jit())
+
+
+class PointEvaluation:
+    """Values of a UFL expression at the quadrature points of the owned cells."""
+
+    def __init__(self, expression, mesh, degree):
+        points, self.weights = basix.make_quadrature(getattr(basix.CellType, cell_name(mesh)), degree)
+        with _compiling():
+            self._expression = fem.Expression(expression, points, **_jit())
+        self._mesh = mesh
+        index_map = mesh.topology.index_map(mesh.topology.dim)
+        self._cells = np.arange(index_map.size_local, dtype=np.int32)
+        self._shape = (len(self._cells), len(self.weights), *expression.ufl_shape)
+
+    def __call__(self):
+        """Array (owned cells, points a cell, *shape of the expression)."""
+        values = self._expression.eval(self._cells) if OLD else self._expression.eval(self._mesh, self._cells)
+        return np.asarray(values).reshape(self._shape)
+
+
+def petsc_vector(function):
+    """PETSc vector that shares the function's memory."""
+    return function.vector if OLD else function.x.petsc_vec
+
+
+def vtk_mesh(space):
+    """VTK cells, cell types and points of a Lagrange space's owned cells; higher-order cells for degree 2."""
+    make = dolfinx.plot.create_vtk_mesh if OLD else dolfinx.plot.vtk_mesh
+    return make(space)

@@ -1,0 +1,326 @@
+"""The parameters of a woven fabric, checked, with TOML files in and out (MPa, mm, g/cm3)."""
+
+import dataclasses
+import difflib
+import math
+import os
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from numbers import Real
+from pathlib import Path
+from reprlib import repr as _show
+from types import MappingProxyType, SimpleNamespace
+from typing import Any, NamedTuple, Self
+
+import tomli_w
+
+from ..errors import InputError
+
+COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
+
+
+class _Rule(NamedTuple):
+    kind: str  # of unit, "" for a pure number
+    allowed: str
+    test: Callable[[float], bool]
+
+
+_RULES = {
+    "a": _Rule("stress", "at least 0", lambda v: v >= 0),
+    "b": _Rule("stress", "above 0", lambda v: v > 0),
+    "d": _Rule("stress", "above 0", lambda v: v > 0),
+    "p_min": _Rule("", "from 0 to 1", lambda v: 0 <= v <= 1),
+    "c": _Rule("", "at least 0", lambda v: v >= 0),
+    "s_T": _Rule("stress", "at least 0", lambda v: v >= 0),
+    "s_C": _Rule("", "at least 0", lambda v: v >= 0),
+    "s1": _Rule("stress", "above 0", lambda v: v > 0),
+    "s2": _Rule("stress", "of either sign", lambda v: True),
+    "s3": _Rule("stress", "at least 0", lambda v: v >= 0),
+    "thickness": _Rule("length", "above 0", lambda v: v > 0),
+    "density": _Rule("density", "above 0", lambda v: v > 0),
+}
+_YARN = ("a", "b", "d", "p_min", "c", "s_T", "s_C")
+_SHEAR = ("s1", "s2", "s3")
+_SHEET = ("thickness", "density")
+
+# Powers of ten from each unit to the first one of its kind, which is the package's own.
+_UNITS = {
+    "stress": {"MPa": 0, "kPa": -3, "Pa": -6, "GPa": 3},
+    "length": {"mm": 0, "cm": 1, "m": 3, "um": -3},
+    "density": {"g/cm3": 0, "kg/m3": -3},
+}
+
+
+def _number(name: str, value: Any, label: str) -> float:
+    """`value` as a float if `_RULES[name]` allows it; otherwise an InputError that calls it `label`."""
+    rule = _RULES[name]
+    if isinstance(value, Real) and not isinstance(value, bool):
+        try:
+            number = float(value) + 0.0  # -0.0 becomes 0.0
+        except OverflowError:
+            number = math.inf
+        if math.isfinite(number) and rule.test(number):
+            return number
+    raise InputError(f"{label} is {_show(value)}, but it must be a finite number, {rule.allowed}")
+
+
+def _unknown(key: str, allowed: Iterable[str], label: str) -> InputError:
+    allowed = list(allowed)
+    near = difflib.get_close_matches(str(key), allowed, n=1)
+    hint = f" (did you mean {near[0]}?)" if near else ""
+    return InputError(f"{label} is unknown{hint}; allowed are {', '.join(allowed)}")
+
+
+def _couplings(names: Any, label: str = "couplings") -> frozenset[str]:
+    if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
+        raise InputError(f"{label} is {_show(names)}, but it must be a list of {', '.join(COUPLINGS)}")
+    found = set()
+    for given in names:
+        name = given.replace("-", "_").replace("–", "_") if isinstance(given, str) else given
+        if name not in COUPLINGS:
+            raise _unknown(name, COUPLINGS, f"{label}: coupling {_show(given)}")
+        found.add(name)
+    return frozenset(found)
+
+
+@dataclass(frozen=True)
+class Yarn:
+    """The seven parameters of one yarn direction; raises InputError for a value out of its range.
+
+    a, b [MPa]   tension, cubic and quadratic term of the energy (eqs 15, 16)
+    d [MPa]      compression (eqs 22, 23)
+    p_min, c [-] biaxial coupling: its floor, 0 to 1, and its rate (eqs 17, 18)
+    s_T [MPa]    tension-shear coupling (eqs 26, 27)
+    s_C [-]      compression-shear coupling (eqs 28, 29)
+    """
+
+    a: float
+    b: float
+    d: float
+    p_min: float
+    c: float
+    s_T: float
+    s_C: float
+
+    def __post_init__(self) -> None:
+        for name in _YARN:
+            object.__setattr__(self, name, _number(name, getattr(self, name), f"Yarn.{name}"))
+
+
+@dataclass(frozen=True)
+class WovenFabric:
+    """A woven fabric: 17 parameters, thickness, density and the couplings that are on.
+
+    warp, weft      yarns along a0 and b0 (`Yarn`)
+    s1, s2, s3      shear stress over shear angle [MPa] (eqs 24, 25)
+    thickness [mm], density [g/cm3]
+    couplings       any of COUPLINGS, spelled with "_", "-" or an en dash
+    Raises InputError for a value out of its range.
+    """
+
+    warp: Yarn
+    weft: Yarn
+    s1: float
+    s2: float
+    s3: float
+    thickness: float = 1.0
+    density: float = 0.75
+    couplings: frozenset[str] = frozenset(COUPLINGS)
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for direction in ("warp", "weft"):
+            if not isinstance(getattr(self, direction), Yarn):
+                raise InputError(f"{direction} is {_show(getattr(self, direction))}, but it must be a Yarn")
+        for name in _SHEAR + _SHEET:
+            object.__setattr__(self, name, _number(name, getattr(self, name), name))
+        object.__setattr__(self, "couplings", _couplings(self.couplings))
+        if not isinstance(self.name, str):
+            raise InputError(f"name is {_show(self.name)}, but it must be a text")
+
+    @classmethod
+    def balanced(cls, a: float, b: float, d: float, p_min: float, c: float, s_T: float, s_C: float,
+                 s1: float, s2: float, s3: float, **sheet: Any) -> Self:
+        """The same yarn in both directions; `sheet` is thickness, density, couplings, name."""
+        yarn = Yarn(a, b, d, p_min, c, s_T, s_C)
+        return cls(yarn, yarn, s1, s2, s3, **sheet)
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether warp and weft are equal."""
+        return self.warp == self.weft
+
+    @property
+    def biaxial(self) -> bool:
+        """Whether k_TC acts (eqs 17, 18)."""
+        return "biaxial" in self.couplings
+
+    @property
+    def tension_shear(self) -> bool:
+        """Whether W_ST acts (eqs 26, 27)."""
+        return "tension_shear" in self.couplings
+
+    @property
+    def compression_shear(self) -> bool:
+        """Whether k_SC acts (eqs 28, 29)."""
+        return "compression_shear" in self.couplings
+
+    def without(self, *names: str) -> Self:
+        """A copy with these couplings off; InputError for an unknown name."""
+        return dataclasses.replace(self, couplings=self.couplings - _couplings(names, "without"))
+
+    def decoupled(self) -> Self:
+        """A copy with every coupling off: three independent curves, like the Abaqus FABRIC model."""
+        return self.without(*COUPLINGS)
+
+    def replace(self, **changes: Any) -> Self:
+        """A changed copy; a Yarn's field (`p_min=0.1`) changes in both directions."""
+        own = [field.name for field in dataclasses.fields(self)]
+        for key in changes:
+            if key not in own and key not in _YARN:
+                raise _unknown(key, (*own, *_YARN), f"replace: {key}")
+        yarn = {key: changes.pop(key) for key in _YARN if key in changes}
+        new = dataclasses.replace(self, **changes)
+        return dataclasses.replace(
+            new, warp=dataclasses.replace(new.warp, **yarn), weft=dataclasses.replace(new.weft, **yarn)
+        )
+
+    def symbols(self, make: Callable[[float], Any]) -> SimpleNamespace:
+        """The parameters of the energy, each number v replaced by make(v), in the shape of a WovenFabric.
+
+        The couplings stay plain booleans, so that what is off is not compiled; density has no part in it.
+        """
+        warp, weft = (
+            SimpleNamespace(**{name: make(getattr(yarn, name)) for name in _YARN}) for yarn in (self.warp, self.weft)
+        )
+        numbers = {name: make(getattr(self, name)) for name in (*_SHEAR, "thickness")}
+        return SimpleNamespace(warp=warp, weft=weft, **numbers, **{name: getattr(self, name) for name in COUPLINGS})
+
+    def dumps(self) -> str:
+        """The TOML text, which reads back as an equal object."""
+        table: dict[str, Any] = {"name": self.name, "thickness": self.thickness, "density": self.density}
+        table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
+        table["units"] = {kind: next(iter(units)) for kind, units in _UNITS.items()}
+        yarns = {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
+        table |= {key: dataclasses.asdict(yarn) for key, yarn in yarns.items()}
+        table["shear"] = {name: getattr(self, name) for name in _SHEAR}
+        return tomli_w.dumps(table)
+
+    def to_toml(self, path: str | os.PathLike[str]) -> None:
+        """Write the file whole or not at all; InputError where it cannot be written."""
+        path = Path(path)
+        part = path.parent / f".{path.name}.{os.getpid()}.part"
+        try:
+            try:
+                part.write_text(self.dumps(), encoding="utf-8")
+                os.replace(part, path)
+            finally:
+                part.unlink(missing_ok=True)
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be written ({_reason(error)})") from None
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a file written by hand or by `to_toml`; InputError with file, field and what is allowed."""
+        try:
+            document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"{path}: is not valid TOML ({error})") from None
+        except (OSError, ValueError, RecursionError) as error:
+            raise InputError(f"{path}: cannot be read as a TOML file ({_reason(error)})") from None
+        try:
+            return cls(**_fields(document))
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from None
+
+
+def load(source: str | os.PathLike[str]) -> WovenFabric:
+    """The preset of this name, else the TOML file at this path; InputError if neither exists."""
+    if isinstance(source, str) and source in PRESETS:
+        return PRESETS[source]
+    if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
+        return WovenFabric.from_toml(source)
+    raise InputError(f"material {_show(source)} is neither a preset ({', '.join(PRESETS)}) nor a file that exists")
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
+
+
+def _fields(document: dict[str, Any]) -> dict[str, Any]:
+    """The arguments of WovenFabric from a TOML document."""
+    tables = {key: document.pop(key, {}) for key in ("units", "yarns", "warp", "weft", "shear")}
+    for key, table in tables.items():
+        if not isinstance(table, dict):
+            raise InputError(f"{key} is {_show(table)}, but it must be a table, [{key}]")
+    units = tables["units"]
+    for kind, unit in units.items():
+        if kind not in _UNITS:
+            raise _unknown(kind, _UNITS, f"units.{kind}")
+        if unit not in list(_UNITS[kind]):
+            raise _unknown(unit, _UNITS[kind], f"units.{kind} {_show(unit)}")
+    fields = {key: document.pop(key) for key in ("name", "couplings") if key in document}
+    fields |= _numbers(document, _SHEET, units, "", ("name", "couplings", *tables))
+    fields |= _numbers(tables["shear"], _SHEAR, units, "shear.")
+    _complete(fields, _SHEET, "", "at the top of the file")
+    _complete(fields, _SHEAR, "shear.", "in [shear]")
+    both, warp, weft = (_numbers(tables[key], _YARN, units, f"{key}.") for key in ("yarns", "warp", "weft"))
+    for direction, own in (("warp", warp), ("weft", weft)):
+        _complete(both | own, _YARN, f"{direction}.", f"in [yarns] or [{direction}]")
+        fields[direction] = Yarn(**(both | own))
+    return fields
+
+
+def _complete(found: Iterable[str], names: Iterable[str], where: str, place: str) -> None:
+    """InputError if a name is missing."""
+    if missing := [where + name for name in names if name not in found]:
+        raise InputError(f"missing {', '.join(missing)}, which must be given {place}")
+
+
+def _numbers(
+    table: Mapping[str, Any], names: tuple[str, ...], units: Mapping[str, str], where: str, also: tuple[str, ...] = ()
+) -> dict[str, float]:
+    """The numbers of one TOML table in the package's units; the unit is in the key or in `units`."""
+    found: dict[str, float] = {}
+    spelled: dict[str, str] = {}
+    for key, value in table.items():
+        name = key if key in names else next((n for n in names if key.startswith(f"{n}_")), None)
+        if name is None:
+            raise _unknown(key, (*names, *also), where + key)
+        if name in found:
+            raise InputError(f"{where}{key} repeats {where}{spelled[name]}; {name} must be given once")
+        exponent = _exponent(name, key, units, where + key)
+        number = Decimal(repr(_number(name, value, where + key))).scaleb(exponent)
+        found[name] = _number(name, float(number), where + key)
+        spelled[name] = key
+    return found
+
+
+def _exponent(name: str, key: str, units: Mapping[str, str], label: str) -> int:
+    """The power of ten from the unit of `key` to the package's own."""
+    kind = _RULES[name].kind
+    if not kind:
+        if key != name:
+            raise InputError(f"{label} has a unit, but {name} is a pure number; the key must be {name}")
+        return 0
+    suffixes = {unit.replace("/", "_per_"): exponent for unit, exponent in _UNITS[kind].items()}
+    if key != name:
+        unit = key.removeprefix(f"{name}_")
+        if unit not in suffixes:
+            raise _unknown(unit, suffixes, f"{label}: {kind} unit {_show(unit)}")
+        return suffixes[unit]
+    if kind not in units:
+        keys = " or ".join(f"{name}_{unit}" for unit in suffixes)
+        raise InputError(f"{label} has no unit; write {keys}, or give {kind} in [units]")
+    return _UNITS[kind][units[kind]]
+
+
+_KOMEILI = WovenFabric.balanced(  # Table 1
+    a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0,
+    s1=25.06e-3, s2=-186.79e-3, s3=562.39e-3, thickness=1.0, density=0.75, name="komeili",
+)  # fmt: skip
+PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
+    {"komeili": _KOMEILI, "fabric": _KOMEILI.decoupled().replace(name="fabric")}
+)

@@ -1,0 +1,92 @@
+"""The membrane: in-plane strain energy of a blank."""
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from .. import dolfinx_compat as compat
+from ..material import pointwise
+from ..material.energy import energy_density
+
+# Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that UFL estimates
+# for this energy would take thousands of points.
+QUADRATURE_DEGREE = {("triangle", 1): 1, ("triangle", 2): 2, ("quadrilateral", 1): 2, ("quadrilateral", 2): 4}
+
+
+class Membrane:
+    """Strain energy W(I4, I6, I8) t of `fabric` over the undeformed `blank`, eq. (30) with eqs (5)-(7).
+
+    Material values enter as constants of the form, so fabrics that differ only in numbers share one compiled form.
+    """
+
+    name = "membrane"
+    energy_kind = "strain"
+
+    def __init__(self, blank, fabric, quadrature_degree=None):
+        self.blank, self.fabric = blank, fabric
+        mesh = blank.mesh
+        cell = compat.cell_name(mesh)
+        self.degree = quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
+        law = fabric.symbols(lambda value: fem.Constant(mesh, float(value)))
+        a0, b0 = self._fibres()
+        gradient = ufl.grad(blank.displacement)
+        fa, fb = a0 + ufl.dot(gradient, a0), b0 + ufl.dot(gradient, b0)
+        cosine = ufl.dot(a0, b0)
+        dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
+        W = energy_density(ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb), cosine, law)
+        self.energy = law.thickness * W * dx
+        self._ufl = law, fa, fb, cosine
+        self._points = None
+
+    def _fibres(self):
+        """a0, b0, on cells without one tangent plane projected anew at each point."""
+        fibres = self.blank.a0, self.blank.b0
+        mesh = self.blank.mesh
+        if mesh.geometry.dim == 2 or compat.is_affine(mesh):
+            return fibres
+        project = ufl.dot(ufl.Jacobian(mesh), ufl.JacobianInverse(mesh))
+        tangent = [ufl.dot(project, f) for f in fibres]
+        return [f / ufl.sqrt(ufl.dot(f, f)) for f in tangent]
+
+    def _evaluate(self):
+        """F (c, q, 3, 2) on the basis (a0, perpendicular), b0 (c, q, 2) and UFL's S (c, q, 3) at each point."""
+        if self._points is None:
+            law, fa, fb, cosine = self._ufl
+            sine = ufl.sqrt(1 - cosine**2)
+            f1, f2 = fa, (fb - cosine * fa) / sine
+            C = ufl.variable(ufl.as_matrix([[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]))
+            b = ufl.as_vector([cosine, sine])
+            W = energy_density(C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b)), cosine, law)
+            S = 2 * ufl.diff(W, C)
+            flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
+            values = ufl.as_vector([*flat, cosine, S[0, 0], S[1, 1], S[0, 1]])
+            self._points = compat.PointEvaluation(values, self.blank.mesh, self.degree)
+        values = self._points()
+        gdim = self.blank.mesh.geometry.dim
+        F = np.zeros((*values.shape[:2], 3, 2))
+        F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
+        cosine = values[:, :, 2 * gdim]
+        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
+
+    def state(self):
+        """`pointwise.State` at every quadrature point of the owned cells, arrays (cells, points, ...), with the
+        deformed fibres fa, fb (cells, points, 3) and the kernel's mismatch on this rank.
+
+        Mismatch: largest |S_UFL - S_kernel| over max(|S_kernel|, s1), the smallest stiffness of the law.
+        """
+        F, b, S_ufl = self._evaluate()
+        cells, points = F.shape[:2]
+        b = b.reshape(-1, 2)
+        state = pointwise.evaluate(self.fabric, gradient=F.reshape(-1, 3, 2), fibres=([1.0, 0.0], b))
+        S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
+        difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
+        mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), self.fabric.s1)).max(initial=0.0)
+        shaped = state._replace(**{k: v.reshape(cells, points, *v.shape[1:]) for k, v in state._asdict().items() if v is not None})
+        fa = F[:, :, :, 0]
+        fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
+        return shaped, fa, fb, mismatch
+
+    @property
+    def weights(self):
+        """Quadrature weights over the points of a cell, summing to one."""
+        return self._points.weights / self._points.weights.sum()

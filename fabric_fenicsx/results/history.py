@@ -1,0 +1,39 @@
+"""history.csv: one row an accepted step, written as it comes."""
+
+import csv
+
+COLUMNS = (
+    "step", "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "external_work_Nmm", "iterations", "shifts",
+    "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "wall_s",
+)  # fmt: skip
+
+
+class History:
+    """Rows of `COLUMNS`, kept as dicts in `rows` on every rank and flushed one by one to `path` on rank 0."""
+
+    def __init__(self, path, comm):
+        self.rows = []
+        self._file = open(path, "w", newline="") if comm.rank == 0 else None
+        if self._file:
+            self._writer = csv.DictWriter(self._file, COLUMNS)
+            self._writer.writeheader()
+            self._file.flush()
+
+    def add(self, accepted, displacement, reaction):
+        """Append an `Accepted` state at which the grips moved by `displacement` [mm] under `reaction` [N]."""
+        report = accepted.report
+        row = {
+            "step": len(self.rows), "load": accepted.load, "displacement_mm": displacement, "reaction_N": reaction,
+            "strain_energy_Nmm": accepted.energies["strain"], "external_work_Nmm": accepted.external_work,
+            "iterations": report.iterations, "shifts": report.shifts, "line_search_cuts": report.cuts, "cuts": accepted.cuts,
+            "negative_pivots": report.negative_pivots, "residual_N": report.residuals[-1] if report.residuals else 0.0,
+            "force_scale_N": report.scale, "wall_s": round(accepted.wall, 4),
+        }  # fmt: skip
+        self.rows.append(row)
+        if self._file:
+            self._writer.writerow(row)
+            self._file.flush()
+
+    def close(self):
+        if self._file:
+            self._file.close()

@@ -1,0 +1,69 @@
+"""Pictures that a person would look at first (matplotlib, from the written results)."""
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.collections import PolyCollection
+
+# field -> label, factor to the unit shown, colour map
+SHOWN = {
+    "log_eps_11": (r"$\varepsilon_{11}$ (log) / %", 100.0, "viridis"),
+    "log_eps_22": (r"$\varepsilon_{22}$ (log) / %", 100.0, "viridis"),
+    "shear_angle": (r"$\gamma_{12}$ / deg", 180 / np.pi, "coolwarm"),
+    "strain_state": ("strain state", 1.0, "Set2"),
+}
+
+
+def _polygons(grid):
+    """Deformed corner polygons (cells, k, 2) of a plane sheet."""
+    corners = 3 if "TRIANGLE" in str(next(iter(grid.cells_dict))) or next(iter(grid.cells_dict)) in (5, 69, 22) else 4
+    (cells,) = grid.cells_dict.values()
+    x = np.asarray(grid.points) + grid.point_data["u"]
+    return x[cells[:, :corners], :2]
+
+
+def maps(path, columns, names):
+    """Matrix of maps: a column for each {title: grid} of `columns`, a row for each field in `names`, one colour
+    scale a row."""
+    figure, axes = plt.subplots(
+        len(names), len(columns), figsize=(1.0 + 6.2 * len(columns), 2.3 * len(names)), squeeze=False, layout="constrained"
+    )
+    polygons = {title: _polygons(grid) for title, grid in columns.items()}
+    for row, name in zip(axes, names):
+        label, factor, colours = SHOWN[name]
+        values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in columns.items()}
+        low, high = min(v.min() for v in values.values()), max(v.max() for v in values.values())
+        if colours == "coolwarm":
+            low, high = -max(-low, high), max(-low, high)
+        if high - low < 1e-6 * max(1.0, abs(high)):
+            low, high = low - 0.5, high + 0.5
+        for ax, title in zip(row, columns):
+            patches = PolyCollection(polygons[title], array=values[title], cmap=colours, edgecolors="face", linewidths=0.1)
+            patches.set_clim(low, high)
+            ax.add_collection(patches)
+            ax.autoscale_view()
+            ax.set_aspect("equal")
+            ax.set_ylabel("y / mm")
+            if row is axes[0]:
+                ax.set_title(title)
+            if row is axes[-1]:
+                ax.set_xlabel("x / mm")
+        figure.colorbar(patches, ax=list(row), label=label, shrink=0.9)
+    figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+def curves(path, series, xlabel, ylabel):
+    """Curves of {label: (x, y)} or {label: (x, y, matplotlib format)} in one diagram."""
+    figure, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    for label, (x, y, *style) in series.items():
+        ax.plot(x, y, *(style or ["o-"]), markersize=3, label=label)
+    ax.set_xlabel(xlabel)
+    ax.set_ylabel(ylabel)
+    ax.grid(alpha=0.3)
+    if len(series) > 1:
+        ax.legend()
+    figure.savefig(path, dpi=150)
+    plt.close(figure)

@@ -1,0 +1,146 @@
+"""A scene: a blank, the terms that store or take energy in it, and its supports."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from . import dolfinx_compat as compat
+from .errors import InputError
+from .timing import phase
+
+
+@dataclass(frozen=True)
+class Support:
+    """Prescribed displacement of some nodes: `value` times the load factor, along the axes of the blank's frame.
+
+    where: function of points (3, n) [mm] to a mask (n,); components: the axes held; value: (gdim,) [mm], or a
+    function of points (3, n) to (gdim, n).
+    """
+
+    name: str
+    where: Callable
+    components: tuple[int, ...]
+    value: tuple[float, ...] | Callable = (0.0, 0.0, 0.0)
+
+
+def grips(blank, stroke, clamped=True):
+    """Supports of a strip pulled by `stroke` [mm] along the frame's first axis: clamps at its ends, or rollers with
+    one corner held."""
+    low, high = blank.extent()
+    near = 1e-6 * (high - low).max()
+    components = tuple(range(len(low))) if clamped else (0, *range(2, len(low)))
+
+    def end(position):
+        return lambda x: np.abs(blank.along(x)[0] - position) <= near
+
+    supports = [
+        Support("fixed grip", end(low[0]), components),
+        Support("moving grip", end(high[0]), components, (stroke, 0.0, 0.0)),
+    ]
+    if not clamped:
+        corner = low[:2, None]
+        supports.append(Support("corner", lambda x: (np.abs(blank.along(x)[:2] - corner) <= near).all(0), (1,)))
+    return supports
+
+
+class Scene:
+    """Residual, tangent and energy of `terms` on a `blank` with `supports`, at a load factor in [0, 1].
+
+    A term has a `name`, an `energy_kind` and its `energy`, a UFL form in `blank.u` [N mm]; residual and tangent
+    are the energy's derivatives. Only the terms given are compiled and assembled.
+    """
+
+    def __init__(self, blank, terms, supports=()):
+        self.blank, self.terms, self.supports = blank, list(terms), list(supports)
+        self.comm = blank.mesh.comm
+        V, u = blank.V, blank.u
+        self.u = compat.petsc_vector(u)
+        energy = sum((term.energy for term in self.terms[1:]), self.terms[0].energy)
+        residual = ufl.derivative(energy, u, ufl.TestFunction(V))
+        self._residual = compat.form(residual)
+        self._tangent = compat.form(ufl.derivative(residual, u, ufl.TrialFunction(V)))
+        self._energies = [compat.form(term.energy) for term in self.terms]
+        self._supported()
+        self._f = self.u.duplicate()
+
+    def _supported(self):
+        """Degrees of freedom held by the supports, their values at full load, and DOLFINx's view of them."""
+        V, gdim = self.blank.V, self.blank.mesh.geometry.dim
+        x = self.blank.coordinates()
+        owned = V.dofmap.index_map.size_local
+        self.dofs_of = {}
+        at_full_load = np.zeros(len(x) * gdim)
+        held = np.zeros(len(x) * gdim, dtype=bool)
+        for support in self.supports:
+            nodes = np.flatnonzero(support.where(x.T))
+            if self.comm.allreduce(int((nodes < owned).sum())) == 0:
+                raise InputError(f"support {support.name} holds no node of {self.blank.name}; allowed are 1 or more")
+            value = support.value(x[nodes].T).T if callable(support.value) else np.asarray(support.value, float)
+            dofs = nodes[:, None] * gdim + np.asarray(support.components)
+            at_full_load[dofs] = value[..., list(support.components)]
+            held[dofs] = True
+            self.dofs_of[support.name] = nodes[nodes < owned, None] * gdim + np.arange(gdim)
+        dofs = np.flatnonzero(held).astype(np.int32)
+        zero = PETSc.ScalarType(0)
+        self._bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
+        self.held = dofs[dofs < owned * gdim]
+        self.at_full_load = at_full_load[self.held]
+
+    def set(self, x):
+        """Make x (PETSc vector) the displacement."""
+        x.copy(self.u)
+        self.u.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+
+    def energies(self):
+        """Energy of each kind at the present displacement, {kind: N mm}."""
+        with phase("assemble"):
+            local = np.array([fem.assemble_scalar(form) for form in self._energies])
+        total = self.comm.allreduce(local, MPI.SUM)
+        kinds = dict.fromkeys((term.energy_kind for term in self.terms), 0.0)
+        for term, value in zip(self.terms, total):
+            kinds[term.energy_kind] += float(value)
+        return kinds
+
+    def energy(self):
+        """Total energy at the present displacement [N mm]."""
+        return sum(self.energies().values())
+
+    def residual(self, r):
+        """Internal forces on the free degrees of freedom into r, zero on the held ones [N]; keeps them all."""
+        with phase("assemble"):
+            with self._f.localForm() as local:
+                local.set(0)
+            fem_petsc.assemble_vector(self._f, self._residual)
+            self._f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            self._f.copy(r)
+            r.array[self.held] = 0
+
+    def create_matrix(self):
+        A = fem_petsc.create_matrix(self._tangent)
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return A
+
+    def tangent(self, A, held=True):
+        """Second derivative of the energy into A; unit rows and columns where `held` [N/mm]."""
+        with phase("assemble"):
+            A.zeroEntries()
+            fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs if held else [])
+            A.assemble()
+
+    def held_forces(self):
+        """Forces of the supports on this rank's held degrees of freedom, after `residual` [N]."""
+        return self._f.array[self.held].copy()
+
+    def force_scale(self):
+        """Norm of the support forces after `residual`, what a residual is measured by [N]."""
+        return np.sqrt(self.comm.allreduce(float((self._f.array[self.held] ** 2).sum())))
+
+    def reaction(self, name):
+        """Force of support `name` on the blank along the axes of the frame, (gdim,), after `residual` [N]."""
+        return self.comm.allreduce(self._f.array[self.dofs_of[name]].sum(0), MPI.SUM)

@@ -1,0 +1,298 @@
+"""What every study script shares: its options, its run from a scene to results, and how it ends."""
+
+import argparse
+import json
+import math
+import platform
+import resource
+import sys
+import tempfile
+import time
+import traceback
+from dataclasses import dataclass
+from pathlib import Path
+
+import dolfinx
+import numpy as np
+import petsc4py
+from mpi4py import MPI
+from petsc4py import PETSc
+from tqdm import tqdm
+
+from . import __version__, timing
+from . import dolfinx_compat as compat
+from .blank import Blank
+from .errors import InputError, SolverFailure
+from .material.parameters import COUPLINGS, load
+from .meshes.specimen import PATTERNS, specimen
+from .results.history import History
+from .scene import Scene
+from .solve.newton import LINEAR_SOLVERS, Newton
+from .solve.stepping import march
+
+ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
+PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
+QUICK = {"nx": 20, "ny": 5, "steps": 5}
+FULL = {"nx": 100, "ny": 25, "steps": 20}
+
+
+def number(allowed, test, kind=float):
+    """An argparse type: a finite `kind` that passes `test`, otherwise a message that says what is `allowed`."""
+
+    def convert(text):
+        try:
+            value = kind(text)
+            good = math.isfinite(value) and test(value)
+        except ValueError:
+            good = False
+        if not good:
+            raise argparse.ArgumentTypeError(f"is {text}; allowed is {allowed}")
+        return value
+
+    return convert
+
+
+COUNT = number("a whole number of 1 or more", lambda v: v >= 1, int)
+POSITIVE = number("a number above 0", lambda v: v > 0)
+ANY = number("a finite number", lambda v: True)
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        raise InputError(message)
+
+
+def parser(name, description, **defaults):
+    """The parser of study `name` with the options that all studies share; `defaults` override theirs."""
+    p = _Parser(prog=f"studies/{name}.py", description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter, allow_abbrev=False)
+    mesh = p.add_argument_group("mesh")
+    mesh.add_argument("--mesh", metavar="FILE", help="own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed")
+    mesh.add_argument("--nx", type=COUNT, help=f"rectangles along the length ({FULL['nx']}, with --quick {QUICK['nx']})")
+    mesh.add_argument("--ny", type=COUNT, help=f"rectangles across the width ({FULL['ny']}, with --quick {QUICK['ny']})")
+    mesh.add_argument("--pattern", choices=PATTERNS, default="crossed", help="how rectangles become cells")
+    mesh.add_argument("--element", choices=("P1", "P2", "Q1", "Q2"), default="P1", help="P: triangles, Q: quadrilaterals")
+    mesh.add_argument("--fibre-angle", type=ANY, metavar="DEG", default=0.0, help="of yarns a from the length")
+    material = p.add_argument_group("material")
+    material.add_argument("--material", metavar="FILE|PRESET", default="komeili")
+    material.add_argument("--model", choices=("hyperelastic", "fabric"), default="hyperelastic", help="fabric: the decoupled baseline")
+    material.add_argument("--without", metavar="COUPLING", action="append", default=[], help=f"turn off one of {', '.join(COUPLINGS)}")
+    solver = p.add_argument_group("solver")
+    solver.add_argument("--steps", type=COUNT, help=f"load steps ({FULL['steps']}, with --quick {QUICK['steps']})")
+    solver.add_argument("--max-step", type=number("a load factor above 0 and up to 1", lambda v: 0 < v <= 1), help="largest load step (1/steps)")
+    solver.add_argument("--tolerance", type=number("a number above 0 and below 1", lambda v: 0 < v < 1), default=1e-8, help="residual over reaction")
+    solver.add_argument("--linear-solver", choices=tuple(LINEAR_SOLVERS), default="mumps-cholesky")
+    output = p.add_argument_group("output")
+    output.add_argument("--out", metavar="DIR", type=Path, default=Path("results") / name)
+    output.add_argument("--every", type=COUNT, default=5, help="accepted steps between states written for ParaView")
+    output.add_argument("--no-pictures", action="store_true")
+    output.add_argument("--quick", action="store_true", help="coarse mesh and few steps")
+    output.add_argument("--verbose", action="store_true", help="print each Newton iteration")
+    p.set_defaults(**defaults)
+    return p
+
+
+@dataclass
+class Result:
+    """A finished run: its `summary` (as in summary.json), `rows` of the history, `fields` (this rank's cells) and
+    the `folder` they were written to."""
+
+    summary: dict
+    rows: list
+    fields: dict
+    folder: Path
+
+
+class Study:
+    """A study under way: parsed options `args`, `fabric`, `comm`.
+
+    Construction checks options and material as a whole; it raises InputError on all ranks before anything is written.
+    """
+
+    def __init__(self, name, options, argv=None):
+        self.name, self.comm = name, MPI.COMM_WORLD
+        argv = sys.argv[1:] if argv is None else argv
+        if self.comm.rank != 0 and {"-h", "--help"} & set(argv):
+            sys.exit(0)
+        self.args = args = options.parse_args(argv)
+        for option, value in (QUICK if args.quick else FULL).items():
+            if getattr(args, option) is None:
+                setattr(args, option, value)
+        if args.mesh and not Path(args.mesh).is_file():
+            raise InputError(f"--mesh {args.mesh} is not there or not a file; allowed is any mesh that gmsh or meshio writes")
+        fabric = load(args.material)
+        self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(*args.without)
+        self._started = time.perf_counter()
+
+    def say(self, text):
+        """Print on rank 0."""
+        if self.comm.rank == 0:
+            print(text, flush=True)
+
+    def folder(self, part=""):
+        """Make the output folder, or its subfolder `part`; raises InputError if it can't be written to."""
+        path, error = self.args.out / part, None
+        if self.comm.rank == 0:
+            try:
+                path.mkdir(parents=True, exist_ok=True)
+                with tempfile.TemporaryFile(dir=path):
+                    pass
+            except OSError as e:
+                error = f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
+        error = self.comm.bcast(error)
+        if error:
+            raise InputError(error)
+        return path
+
+    def specimen(self, length, width, turned=0.0):
+        """Rectangular blank of the options' mesh (or --mesh), with yarns a at --fibre-angle to its length.
+
+        turned: angle from x to the length [rad]; the blank's frame is then its length and width.
+        """
+        args = self.args
+        cell = "triangle" if args.element[0] == "P" else "quadrilateral"
+        options = {"a": math.radians(args.fibre_angle) + turned, "degree": int(args.element[1])}
+        axes = np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
+        if turned:
+            options["frame"] = axes
+        with timing.phase("setup"):
+            if args.mesh:
+                blank = Blank.read(self.comm, args.mesh, **options)
+                if compat.cell_name(blank.mesh) != cell:
+                    raise InputError(f"--element {args.element} does not fit the cells of --mesh {args.mesh}; allowed is P on triangles, Q on quadrilaterals")
+                return blank
+            points = cells = kind = None
+            if self.comm.rank == 0:
+                points, cells, kind = specimen(length, width, args.nx, args.ny, args.pattern, cell)
+                points[:, :2] = points[:, :2] @ axes
+            return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", **options)
+
+    def march(self, membrane, supports, grip, stroke, quantities, part=""):
+        """Bring the scene of `membrane` and `supports` to full load and write its results; returns a `Result`.
+
+        grip: the support whose reaction along the frame's first axis is recorded; stroke: its displacement at full
+        load [mm]; quantities: function of the cell fields and the history's rows to the study's own numbers; part:
+        subfolder. Raises SolverFailure, after all is written, if the full load was not reached.
+        """
+        from .results.fields import FieldSeries, cell_fields  # pyvista takes longer to import than to run a coarse study
+
+        args, folder = self.args, self.folder(part)
+        with timing.phase("setup"):
+            scene = Scene(membrane.blank, [membrane], supports)
+            newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver, verbose=args.verbose)
+        history = History(folder / "history.csv", self.comm)
+        with timing.phase("output"):
+            series = FieldSeries(folder, membrane)
+        bar = tqdm(total=1.0, desc=part or self.name, disable=None if self.comm.rank == 0 else True, bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]")
+        state = {}
+
+        def accept(accepted):
+            displacement = accepted.load * stroke
+            history.add(accepted, displacement, float(scene.reaction(grip)[0]))
+            bar.update(accepted.load - bar.n)
+            bar.set_postfix(iterations=accepted.report.iterations, energy=f"{sum(accepted.energies.values()):.4g} N mm", refresh=False)
+            if (len(history.rows) - 1) % args.every == 0 or accepted.load == 1:
+                state["written"] = accepted.load
+                write(accepted.load)
+
+        def write(load):
+            with timing.phase("output"):
+                state["fields"], state["mismatch"] = cell_fields(membrane)
+                series.write(load, state["fields"])
+
+        try:
+            outcome = march(newton, args.steps, args.max_step, on_accept=accept)
+            if state["written"] != outcome.reached:
+                write(outcome.reached)
+        finally:
+            bar.close()
+            history.close()
+        last = history.rows[-1]
+        mesh = membrane.blank.mesh
+        total = time.perf_counter() - self._started
+        wall = {name: round(timing.seconds.pop(name, 0.0), 4) for name in PHASES}
+        self._started = time.perf_counter()
+        summary = {
+            "study": self.name,
+            "converged": outcome.reached == 1,
+            "stroke_reached": outcome.reached,
+            "reason": outcome.reason or "full load reached",
+            "dofs": membrane.blank.V.dofmap.index_map.size_global * mesh.geometry.dim,
+            "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
+            "element": args.element,
+            "ranks": self.comm.size,
+            "terms": [term.name for term in scene.terms],
+            "couplings": sorted(membrane.fabric.couplings),
+            "material": membrane.fabric.name,
+            "steps_accepted": outcome.accepted,
+            "steps_rejected": outcome.rejected,
+            "newton_iterations": outcome.iterations,
+            "wall_s": wall | {"total": round(total, 4)},
+            "peak_memory_mib": round(self.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024), 1),
+            "energy": dict.fromkeys(ENERGIES, 0.0) | scene.energies() | {"external_work": last["external_work_Nmm"]},
+            "reaction_N": last["reaction_N"],
+            "kernel_mismatch": self.comm.allreduce(state["mismatch"], MPI.MAX),
+            "versions": {
+                "fabric_fenicsx": __version__,
+                "dolfinx": dolfinx.__version__,
+                "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+                "petsc4py": petsc4py.__version__,
+                "numpy": np.__version__,
+                "python": platform.python_version(),
+            },
+            "quantities": quantities(state["fields"], history.rows),
+        }
+        if self.comm.rank == 0:
+            (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+            if not args.no_pictures:
+                self._pictures(folder, history.rows)
+        self.comm.barrier()
+        if not summary["converged"]:
+            raise SolverFailure(f"{outcome.reason}; the results up to there are in {folder}")
+        return Result(summary, history.rows, state["fields"], folder)
+
+    def _pictures(self, folder, rows):
+        from .results import pictures
+        from .results.fields import read_last
+
+        pictures.maps(folder / "maps.png", {self.name.replace("_", " "): read_last(folder)}, ("log_eps_11", "log_eps_22", "shear_angle"))
+        curve = [r["displacement_mm"] for r in rows], [r["reaction_N"] for r in rows]
+        pictures.curves(folder / "curve.png", {"": curve}, "displacement / mm", "reaction / N")
+
+    def extremes(self, values):
+        """Smallest and largest of the arrays of all ranks."""
+        low = self.comm.allreduce(values.min(initial=np.inf), MPI.MIN)
+        return float(low), float(self.comm.allreduce(values.max(initial=-np.inf), MPI.MAX))
+
+    def mean(self, values, where):
+        """Mean of the values of all ranks at the True of `where`."""
+        total, count = self.comm.allreduce(np.array([values[where].sum(), where.sum()], dtype=float), MPI.SUM)
+        return float(total / count)
+
+
+def run(name, options, main):
+    """Run main(Study) and leave with the contract's exit status: 0 done, 2 bad input, 3 the solver gave up.
+
+    All ranks leave together, rank 0 speaks; a rank that fails alone ends the others.
+    """
+    comm = MPI.COMM_WORLD
+    try:
+        main(Study(name, options))
+        return
+    except InputError as error:
+        status, text = 2, f"error: {error}"
+    except SolverFailure as error:
+        status, text = 3, f"stopped: {error}"
+    except Exception:
+        traceback.print_exc()
+        sys.stderr.flush()
+        comm.Abort(1)
+    everyone = comm.Ibarrier()
+    patience = time.monotonic() + 10
+    while not everyone.Test() and time.monotonic() < patience:
+        time.sleep(0.01)
+    alone = time.monotonic() >= patience
+    if comm.rank == 0 or alone:
+        print(f"studies/{name}.py: {text}", file=sys.stderr, flush=True)
+    if alone:
+        comm.Abort(status)
+    sys.exit(status)

@@ -1,0 +1,25 @@
+"""Where the wall time of this process goes."""
+
+import time
+from collections import defaultdict
+from contextlib import contextmanager
+
+seconds = defaultdict(float)  # by phase: setup, compile, assemble, linear_solve, output
+_open = []
+
+
+@contextmanager
+def phase(name):
+    """Charge the time within to `name`, and to nothing else that is open."""
+    now = time.perf_counter()
+    if _open:
+        seconds[_open[-1][0]] += now - _open[-1][1]
+    _open.append([name, now])
+    try:
+        yield
+    finally:
+        now = time.perf_counter()
+        name, since = _open.pop()
+        seconds[name] += now - since
+        if _open:
+            _open[-1][1] = now

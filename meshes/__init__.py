@@ -1,0 +1,1 @@
+"""Mesh generators of specimens and tools; each runs by itself too."""

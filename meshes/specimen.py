@@ -1,0 +1,113 @@
+"""Rectangular specimen: structured (crossed, left, right) or unstructured, of triangles or quadrilaterals.
+
+    python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern crossed --out specimen.msh
+"""
+
+import argparse
+
+import numpy as np
+
+PATTERNS = ("crossed", "left", "right", "unstructured")
+
+
+def specimen(length=200.0, width=50.0, nx=100, ny=25, pattern="crossed", cell="triangle"):
+    """Points (n, 3) [mm], cells (m, k) in gmsh's order and their kind, of the sheet [0, length] x [0, width].
+
+    pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right` two by the
+    diagonal that rises to the right, `left` by the other; `unstructured` meshes with cells of about those sizes.
+    cell: "triangle" or "quadrilateral" (nx x ny rectangles, or unstructured).
+    """
+    if pattern == "unstructured":
+        return _unstructured(length, width, max(length / nx, width / ny), cell)
+    x, y = np.meshgrid(np.linspace(0, length, nx + 1), np.linspace(0, width, ny + 1), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel()])
+    i, j = (k.ravel() for k in np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"))
+    p00, p01 = i * (ny + 1) + j, i * (ny + 1) + j + 1
+    p10, p11 = p00 + ny + 1, p01 + ny + 1
+    if cell == "quadrilateral":
+        cells = [(p00, p10, p11, p01)]
+    elif pattern == "right":
+        cells = [(p00, p10, p11), (p00, p11, p01)]
+    elif pattern == "left":
+        cells = [(p00, p10, p01), (p10, p11, p01)]
+    else:
+        centre = len(points) + np.arange(nx * ny)
+        points = np.vstack([points, points[[p00, p10, p11, p01]].mean(0)])
+        cells = [(p00, p10, centre), (p10, p11, centre), (p11, p01, centre), (p01, p00, centre)]
+    cells = np.stack([np.column_stack(c) for c in cells], 1).reshape(-1, len(cells[0]))
+    return np.column_stack([points, np.zeros(len(points))]), cells, "quad" if cell == "quadrilateral" else "triangle"
+
+
+def _unstructured(length, width, size, cell):
+    import gmsh
+
+    gmsh.initialize(["-noenv"], interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("specimen")
+        gmsh.model.occ.addRectangle(0, 0, 0, length, width)
+        gmsh.model.occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.option.setNumber("Mesh.Algorithm", 6)
+        if cell == "quadrilateral":
+            gmsh.option.setNumber("Mesh.RecombineAll", 1)
+            gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)  # blossom, quadrilaterals only
+        gmsh.model.mesh.generate(2)
+        tags, x, _ = gmsh.model.mesh.getNodes()
+        number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+        number[tags.astype(np.int64)] = np.arange(len(tags))
+        corners, gmsh_type = (4, 3) if cell == "quadrilateral" else (3, 2)
+        _, nodes = gmsh.model.mesh.getElementsByType(gmsh_type)
+        return x.reshape(-1, 3), number[nodes.astype(np.int64)].reshape(-1, corners), "quad" if corners == 4 else "triangle"
+    finally:
+        gmsh.finalize()
+
+
+def write(path, points, cells, kind):
+    """Write the sheet and its four edges as physical groups (sheet, left, right, bottom, top) to a .msh file."""
+    import gmsh
+
+    gmsh.initialize(["-noenv"], interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("specimen")
+        sheet = gmsh.model.addDiscreteEntity(2)
+        gmsh.model.mesh.addNodes(2, sheet, np.arange(1, len(points) + 1), points.ravel())
+        gmsh.model.mesh.addElementsByType(sheet, 3 if kind == "quad" else 2, [], (cells + 1).ravel())
+        gmsh.model.addPhysicalGroup(2, [sheet], name="sheet")
+        sides = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
+        sides, count = np.unique(sides, axis=0, return_counts=True)
+        sides = sides[count == 1]
+        low, high = points.min(0), points.max(0)
+        tolerance = 1e-9 * (high - low).max()
+        for name, axis, value in (("left", 0, low), ("right", 0, high), ("bottom", 1, low), ("top", 1, high)):
+            on = (np.abs(points[sides][:, :, axis] - value[axis]) <= tolerance).all(1)
+            edge = gmsh.model.addDiscreteEntity(1)
+            gmsh.model.mesh.addElementsByType(edge, 1, [], (sides[on] + 1).ravel())
+            gmsh.model.addPhysicalGroup(1, [edge], name=name)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--length", type=float, default=200.0, help="along x [mm]")
+    parser.add_argument("--width", type=float, default=50.0, help="along y [mm]")
+    parser.add_argument("--nx", type=int, default=100, help="rectangles along the length")
+    parser.add_argument("--ny", type=int, default=25, help="rectangles across the width")
+    parser.add_argument("--pattern", choices=PATTERNS, default="crossed")
+    parser.add_argument("--cell", choices=("triangle", "quadrilateral"), default="triangle")
+    parser.add_argument("--out", default="specimen.msh", help="file to write, of any format that gmsh writes")
+    args = parser.parse_args()
+    for name in ("length", "width", "nx", "ny"):
+        if not getattr(args, name) > 0:
+            parser.error(f"--{name} is {getattr(args, name)}; allowed is a value > 0")
+    points, cells, kind = specimen(args.length, args.width, args.nx, args.ny, args.pattern, args.cell)
+    write(args.out, points, cells, kind)
+    print(f"{args.out}: {len(points)} nodes, {len(cells)} {args.cell}s")
+
+
+if __name__ == "__main__":
+    main()
