@@ -77,14 +77,10 @@ def geometry_dofmap(mesh):
 
 def vector_space(mesh, family, degree, dim):
     """Space of vectors with `dim` components; family "Lagrange" or "DG"."""
-    if OLD:
-        return fem.VectorFunctionSpace(mesh, (family, degree), dim=dim)
-    return fem.functionspace(mesh, (family, degree, (dim,)))
-
-
-def scalar_space(mesh, family, degree):
-    """Space of scalars."""
-    return fem.FunctionSpace(mesh, (family, degree)) if OLD else fem.functionspace(mesh, (family, degree))
+    with _compiling():
+        if OLD:
+            return fem.VectorFunctionSpace(mesh, (family, degree), dim=dim)
+        return fem.functionspace(mesh, (family, degree, (dim,)))
 
 
 def form(ufl_form):

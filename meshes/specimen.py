@@ -41,7 +41,7 @@ def specimen(length=200.0, width=50.0, nx=100, ny=25, pattern="crossed", cell="t
 def _unstructured(length, width, size, cell):
     import gmsh
 
-    gmsh.initialize(["-noenv"], interruptible=False)
+    gmsh.initialize(readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("specimen")
@@ -68,14 +68,14 @@ def write(path, points, cells, kind):
     """Write the sheet and its four edges as physical groups (sheet, left, right, bottom, top) to a .msh file."""
     import gmsh
 
-    gmsh.initialize(["-noenv"], interruptible=False)
+    gmsh.initialize(readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("specimen")
         sheet = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, sheet, np.arange(1, len(points) + 1), points.ravel())
         gmsh.model.mesh.addElementsByType(sheet, 3 if kind == "quad" else 2, [], (cells + 1).ravel())
-        gmsh.model.addPhysicalGroup(2, [sheet], name="sheet")
+        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [sheet]), "sheet")
         sides = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
         sides, count = np.unique(sides, axis=0, return_counts=True)
         sides = sides[count == 1]
@@ -85,7 +85,7 @@ def write(path, points, cells, kind):
             on = (np.abs(points[sides][:, :, axis] - value[axis]) <= tolerance).all(1)
             edge = gmsh.model.addDiscreteEntity(1)
             gmsh.model.mesh.addElementsByType(edge, 1, [], (sides[on] + 1).ravel())
-            gmsh.model.addPhysicalGroup(1, [edge], name=name)
+            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [edge]), name)
         gmsh.write(str(path))
     finally:
         gmsh.finalize()

@@ -16,6 +16,11 @@ def shear_angle(I4, I6, I8, cos_angle):
     return atan(I6 / sqrt(I4 * I8 - I6**2)) - atan(cos_angle / sqrt(1 - cos_angle**2))
 
 
+def nominal_strain(I):
+    """sqrt(I) - 1, eq. (9), without its loss of digits near I = 1."""
+    return (I - 1) / (sqrt(I) + 1)
+
+
 def energy_density(I4, I6, I8, cos_angle, fabric):
     """W_tot, eq. (30) [MPa = N mm per mm3 of undeformed fabric], as a UFL expression.
 
@@ -23,7 +28,7 @@ def energy_density(I4, I6, I8, cos_angle, fabric):
     fabric: a `WovenFabric` or its `symbols`. A coupling that is off leaves no trace in the expression.
     The product form W_a + W_b + W_S k_SC,a k_SC,b equals the four cases of eq. (30).
     """
-    eps_a, eps_b = sqrt(I4) - 1, sqrt(I8) - 1  # eq. (9)
+    eps_a, eps_b = nominal_strain(I4), nominal_strain(I8)
     gamma2 = shear_angle(I4, I6, I8, cos_angle) ** 2
     gamma3 = abs(shear_angle(I4, I6, I8, cos_angle)) * gamma2
 

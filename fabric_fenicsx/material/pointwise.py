@@ -63,9 +63,9 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
 
     a, b = ([1.0, 0.0], [0.0, 1.0]) if fibres is None else fibres
     (a1, a2), (b1, b2) = (np.moveaxis(np.asarray(v, float).reshape(-1, 2), 1, 0) for v in (a, b))
-    I4 = a1 * a1 * C11 + 2 * a1 * a2 * C12 + a2 * a2 * C22
-    I6 = a1 * b1 * C11 + (a1 * b2 + a2 * b1) * C12 + a2 * b2 * C22
-    I8 = b1 * b1 * C11 + 2 * b1 * b2 * C12 + b2 * b2 * C22
+    Cb1, Cb2 = C11 * b1 + C12 * b2, C12 * b1 + C22 * b2
+    I4 = a1 * (C11 * a1 + C12 * a2) + a2 * (C12 * a1 + C22 * a2)
+    I6, I8 = a1 * Cb1 + a2 * Cb2, b1 * Cb1 + b2 * Cb2
     area = np.sqrt(J2) * np.abs(a1 * b2 - a2 * b1)
     gamma = np.arctan2(I6, area) - np.arctan2(a1 * b1 + a2 * b2, np.abs(a1 * b2 - a2 * b1))
 

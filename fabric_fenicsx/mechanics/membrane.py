@@ -1,5 +1,7 @@
 """The membrane: in-plane strain energy of a blank."""
 
+from itertools import count
+
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -27,7 +29,7 @@ class Membrane:
         mesh = blank.mesh
         cell = compat.cell_name(mesh)
         self.degree = quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
-        law = fabric.symbols(lambda value: fem.Constant(mesh, float(value)))
+        law = self._law(mesh, fabric)
         a0, b0 = self._fibres()
         gradient = ufl.grad(blank.displacement)
         fa, fb = a0 + ufl.dot(gradient, a0), b0 + ufl.dot(gradient, b0)
@@ -37,6 +39,14 @@ class Membrane:
         self.energy = law.thickness * W * dx
         self._ufl = law, fa, fb, cosine
         self._points = None
+
+    @staticmethod
+    def _law(mesh, fabric):
+        """`fabric` in entries of one vector constant: many would be ordered, and the form compiled, by their names."""
+        numbers, index = [], count()
+        fabric.symbols(numbers.append)
+        values = fem.Constant(mesh, numbers)
+        return fabric.symbols(lambda _: values[next(index)])
 
     def _fibres(self):
         """a0, b0, on cells without one tangent plane projected anew at each point."""

@@ -5,6 +5,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+import pyvista
 from matplotlib.collections import PolyCollection
 
 # field -> label, factor to the unit shown, colour map
@@ -18,8 +19,8 @@ SHOWN = {
 
 def _polygons(grid):
     """Deformed corner polygons (cells, k, 2) of a plane sheet."""
-    corners = 3 if "TRIANGLE" in str(next(iter(grid.cells_dict))) or next(iter(grid.cells_dict)) in (5, 69, 22) else 4
-    (cells,) = grid.cells_dict.values()
+    ((kind, cells),) = grid.cells_dict.items()
+    corners = 3 if kind in (pyvista.CellType.TRIANGLE, pyvista.CellType.LAGRANGE_TRIANGLE) else 4
     x = np.asarray(grid.points) + grid.point_data["u"]
     return x[cells[:, :corners], :2]
 
@@ -32,23 +33,26 @@ def maps(path, columns, names):
     )
     polygons = {title: _polygons(grid) for title, grid in columns.items()}
     for row, name in zip(axes, names):
+        first, last = name == names[0], name == names[-1]
         label, factor, colours = SHOWN[name]
         values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in columns.items()}
         low, high = min(v.min() for v in values.values()), max(v.max() for v in values.values())
-        if colours == "coolwarm":
+        if colours == "coolwarm" and low * high < 0:
             low, high = -max(-low, high), max(-low, high)
+        elif colours == "coolwarm":
+            colours = "viridis"
         if high - low < 1e-6 * max(1.0, abs(high)):
             low, high = low - 0.5, high + 0.5
         for ax, title in zip(row, columns):
-            patches = PolyCollection(polygons[title], array=values[title], cmap=colours, edgecolors="face", linewidths=0.1)
+            patches = PolyCollection(polygons[title], array=values[title], cmap=colours, antialiased=False)
             patches.set_clim(low, high)
             ax.add_collection(patches)
             ax.autoscale_view()
             ax.set_aspect("equal")
             ax.set_ylabel("y / mm")
-            if row is axes[0]:
+            if first:
                 ax.set_title(title)
-            if row is axes[-1]:
+            if last:
                 ax.set_xlabel("x / mm")
         figure.colorbar(patches, ax=list(row), label=label, shrink=0.9)
     figure.savefig(path, dpi=150)

@@ -1,0 +1,71 @@
+"""What tests of several folders share."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="session")
+def unbalanced():
+    """A fabric whose directions differ in every parameter."""
+    from fabric_fenicsx.material.parameters import WovenFabric, Yarn
+
+    warp = Yarn(a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0)
+    weft = Yarn(a=2100.0, b=410.0, d=1.9, p_min=0.6, c=17.0, s_T=900.0, s_C=140.0)
+    return WovenFabric(warp, weft, s1=0.02506, s2=-0.18679, s3=0.56239, thickness=0.8, name="unbalanced")
+
+
+@pytest.fixture(scope="session")
+def random_states():
+    """Function of n: C (n, 2, 2) and unit fibres a0, b0 (n, 2) over all four quadrants of strain, gamma to +-80 deg,
+    initial angles from 50 to 130 deg."""
+
+    def make(n, seed=1):
+        rng = np.random.default_rng(seed)
+        angle = rng.uniform(np.radians(50), np.radians(130), n)
+        gamma = rng.uniform(-np.radians(80), np.radians(80), n)
+        # at least 10 deg, so that gamma of 80 deg is reached from 90 deg on either side
+        now = np.clip(angle - gamma, np.radians(10), np.radians(170))
+        la, lb = 1 + rng.uniform(-0.2, 0.06, (2, n))
+        turn = rng.uniform(0, 2 * np.pi, n)
+        a0 = np.stack([np.cos(turn), np.sin(turn)], -1)
+        b0 = np.stack([np.cos(turn + angle), np.sin(turn + angle)], -1)
+        G = np.linalg.inv(np.stack([a0, b0], -1))
+        metric = np.stack([la**2, la * lb * np.cos(now), la * lb * np.cos(now), lb**2], -1).reshape(-1, 2, 2)
+        C = np.einsum("nki,nkl,nlj->nij", G, metric, G)
+        return (C + C.swapaxes(1, 2)) / 2, a0, b0
+
+    return make
+
+
+@pytest.fixture
+def launch(tmp_path):
+    """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status, output, results."""
+
+    def run(name, *options, ranks=1, out=True, timeout=300):
+        environment = os.environ | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
+        command = [sys.executable, str(ROOT / "studies" / f"{name}.py"), *map(str, options)]
+        folder = tmp_path / "out"
+        if out:
+            command += ["--out", str(folder)]
+        if ranks > 1:
+            command = ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", str(ranks), *command]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=timeout)
+        summary = folder / "summary.json"
+        return SimpleNamespace(
+            status=done.returncode,
+            out=done.stdout,
+            err=done.stderr,
+            folder=folder,
+            summary=json.loads(summary.read_text()) if summary.is_file() else None,
+        )
+
+    return run

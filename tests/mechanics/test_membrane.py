@@ -1,0 +1,174 @@
+"""The membrane in a scene: rest, homogeneous states, rotations in space."""
+
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy.optimize import brentq
+
+from fabric_fenicsx.blank import Blank
+from fabric_fenicsx.material import pointwise
+from fabric_fenicsx.material.parameters import PRESETS
+from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.scene import Scene, Support, grips
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.stepping import march
+
+COMM = MPI.COMM_WORLD
+KOMEILI = PRESETS["komeili"]
+ELEMENTS = [("triangle", 1), ("triangle", 2), ("quadrilateral", 1), ("quadrilateral", 2)]
+
+
+def strip(cell="triangle", degree=1, rotation=None, pattern="crossed", turned=0.0, nx=8, ny=2, **options):
+    """200 x 50 mm strip, rotated in space by `rotation` (3, 3), with `rotation`'s columns as its frame."""
+    points, cells, kind = specimen(nx=nx, ny=ny, pattern=pattern, cell=cell) if COMM.rank == 0 else (None,) * 3
+    if rotation is not None:
+        points = points @ rotation.T if COMM.rank == 0 else None
+        options |= {"frame": rotation.T, "up": rotation[:, 2]}
+    elif turned:
+        axes = np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
+        if COMM.rank == 0:
+            points[:, :2] = points[:, :2] @ axes
+        options |= {"frame": axes}
+    return Blank.from_arrays(COMM, points, cells, kind, degree=degree, **options)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+@pytest.mark.parametrize("angle_between", [90, 60, 125])
+def test_rest_is_free_of_stress_and_of_nan(unbalanced, cell, degree, angle_between):
+    blank = strip(cell, degree, a=0.2, b=0.2 + math.radians(angle_between))
+    scene = Scene(blank, [Membrane(blank, unbalanced)])
+    r, A = scene.u.duplicate(), scene.create_matrix()
+    scene.residual(r)
+    scene.tangent(A)
+    diagonal = A.getDiagonal()
+    assert abs(scene.energy()) < 1e-24  # rounding of I4 - 1 squared, times stiffness and volume
+    assert r.norm() < 1e-10
+    assert np.isfinite(A.norm()) and diagonal.min()[1] > 0
+
+
+def free_contraction(fabric, strain, turned=0.0):
+    """Lateral strain and nominal stress of free uniaxial tension along a, from the kernel alone."""
+
+    def lateral(eps):
+        return pointwise.evaluate(fabric, stretch=np.diag([1 + strain, 1 + eps])).S[0, 1, 1]
+
+    eps = brentq(lateral, -0.4, 0.0, xtol=1e-15, rtol=1e-14)
+    return eps, pointwise.evaluate(fabric, stretch=np.diag([1 + strain, 1 + eps])).S[0, 0, 0] * (1 + strain)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+@pytest.mark.parametrize("turned", [0, 33, 120])
+def test_homogeneous_uniaxial_tension(cell, degree, turned):
+    notes = {0.03: (-0.1345, 38.93), 0.02: (-0.1074, 24.36), 0.01: (-0.0666, 11.70), 0.005: (-0.0346, 6.01)}
+    turned = math.radians(turned)
+    blank = strip(cell, degree, turned=turned, pattern="unstructured", a=turned)
+    membrane = Membrane(blank, KOMEILI)
+    scene = Scene(blank, [membrane], grips(blank, 200 * 0.03, clamped=False))
+    seen = {}
+
+    def accept(accepted):
+        strain = round(0.03 * accepted.load, 6)
+        if strain in notes:
+            state = membrane.state()[0]
+            eps = np.sqrt(state.invariants[:, :, 2]) - 1
+            seen[strain] = eps.min(), eps.max(), scene.reaction("moving grip")[0] / 50
+
+    assert march(Newton(scene), steps=6, on_accept=accept).reached == 1
+    assert sorted(seen) == sorted(notes)
+    for strain, (low, high, stress) in seen.items():
+        exact_eps, exact_stress = free_contraction(KOMEILI, strain)
+        assert exact_eps == pytest.approx(notes[strain][0], abs=5.1e-5)
+        assert exact_stress == pytest.approx(notes[strain][1], abs=5.1e-3)
+        assert (low, high) == (pytest.approx(exact_eps, rel=1e-6), pytest.approx(exact_eps, rel=1e-6))
+        assert stress == pytest.approx(exact_stress, rel=1e-6)
+
+
+def rotation(seed=0):
+    Q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    return Q * np.sign(np.linalg.det(Q))
+
+
+def wavy(x):
+    """A displacement field that shears, stretches and compresses; of undeformed points (gdim, n)."""
+    return np.stack([0.02 * x[0] + 0.3 * np.sin(x[1] / 7), -0.05 * x[1] + 2 * np.sin(x[0] / 40)])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+def test_same_displacement_turned_in_space(unbalanced, cell, degree):
+    R = rotation()
+    yarns = [np.array([math.cos(t), math.sin(t), 0]) for t in (0.3, 1.7)]
+    found = []
+    for Q in (None, R):
+        blank = strip(cell, degree, Q, a=yarns[0] if Q is None else Q @ yarns[0], b=yarns[1] if Q is None else Q @ yarns[1])
+        membrane = Membrane(blank, unbalanced)
+        scene = Scene(blank, [membrane])
+        u = blank.u.x.array.reshape(-1, blank.mesh.geometry.dim)
+        u[:, :2] = wavy(blank.along(blank.coordinates().T)).T
+        r = scene.u.duplicate()
+        scene.residual(r)
+        forces = r.array.reshape(-1, u.shape[1])
+        state = membrane.state()[0]
+        along = (lambda s: s[..., :2, :2]) if Q is None else (lambda s: np.einsum("ki,cqkl,lj->cqij", R, s, R)[..., :2, :2])
+        midpoints = blank.midpoints()
+        # meshes are numbered and shared out alike, so cells and nodes correspond
+        found.append((blank.along(blank.coordinates().T)[:2], midpoints[:2], scene.energy(), forces[:, :2], along(state.cauchy), state.energy))
+        if Q is not None:
+            assert np.abs(forces[:, 2]).max() <= 1e-12 * np.abs(forces).max()
+    plane, turned = found
+    assert np.allclose(plane[0], turned[0], atol=1e-9) and np.allclose(plane[1], turned[1], atol=1e-9)
+    assert turned[2] == pytest.approx(plane[2], rel=1e-12)
+    for mine, reference in zip(turned[3:], plane[3:]):
+        assert np.abs(mine - reference).max() <= 1e-12 * np.abs(reference).max()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+def test_same_solution_turned_in_space(cell, degree):
+    found = []
+    for Q in (None, rotation(1)):
+        blank = strip(cell, degree, Q, a=0.0 if Q is None else Q[:, 0])
+        supports = grips(blank, 4.0)
+        if Q is not None:
+            supports.append(Support("normal", lambda x: np.full(x.shape[1], True), (2,)))
+        scene = Scene(blank, [Membrane(blank, KOMEILI)], supports)
+        assert march(Newton(scene, tolerance=1e-11), steps=4).reached == 1
+        values = blank.u.x.array.reshape(-1, blank.mesh.geometry.dim)
+        found.append((values[:, :2].copy(), scene.energy(), scene.reaction("moving grip")[0]))
+    (u0, W0, F0), (u1, W1, F1) = found
+    assert np.abs(u1 - u0).max() <= 1e-10 * np.abs(u0).max()
+    assert W1 == pytest.approx(W0, rel=1e-10) and F1 == pytest.approx(F0, rel=1e-10)
+
+
+def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
+    blank = strip(a=0.4, b=1.5)
+    scene = Scene(blank, [Membrane(blank, unbalanced)])
+    x, r, rp, rm = (scene.u.duplicate() for _ in range(4))
+    x.array[:] = wavy(blank.along(blank.coordinates().T)).T.ravel()
+    d = x.duplicate()
+    d.array[:] = np.random.default_rng(0).normal(size=len(d.array))
+    A = scene.create_matrix()
+    scene.set(x)
+    scene.residual(r)
+    scene.tangent(A)
+    h, energies = 1e-6, []
+    for sign, vector in ((1, rp), (-1, rm)):
+        y = x.copy()
+        y.axpy(sign * h, d)
+        scene.set(y)
+        scene.residual(vector)
+        energies.append(scene.energy())
+    assert (energies[0] - energies[1]) / (2 * h) == pytest.approx(r.dot(d), rel=1e-7)
+    Ad = x.duplicate()
+    A.mult(d, Ad)
+    rp.axpy(-1, rm)
+    rp.scale(1 / (2 * h))
+    rp.axpy(-1, Ad)
+    assert rp.norm() <= 1e-6 * Ad.norm()
+    assert A.isSymmetric(1e-9 * A.norm(PETSc.NormType.INFINITY))

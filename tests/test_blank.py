@@ -1,0 +1,147 @@
+"""Meshes in and out, fibre fields, and what is said of bad ones."""
+
+import math
+
+import meshio
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.blank import Blank
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write
+
+COMM = MPI.COMM_WORLD
+
+
+def area(blank):
+    import dolfinx
+    import ufl
+
+    return COMM.allreduce(dolfinx.fem.assemble_scalar(compat.form(1.0 * ufl.dx(blank.mesh))))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_specimen_is_written_and_read_back(tmp_path, pattern, cell):
+    points, cells, kind = specimen(120, 30, 12, 3, pattern, cell)
+    write(tmp_path / "s.msh", points, cells, kind)
+    meshes = Blank.from_arrays(COMM, points, cells, kind), Blank.read(COMM, tmp_path / "s.msh")
+    for blank in meshes:
+        assert blank.mesh.geometry.dim == 2
+        assert blank.mesh.topology.index_map(2).size_global == len(cells)
+        assert area(blank) == pytest.approx(120 * 30, rel=1e-12)
+        assert np.allclose(blank.extent(), [[0, 0], [120, 30]], atol=1e-12)
+    groups = meshio.read(tmp_path / "s.msh").field_data
+    assert set(groups) == {"sheet", "left", "right", "bottom", "top"}
+
+
+def test_crossed_cuts_each_rectangle_into_four():
+    points, cells, _ = specimen(nx=100, ny=25)
+    assert len(cells) == 10_000 and len(points) == 101 * 26 + 2500
+
+
+@pytest.mark.parametrize("suffix", [".vtk", ".vtu", ".stl", ".inp"])
+def test_any_meshio_file_is_a_blank(tmp_path, suffix):
+    points, cells, kind = specimen(120, 30, 6, 2)
+    meshio.write_points_cells(tmp_path / f"s{suffix}", points, [(kind, cells)])
+    blank = Blank.read(COMM, tmp_path / f"s{suffix}")
+    assert area(blank) == pytest.approx(3600, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["triangle6", "quad9"])
+def test_curved_cells(tmp_path, kind):
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.occ.addDisk(0, 0, 0, 10, 10)
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 3)
+    if kind == "quad9":
+        gmsh.option.setNumber("Mesh.RecombineAll", 1)
+        gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)
+    gmsh.model.mesh.generate(2)
+    gmsh.model.mesh.setOrder(2)
+    gmsh.write(str(tmp_path / "disk.msh"))
+    gmsh.finalize()
+    blank = Blank.read(COMM, tmp_path / "disk.msh")
+    assert area(blank) == pytest.approx(100 * math.pi, rel=1e-3)
+
+
+def cylinder(n=24, m=6, cell="triangle"):
+    """Quarter of a cylinder of radius 50 about the y axis, 40 long."""
+    points, cells, kind = specimen(math.pi / 2, 40, n, m, cell=cell)
+    t = points[:, 0]
+    return np.column_stack([50 * np.sin(t), points[:, 1], 50 * np.cos(t)]), cells, kind
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_fibres_on_a_curved_blank(cell):
+    arrays = cylinder(cell=cell) if COMM.rank == 0 else (None,) * 3
+    blank = Blank.from_arrays(COMM, *arrays, a=(1.0, 0.0, -1.0), up=(1.0, 0.0, 1.0))
+    a, b = (f.x.array.reshape(-1, 3) for f in (blank.a0, blank.b0))
+    x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)].mean(1)
+    radial = x * [1, 0, 1] / np.linalg.norm(x * [1, 0, 1], axis=1, keepdims=True)
+    assert np.allclose(np.linalg.norm(a, axis=1), 1) and np.allclose(np.linalg.norm(b, axis=1), 1)
+    assert np.abs((a * radial).sum(1)).max() < 0.04  # facets of the cylinder
+    assert np.allclose(np.cross(a, b)[:, [0, 2]] @ [1, 1] > 0, True)
+    assert np.abs((a * b).sum(1)).max() < 1e-12
+
+
+@pytest.mark.mpi
+def test_fibres_from_angle_vector_and_function_agree():
+    arrays = specimen(nx=6, ny=3) if COMM.rank == 0 else (None,) * 3
+    angle = 0.7
+    vector = [math.cos(angle), math.sin(angle)]
+    ways = [angle, vector, [3 * v for v in vector] + [0.0], lambda x: np.full(x.shape[1], angle), lambda x: np.outer(vector, np.ones(x.shape[1]))]
+    fields = [Blank.from_arrays(COMM, *arrays, a=a) for a in ways]
+    for blank in fields:
+        assert np.allclose(blank.a0.x.array.reshape(-1, 2), vector, atol=1e-15)
+        assert np.allclose(blank.b0.x.array.reshape(-1, 2), [-vector[1], vector[0]], atol=1e-15)
+
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+BAD_FIBRES = [
+    ({"a": (0.0, 0.0)}, "a is zero or not finite"),
+    ({"a": float("nan")}, "a is zero or not finite"),
+    ({"a": (1.0, 0.0, 0.5)}, "a leaves the plane"),
+    ({"a": (1.0, 0.0, 0.0, 0.0)}, "4 components"),
+    ({"a": 0.3, "b": 0.3 + math.pi}, "parallel"),
+    ({"a": 0.0, "frame": [[1, 0], [1, 1]]}, "frame of the blank"),
+]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("options, words", BAD_FIBRES)
+def test_bad_fibres_are_named(options, words):
+    arrays = specimen(nx=4, ny=2) if COMM.rank == 0 else (None,) * 3
+    with pytest.raises(InputError, match=words):
+        Blank.from_arrays(COMM, *arrays, **options)
+
+
+@pytest.mark.mpi
+def test_fibres_normal_to_a_curved_blank_are_named_on_all_ranks():
+    arrays = cylinder() if COMM.rank == 0 else (None,) * 3
+    with pytest.raises(InputError, match="a is normal to the sheet in the cell at"):
+        Blank.from_arrays(COMM, *arrays, a=(0.0, 0.0, 1.0))
+
+
+BAD_MESHES = [
+    (SQUARE, [[0, 1, 2], [0, 3, 2]], "triangle", "inverted cell, number 1"),
+    (SQUARE, [[0, 1, 1]], "triangle", "degenerate"),
+    (SQUARE, [[0, 2, 1, 3]], "quad", "degenerate or non-convex"),
+    (SQUARE * np.nan, [[0, 1, 2]], "triangle", "not a number at node 0"),
+    (SQUARE, np.empty((0, 3), int), "triangle", "0 cells"),
+    (SQUARE, [[0, 1, 2, 3]], "tetra", "kind tetra"),
+]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("points, cells, kind, words", BAD_MESHES)
+def test_bad_meshes_are_named(points, cells, kind, words):
+    arrays = (points, cells, kind) if COMM.rank == 0 else (None,) * 3
+    with pytest.raises(InputError, match=words):
+        Blank.from_arrays(COMM, *arrays, source="sheet.msh")
