@@ -27,6 +27,7 @@ from .material.parameters import COUPLINGS, load
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import History
 from .scene import Scene
+from .solve.checkpoint import Checkpoint
 from .solve.newton import LINEAR_SOLVERS, Newton
 from .solve.stepping import march
 
@@ -59,12 +60,17 @@ ANY = number("a finite number", lambda v: True)
 
 class _Parser(argparse.ArgumentParser):
     def error(self, message):
-        raise InputError(message)
+        raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
+
+
+class _Help(argparse.ArgumentDefaultsHelpFormatter):
+    def _get_help_string(self, action):
+        return action.help if action.default in (None, False, []) else super()._get_help_string(action)
 
 
 def parser(name, description, **defaults):
     """The parser of study `name` with the options that all studies share; `defaults` override theirs."""
-    p = _Parser(prog=f"studies/{name}.py", description=description, formatter_class=argparse.ArgumentDefaultsHelpFormatter, allow_abbrev=False)
+    p = _Parser(prog=f"studies/{name}.py", description=description, formatter_class=_Help, allow_abbrev=False)
     mesh = p.add_argument_group("mesh")
     mesh.add_argument("--mesh", metavar="FILE", help="own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed")
     mesh.add_argument("--nx", type=COUNT, help=f"rectangles along the length ({FULL['nx']}, with --quick {QUICK['nx']})")
@@ -84,6 +90,7 @@ def parser(name, description, **defaults):
     output = p.add_argument_group("output")
     output.add_argument("--out", metavar="DIR", type=Path, default=Path("results") / name)
     output.add_argument("--every", type=COUNT, default=5, help="accepted steps between states written for ParaView")
+    output.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out, on any number of ranks")
     output.add_argument("--no-pictures", action="store_true")
     output.add_argument("--quick", action="store_true", help="coarse mesh and few steps")
     output.add_argument("--verbose", action="store_true", help="print each Newton iteration")
@@ -131,7 +138,7 @@ class Study:
     def folder(self, part=""):
         """Make the output folder, or its subfolder `part`; raises InputError if it can't be written to."""
         path, error = self.args.out / part, None
-        if self.comm.rank == 0:
+        if self.comm.rank == 0 and not self.args.resume:
             try:
                 path.mkdir(parents=True, exist_ok=True)
                 with tempfile.TemporaryFile(dir=path):
@@ -179,33 +186,31 @@ class Study:
         with timing.phase("setup"):
             scene = Scene(membrane.blank, [membrane], supports)
             newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver, verbose=args.verbose)
-        history = History(folder / "history.csv", self.comm)
+        checkpoint = Checkpoint(folder / "checkpoint.npz", membrane.blank, self._problem(membrane.fabric))
+        start, notes = checkpoint.load() if args.resume else (None, {"rows": [], "states": []})
+        history = History(folder / "history.csv", self.comm, notes["rows"])
         with timing.phase("output"):
-            series = FieldSeries(folder, membrane)
+            series = FieldSeries(folder, membrane, notes["states"])
         bar = tqdm(total=1.0, desc=part or self.name, disable=None if self.comm.rank == 0 else True, bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]")
-        state = {}
 
         def accept(accepted):
-            displacement = accepted.load * stroke
-            history.add(accepted, displacement, float(scene.reaction(grip)[0]))
+            history.add(accepted, accepted.load * stroke, float(scene.reaction(grip)[0]))
             bar.update(accepted.load - bar.n)
             bar.set_postfix(iterations=accepted.report.iterations, energy=f"{sum(accepted.energies.values()):.4g} N mm", refresh=False)
-            if (len(history.rows) - 1) % args.every == 0 or accepted.load == 1:
-                state["written"] = accepted.load
-                write(accepted.load)
-
-        def write(load):
             with timing.phase("output"):
-                state["fields"], state["mismatch"] = cell_fields(membrane)
-                series.write(load, state["fields"])
+                if (len(history.rows) - 1) % args.every == 0:
+                    series.write(accepted.load, cell_fields(membrane)[0])
+                checkpoint.save(accepted.progress, {"rows": history.rows, "states": series.states})
 
         try:
-            outcome = march(newton, args.steps, args.max_step, on_accept=accept)
-            if state["written"] != outcome.reached:
-                write(outcome.reached)
+            outcome = march(newton, args.steps, args.max_step, on_accept=accept, start=start)
         finally:
             bar.close()
             history.close()
+        with timing.phase("output"):
+            fields, mismatch = cell_fields(membrane)
+            if series.states[-1][0] != outcome.reached:
+                series.write(outcome.reached, fields)
         last = history.rows[-1]
         mesh = membrane.blank.mesh
         total = time.perf_counter() - self._started
@@ -230,7 +235,7 @@ class Study:
             "peak_memory_mib": round(self.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024), 1),
             "energy": dict.fromkeys(ENERGIES, 0.0) | scene.energies() | {"external_work": last["external_work_Nmm"]},
             "reaction_N": last["reaction_N"],
-            "kernel_mismatch": self.comm.allreduce(state["mismatch"], MPI.MAX),
+            "kernel_mismatch": self.comm.allreduce(mismatch, MPI.MAX),
             "versions": {
                 "fabric_fenicsx": __version__,
                 "dolfinx": dolfinx.__version__,
@@ -239,7 +244,7 @@ class Study:
                 "numpy": np.__version__,
                 "python": platform.python_version(),
             },
-            "quantities": quantities(state["fields"], history.rows),
+            "quantities": quantities(fields, history.rows),
         }
         if self.comm.rank == 0:
             (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
@@ -248,7 +253,13 @@ class Study:
         self.comm.barrier()
         if not summary["converged"]:
             raise SolverFailure(f"{outcome.reason}; the results up to there are in {folder}")
-        return Result(summary, history.rows, state["fields"], folder)
+        return Result(summary, history.rows, fields, folder)
+
+    def _problem(self, fabric):
+        """What a checkpoint must have been made with to be gone on from: all but solver and output options."""
+        free = {"steps", "max_step", "tolerance", "linear_solver", "out", "every", "resume", "no_pictures", "quick", "verbose", "material", "model", "without", "compare"}
+        options = {k: v for k, v in vars(self.args).items() if k not in free}
+        return {"study": self.name} | options | {"material": fabric.dumps()}
 
     def _pictures(self, folder, rows):
         from .results import pictures
@@ -295,4 +306,5 @@ def run(name, options, main):
         print(f"studies/{name}.py: {text}", file=sys.stderr, flush=True)
     if alone:
         comm.Abort(status)
+    comm.Barrier()  # mpirun ends all ranks when the first leaves, and rank 0 must have spoken by then
     sys.exit(status)

@@ -34,22 +34,23 @@ def cell_fields(membrane):
 
 class FieldSeries:
     """`DIR/fields.pvd` with one unstructured grid a state and rank: undeformed geometry, displacement `u` at the
-    points, `cell_fields` on the cells, `rank`. The .pvd is rewritten after each state, so it can be opened any time.
+    points, `cell_fields` on the cells, `rank`. states: those kept of a run that is resumed. The .pvd is rewritten after each state, so it can be opened any time.
     """
 
-    def __init__(self, directory, membrane):
+    def __init__(self, directory, membrane, states=()):
         self.membrane, self.blank = membrane, membrane.blank
         self.comm = self.blank.mesh.comm
         self.directory = directory
         self._folder = directory / "fields"
+        self.states = [tuple(state) for state in states]  # (load, ranks) of each state written
         if self.comm.rank == 0:
             self._folder.mkdir(exist_ok=True)
             for old in self._folder.glob("*.vtu"):
-                old.unlink()
+                if int(old.name.split("_")[0]) >= len(self.states):
+                    old.unlink()
         self.comm.barrier()
         cells, types, self._points = compat.vtk_mesh(self.blank.V)
         self._grid = pyvista.UnstructuredGrid(cells, types, self._points)
-        self._states = []
 
     def write(self, load, fields):
         """Append the state at `load` with its `cell_fields`."""
@@ -60,13 +61,13 @@ class FieldSeries:
         for name, array in fields.items():
             self._grid.cell_data[name] = array
         self._grid.cell_data["rank"] = np.full(self._grid.n_cells, self.comm.rank, dtype=np.int32)
-        self._grid.save(self._folder / f"{len(self._states):04d}_{self.comm.rank}.vtu")
-        self._states.append(load)
+        self._grid.save(self._folder / f"{len(self.states):04d}_{self.comm.rank}.vtu")
+        self.states.append((load, self.comm.size))
         self.comm.barrier()
         if self.comm.rank == 0:
             sets = "\n".join(
                 f'<DataSet timestep="{t:.12g}" part="{r}" file="fields/{i:04d}_{r}.vtu"/>'
-                for i, t in enumerate(self._states) for r in range(self.comm.size)
+                for i, (t, ranks) in enumerate(self.states) for r in range(ranks)
             )  # fmt: skip
             text = f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n{sets}\n</Collection>\n</VTKFile>\n'
             (self.directory / "fields.pvd").write_text(text)

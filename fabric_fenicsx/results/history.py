@@ -9,14 +9,18 @@ COLUMNS = (
 
 
 class History:
-    """Rows of `COLUMNS`, kept as dicts in `rows` on every rank and flushed one by one to `path` on rank 0."""
+    """Rows of `COLUMNS`, kept as dicts in `rows` on every rank and flushed one by one to `path` on rank 0.
 
-    def __init__(self, path, comm):
-        self.rows = []
+    rows: those of a run that is resumed.
+    """
+
+    def __init__(self, path, comm, rows=()):
+        self.rows = list(rows)
         self._file = open(path, "w", newline="") if comm.rank == 0 else None
         if self._file:
             self._writer = csv.DictWriter(self._file, COLUMNS)
             self._writer.writeheader()
+            self._writer.writerows(self.rows)
             self._file.flush()
 
     def add(self, accepted, displacement, reaction):

@@ -1,0 +1,68 @@
+"""Checkpoints: an accepted state in one file that any number of ranks can go on from."""
+
+import json
+import os
+import zipfile
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from .. import dolfinx_compat as compat
+from ..errors import InputError
+from .stepping import Progress
+
+
+class Checkpoint:
+    """`path` (.npz) with the last accepted state of `blank`, its nodes known by their position.
+
+    problem: what defines the run, a dict that JSON can hold; a checkpoint of another problem is refused.
+    """
+
+    def __init__(self, path, blank, problem):
+        self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(problem))
+        self.comm = blank.mesh.comm
+        self.owned = blank.V.dofmap.index_map.size_local
+        self._x = self.comm.gather(blank.coordinates()[: self.owned])
+
+    def save(self, progress, notes):
+        """Write a `Progress` and `notes` (for JSON); the file is whole at any moment."""
+        gdim = self.blank.mesh.geometry.dim
+        parts = {}
+        for name, vector in (("u", progress.x), ("previous", progress.previous)):
+            parts[name] = self.comm.gather(vector.array.reshape(-1, gdim)[: self.owned])
+        if self.comm.rank != 0:
+            return
+        meta = {"problem": self.problem, "notes": notes} | {k: getattr(progress, k) for k in ("load", "step", "last_step", "work")}
+        unfinished = self.path.with_name(self.path.name + ".part")
+        with open(unfinished, "wb") as file:
+            np.savez(file, meta=json.dumps(meta), x=np.concatenate(self._x), **{k: np.concatenate(v) for k, v in parts.items()})
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(unfinished, self.path)
+
+    def load(self):
+        """The saved `Progress` and notes; raises InputError, on all ranks, if there is none of this problem."""
+        content = self.comm.bcast(self._read() if self.comm.rank == 0 else None)
+        if isinstance(content, str):
+            raise InputError(content)
+        meta, x, u, previous = content
+        _, node = cKDTree(x).query(self.blank.coordinates()[: self.owned])
+        vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
+        for vector, values in zip(vectors, (u, previous)):
+            vector.array[:] = values[node].ravel()
+        return Progress(*(meta[k] for k in ("load", "step", "last_step", "work")), *vectors), meta["notes"]
+
+    def _read(self):
+        """Content of the file, or what is wrong with it."""
+        try:
+            with np.load(self.path) as file:
+                meta = json.loads(str(file["meta"]))
+                arrays = [file[k] for k in ("x", "u", "previous")]
+        except FileNotFoundError:
+            return f"--resume finds no checkpoint {self.path}; allowed is the --out of a run that was begun"
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as e:
+            return f"checkpoint {self.path} cannot be read ({e}); allowed is one that a study wrote"
+        for key, now in self.problem.items():
+            if meta["problem"].get(key) != now:
+                return f"checkpoint {self.path} was made with {key} = {meta['problem'].get(key)}, now it is {now}; allowed is the same problem"
+        return meta, *arrays

@@ -1,0 +1,29 @@
+"""The bias-extension study as a user runs it, on the paper's specimen."""
+
+import numpy as np
+import pytest
+import pyvista
+
+FULL = ("--nx", 100, "--ny", 25, "--pattern", "crossed")
+
+
+def test_three_zones_and_both_models(launch):
+    found = {}
+    for model in ("hyperelastic", "fabric"):
+        done = launch("bias_extension", *FULL, "--model", model)
+        assert done.status == 0, done.err
+        found[model] = s = done.summary
+        q = s["quantities"]
+        assert max(map(abs, q["eps_a"] + q["eps_b"])) < 5e-4
+        assert abs(q["centre_shear_angle_deg"] - q["theory_shear_angle_deg"]) <= 1.2
+        assert q["theory_shear_angle_deg"] == pytest.approx(16.53, abs=0.01)
+        assert s["kernel_mismatch"] <= 1e-10
+        assert abs(s["energy"]["external_work"] / s["energy"]["strain"] - 1) < 2e-3
+    assert found["fabric"]["reaction_N"] == pytest.approx(found["hyperelastic"]["reaction_N"], rel=1e-3)
+    reader = pyvista.PVDReader(done.folder / "fields.pvd")
+    reader.set_active_time_value(1.0)
+    grid = reader.read().combine()
+    x, gamma = grid.cell_centers().points, np.degrees(np.abs(grid.cell_data["shear_angle"]))
+    for place, theory in (((5, 25), 0.0), ((25, 5), 16.53 / 2), ((100, 25), 16.53)):
+        near = np.linalg.norm(x[:, :2] - place, axis=1) < 4
+        assert gamma[near].mean() == pytest.approx(theory, abs=1.2), place

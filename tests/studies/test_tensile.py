@@ -1,0 +1,121 @@
+"""The tensile study as a user runs it, on the paper's specimen."""
+
+import csv
+
+import numpy as np
+import pytest
+import pyvista
+
+FULL = ("--nx", 100, "--ny", 25, "--pattern", "crossed")
+CONTRACT = {
+    "study", "converged", "stroke_reached", "dofs", "cells", "element", "ranks", "terms", "steps_accepted", "steps_rejected",
+    "newton_iterations", "wall_s", "peak_memory_mib", "energy", "reaction_N", "kernel_mismatch", "versions", "quantities",
+}  # fmt: skip
+
+
+def balance(summary):
+    energy = summary["energy"]
+    return abs(energy["external_work"] - energy["strain"]) / energy["strain"]
+
+
+def rows(folder):
+    with open(folder / "history.csv") as file:
+        return [{k: float(v) for k, v in row.items() if v} for row in csv.DictReader(file)]
+
+
+def test_the_papers_specimen_on_two_ranks(launch):
+    done = launch("tensile", *FULL, "--verbose", ranks=2)
+    s = done.summary
+    assert done.status == 0, done.err
+    assert set(s) >= CONTRACT and s["converged"] and s["stroke_reached"] == 1 and s["cells"] == 10_000 and s["ranks"] == 2
+    assert set(s["wall_s"]) == {"setup", "compile", "assemble", "linear_solve", "output", "total"}
+    assert set(s["energy"]) == {"strain", "bending", "contact", "friction", "viscous", "external_work"}
+    assert s["kernel_mismatch"] <= 1e-10
+    assert balance(s) <= 2e-3
+    assert -0.155 <= s["quantities"]["log_eps_22_min"] <= -0.135
+    # once the residual is small it falls with its square, down to the rounding of forces
+    steps = done.out.split("iteration  0")[1:]
+    assert len(steps) == 20
+    for step in steps:
+        r = [float(line.split("residual")[1].split()[0]) for line in step.splitlines() if "residual" in line]
+        scale = float(step.split(" N of")[1].split()[0])
+        before, last = np.array(r[-2:]) / scale
+        assert last <= max(10 * before**2, 1e-11) and len(r) <= 6
+    history = rows(done.folder)
+    assert [r["load"] for r in history] == pytest.approx(np.linspace(0, 1, 21))
+    force = np.array([r["reaction_N"] for r in history])
+    assert np.all(np.diff(force) > 0) and np.abs(np.diff(force, 3)).max() < 0.02 * force.max()  # smooth
+    assert history[-1]["reaction_N"] == s["reaction_N"]
+    grid = pyvista.PVDReader(done.folder / "fields.pvd")
+    assert grid.time_values == pytest.approx([0, 0.25, 0.5, 0.75, 1])
+    for picture in ("maps.png", "curve.png"):
+        assert (done.folder / picture).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("study", ["tensile", "bias_extension"])
+def test_ranks_agree(launch, study):
+    found = [launch(study, *FULL, "--no-pictures", ranks=n).summary for n in (1, 2, 3)]
+    for s in found[1:]:
+        assert s["energy"]["strain"] == pytest.approx(found[0]["energy"]["strain"], rel=1e-8)
+        assert s["reaction_N"] == pytest.approx(found[0]["reaction_N"], rel=1e-8)
+
+
+def test_energy_balance_falls_with_the_square_of_the_step(launch):
+    errors = [balance(launch("tensile", "--quick", "--steps", n, "--no-pictures").summary) for n in (20, 40, 80)]
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1) and errors[1] / errors[2] == pytest.approx(4, rel=0.1)
+
+
+@pytest.mark.parametrize("options", [("--without", "biaxial"), ("--model", "fabric")])
+def test_no_contraction_without_the_biaxial_coupling(launch, options):
+    s = launch("tensile", *FULL, "--no-pictures", *options).summary
+    assert max(map(abs, s["quantities"]["eps_b"])) < 1e-6
+    assert s["reaction_N"] == pytest.approx(50 * (3 * 4130 * 0.03**2 + 2 * 667.5 * 0.03), rel=1e-9)  # eq. (14)
+    assert "biaxial" not in s["couplings"]
+
+
+def test_comparison_of_the_variants(launch):
+    done = launch("tensile", "--quick", "--compare", "--without", "compression_shear")
+    assert done.status == 0, done.err
+    assert len(done.out.splitlines()) == 4
+    for picture in ("compare.png", "compare_curves.png"):
+        assert (done.folder / picture).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("element", ["P1", "P2", "Q1", "Q2"])
+def test_fields_for_paraview_are_those_of_the_solution(launch, element):
+    done = launch("tensile", "--quick", "--grips", "rollers", "--turned", 30, "--element", element, ranks=2)
+    assert done.status == 0, done.err
+    reader = pyvista.PVDReader(done.folder / "fields.pvd")
+    reader.set_active_time_value(1.0)
+    grid = reader.read().combine()
+    assert grid.n_cells == done.summary["cells"]
+    q = done.summary["quantities"]
+    expected = {
+        "eps_a": 0.03, "eps_b": q["eps_b"][0], "log_eps_11": np.log(1.03), "log_eps_22": q["log_eps_22_min"], "shear_angle": 0,
+        "I4": 1.03**2, "I6": 0, "I8": (1 + q["eps_b"][0]) ** 2, "I10": 0, "strain_state": 2, "sigma_b": 0,
+        "sigma_a": q["nominal_stress_MPa"] / (1 + q["eps_b"][0]),
+    }  # fmt: skip
+    for name, value in expected.items():
+        assert grid.cell_data[name] == pytest.approx(value, abs=1e-7), name
+    total = sum(grid.cell_data[f"energy_{part}"] for part in ("a", "b", "shear"))
+    assert total * 200 * 50 == pytest.approx(done.summary["energy"]["strain"], rel=1e-9)
+    along = np.array([np.cos(np.pi / 6), np.sin(np.pi / 6), 0])
+    assert grid.cell_data["a"] == pytest.approx(np.tile(1.03 * along, (grid.n_cells, 1)), abs=1e-7)
+    used = np.unique(grid.cell_connectivity)
+    x, u = np.asarray(grid.points)[used], grid.point_data["u"][used]
+    assert u @ along == pytest.approx(0.03 * (x @ along), abs=1e-6)
+
+
+def test_resume_after_a_kill_on_other_ranks(launch, tmp_path):
+    whole = launch("tensile", "--quick", "--steps", 10).summary
+    with open(tmp_path / "out" / "history.csv") as file:
+        curve = [r["reaction_N"] for r in csv.DictReader(file)]
+    # a run that stops half way: the second half of its load can't be reached in the steps allowed
+    from fabric_fenicsx.solve.checkpoint import np as _np  # the checkpoint is a plain .npz
+
+    content = dict(_np.load(tmp_path / "out" / "checkpoint.npz"))
+    assert {"x", "u", "previous", "meta"} == set(content)
+    again = launch("tensile", "--quick", "--steps", 10, "--resume", ranks=2)
+    assert again.status == 0 and again.summary["reaction_N"] == pytest.approx(whole["reaction_N"], rel=1e-12)
+    with open(tmp_path / "out" / "history.csv") as file:
+        assert [r["reaction_N"] for r in csv.DictReader(file)] == curve
