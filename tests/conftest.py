@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -48,9 +49,12 @@ def random_states():
 
 @pytest.fixture
 def launch(tmp_path):
-    """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status, output, results."""
+    """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status, output, results.
 
-    def run(name, *options, ranks=1, out=True, timeout=300):
+    kill_at_row: kill it once its history has that many rows.
+    """
+
+    def run(name, *options, ranks=1, out=True, timeout=300, kill_at_row=None):
         environment = os.environ | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
         command = [sys.executable, str(ROOT / "studies" / f"{name}.py"), *map(str, options)]
         folder = tmp_path / "out"
@@ -58,6 +62,14 @@ def launch(tmp_path):
             command += ["--out", str(folder)]
         if ranks > 1:
             command = ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", str(ranks), *command]
+        if kill_at_row:
+            process, history = subprocess.Popen(command, cwd=tmp_path, env=environment), folder / "history.csv"
+            while not history.exists() or history.read_text().count("\n") <= kill_at_row:
+                assert process.poll() is None
+                time.sleep(0.002)
+            process.kill()
+            process.wait()
+            return None
         done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=timeout)
         summary = folder / "summary.json"
         return SimpleNamespace(

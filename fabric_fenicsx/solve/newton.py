@@ -124,10 +124,8 @@ class Newton:
             norm = r.norm()
             report.residuals.append(norm)
             report.scale = scene.force_scale()
-            snes.setIterationNumber(report.iterations) if hasattr(snes, "setIterationNumber") else None
             snes.monitor(report.iterations, norm)
-            if self.verbose and scene.comm.rank == 0:
-                print(f"    iteration {report.iterations:2d}  residual {norm:9.3e} N of {report.scale:9.3e} N  energy {energy:.12e} N mm", flush=True)
+            self._tell(f"iteration {report.iterations:2d}  residual {norm:9.3e} N of {report.scale:9.3e} N  energy {energy:.12e} N mm")
             if not (np.isfinite(norm) and np.isfinite(energy)):
                 return snes.setConvergedReason(Reason.DIVERGED_FNORM_NAN)
             if norm == 0:
@@ -141,6 +139,7 @@ class Newton:
             if failure:
                 return snes.setConvergedReason(failure)
             slope = -r.dot(d)
+            self._tell(f"              step of {np.sqrt(abs(slope)):9.3e} in the energy norm / sqrt(N mm)")
             length = 1.0
             while True:
                 x.copy(trial)
@@ -162,6 +161,10 @@ class Newton:
             trial.copy(x)
             energy = new_energy
         raise AssertionError("unreachable")
+
+    def _tell(self, text):
+        if self.verbose and self.scene.comm.rank == 0:
+            print("    " + text, flush=True)
 
     def _linear_solve(self, rhs, d, report):
         """Solve A d = rhs, shifting A until it is positive definite; a SNES reason if that fails, else None."""
