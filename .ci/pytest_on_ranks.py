@@ -1,0 +1,11 @@
+"""pytest on every rank of mpirun. A rank whose test fails ends them all, where the others would wait for it for ever."""
+
+import sys
+
+import pytest
+from mpi4py import MPI
+
+status = int(pytest.main(sys.argv[1:]))
+sys.stdout.flush()
+if status:
+    MPI.COMM_WORLD.Abort(status)

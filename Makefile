@@ -1,0 +1,67 @@
+# Every target installs what is missing first: Debian's own packages by apt-get, the rest into .venv. `make help` lists them.
+RANKS ?= 2
+ARGS ?=
+DEBIAN13_ROOT ?= .debian13/root
+TEST_TIMEOUT ?= 3600
+
+# The one list of Debian packages. Debian 13 has all; what Debian 12 lacks pip fetches, and to draw
+# without a screen VTK's wheel there wants EGL, Debian 13's VTK an X server.
+PACKAGES := python3-dolfinx-real python3-petsc4py python3-mpi4py python3-gmsh python3-meshio python3-scipy python3-matplotlib \
+  python3-pip python3-setuptools gcc g++ libc6-dev python3-dev openmpi-bin
+PACKAGES_12 := libegl1
+PACKAGES_13 := python3-pyvista xvfb xauth python3-pytest python3-mpmath python3-tomli-w python3-tqdm
+ifeq ($(shell . /etc/os-release && echo $$VERSION_ID),12)
+NEEDS := $(PACKAGES) $(PACKAGES_12)
+# numpy stays the one that dolfinx was built with.
+PIP_ARGS = "numpy==$$(/usr/bin/python3 -c 'import numpy; print(numpy.__version__)')"
+else
+NEEDS := $(PACKAGES) $(PACKAGES_13)
+PIP_ARGS := --no-deps
+SCREEN := $(if $(DISPLAY),,xvfb-run -a)
+endif
+
+# Open MPI: may run as root, and stays inside this machine (shared memory; no single copy, which containers forbid).
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+export OMPI_MCA_pml := ob1
+export OMPI_MCA_btl := ^tcp
+export OMPI_MCA_btl_vader_single_copy_mechanism := none
+export OMP_NUM_THREADS := 1
+# Ranks may outnumber cores and share them with other runs.
+MPIRUN := mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none -n $(RANKS)
+PYTHON := .venv/bin/python
+
+.PHONY: help install study test debian13-root test-debian13 clean
+
+help:
+	@echo "make study          the tensile study on RANKS=$(RANKS) ranks; options in ARGS=\"...\""
+	@echo "make test           the whole test suite: serial, then the tests marked mpi on RANKS=$(RANKS) ranks"
+	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo)"
+	@echo "make install        only install what the others need"
+	@echo "make clean          remove .venv and caches; keeps results/ and the Debian 13 root"
+
+install: .venv/installed
+
+study: .venv/installed
+	$(SCREEN) $(MPIRUN) $(PYTHON) studies/tensile.py $(ARGS)
+
+test: .venv/installed
+	$(SCREEN) $(PYTHON) -m pytest tests
+	$(SCREEN) $(MPIRUN) --timeout $(TEST_TIMEOUT) $(PYTHON) .ci/pytest_on_ranks.py tests -m mpi -xq --color=no -p no:cacheprovider
+
+# Debian's python3, as the one on PATH may lack dolfinx.
+.venv/installed: Makefile pyproject.toml
+	@.ci/need $(NEEDS)
+	/usr/bin/python3 -m venv --system-site-packages --without-pip .venv
+	$(PYTHON) -m pip install --quiet --no-build-isolation --editable ".[test]" $(PIP_ARGS)
+	@touch $@
+
+debian13-root:
+	@.ci/debian13 root "$(DEBIAN13_ROOT)" $(sort $(PACKAGES) $(PACKAGES_13) make)
+
+test-debian13: debian13-root
+	@.ci/debian13 test "$(DEBIAN13_ROOT)"
+
+clean:
+	rm -rf .venv build *.egg-info .pytest_cache
+	find . -name .debian13 -prune -o -name __pycache__ -exec rm -rf {} +
