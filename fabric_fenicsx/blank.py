@@ -1,5 +1,6 @@
 """The sheet: its mesh, yarn directions and displacement."""
 
+from contextlib import redirect_stdout
 from pathlib import Path
 
 import meshio
@@ -109,7 +110,8 @@ def _read(path):
     if not path.is_file():
         raise InputError(f"mesh file {path} does not exist or is not a file; allowed is any mesh that gmsh or meshio writes")
     try:
-        mesh = meshio.read(path)
+        with redirect_stdout(None):  # its reader of .msh prints an empty line
+            mesh = meshio.read(path)
     except (Exception, SystemExit) as e:  # meshio's readers raise whatever their parsing stumbles on, or exit
         reason = " ".join(str(e).split()) or type(e).__name__
         raise InputError(f"mesh file {path} cannot be read ({reason}); allowed is any mesh that gmsh or meshio writes") from None

@@ -25,17 +25,18 @@ def _polygons(grid):
     return x[cells[:, :corners], :2]
 
 
-def maps(path, columns, names):
-    """Matrix of maps: a column for each {title: grid} of `columns`, a row for each field in `names`, one colour
-    scale a row."""
-    figure, axes = plt.subplots(
-        len(names), len(columns), figsize=(1.0 + 6.2 * len(columns), 2.3 * len(names)), squeeze=False, layout="constrained"
-    )
-    polygons = {title: _polygons(grid) for title, grid in columns.items()}
-    for row, name in zip(axes, names):
-        first, last = name == names[0], name == names[-1]
+def maps(path, variants, names):
+    """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour scale a field.
+
+    One variant's maps stand below each other; several variants make a row each.
+    """
+    one = len(variants) == 1
+    rows, columns = (len(names), 1) if one else (len(variants), len(names))
+    figure, axes = plt.subplots(rows, columns, figsize=(7.0 * columns**0.7, 1.9 * rows), squeeze=False, sharex=True, sharey=True, layout="constrained")
+    polygons = {title: _polygons(grid) for title, grid in variants.items()}
+    for name, mine in zip(names, axes if one else axes.T):
         label, factor, colours = SHOWN[name]
-        values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in columns.items()}
+        values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()}
         low, high = min(v.min() for v in values.values()), max(v.max() for v in values.values())
         if colours == "coolwarm" and low * high < 0:
             low, high = -max(-low, high), max(-low, high)
@@ -43,19 +44,20 @@ def maps(path, columns, names):
             colours = "viridis"
         if high - low < 1e-6 * max(1.0, abs(high)):
             low, high = low - 0.5, high + 0.5
-        for ax, title in zip(row, columns):
+        for ax, title in zip(mine, variants):
             patches = PolyCollection(polygons[title], array=values[title], cmap=colours, antialiased=False)
             patches.set_clim(low, high)
             ax.add_collection(patches)
             ax.autoscale_view()
             ax.set_aspect("equal")
-            ax.set_ylabel("y / mm")
-            if first:
-                ax.set_title(title)
-            if last:
-                ax.set_xlabel("x / mm")
-        figure.colorbar(patches, ax=list(row), label=label, shrink=0.9)
-    figure.savefig(path, dpi=150)
+            if not one:
+                ax.set_title(title, fontsize="medium")
+        figure.colorbar(patches, ax=list(mine), label=label, location="right" if one else "bottom", shrink=0.9, aspect=15 if one else 30)
+    for ax in axes[-1]:
+        ax.set_xlabel("x / mm")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y / mm")
+    figure.savefig(path, dpi=130)
     plt.close(figure)
 
 

@@ -1,0 +1,52 @@
+"""What README tells a reader to type works."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fabric_fenicsx.material.parameters import load
+from fabric_fenicsx.meshes.specimen import specimen, write
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text()
+
+
+def block(language):
+    return re.search(rf"```{language}\n(.*?)```", README, re.S).group(1)
+
+
+def test_the_material_file(tmp_path):
+    (tmp_path / "fabric.toml").write_text(block("toml"))
+    fabric = load(str(tmp_path / "fabric.toml"))
+    assert fabric.thickness == 0.4 and fabric.density == 0.75 and fabric.warp == fabric.weft == load("komeili").warp
+
+
+def test_the_study_in_python(tmp_path):
+    write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
+    done = subprocess.run([sys.executable, "-c", block("python")], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    reached, reaction, stress = map(float, done.stdout.split())
+    assert reached == 1 and reaction == pytest.approx(2560.05) and stress == pytest.approx(51.201)
+
+
+COMMANDS = [line for line in README.replace("`", "\n").splitlines() if line.startswith(".venv/bin/python ")]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_the_commands(tmp_path, command):
+    program, script, *options = command.split()
+    write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
+    (tmp_path / "fabric.toml").write_text(block("toml"))
+    quick = [] if script.startswith("meshes/") else ["--quick"]
+    environment = os.environ | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
+    done = subprocess.run([sys.executable, ROOT / script, *options, *quick], cwd=tmp_path, capture_output=True, text=True, timeout=300, env=environment)
+    assert done.returncode == 0, done.stderr
+
+
+def test_readme_names_every_study_and_only_those():
+    told = set(re.findall(r"studies/(\w+)\.py", README))
+    assert told == {path.stem for path in (ROOT / "studies").glob("*.py")}
