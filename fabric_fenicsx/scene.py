@@ -17,10 +17,10 @@ from .timing import phase
 
 @dataclass(frozen=True)
 class Support:
-    """Prescribed displacement of some nodes: `value` times the load factor, along the axes of the blank's frame.
+    """Prescribed displacement of some nodes along the axes of the blank's frame.
 
-    where: function of points (3, n) [mm] to a mask (n,); components: the axes held; value: (gdim,) [mm], or a
-    function of points (3, n) to (gdim, n).
+    where: function of points (3, n) [mm] to a mask (n,); components: the axes held; value: displacement at full
+    load (gdim,) [mm], growing with the load factor, or a function of points (3, n) and load factor to (gdim, n).
     """
 
     name: str
@@ -49,6 +49,29 @@ def grips(blank, stroke, clamped=True):
     return supports
 
 
+def framed(blank, deformation):
+    """Support of a rectangle's whole edge in a rigid frame; deformation: function of the load factor to F (2, 2)."""
+    low, high = blank.extent()
+    near = 1e-6 * (high - low).max()
+
+    def edge(x):
+        x = blank.along(x)[:2]
+        return (np.minimum(np.abs(x - low[:2, None]), np.abs(x - high[:2, None])) <= near).any(0)
+
+    def value(x, load):
+        x = blank.along(x)
+        moved = np.zeros_like(x)
+        moved[:2] = (deformation(load) - np.eye(2)) @ (x[:2] - low[:2, None])
+        return moved
+
+    return [Support("frame", edge, tuple(range(len(low))), value)]
+
+
+def pulled(stroke):
+    """Function of a scene with `grips` and its load factor to the moving grip's displacement [mm] and reaction [N]."""
+    return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
+
+
 class Scene:
     """Residual, tangent and energy of `terms` on a `blank` with `supports`, at a load factor in [0, 1].
 
@@ -70,27 +93,33 @@ class Scene:
         self._f = self.u.duplicate()
 
     def _supported(self):
-        """Degrees of freedom held by the supports, their values at full load, and DOLFINx's view of them."""
+        """Degrees of freedom held by the supports, and DOLFINx's view of them."""
         V, gdim = self.blank.V, self.blank.mesh.geometry.dim
         x = self.blank.coordinates()
         owned = V.dofmap.index_map.size_local
-        self.dofs_of = {}
-        at_full_load = np.zeros(len(x) * gdim)
+        self.dofs_of, self._nodes = {}, []
         held = np.zeros(len(x) * gdim, dtype=bool)
         for support in self.supports:
             nodes = np.flatnonzero(support.where(x.T))
             if self.comm.allreduce(int((nodes < owned).sum())) == 0:
                 raise InputError(f"support {support.name} holds no node of {self.blank.name}; allowed are 1 or more")
-            value = support.value(x[nodes].T).T if callable(support.value) else np.asarray(support.value, float)
-            dofs = nodes[:, None] * gdim + np.asarray(support.components)
-            at_full_load[dofs] = value[..., list(support.components)]
-            held[dofs] = True
+            self._nodes.append(nodes)
+            held[nodes[:, None] * gdim + np.asarray(support.components)] = True
             self.dofs_of[support.name] = nodes[nodes < owned, None] * gdim + np.arange(gdim)
         dofs = np.flatnonzero(held).astype(np.int32)
         zero = PETSc.ScalarType(0)
         self._bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
         self.held = dofs[dofs < owned * gdim]
-        self.at_full_load = at_full_load[self.held]
+
+    def held_values(self, load):
+        """Displacements of this rank's held degrees of freedom at a load factor, along the frame's axes [mm]."""
+        x, gdim = self.blank.coordinates(), self.blank.mesh.geometry.dim
+        values = np.zeros(x.shape[0] * gdim)
+        for support, nodes in zip(self.supports, self._nodes):
+            value = support.value(x[nodes].T, load).T if callable(support.value) else load * np.asarray(support.value, float)
+            components = list(support.components)
+            values[nodes[:, None] * gdim + np.asarray(components)] = value[..., components]
+        return values[self.held]
 
     def set(self, x):
         """Make x (PETSc vector) the displacement."""
@@ -140,6 +169,15 @@ class Scene:
     def force_scale(self):
         """Norm of the support forces after `residual`, what a residual is measured by [N]."""
         return np.sqrt(self.comm.allreduce(float((self._f.array[self.held] ** 2).sum())))
+
+    def virial(self):
+        """Sum over the nodes of force times undeformed position along the frame's axes, (gdim, gdim) [N mm].
+
+        In equilibrium it is the first Piola-Kirchhoff stress integrated over the blank's volume.
+        """
+        owned, gdim = self.blank.V.dofmap.index_map.size_local, self.blank.mesh.geometry.dim
+        forces = self._f.array.reshape(-1, gdim)[:owned]
+        return self.comm.allreduce(forces.T @ self.blank.along(self.blank.coordinates()[:owned].T).T, MPI.SUM)
 
     def reaction(self, name):
         """Force of support `name` on the blank along the axes of the frame, (gdim,), after `residual` [N]."""

@@ -33,8 +33,8 @@ from .solve.stepping import march
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
-QUICK = {"nx": 20, "ny": 5, "steps": 5}
-FULL = {"nx": 100, "ny": 25, "steps": 20}
+QUICK = {"nx": 20, "steps": 5}
+FULL = {"nx": 100, "steps": 20}
 
 
 def number(allowed, test, kind=float):
@@ -74,7 +74,7 @@ def parser(name, description, **defaults):
     mesh = p.add_argument_group("mesh")
     mesh.add_argument("--mesh", metavar="FILE", help="own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed")
     mesh.add_argument("--nx", type=COUNT, help=f"rectangles along the length ({FULL['nx']}, with --quick {QUICK['nx']})")
-    mesh.add_argument("--ny", type=COUNT, help=f"rectangles across the width ({FULL['ny']}, with --quick {QUICK['ny']})")
+    mesh.add_argument("--ny", type=COUNT, help="rectangles across the width (as makes them square)")
     mesh.add_argument("--pattern", choices=PATTERNS, default="crossed", help="how rectangles become cells")
     mesh.add_argument("--element", choices=("P1", "P2", "Q1", "Q2"), default="P1", help="P: triangles, Q: quadrilaterals")
     mesh.add_argument("--fibre-angle", type=ANY, metavar="DEG", default=0.0, help="of yarns a from the length")
@@ -169,16 +169,16 @@ class Study:
                 return blank
             points = cells = kind = None
             if self.comm.rank == 0:
-                points, cells, kind = specimen(length, width, args.nx, args.ny, args.pattern, cell)
+                points, cells, kind = specimen(length, width, args.nx, args.ny or max(1, round(args.nx * width / length)), args.pattern, cell)
                 points[:, :2] = points[:, :2] @ axes
             return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", **options)
 
-    def march(self, membrane, supports, grip, stroke, quantities, part=""):
+    def march(self, membrane, supports, measure, quantities, part=""):
         """Bring the scene of `membrane` and `supports` to full load and write its results; returns a `Result`.
 
-        grip: the support whose reaction along the frame's first axis is recorded; stroke: its displacement at full
-        load [mm]; quantities: function of the cell fields and the history's rows to the study's own numbers; part:
-        subfolder. Raises SolverFailure, after all is written, if the full load was not reached.
+        measure: function of the scene and its load factor to the displacement [mm] and reaction [N] to record;
+        quantities: function of the cell fields and the history's rows to the study's own numbers; part: subfolder.
+        Raises SolverFailure, after all is written, if the full load was not reached.
         """
         from .results.fields import FieldSeries, cell_fields  # pyvista takes longer to import than to run a coarse study
 
@@ -194,7 +194,7 @@ class Study:
         bar = tqdm(total=1.0, desc=part or self.name, disable=None if self.comm.rank == 0 else True, bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]")
 
         def accept(accepted):
-            history.add(accepted, accepted.load * stroke, float(scene.reaction(grip)[0]))
+            history.add(accepted, *measure(scene, accepted.load))
             bar.update(accepted.load - bar.n)
             bar.set_postfix(iterations=accepted.report.iterations, energy=f"{sum(accepted.energies.values()):.4g} N mm", refresh=False)
             with timing.phase("output"):
@@ -211,31 +211,42 @@ class Study:
             fields, mismatch = cell_fields(membrane)
             if series.states[-1][0] != outcome.reached:
                 series.write(outcome.reached, fields)
-        last = history.rows[-1]
         mesh = membrane.blank.mesh
+        work = {"external_work": history.rows[-1]["external_work_Nmm"]}
+        summary = self.summarise(
+            folder,
+            converged=outcome.reached == 1,
+            stroke_reached=outcome.reached,
+            reason=outcome.reason or "full load reached",
+            dofs=membrane.blank.V.dofmap.index_map.size_global * mesh.geometry.dim,
+            cells=mesh.topology.index_map(mesh.topology.dim).size_global,
+            terms=[term.name for term in scene.terms],
+            couplings=sorted(membrane.fabric.couplings),
+            material=membrane.fabric.name,
+            steps_accepted=outcome.accepted,
+            steps_rejected=outcome.rejected,
+            newton_iterations=outcome.iterations,
+            energy=dict.fromkeys(ENERGIES, 0.0) | scene.energies() | work,
+            reaction_N=history.rows[-1]["reaction_N"],
+            kernel_mismatch=self.comm.allreduce(mismatch, MPI.MAX),
+            quantities=quantities(fields, history.rows),
+        )
+        if self.comm.rank == 0 and not args.no_pictures:
+            self._pictures(folder, history.rows)
+        self.comm.barrier()
+        if not summary["converged"]:
+            raise SolverFailure(f"{outcome.reason}; the results up to there are in {folder}")
+        return Result(summary, history.rows, fields, folder)
+
+    def summarise(self, folder, **facts):
+        """Write `facts` with the costs so far and the versions to summary.json, and return it all."""
         total = time.perf_counter() - self._started
         wall = {name: round(timing.seconds.pop(name, 0.0), 4) for name in PHASES}
         self._started = time.perf_counter()
-        summary = {
-            "study": self.name,
-            "converged": outcome.reached == 1,
-            "stroke_reached": outcome.reached,
-            "reason": outcome.reason or "full load reached",
-            "dofs": membrane.blank.V.dofmap.index_map.size_global * mesh.geometry.dim,
-            "cells": mesh.topology.index_map(mesh.topology.dim).size_global,
-            "element": args.element,
-            "ranks": self.comm.size,
-            "terms": [term.name for term in scene.terms],
-            "couplings": sorted(membrane.fabric.couplings),
-            "material": membrane.fabric.name,
-            "steps_accepted": outcome.accepted,
-            "steps_rejected": outcome.rejected,
-            "newton_iterations": outcome.iterations,
+        summary = {"study": self.name, "ranks": self.comm.size, "element": self.args.element} | facts
+        summary |= {
             "wall_s": wall | {"total": round(total, 4)},
             "peak_memory_mib": round(self.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024), 1),
-            "energy": dict.fromkeys(ENERGIES, 0.0) | scene.energies() | {"external_work": last["external_work_Nmm"]},
-            "reaction_N": last["reaction_N"],
-            "kernel_mismatch": self.comm.allreduce(mismatch, MPI.MAX),
             "versions": {
                 "fabric_fenicsx": __version__,
                 "dolfinx": dolfinx.__version__,
@@ -244,16 +255,10 @@ class Study:
                 "numpy": np.__version__,
                 "python": platform.python_version(),
             },
-            "quantities": quantities(fields, history.rows),
         }
         if self.comm.rank == 0:
             (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
-            if not args.no_pictures:
-                self._pictures(folder, history.rows)
-        self.comm.barrier()
-        if not summary["converged"]:
-            raise SolverFailure(f"{outcome.reason}; the results up to there are in {folder}")
-        return Result(summary, history.rows, fields, folder)
+        return summary
 
     def _problem(self, fabric):
         """What a checkpoint must have been made with to be gone on from: all but solver and output options."""

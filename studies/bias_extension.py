@@ -5,8 +5,10 @@ import math
 import numpy as np
 
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.material import curves
+from fabric_fenicsx.material.curves import bias_normalised
 from fabric_fenicsx.mechanics.membrane import Membrane
-from fabric_fenicsx.scene import grips
+from fabric_fenicsx.scene import grips, pulled
 from fabric_fenicsx.study import POSITIVE, parser, run
 
 
@@ -16,6 +18,7 @@ def options():
     test.add_argument("--length", type=POSITIVE, default=200.0, help="[mm]")
     test.add_argument("--width", type=POSITIVE, default=50.0, help="[mm]")
     test.add_argument("--strain", type=POSITIVE, default=0.10, help="nominal, of the length")
+    test.add_argument("--measured", metavar="DIR", help="test data with a normalised shear force F_sh, as studies/identify.py reads them, to compare with")
     return p
 
 
@@ -26,8 +29,27 @@ def shear_angle_of_theory(length, width, displacement):
     return math.pi / 2 - 2 * math.acos(cosine) if cosine <= 1 else math.nan
 
 
+def shear_forces(length, width, rows):
+    """Shear angle of theory [rad] and normalised shear force [N/mm] of a test's rows, as an experiment derives them."""
+    gamma = np.array([shear_angle_of_theory(length, width, row["displacement_mm"]) for row in rows])
+    reach = np.isfinite(gamma) & (gamma >= 0)
+    return gamma[reach], bias_normalised(gamma[reach], np.array([row["reaction_N"] for row in rows])[reach], length, width)
+
+
+def compared(measured, gamma, force):
+    """Measured shear angles [rad], forces and predicted forces [N/mm] there (within the simulated range)."""
+    angles = measured.strains[:, 2]
+    there = angles <= gamma.max() + 1e-9
+    return angles[there], measured.responses[0].values[there], np.interp(angles[there], gamma, force)
+
+
 def main(study):
     args = study.args
+    measured = None
+    if args.measured:
+        measured = [curve for curve in curves.read(args.measured)[1] if curve.responses[0].column == "F_sh"]
+        if not measured:
+            raise InputError(f"--measured {args.measured} has no test with a column F_sh; allowed is one with gamma and F_sh")
     blank = study.specimen(args.length, args.width)
     low, high = blank.extent()
     length, width = high - low
@@ -41,7 +63,12 @@ def main(study):
         centre = distance <= max(width / 8, study.extremes(distance)[0])
         gamma = np.abs(fields["shear_angle"])
         theory = shear_angle_of_theory(length, width, rows[-1]["displacement_mm"])
-        return {
+        found = {}
+        if measured:
+            _, mine, predicted = compared(measured[0], *shear_forces(length, width, rows))
+            found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
+            found["measured_rms_relative"] = float(np.sqrt(np.mean((predicted / mine - 1) ** 2)))
+        return found | {
             "centre_shear_angle_deg": math.degrees(study.mean(gamma, centre)),
             "theory_shear_angle_deg": math.degrees(theory) if math.isfinite(theory) else None,
             "shear_angle_max_deg": math.degrees(study.extremes(gamma)[1]),
@@ -49,8 +76,17 @@ def main(study):
             "eps_b": study.extremes(fields["eps_b"]),
         }
 
-    result = study.march(membrane, grips(blank, stroke), "moving grip", stroke, quantities)
+    result = study.march(membrane, grips(blank, stroke), pulled(stroke), quantities)
     q = result.summary["quantities"]
+    if measured:
+        gamma, force = shear_forces(length, width, result.rows)
+        angles, mine, _ = compared(measured[0], gamma, force)
+        if study.comm.rank == 0 and not args.no_pictures:
+            from fabric_fenicsx.results import pictures
+
+            series = {"measured": (np.degrees(angles), mine, "s"), "simulated": (np.degrees(gamma), force, "-")}
+            pictures.curves(result.folder / "measured.png", series, "shear angle from the crosshead / deg", "normalised shear force / (N/mm)")
+        study.say(f"measured and simulated shear force differ by {q['measured_rms_N_per_mm']:.3g} N/mm ({100 * q['measured_rms_relative']:.3g} %) r.m.s.")
     study.say(
         f"{result.folder}: reaction {result.summary['reaction_N']:.6g} N, centre shear angle "
         f"{q['centre_shear_angle_deg']:.2f} deg (theory {q['theory_shear_angle_deg'] or math.nan:.2f} deg)"

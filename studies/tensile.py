@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from fabric_fenicsx.mechanics.membrane import Membrane
-from fabric_fenicsx.scene import grips
+from fabric_fenicsx.scene import grips, pulled
 from fabric_fenicsx.study import ANY, POSITIVE, parser, run
 
 VARIANTS = {
@@ -49,7 +49,7 @@ def pull(study, fabric, part=""):
             "width_at_middle_mm": edges[1] - edges[0],
         }
 
-    return study.march(membrane, grips(blank, stroke, args.grips == "clamped"), "moving grip", stroke, quantities, part)
+    return study.march(membrane, grips(blank, stroke, args.grips == "clamped"), pulled(stroke), quantities, part)
 
 
 def main(study):

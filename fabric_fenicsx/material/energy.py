@@ -25,10 +25,12 @@ def energy_density(I4, I6, I8, cos_angle, fabric):
     """W_tot, eq. (30) [MPa = N mm per mm3 of undeformed fabric], as a UFL expression.
 
     I4, I6, I8: scalar UFL expressions of eqs (5)-(7); cos_angle: a0·b0 of the undeformed fabric, any but +-1;
-    fabric: a `WovenFabric` or its `symbols`. A coupling that is off leaves no trace in the expression.
+    fabric: a `WovenFabric`, a `TabulatedFabric` or the `symbols` of one. A coupling that is off leaves no trace in the expression.
     The product form W_a + W_b + W_S k_SC,a k_SC,b equals the four cases of eq. (30).
     """
     eps_a, eps_b = nominal_strain(I4), nominal_strain(I8)
+    if fabric.curves:  # the tabulated baseline: three energies of their own
+        return sum(W(e) for W, e in zip(fabric.curves, (eps_a, eps_b, shear_angle(I4, I6, I8, cos_angle))))
     gamma2 = shear_angle(I4, I6, I8, cos_angle) ** 2
     gamma3 = abs(shear_angle(I4, I6, I8, cos_angle)) * gamma2
 

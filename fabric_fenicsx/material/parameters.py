@@ -147,6 +147,8 @@ class WovenFabric:
         yarn = Yarn(a, b, d, p_min, c, s_T, s_C)
         return cls(yarn, yarn, s1, s2, s3, **sheet)
 
+    curves = None  # a `TabulatedFabric` has them
+
     @property
     def is_balanced(self) -> bool:
         """Whether warp and weft are equal."""
@@ -196,7 +198,7 @@ class WovenFabric:
             SimpleNamespace(**{name: make(getattr(yarn, name)) for name in _YARN}) for yarn in (self.warp, self.weft)
         )
         numbers = {name: make(getattr(self, name)) for name in (*_SHEAR, "thickness")}
-        return SimpleNamespace(warp=warp, weft=weft, **numbers, **{name: getattr(self, name) for name in COUPLINGS})
+        return SimpleNamespace(warp=warp, weft=weft, curves=None, **numbers, **{name: getattr(self, name) for name in COUPLINGS})
 
     def dumps(self) -> str:
         """The TOML text, which reads back as an equal object."""
@@ -224,25 +226,35 @@ class WovenFabric:
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> Self:
         """Read a file written by hand or by `to_toml`; InputError with file, field and what is allowed."""
-        try:
-            document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
-        except tomllib.TOMLDecodeError as error:
-            raise InputError(f"{path}: is not valid TOML ({error})") from None
-        except (OSError, ValueError, RecursionError) as error:
-            raise InputError(f"{path}: cannot be read as a TOML file ({_reason(error)})") from None
-        try:
-            return cls(**_fields(document))
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from None
+        return _read(path, lambda document: cls(**_fields(document)))
 
 
-def load(source: str | os.PathLike[str]) -> WovenFabric:
-    """The preset of this name, else the TOML file at this path; InputError if neither exists."""
+def load(source: str | os.PathLike[str]):
+    """The preset of this name, else the material in the TOML file at this path; InputError if neither exists.
+
+    A `WovenFabric`, or with `model = "fabric"` in the file a `TabulatedFabric`.
+    """
+    from .baseline import TabulatedFabric
+
     if isinstance(source, str) and source in PRESETS:
         return PRESETS[source]
     if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        return WovenFabric.from_toml(source)
+        return _read(source, lambda document: TabulatedFabric.from_toml(source, document) if document.get("model") == "fabric" else WovenFabric(**_fields(document)))
     raise InputError(f"material {_show(source)} is neither a preset ({', '.join(PRESETS)}) nor a file that exists")
+
+
+def _read(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
+    """make(document) of the TOML file at `path`; InputErrors name the file."""
+    try:
+        document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: is not valid TOML ({error})") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(f"{path}: cannot be read as a TOML file ({_reason(error)})") from None
+    try:
+        return make(document)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
 def _reason(error: Exception) -> str:

@@ -41,7 +41,7 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
     """Evaluate the law of eq. (30) from one of U `stretch`, F `gradient` or C `cauchy_green`.
 
     stretch, cauchy_green: (..., 2, 2), symmetric; gradient: (..., 2, 2) or (..., 3, 2); any memory layout.
-    fibres: pair of unit vectors a0, b0, each (2,) or (..., 2), not parallel; default the two base vectors.
+    fabric: `WovenFabric` or `TabulatedFabric`; fibres: pair of unit vectors a0, b0, each (2,) or (..., 2), not parallel; default the two base vectors.
     Raises InputError if not exactly one measure is given, or if it is not finite or inverted at a point.
     """
     given = [x for x in (stretch, gradient, cauchy_green) if x is not None]
@@ -122,6 +122,11 @@ def _derivatives(fabric, I4, I8, gamma, hessian):
     la, lb = np.sqrt(I4), np.sqrt(I8)
     qa, qb = I4 - 1, I8 - 1
     ea, eb = qa / (la + 1), qb / (lb + 1)  # sqrt(I) - 1 without cancellation
+    if fabric.curves:
+        (A, A_a, A_aa), (B, B_b, B_bb), (H, H_g, H_gg) = (c.derivatives(v) for c, v in zip(fabric.curves, (ea, eb, gamma)))
+        zero = np.zeros_like(A)
+        second = (A_aa / (4 * I4) - A_a / (4 * la**3), zero, B_bb / (4 * I8) - B_b / (4 * lb**3), zero, zero, H_gg)
+        return np.stack([A, B, H], -1), (A_a / (2 * la), B_b / (2 * lb), H_g), second
     g = np.abs(gamma)
 
     def normal(y, q, e, e_other):  # one direction's W_TC with its derivatives in (e, e_other)

@@ -38,7 +38,7 @@ def maps(path, variants, names):
         label, factor, colours = SHOWN[name]
         values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()}
         low, high = min(v.min() for v in values.values()), max(v.max() for v in values.values())
-        if colours == "coolwarm" and low * high < 0:
+        if colours == "coolwarm" and min(-low, high) > 0.05 * max(-low, high):  # of both signs
             low, high = -max(-low, high), max(-low, high)
         elif colours == "coolwarm":
             colours = "viridis"
@@ -72,4 +72,29 @@ def curves(path, series, xlabel, ylabel):
     if len(series) > 1:
         ax.legend()
     figure.savefig(path, dpi=150)
+    plt.close(figure)
+
+
+def panels(path, series, labels):
+    """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and {title: (x label, y label, x limits)}.
+
+    Closed form is a line (the second model's dashed), the kernel a square, elements a dot.
+    """
+    figure, axes = plt.subplots(2, (len(series) + 1) // 2, figsize=(11, 8), squeeze=False, layout="constrained")
+    for ax, (title, curves) in zip(axes.flat, series.items()):
+        colours, models = {}, []
+        for (label, model), (x, closed, kernel, elements) in curves.items():
+            colour = colours.setdefault(label, f"C{len(colours)}")
+            models += [] if model in models else [model]
+            second = models.index(model) > 0
+            ax.plot(x, closed, "--" if second else "-", color=colour, lw=1, label=f"{label}" if not second else None)
+            ax.plot(x[::4], kernel[::4], "s", color=colour, ms=5, mfc="none", mew=0.6)
+            ax.plot(x[2::4], elements[2::4], ".", color=colour, ms=4)
+        ax.set_title(f"{title}: {', '.join(f'{m} {style}' for m, style in zip(models, ('(line)', '(dashed)')))}", fontsize="medium")
+        ax.set_xlabel(labels[title][0])
+        ax.set_ylabel(labels[title][1])
+        ax.set_xlim(labels[title][2])
+        ax.grid(alpha=0.3)
+        ax.legend(fontsize="small")
+    figure.savefig(path, dpi=130)
     plt.close(figure)

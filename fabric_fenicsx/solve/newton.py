@@ -12,6 +12,7 @@ Reason = PETSc.SNES.ConvergedReason
 SNES_WORDS = {
     Reason.CONVERGED_FNORM_ABS: "converged: no force is left",
     Reason.CONVERGED_FNORM_RELATIVE: "converged: residual below the tolerance",
+    Reason.CONVERGED_SNORM_RELATIVE: "converged: the correction is below the rounding of positions",
     Reason.DIVERGED_MAX_IT: "no convergence within the allowed iterations",
     Reason.DIVERGED_LINEAR_SOLVE: "the linear solver failed",
     Reason.DIVERGED_LINE_SEARCH: "the line search found no state of lower energy",
@@ -51,18 +52,21 @@ class Newton:
     """Minimises the scene's energy at fixed supports, from a start at which the supports have their values.
 
     tolerance: of the residual's norm over that of the support forces. Each step is the tangent's, shortened until
-    the energy falls; below the energy's rounding, until the residual falls. A tangent with negative pivots is
+    the energy falls; below the energy's rounding, until the residual falls. A correction below the rounding of
+    positions ends it too, as no tolerance can ask for more. A tangent with negative pivots is
     shifted along its diagonal until it has none. MUMPS keeps its symbolic factorisation.
     """
 
     SUFFICIENT = 1e-4  # of the decrease that the slope promises (Armijo)
     ROUNDING = 1e-12  # of the energy, below which its differences are noise
+    RESOLUTION = 1e-14  # of the blank's size, below which displacements are noise
 
     def __init__(self, scene, tolerance=1e-8, max_iterations=25, linear_solver="mumps-cholesky", verbose=False):
         if linear_solver not in LINEAR_SOLVERS:
             raise InputError(f"linear solver is {linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
         self.scene, self.tolerance, self.max_iterations, self.verbose = scene, tolerance, max_iterations, verbose
         self.tells_inertia = linear_solver == "mumps-cholesky"
+        self._smallest = self.RESOLUTION * np.subtract(*scene.blank.extent()[::-1]).max()
         self.x = scene.u.duplicate()
         self._r, self._d, self._trial = (self.x.duplicate() for _ in range(3))
         self.A = scene.create_matrix()
@@ -130,14 +134,17 @@ class Newton:
                 return snes.setConvergedReason(Reason.DIVERGED_FNORM_NAN)
             if norm == 0:
                 return snes.setConvergedReason(Reason.CONVERGED_FNORM_ABS)
-            if norm <= self.tolerance * report.scale and report.iterations > 0:
+            if norm <= self.tolerance * report.scale:
                 return snes.setConvergedReason(Reason.CONVERGED_FNORM_RELATIVE)
             if report.iterations == self.max_iterations:
                 return snes.setConvergedReason(Reason.DIVERGED_MAX_IT)
             snes.computeJacobian(x, self.A)
+            shifts = report.shifts
             failure = self._linear_solve(r, d, report)
             if failure:
                 return snes.setConvergedReason(failure)
+            if report.shifts == shifts and d.norm(PETSc.NormType.NORM_INFINITY) <= self._smallest:
+                return snes.setConvergedReason(Reason.CONVERGED_SNORM_RELATIVE)
             slope = -r.dot(d)
             self._tell(f"              step of {np.sqrt(abs(slope)):9.3e} in the energy norm / sqrt(N mm)")
             length = 1.0

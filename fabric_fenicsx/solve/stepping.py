@@ -75,12 +75,13 @@ def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, start=
     while at.load < 1:
         load = min(round(at.load + at.step, 12), 1.0)  # rounded, so that tenths are tenths
         taken = load - at.load
+        values = scene.held_values(load)
         at.x.copy(x)
         if at.last_step is None:
-            newton.tangent_predictor(x, taken * scene.at_full_load)
+            newton.tangent_predictor(x, values - x.array[scene.held])
         else:
             x.axpby(-taken / at.last_step, 1 + taken / at.last_step, at.previous)
-            x.array[scene.held] = load * scene.at_full_load
+            x.array[scene.held] = values
         report = newton.solve_for(x)
         outcome.iterations += report.iterations
         if not report.converged:
@@ -96,7 +97,7 @@ def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, start=
         at.previous, at.x = at.x, at.previous
         x.copy(at.x)
         new_forces = scene.held_forces()
-        at.work += scene.comm.allreduce(float((0.5 * (forces + new_forces) * taken * scene.at_full_load).sum()))
+        at.work += scene.comm.allreduce(float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum()))
         forces = new_forces
         at.load = outcome.reached = load
         at.last_step = taken

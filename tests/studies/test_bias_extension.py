@@ -1,5 +1,7 @@
 """The bias-extension study as a user runs it, on the paper's specimen."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import pyvista
@@ -27,3 +29,14 @@ def test_three_zones_and_both_models(launch):
     for place, theory in (((5, 25), 0.0), ((25, 5), 16.53 / 2), ((100, 25), 16.53)):
         near = np.linalg.norm(x[:, :2] - place, axis=1) < 4
         assert gamma[near].mean() == pytest.approx(theory, abs=1.2), place
+
+
+def test_against_measured_shear_forces(launch, tmp_path):
+    data = Path(__file__).parents[2] / "studies" / "data" / "glass_pp_115x230"
+    assert launch("identify", "--data", data, "--out", tmp_path / "fabric.toml", "--no-pictures", out=False).status == 0
+    strip = ("--length", 230, "--width", 115, "--strain", 0.154, "--nx", 40)
+    done = launch("bias_extension", "--material", tmp_path / "fabric.toml", *strip, "--measured", data)
+    assert done.status == 0, done.err
+    q = done.summary["quantities"]
+    assert 0.04 < q["measured_rms_relative"] < 0.09  # the digitised data are good to 10 %
+    assert (done.folder / "measured.png").stat().st_size > 10_000
