@@ -1,6 +1,5 @@
 """What every study script shares: its options, its run from a scene to results, and how it ends."""
 
-import argparse
 import json
 import math
 import platform
@@ -22,6 +21,7 @@ from tqdm import tqdm
 from . import __version__, timing
 from . import dolfinx_compat as compat
 from .blank import Blank
+from .cli import ANY, COUNT, POSITIVE, Help, Parser, exit_status, number
 from .errors import InputError, SolverFailure
 from .material.parameters import COUPLINGS, load
 from .meshes.specimen import PATTERNS, specimen
@@ -37,40 +37,9 @@ QUICK = {"nx": 20, "steps": 5}
 FULL = {"nx": 100, "steps": 20}
 
 
-def number(allowed, test, kind=float):
-    """An argparse type: a finite `kind` that passes `test`, otherwise a message that says what is `allowed`."""
-
-    def convert(text):
-        try:
-            value = kind(text)
-            good = math.isfinite(value) and test(value)
-        except ValueError:
-            good = False
-        if not good:
-            raise argparse.ArgumentTypeError(f"is {text}; allowed is {allowed}")
-        return value
-
-    return convert
-
-
-COUNT = number("a whole number of 1 or more", lambda v: v >= 1, int)
-POSITIVE = number("a number above 0", lambda v: v > 0)
-ANY = number("a finite number", lambda v: True)
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message):
-        raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
-
-
-class _Help(argparse.ArgumentDefaultsHelpFormatter):
-    def _get_help_string(self, action):
-        return action.help if action.default in (None, False, []) else super()._get_help_string(action)
-
-
 def parser(name, description, **defaults):
     """The parser of study `name` with the options that all studies share; `defaults` override theirs."""
-    p = _Parser(prog=f"studies/{name}.py", description=description, formatter_class=_Help, allow_abbrev=False)
+    p = Parser(prog=f"studies/{name}.py", description=description, formatter_class=Help, allow_abbrev=False)
     mesh = p.add_argument_group("mesh")
     mesh.add_argument("--mesh", metavar="FILE", help="own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed")
     mesh.add_argument("--nx", type=COUNT, help=f"rectangles along the length ({FULL['nx']}, with --quick {QUICK['nx']})")
@@ -294,10 +263,8 @@ def run(name, options, main):
     try:
         main(Study(name, options))
         return
-    except InputError as error:
-        status, text = 2, f"error: {error}"
-    except SolverFailure as error:
-        status, text = 3, f"stopped: {error}"
+    except (InputError, SolverFailure) as error:
+        status, text = exit_status(error)
     except Exception:
         traceback.print_exc()
         sys.stderr.flush()

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 
+from fabric_fenicsx.cli import POSITIVE
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves
 from fabric_fenicsx.material.curves import bias_normalised
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import grips, pulled
-from fabric_fenicsx.study import POSITIVE, parser, run
+from fabric_fenicsx.study import parser, run
 
 
 def options():

@@ -1,6 +1,5 @@
 """The parameters of a woven fabric from test curves: a material file, a report and pictures in one go."""
 
-import argparse
 import json
 import platform
 import sys
@@ -11,21 +10,17 @@ import numpy as np
 import scipy
 
 from fabric_fenicsx import __version__
+from fabric_fenicsx.cli import Help, Parser, exit_status
 from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import curves, identify
 from fabric_fenicsx.material.parameters import WovenFabric, load
-
-
-class Parser(argparse.ArgumentParser):
-    def error(self, message):
-        raise InputError(message)
 
 
 def options():
     p = Parser(
         prog="studies/identify.py",
         description=__doc__,
-        formatter_class=argparse.ArgumentDefaultsHelpFormatter,
+        formatter_class=Help,
         allow_abbrev=False,
     )
     p.add_argument(
@@ -143,9 +138,7 @@ def main(args):
 if __name__ == "__main__":
     try:
         main(options().parse_args())
-    except InputError as error:
-        print(f"studies/identify.py: error: {error}", file=sys.stderr)
-        sys.exit(2)
-    except SolverFailure as error:
-        print(f"studies/identify.py: stopped: {error}", file=sys.stderr)
-        sys.exit(3)
+    except (InputError, SolverFailure) as error:
+        status, text = exit_status(error)
+        print(f"studies/identify.py: {text}", file=sys.stderr)
+        sys.exit(status)

@@ -4,17 +4,18 @@ import math
 
 import numpy as np
 
+from fabric_fenicsx.cli import POSITIVE, number
 from fabric_fenicsx.material.closed_form import nominal_stresses
 from fabric_fenicsx.material.paths import conjugate, gradient
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import framed
-from fabric_fenicsx.study import number, parser, run
+from fabric_fenicsx.study import parser, run
 
 
 def options():
     p = parser("picture_frame", __doc__, nx=20)
     test = p.add_argument_group("test")
-    test.add_argument("--side", type=number("a number above 0", lambda v: v > 0), default=200.0, help="of the square [mm]")
+    test.add_argument("--side", type=POSITIVE, default=200.0, help="of the square [mm]")
     test.add_argument("--angle", type=number("an angle above 0 and below 85 deg", lambda v: 0 < v < 85), default=45.0, metavar="DEG", help="shear angle at the end")
     test.add_argument("--pre-tension", type=number("a strain from 0 to 0.1", lambda v: 0 <= v <= 0.1), default=0.0, metavar="STRAIN", help="yarn strain applied first, in the first tenth of the load")
     return p

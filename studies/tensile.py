@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 
+from fabric_fenicsx.cli import ANY, POSITIVE
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import grips, pulled
-from fabric_fenicsx.study import ANY, POSITIVE, parser, run
+from fabric_fenicsx.study import parser, run
 
 VARIANTS = {
     "all couplings": lambda fabric: fabric,

@@ -1,0 +1,46 @@
+"""Options, and how a program ends: what scripts share that need no DOLFINx."""
+
+import argparse
+import math
+
+from .errors import InputError
+
+
+def exit_status(error):
+    """Status and words with which a program leaves for an InputError (2) or a SolverFailure (3)."""
+    return (2, f"error: {error}") if isinstance(error, InputError) else (3, f"stopped: {error}")
+
+
+def number(allowed, test, kind=float):
+    """An argparse type: a finite `kind` that passes `test`, otherwise a message that says what is `allowed`."""
+
+    def convert(text):
+        try:
+            value = kind(text)
+            good = math.isfinite(value) and test(value)
+        except ValueError:
+            good = False
+        if not good:
+            raise argparse.ArgumentTypeError(f"is {text}; allowed is {allowed}")
+        return value
+
+    return convert
+
+
+COUNT = number("a whole number of 1 or more", lambda v: v >= 1, int)
+POSITIVE = number("a number above 0", lambda v: v > 0)
+ANY = number("a finite number", lambda v: True)
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that raises InputError, where argparse would print its usage and leave."""
+
+    def error(self, message):
+        raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
+
+
+class Help(argparse.ArgumentDefaultsHelpFormatter):
+    """Tells defaults, where there is one to tell."""
+
+    def _get_help_string(self, action):
+        return action.help if action.default in (None, False, []) else super()._get_help_string(action)
