@@ -8,6 +8,8 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from . import dolfinx_compat as compat
 from .errors import InputError
@@ -43,7 +45,7 @@ class Blank:
     @property
     def degree(self):
         """Polynomial degree of the displacement."""
-        return self.V.ufl_element().degree() if compat.OLD else self.V.ufl_element().basix_element.degree
+        return compat.degree(self.V)
 
     def coordinates(self):
         """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm]."""
@@ -115,6 +117,9 @@ def _read(path):
     except (Exception, SystemExit) as e:  # meshio's readers raise whatever their parsing stumbles on, or exit
         reason = " ".join(str(e).split()) or type(e).__name__
         raise InputError(f"mesh file {path} cannot be read ({reason}); allowed is any mesh that gmsh or meshio writes") from None
+    solid = sorted({block.type for block in mesh.cells if block.dim == 3})
+    if solid:
+        raise InputError(f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of {sorted(CELLS)}")
     surface = {block.type: [] for block in mesh.cells if block.type in CELLS or block.type in ("quad8", "polygon")}
     for block in mesh.cells:
         if block.type in surface:
@@ -138,6 +143,10 @@ def _checked(points, cells, kind, source):
     if not np.isfinite(points).all():
         node = used[np.flatnonzero(~np.isfinite(points).all(1))[0]]
         raise InputError(f"{source} has a coordinate that is not a number at node {node}; allowed are finite lengths in mm")
+    pairs = np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2).T
+    parts, _ = connected_components(coo_matrix((np.ones(pairs.shape[1]), pairs), shape=(len(points),) * 2), directed=False)
+    if parts > 1:
+        raise InputError(f"{source} falls into {parts} parts that share no node; allowed is one sheet")
     if points.shape[1] == 3 and np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points, axis=0).max():
         points = points[:, :2]
     corners = points[cells[:, : 3 if CELLS[kind][0] == "triangle" else 4]]

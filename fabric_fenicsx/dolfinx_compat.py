@@ -66,13 +66,16 @@ def cell_name(mesh):
 
 def is_affine(mesh):
     """Whether every cell has one tangent plane: straight-sided triangles."""
-    return cell_name(mesh) == "triangle" and geometry_dofmap(mesh).shape[1] == 3
+    return cell_name(mesh) == "triangle" and mesh.geometry.cmap.degree == 1
 
 
 def geometry_dofmap(mesh):
     """Geometry nodes of each local cell (owned first, then ghosts), (cells, k)."""
     dofmap = mesh.geometry.dofmap
-    return dofmap if isinstance(dofmap, np.ndarray) else dofmap.array.reshape(dofmap.num_nodes, -1)
+    if isinstance(dofmap, np.ndarray):
+        return dofmap
+    nodes = {("triangle", 1): 3, ("triangle", 2): 6, ("quadrilateral", 1): 4, ("quadrilateral", 2): 9}
+    return dofmap.array.reshape(dofmap.num_nodes, nodes[cell_name(mesh), mesh.geometry.cmap.degree])
 
 
 def vector_space(mesh, family, degree, dim):
@@ -105,6 +108,12 @@ class PointEvaluation:
         """Array (owned cells, points a cell, *shape of the expression)."""
         values = self._expression.eval(self._cells) if OLD else self._expression.eval(self._mesh, self._cells)
         return np.asarray(values).reshape(self._shape)
+
+
+def degree(space):
+    """Polynomial degree of a space of vectors."""
+    element = space.ufl_element()
+    return element.degree() if OLD else element.basix_element.degree
 
 
 def petsc_vector(function):

@@ -31,8 +31,14 @@ class Support:
 
 def grips(blank, stroke, clamped=True):
     """Supports of a strip pulled by `stroke` [mm] along the frame's first axis: clamps at its ends, or rollers with
-    one corner held."""
+    one corner held. Raises InputError if an end is not straight, over half the strip's width or more."""
     low, high = blank.extent()
+    x, comm = blank.along(blank.coordinates().T), blank.mesh.comm
+    for name, position in (("low", low[0]), ("high", high[0])):
+        at_end = x[1][np.abs(x[0] - position) <= 1e-6 * (high - low).max()]
+        held = comm.allreduce(at_end.max(initial=-np.inf), MPI.MAX) - comm.allreduce(at_end.min(initial=np.inf), MPI.MIN)
+        if held < 0.5 * (high - low)[1]:
+            raise InputError(f"the {name} end of {blank.name} along its length can be gripped over {held:.4g} of {(high - low)[1]:.4g} mm only; allowed is a straight end, half the width or more")
     near = 1e-6 * (high - low).max()
     components = tuple(range(len(low))) if clamped else (0, *range(2, len(low)))
 
@@ -72,12 +78,21 @@ def pulled(stroke):
     return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
 
 
+def _wall(blank):
+    """Area of the cells that a plane displacement turns inside out: the law, in invariants of C alone, can't see it."""
+    J = ufl.det(ufl.Identity(2) + ufl.grad(blank.displacement))
+    degree = 1 if compat.is_affine(blank.mesh) and blank.degree == 1 else 4
+    return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.Measure("dx", blank.mesh, metadata={"quadrature_degree": degree})
+
+
 class Scene:
     """Residual, tangent and energy of `terms` on a `blank` with `supports`, at a load factor in [0, 1].
 
     A term has a `name`, an `energy_kind` and its `energy`, a UFL form in `blank.u` [N mm]; residual and tangent
     are the energy's derivatives. Only the terms given are compiled and assembled.
     """
+
+    INVERTED = 1e29  # an energy at or above it means a cell that is turned inside out
 
     def __init__(self, blank, terms, supports=()):
         self.blank, self.terms, self.supports = blank, list(terms), list(supports)
@@ -89,6 +104,7 @@ class Scene:
         self._residual = compat.form(residual)
         self._tangent = compat.form(ufl.derivative(residual, u, ufl.TrialFunction(V)))
         self._energies = [compat.form(term.energy) for term in self.terms]
+        self._inverted = compat.form(_wall(blank)) if blank.mesh.geometry.dim == 2 else None
         self._supported()
         self._f = self.u.duplicate()
 
@@ -137,7 +153,12 @@ class Scene:
         return kinds
 
     def energy(self):
-        """Total energy at the present displacement [N mm]."""
+        """Total energy at the present displacement [N mm], at or above `INVERTED` if a cell is turned inside out."""
+        if self._inverted:
+            with phase("assemble"):
+                wall = fem.assemble_scalar(self._inverted)
+            if self.comm.allreduce(wall) > 0:
+                return 10 * self.INVERTED
         return sum(self.energies().values())
 
     def residual(self, r):

@@ -32,6 +32,7 @@ from .solve.newton import LINEAR_SOLVERS, Newton
 from .solve.stepping import march
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
+UNBALANCED = 0.02  # of the stored energy, above which a run warns that its work does not match
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
 QUICK = {"nx": 20, "steps": 5}
 FULL = {"nx": 100, "steps": 20}
@@ -107,7 +108,9 @@ class Study:
     def folder(self, part=""):
         """Make the output folder, or its subfolder `part`; raises InputError if it can't be written to."""
         path, error = self.args.out / part, None
-        if self.comm.rank == 0 and not self.args.resume:
+        if self.comm.rank == 0 and self.args.resume and not self.args.out.is_dir():
+            error = f"--resume finds no checkpoint in {path}; allowed is the --out of a run that was begun"
+        elif self.comm.rank == 0:
             try:
                 path.mkdir(parents=True, exist_ok=True)
                 with tempfile.TemporaryFile(dir=path):
@@ -133,6 +136,8 @@ class Study:
         with timing.phase("setup"):
             if args.mesh:
                 blank = Blank.read(self.comm, args.mesh, **options)
+                if blank.mesh.geometry.dim == 3:
+                    raise InputError(f"--mesh {args.mesh} is not plane in z; allowed in this study is a sheet in a plane z = const")
                 if compat.cell_name(blank.mesh) != cell:
                     raise InputError(f"--element {args.element} does not fit the cells of --mesh {args.mesh}; allowed is P on triangles, Q on quadrilaterals")
                 return blank
@@ -156,7 +161,12 @@ class Study:
             scene = Scene(membrane.blank, [membrane], supports)
             newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver, verbose=args.verbose)
         checkpoint = Checkpoint(folder / "checkpoint.npz", membrane.blank, self._problem(membrane.fabric))
-        start, notes = checkpoint.load() if args.resume else (None, {"rows": [], "states": []})
+        # a part of several that was not begun yet has none
+        resumed = args.resume and not (part and not self.comm.bcast(checkpoint.path.exists()))
+        start, notes = checkpoint.load() if resumed else (None, {"rows": [], "states": []})
+        if self.comm.rank == 0:
+            for old in [folder / "summary.json", *folder.glob("*.png")]:
+                old.unlink(missing_ok=True)  # of an earlier run, not of this one
         history = History(folder / "history.csv", self.comm, notes["rows"])
         with timing.phase("output"):
             series = FieldSeries(folder, membrane, notes["states"])
@@ -171,8 +181,12 @@ class Study:
                     series.write(accepted.load, cell_fields(membrane)[0])
                 checkpoint.save(accepted.progress, {"rows": history.rows, "states": series.states})
 
+        def reject(load, report):
+            if self.comm.rank == 0:
+                bar.write(f"step to load {load:.6g} rejected after {report.iterations} iterations: {report.reason}", file=sys.stderr)
+
         try:
-            outcome = march(newton, args.steps, args.max_step, on_accept=accept, start=start)
+            outcome = march(newton, args.steps, args.max_step, on_accept=accept, on_reject=reject, start=start)
         finally:
             bar.close()
             history.close()
@@ -182,6 +196,10 @@ class Study:
                 series.write(outcome.reached, fields)
         mesh = membrane.blank.mesh
         work = {"external_work": history.rows[-1]["external_work_Nmm"]}
+        stored = sum(scene.energies().values())
+        imbalance = abs(work["external_work"] - stored) / max(abs(stored), 1e-300)
+        if imbalance > UNBALANCED:
+            self.say(f"warning: work of the grips and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped")
         summary = self.summarise(
             folder,
             converged=outcome.reached == 1,
@@ -198,6 +216,7 @@ class Study:
             energy=dict.fromkeys(ENERGIES, 0.0) | scene.energies() | work,
             reaction_N=history.rows[-1]["reaction_N"],
             kernel_mismatch=self.comm.allreduce(mismatch, MPI.MAX),
+            energy_imbalance=imbalance,
             quantities=quantities(fields, history.rows),
         )
         if self.comm.rank == 0 and not args.no_pictures:
@@ -226,7 +245,9 @@ class Study:
             },
         }
         if self.comm.rank == 0:
-            (folder / "summary.json").write_text(json.dumps(summary, indent=2) + "\n")
+            part = folder / ".summary.json.part"
+            part.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
+            part.replace(folder / "summary.json")
         return summary
 
     def _problem(self, fabric):
@@ -265,6 +286,10 @@ def run(name, options, main):
         return
     except (InputError, SolverFailure) as error:
         status, text = exit_status(error)
+    except OSError as error:
+        status, text = 2, f"error: {error.filename} can't be read or written ({error.strerror}); allowed is a file in a folder of this user"
+    except KeyboardInterrupt:
+        status, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
     except Exception:
         traceback.print_exc()
         sys.stderr.flush()

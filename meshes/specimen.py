@@ -102,9 +102,13 @@ def main():
     parser.add_argument("--out", default="specimen.msh", help="file to write, of any format that gmsh writes")
     args = parser.parse_args()
     for name in ("length", "width", "nx", "ny"):
-        if not getattr(args, name) > 0:
-            parser.error(f"--{name} is {getattr(args, name)}; allowed is a value > 0")
+        if not 0 < getattr(args, name) < float("inf"):
+            parser.error(f"--{name} is {getattr(args, name)}; allowed is a finite value above 0")
     points, cells, kind = specimen(args.length, args.width, args.nx, args.ny, args.pattern, args.cell)
+    try:
+        open(args.out, "w").close()  # gmsh only logs that it could not write
+    except OSError as error:
+        parser.error(f"--out {args.out} can't be written ({error.strerror}); allowed is a file in a folder that is there")
     write(args.out, points, cells, kind)
     print(f"{args.out}: {len(points)} nodes, {len(cells)} {args.cell}s")
 

@@ -38,8 +38,9 @@ def pull(study, fabric, part=""):
 
     def quantities(fields, rows):
         x, u = blank.along(blank.coordinates().T), blank.u.x.array.reshape(-1, len(low)).T
-        middle = np.abs(x[0] - (low + high)[0] / 2) <= (high - low)[0] / args.nx
-        edges = study.extremes((x + u)[1][middle])
+        distance = np.abs(x[0] - (low + high)[0] / 2)
+        nearest = study.extremes(distance)[0]
+        edges = study.extremes((x + u)[1][distance <= nearest + 0.02 * (high - low)[0]])
         return {
             "nominal_stress_MPa": rows[-1]["reaction_N"] / ((high - low)[1] * fabric.thickness),
             "log_eps_11_max": study.extremes(fields["log_eps_11"])[1],
@@ -58,7 +59,10 @@ def main(study):
         result = pull(study, study.fabric)
         study.say(f"{result.folder}: reaction {result.summary['reaction_N']:.6g} N, most negative log eps22 {100 * result.summary['quantities']['log_eps_22_min']:.3g} %")
         return
+    folder = study.folder()
     results = {name: pull(study, change(study.fabric), name.replace(" ", "_")) for name, change in VARIANTS.items()}
+    variants = {name: r.summary for name, r in results.items()}
+    study.summarise(folder, converged=True, stroke_reached=1.0, quantities={name: s["quantities"] | {"reaction_N": s["reaction_N"]} for name, s in variants.items()}, variants=sorted(variants))
     if study.comm.rank == 0 and not study.args.no_pictures:
         from fabric_fenicsx.results import pictures
         from fabric_fenicsx.results.fields import read_last

@@ -61,8 +61,15 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
     if bad.size:
         raise InputError(f"the deformation at point {bad[0]} is {given[bad[0]].tolist()}; allowed are finite ones with J > 0")
 
-    a, b = ([1.0, 0.0], [0.0, 1.0]) if fibres is None else fibres
-    (a1, a2), (b1, b2) = (np.moveaxis(np.asarray(v, float).reshape(-1, 2), 1, 0) for v in (a, b))
+    if gradient is None and np.abs(given[:, 0, 1] - given[:, 1, 0]).max(initial=0.0) > 1e-12 * np.abs(given).max(initial=0.0):
+        raise InputError("stretch or Cauchy-Green tensors are not symmetric; allowed are symmetric ones")
+    a, b = (np.asarray(v, float).reshape(-1, 2) for v in (([1.0, 0.0], [0.0, 1.0]) if fibres is None else fibres))
+    for name, v in (("a0", a), ("b0", b)):
+        if len(v) not in (1, len(C)) or not (np.abs((v**2).sum(1) - 1) < 1e-9).all():
+            raise InputError(f"fibres {name} of shape {v.shape} are not unit vectors, one or {len(C)}; allowed are unit vectors (2,) or (n, 2)")
+    if (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
+        raise InputError("fibres a0 and b0 are parallel; allowed is any other angle")
+    (a1, a2), (b1, b2) = (np.moveaxis(v, 1, 0) for v in (a, b))
     Cb1, Cb2 = C11 * b1 + C12 * b2, C12 * b1 + C22 * b2
     I4 = a1 * (C11 * a1 + C12 * a2) + a2 * (C12 * a1 + C22 * a2)
     I6, I8 = a1 * Cb1 + a2 * Cb2, b1 * Cb1 + b2 * Cb2

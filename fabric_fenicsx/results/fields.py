@@ -42,32 +42,33 @@ class FieldSeries:
         self.comm = self.blank.mesh.comm
         self.directory = directory
         self._folder = directory / "fields"
-        self.states = [tuple(state) for state in states]  # (load, ranks) of each state written
+        self.states = [tuple(state) for state in states]  # (load, ranks with cells) of each state written
         if self.comm.rank == 0:
             self._folder.mkdir(exist_ok=True)
-            for old in self._folder.glob("*.vtu"):
+            for old in self._folder.glob("[0-9]*_*.vtu"):
                 if int(old.name.split("_")[0]) >= len(self.states):
                     old.unlink()
-        self.comm.barrier()
         cells, types, self._points = compat.vtk_mesh(self.blank.V)
-        self._grid = pyvista.UnstructuredGrid(cells, types, self._points)
+        self._ranks = [rank for rank, n in enumerate(self.comm.allgather(len(types))) if n]
+        self._grid = pyvista.UnstructuredGrid(cells, types, self._points) if len(types) else None
 
     def write(self, load, fields):
         """Append the state at `load` with its `cell_fields`."""
-        u = np.zeros_like(self._points)
-        values = self.blank.nodal_displacement()[: len(u)]
-        u[:, : values.shape[1]] = values
-        self._grid.point_data["u"] = u
-        for name, array in fields.items():
-            self._grid.cell_data[name] = array
-        self._grid.cell_data["rank"] = np.full(self._grid.n_cells, self.comm.rank, dtype=np.int32)
-        self._grid.save(self._folder / f"{len(self.states):04d}_{self.comm.rank}.vtu")
-        self.states.append((load, self.comm.size))
+        if self._grid:
+            u = np.zeros_like(self._points)
+            values = self.blank.nodal_displacement()[: len(u)]
+            u[:, : values.shape[1]] = values
+            self._grid.point_data["u"] = u
+            for name, array in fields.items():
+                self._grid.cell_data[name] = array
+            self._grid.cell_data["rank"] = np.full(self._grid.n_cells, self.comm.rank, dtype=np.int32)
+            self._grid.save(self._folder / f"{len(self.states):04d}_{self.comm.rank}.vtu")
+        self.states.append((load, self._ranks))
         self.comm.barrier()
         if self.comm.rank == 0:
             sets = "\n".join(
                 f'<DataSet timestep="{t:.12g}" part="{r}" file="fields/{i:04d}_{r}.vtu"/>'
-                for i, (t, ranks) in enumerate(self.states) for r in range(ranks)
+                for i, (t, ranks) in enumerate(self.states) for r in ranks
             )  # fmt: skip
             text = f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n{sets}\n</Collection>\n</VTKFile>\n'
             (self.directory / "fields.pvd").write_text(text)

@@ -5,6 +5,7 @@ import os
 import zipfile
 
 import numpy as np
+from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
@@ -46,7 +47,10 @@ class Checkpoint:
         if isinstance(content, str):
             raise InputError(content)
         meta, x, u, previous = content
-        _, node = cKDTree(x).query(self.blank.coordinates()[: self.owned])
+        distance, node = cKDTree(x).query(self.blank.coordinates()[: self.owned])
+        nodes, size = self.comm.allreduce(self.owned), np.ptp(x, axis=0).max()
+        if nodes != len(x) or self.comm.allreduce(distance.max(initial=0.0), MPI.MAX) > 1e-9 * size:
+            raise InputError(f"checkpoint {self.path} is of another mesh, with {len(x)} nodes, now there are {nodes} or they lie elsewhere; allowed is the same mesh")
         vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
         for vector, values in zip(vectors, (u, previous)):
             vector.array[:] = values[node].ravel()

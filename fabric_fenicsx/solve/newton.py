@@ -17,18 +17,20 @@ SNES_WORDS = {
     Reason.DIVERGED_LINEAR_SOLVE: "the linear solver failed",
     Reason.DIVERGED_LINE_SEARCH: "the line search found no state of lower energy",
     Reason.DIVERGED_FNORM_NAN: "the energy or its forces are not a number",
-    Reason.DIVERGED_LOCAL_MIN: "the tangent stays indefinite under any shift",
+    Reason.DIVERGED_FUNCTION_DOMAIN: "a cell is turned inside out",
+    Reason.DIVERGED_LOCAL_MIN: "the state is a saddle of the energy that could not be left",
 }
 KSP_WORDS = {
     value: name.lower().replace("_", " ").replace("diverged ", "") for name, value in vars(PETSc.KSP.ConvergedReason).items()
     if isinstance(value, int)
 }  # fmt: skip
+NOT_DEFINITE = (PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT, PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC)
 
 LINEAR_SOLVERS = {
     "mumps-cholesky": {"ksp_type": "preonly", "pc_type": "cholesky", "mat_mumps_icntl_24": 1},
     "mumps-lu": {"ksp_type": "preonly", "pc_type": "lu"},
-    "cg-gamg": {"ksp_type": "cg", "pc_type": "gamg", "ksp_rtol": 1e-8, "ksp_max_it": 1000},
-    "cg-hypre": {"ksp_type": "cg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 1000},
+    "cg-gamg": {"ksp_type": "cg", "pc_type": "gamg", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
+    "cg-hypre": {"ksp_type": "cg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
 }
 
 
@@ -48,20 +50,26 @@ class Report:
     residuals: list = field(default_factory=list)
 
 
+class _Ended(Exception):
+    """Carries the SNES reason out of the iteration."""
+
+
 class Newton:
     """Minimises the scene's energy at fixed supports, from a start at which the supports have their values.
 
-    tolerance: of the residual's norm over that of the support forces. Each step is the tangent's, shortened until
-    the energy falls; below the energy's rounding, until the residual falls. A correction below the rounding of
-    positions ends it too, as no tolerance can ask for more. A tangent with negative pivots is
-    shifted along its diagonal until it has none. MUMPS keeps its symbolic factorisation.
+    tolerance: of the residual's norm over that of the support forces. Each step is the tangent's, taken as far as the
+    energy falls along it; where the energy's differences drown in rounding, as far as the residual falls. A tangent
+    with negative pivots is shifted along its diagonal until it has none, and a saddle is left along a direction of
+    negative curvature. A correction below the rounding of positions ends it too, as no tolerance can ask for more.
+    MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots.
     """
 
-    SUFFICIENT = 1e-4  # of the decrease that the slope promises (Armijo)
+    FLAT = 0.7  # slope left at the end of a line search, of the one at its start
     ROUNDING = 1e-12  # of the energy, below which its differences are noise
     RESOLUTION = 1e-14  # of the blank's size, below which displacements are noise
+    SADDLES = 5  # to be left in one solve
 
-    def __init__(self, scene, tolerance=1e-8, max_iterations=25, linear_solver="mumps-cholesky", verbose=False):
+    def __init__(self, scene, tolerance=1e-8, max_iterations=100, linear_solver="mumps-cholesky", verbose=False):
         if linear_solver not in LINEAR_SOLVERS:
             raise InputError(f"linear solver is {linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
         self.scene, self.tolerance, self.max_iterations, self.verbose = scene, tolerance, max_iterations, verbose
@@ -76,14 +84,18 @@ class Newton:
         self.snes.setPythonContext(self)
         self.snes.setFunction(self._function, self._r)
         self.snes.setJacobian(self._jacobian, self.A)
-        options = PETSc.Options()
-        for key, value in LINEAR_SOLVERS[linear_solver].items():
-            options[f"fabric_{key}"] = value
+        options = PETSc.Options("fabric_")
+        given = LINEAR_SOLVERS[linear_solver]
+        for key, value in given.items():
+            options[key] = value
         if linear_solver.startswith("mumps"):
-            self.snes.ksp.pc.setType(LINEAR_SOLVERS[linear_solver]["pc_type"])
+            self.snes.ksp.pc.setType(given["pc_type"])
             self.snes.ksp.pc.setFactorSolverType("mumps")
         self.snes.setFromOptions()
-        self.snes.ksp.setErrorIfNotConverged(False)
+        self.snes.ksp.setFromOptions()
+        for key in given:
+            if key != "mat_mumps_icntl_24":  # read only when the factor is made
+                options.delValue(key)
 
     def solve_for(self, x):
         """Solve from x, overwritten by the solution; returns a `Report`."""
@@ -98,17 +110,21 @@ class Newton:
 
     def tangent_predictor(self, x, change):
         """Linear response at x to a `change` (held dofs of this rank) [mm] of the support values, added to x."""
-        self.scene.set(x)
-        d, rhs = self._d, self._trial
+        scene, d, rhs = self.scene, self._d, self._trial
+        scene.set(x)
         d.set(0)
-        d.array[self.scene.held] = change
-        self.scene.tangent(self.A, held=False)
+        d.array[scene.held] = change
+        scene.tangent(self.A, held=False)
         self.A.mult(d, rhs)
         rhs.scale(-1)
-        rhs.array[self.scene.held] = change
-        self.scene.tangent(self.A)
-        self._linear_solve(rhs, d, Report())
-        d.array[self.scene.held] = change
+        rhs.array[scene.held] = change
+        scene.tangent(self.A)
+        self.report = Report()
+        try:
+            self._linear_solve(rhs, d)
+        except _Ended:
+            d.set(0)  # the supports alone move; the iterations that follow say what is wrong
+        d.array[scene.held] = change
         x.axpy(1.0, d)
 
     # -- what SNES calls
@@ -121,82 +137,154 @@ class Newton:
         self.scene.tangent(A)
 
     def solve(self, snes, b, x):
-        report, scene, r, d, trial = self.report, self.scene, self._r, self._d, self._trial
+        try:
+            self._iterate(snes, x)
+        except _Ended as end:
+            snes.setConvergedReason(end.args[0])
+
+    def _iterate(self, snes, x):
+        report, r, d = self.report, self._r, self._d
         snes.computeFunction(x, r)
-        energy = scene.energy()
-        for report.iterations in range(self.max_iterations + 1):
-            norm = r.norm()
-            report.residuals.append(norm)
-            report.scale = scene.force_scale()
-            snes.monitor(report.iterations, norm)
-            self._tell(f"iteration {report.iterations:2d}  residual {norm:9.3e} N of {report.scale:9.3e} N  energy {energy:.12e} N mm")
-            if not (np.isfinite(norm) and np.isfinite(energy)):
-                return snes.setConvergedReason(Reason.DIVERGED_FNORM_NAN)
-            if norm == 0:
-                return snes.setConvergedReason(Reason.CONVERGED_FNORM_ABS)
-            if norm <= self.tolerance * report.scale:
-                return snes.setConvergedReason(Reason.CONVERGED_FNORM_RELATIVE)
-            if report.iterations == self.max_iterations:
-                return snes.setConvergedReason(Reason.DIVERGED_MAX_IT)
-            snes.computeJacobian(x, self.A)
+        energy, saddles = self.scene.energy(), 0
+        if energy >= self.scene.INVERTED:
+            raise _Ended(Reason.DIVERGED_FUNCTION_DOMAIN)
+        while True:
+            reason = self._converged(snes, energy)
             shifts = report.shifts
-            failure = self._linear_solve(r, d, report)
-            if failure:
-                return snes.setConvergedReason(failure)
-            if report.shifts == shifts and d.norm(PETSc.NormType.NORM_INFINITY) <= self._smallest:
-                return snes.setConvergedReason(Reason.CONVERGED_SNORM_RELATIVE)
-            slope = -r.dot(d)
-            self._tell(f"              step of {np.sqrt(abs(slope)):9.3e} in the energy norm / sqrt(N mm)")
-            length = 1.0
-            while True:
-                x.copy(trial)
-                trial.axpy(-length, d)
-                snes.computeFunction(trial, r)
-                new_energy, change = scene.energy(), 0.0
-                change = new_energy - energy
-                if -slope * length > self.ROUNDING * abs(energy):
-                    good = change <= self.SUFFICIENT * length * slope
-                else:
-                    good = r.norm() < norm
-                if good:
+            if not reason:
+                if report.iterations == self.max_iterations:
+                    raise _Ended(Reason.DIVERGED_MAX_IT)
+                snes.computeJacobian(x, self.A)
+                self._linear_solve(r, d)
+                d.scale(-1)
+                if report.shifts == shifts and d.norm(PETSc.NormType.NORM_INFINITY) <= self._smallest:
+                    reason = Reason.CONVERGED_SNORM_RELATIVE
+            if reason:
+                if not self._is_saddle(snes, x):
+                    raise _Ended(reason)
+                saddles += 1
+                if saddles > self.SADDLES:
+                    raise _Ended(Reason.DIVERGED_LOCAL_MIN)
+                energy = self._leave_saddle(x, energy)
+            else:
+                energy = self._line_search(x, energy)
+            report.iterations += 1
+
+    def _converged(self, snes, energy):
+        """A reason to stop, from the residual at the present state; 0 to go on."""
+        report, norm = self.report, self._r.norm()
+        report.residuals.append(norm)
+        report.scale = self.scene.force_scale()
+        snes.monitor(report.iterations, norm)
+        self._tell(f"iteration {report.iterations:2d}  residual {norm:9.3e} N of {report.scale:9.3e} N  energy {energy:.12e} N mm")
+        if not (np.isfinite(norm) and np.isfinite(energy)):
+            raise _Ended(Reason.DIVERGED_FNORM_NAN)
+        if norm == 0:
+            return Reason.CONVERGED_FNORM_ABS
+        return Reason.CONVERGED_FNORM_RELATIVE if norm <= self.tolerance * report.scale else 0
+
+    def _line_search(self, x, energy):
+        """Go along d from x to where the energy's slope is small, bracketed by its sign; returns the energy there.
+
+        The energy is piecewise smooth with kinks in its slope, where a parabola through energies misleads; its slope,
+        the residual along d, is continuous. Leaves residual and scene at the new x.
+        """
+        r, d, trial, snes, report = self._r, self._d, self._trial, self.snes, self.report
+        norm, slope = r.norm(), r.dot(d)
+        self._tell(f"              step of {np.sqrt(abs(slope)):9.3e} in the energy norm / sqrt(N mm)")
+        if slope >= 0:  # only solvers that do not tell inertia get here
+            raise _Ended(Reason.DIVERGED_LINE_SEARCH)
+        drowned = -slope <= self.ROUNDING * abs(energy)
+        low, high, length = (0.0, slope), None, 1.0
+        while True:
+            x.copy(trial)
+            trial.axpy(length, d)
+            snes.computeFunction(trial, r)
+            there = self.scene.energy()
+            along = r.dot(d) if there < self.scene.INVERTED else np.nan
+            fell = r.norm() < norm if drowned else there < energy
+            if fell and (drowned or abs(along) <= -self.FLAT * slope):
+                break
+            if high is None and fell and along < 0 and length < 8:  # still downhill
+                low, length = (length, along), 2 * length
+                continue
+            if fell and along < 0:
+                if high is None:
                     break
-                report.cuts += 1
-                parabola = -slope * length / (2 * (change / length - slope)) if np.isfinite(change) and change / length > slope else 0
-                length = float(np.clip(parabola, 0.1 * length, 0.5 * length))
-                if length < 1e-8:
-                    return snes.setConvergedReason(Reason.DIVERGED_LINE_SEARCH)
-            trial.copy(x)
-            energy = new_energy
-        raise AssertionError("unreachable")
+                low = length, along
+            else:
+                high = length, along
+            report.cuts += 1
+            (a, sa), (b, sb) = low, high
+            inside = a - sa * (b - a) / (sb - sa) if np.isfinite(sb) and sb > 0 else 0.5 * (a + b)
+            length = float(np.clip(inside, a + 0.1 * (b - a), b - 0.1 * (b - a)))
+            if b - a <= 1e-9:
+                raise _Ended(Reason.DIVERGED_LINE_SEARCH)
+        trial.copy(x)
+        return there
 
-    def _tell(self, text):
-        if self.verbose and self.scene.comm.rank == 0:
-            print("    " + text, flush=True)
-
-    def _linear_solve(self, rhs, d, report):
-        """Solve A d = rhs, shifting A until it is positive definite; a SNES reason if that fails, else None."""
-        ksp, shift = self.snes.ksp, 0.0
+    def _linear_solve(self, rhs, d):
+        """Solve A d = rhs, with A shifted until it is positive definite; notes negative pivots of A itself."""
+        report, ksp, shift = self.report, self.snes.ksp, 0.0
         for attempt in range(20):
             with phase("linear_solve"):
                 ksp.setOperators(self.A)
                 ksp.solve(rhs, d)
-                failed = ksp.getConvergedReason() < 0
-                negative = self._negative_pivots() if not failed else None
-            indefinite = bool(negative) or ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT
+                reason = ksp.getConvergedReason()
+                negative = self._negative_pivots() if reason > 0 else None
             if attempt == 0:
                 report.negative_pivots = negative
-            if failed and not indefinite:
-                return Reason.DIVERGED_LINEAR_SOLVE
-            if not indefinite:
-                return None
+            if not negative and reason > 0:
+                return
+            if not negative and reason not in NOT_DEFINITE:
+                raise _Ended(Reason.DIVERGED_LINEAR_SOLVE)
             report.shifts += 1
             mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
             increase = 1e-3 * mean if shift == 0 else 3 * shift
             self.A.shift(increase)
             shift += increase
-        return Reason.DIVERGED_LOCAL_MIN
+        raise _Ended(Reason.DIVERGED_LOCAL_MIN)
 
     def _negative_pivots(self):
         if not self.tells_inertia:
             return None
         return self.snes.ksp.pc.getFactorMatrix().getInertia()[0]
+
+    def _is_saddle(self, snes, x):
+        """Whether the tangent at the converged x has negative pivots; asked anew if the last tangent did or if none was."""
+        report = self.report
+        if not self.tells_inertia or (report.negative_pivots == 0 and report.iterations > 0):
+            return False
+        snes.computeJacobian(x, self.A)
+        with phase("linear_solve"):
+            snes.ksp.setOperators(self.A)
+            snes.ksp.setUp()
+            report.negative_pivots = self._negative_pivots()
+        return report.negative_pivots > 0
+
+    def _leave_saddle(self, x, energy):
+        """Go downhill from the saddle x along its softest direction, found by inverse iteration; returns the energy."""
+        d, trial, r = self._d, self._trial, self._r
+        d.array[:] = np.random.default_rng(self.scene.comm.rank).standard_normal(len(d.array))
+        d.array[self.scene.held] = 0
+        for _ in range(4):
+            d.scale(1 / d.norm())
+            d.copy(trial)
+            self._linear_solve(trial, d)
+        d.scale(1e10 * self._smallest / d.norm(PETSc.NormType.NORM_INFINITY))
+        for _ in range(30):
+            for sign in (1.0, -1.0):
+                x.copy(trial)
+                trial.axpy(sign, d)
+                self.snes.computeFunction(trial, r)
+                there = self.scene.energy()
+                if there < energy:
+                    self._tell(f"              left a saddle of {self.report.negative_pivots} negative pivots")
+                    trial.copy(x)
+                    return there
+            d.scale(0.5)
+        raise _Ended(Reason.DIVERGED_LOCAL_MIN)
+
+    def _tell(self, text):
+        if self.verbose and self.scene.comm.rank == 0:
+            print("    " + text, flush=True)

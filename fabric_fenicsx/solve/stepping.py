@@ -49,7 +49,7 @@ class Outcome:
     iterations: int = 0
 
 
-def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, start=None):
+def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, on_reject=None, start=None):
     """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`; an `Outcome`.
 
     steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is halved down to
@@ -66,6 +66,7 @@ def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, start=
     at, r = start, x.duplicate()
     if at is None:
         at = Progress(0.0, min(1.0 / steps, max_step), None, 0.0, scene.u.copy(), x.duplicate())
+    at.step = min(at.step, max_step)
     outcome = Outcome(reached=at.load)
     scene.set(at.x)
     scene.residual(r)
@@ -86,6 +87,8 @@ def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, start=
         outcome.iterations += report.iterations
         if not report.converged:
             outcome.rejected += 1
+            if on_reject:
+                on_reject(load, report)
             cuts += 1
             scene.set(at.x)
             at.step = CUT * taken

@@ -131,3 +131,40 @@ def test_resume_after_a_kill_on_other_ranks(launch):
     assert 0 < again.summary["steps_accepted"] < 40
     assert curve(again.folder) == pytest.approx(expected, rel=1e-9, abs=1e-12)
     assert pyvista.PVDReader(again.folder / "fields.pvd").time_values == pytest.approx(np.linspace(0, 1, 9))
+
+
+def test_a_load_that_cannot_be_reached(launch):
+    done = launch("bias_extension", "--quick", "--strain", 0.9, ranks=2)
+    assert done.status == 3, done.err
+    (said,) = [line for line in done.err.splitlines() if line.startswith("studies/bias_extension.py: stopped: gave up at load factor")]
+    s = done.summary
+    assert not s["converged"] and 0.5 < s["stroke_reached"] < 1 and s["reason"] in said and "Traceback" not in done.err
+    history = rows(done.folder)
+    assert history[-1]["load"] == pytest.approx(s["stroke_reached"])
+    assert pyvista.PVDReader(done.folder / "fields.pvd").time_values[-1] == pytest.approx(s["stroke_reached"])
+    assert "rejected after" in done.err
+
+
+def test_more_ranks_than_cells(launch):
+    done = launch("tensile", "--nx", 1, "--ny", 1, ranks=5)
+    assert done.status == 0 and done.summary["cells"] == 4, done.err
+
+
+def test_a_comparison_goes_on_where_it_was_killed(launch):
+    options = ("--quick", "--compare", "--no-pictures")
+    whole = launch("tensile", *options)
+    for file in (whole.folder / "FABRIC").glob("*.*"):
+        file.unlink()
+    again = launch("tensile", *options, "--resume")
+    assert again.status == 0 and again.out == whole.out, again.err
+
+
+def test_another_mesh_is_not_resumed(launch, tmp_path):
+    from fabric_fenicsx.meshes.specimen import specimen, write
+
+    write(tmp_path / "s.msh", *specimen(nx=20, ny=5))
+    options = ("--quick", "--no-pictures", "--mesh", "s.msh")
+    assert launch("tensile", *options).status == 0
+    write(tmp_path / "s.msh", *specimen(nx=24, ny=6))
+    again = launch("tensile", *options, "--resume", ranks=2)
+    assert again.status == 2 and "another mesh" in again.err

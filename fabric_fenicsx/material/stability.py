@@ -1,0 +1,170 @@
+"""Material stability at n states at once, in NumPy: convexity in the yarn strains, ellipticity in and out of the plane.
+
+Convexity: the Hessian of W in (eps_a, eps_b) at fixed gamma has no negative eigenvalue.
+Ellipticity (Legendre-Hadamard, the local form of rank-one convexity; Ball 1977, Arch. Rational Mech. Anal. 63, 337-403):
+m·Q(N) m >= 0 for all unit N of the undeformed and m of the deformed sheet, Q_ij(N) = d2W/dF_iA dF_jB N_A N_B. Where it
+fails, the law itself allows a band normal to N. m lies in the plane here; for m out of the plane Q is N·S N, so that a
+membrane is stable against wrinkling where its smallest principal S is not negative.
+
+Neither implies the other. The shear stiffness is so small that a few hundredths of a MPa of compression along a yarn
+already end ellipticity (yarns kink as they buckle); a Hessian that is indefinite need not, as no band strains both yarns freely.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from .pointwise import _derivatives
+
+KINK = 1e-10  # |I - 1| up to which a yarn counts as unstrained: there the softer side is taken, compression (d << b)
+SCAN = 24  # directions that Newton's method starts from the local minima of; a well is at least as wide as a cosine's
+POLISH = 5
+
+
+class Stability(NamedTuple):
+    """Result of `evaluate`; arrays in the leading shape of its input."""
+
+    convexity: np.ndarray  # indicator [-]: hessian over its value at rest; 1 at rest, negative where convexity is lost
+    ellipticity: np.ndarray  # indicator [-]: acoustic over s1; 1 at rest for orthogonal yarns, negative where it is lost
+    hessian: np.ndarray  # smallest eigenvalue of d2W/d(eps_a, eps_b)2 [MPa]
+    acoustic: np.ndarray  # smallest eigenvalue of Q over all directions N [MPa]
+    direction: np.ndarray  # its N: angle from a0 towards b0 [rad], above -pi/2 and up to pi/2
+    out_of_plane: np.ndarray  # smallest principal S, the smallest N·S N [MPa]
+
+
+def invariants(eps_a, eps_b, gamma=0.0, angle=np.pi / 2):
+    """I4, I6, I8, I10 (..., 4) of eqs (5)-(8) from yarn strains [-], shear angle and initial angle between the yarns [rad]."""
+    ea, eb, gamma, angle = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma, angle)))
+    la, lb = 1 + ea, 1 + eb
+    return np.stack([la**2, la * lb * np.cos(angle - gamma), lb**2, gamma], -1)
+
+
+def convexity(fabric, eps_a, eps_b, gamma=0.0):
+    """Smallest eigenvalue of the Hessian of W in (eps_a, eps_b) at fixed gamma [MPa], in the broadcast shape of the strains [-, rad]."""
+    ea, eb, gamma = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma)))
+    W = _in_strains(fabric, (1 + ea.ravel()) ** 2, (1 + eb.ravel()) ** 2, gamma.ravel())
+    return _hessian(W).reshape(ea.shape)
+
+
+def evaluate(fabric, invariants) -> Stability:
+    """Stability at states given by their invariants (..., 4) as in `pointwise.State`, which also tell the initial angle of the yarns.
+
+    fabric: `WovenFabric` or `TabulatedFabric`; nothing else of a state is needed, as W has no other argument.
+    A state that is not finite gives nan.
+    """
+    invariants = np.asarray(invariants, float)
+    shape = invariants.shape[:-1]
+    I4, I6, I8, gamma = invariants.reshape(-1, 4).T
+    la, lb = np.sqrt(I4), np.sqrt(I8)
+    W = _in_strains(fabric, I4, I8, gamma)
+    with np.errstate(invalid="ignore"):
+        now = np.arctan2(np.sqrt(I4 * I8 - I6**2), I6)
+    Q, tension = _acoustic(W, la, lb, now, now + gamma)
+    hessian, (acoustic, direction) = _hessian(W), _smallest(Q)
+    rest = _hessian(_in_strains(fabric, np.ones(1), np.ones(1), np.zeros(1)))[0]
+    values = hessian / (rest or 1.0), acoustic / (fabric.s1 or 1.0), hessian, acoustic, direction, tension
+    return Stability(*(v.reshape(shape) for v in values))
+
+
+def first_loss(value: Callable, start, end, samples=500):
+    """First negative `value` on the way from `start` to `end`, (n,), nan where there is none.
+
+    value: function of parameters (n, k) to values (n, k); start, end: (n,) or numbers. Bisected to rounding after a scan of `samples`.
+    """
+    start, end = (np.atleast_1d(np.asarray(v, float))[:, None] for v in (start, end))
+    s = start + (end - start) * np.linspace(0, 1, samples)
+    lost = value(s) < 0
+    k = lost.argmax(1)[:, None]
+    low, high = np.take_along_axis(s, np.maximum(k - 1, 0), 1), np.take_along_axis(s, k, 1)
+    for _ in range(50):
+        middle = (low + high) / 2
+        bad = value(middle) < 0
+        low, high = np.where(bad, low, middle), np.where(bad, middle, high)
+    return np.where(lost.any(1), high[:, 0], np.nan)
+
+
+def _in_strains(fabric, I4, I8, gamma):
+    """dW/d(a, b, g) and d2W (aa, ab, bb, ag, bg, gg) in eps_a, eps_b, gamma, from the kernel's in I4, I8, gamma."""
+    I4, I8 = (np.where(np.abs(I - 1) <= KINK, 1.0, I) for I in (I4, I8))
+    _, (W4, W8, Wg), (W44, W48, W88, W4g, W8g, Wgg) = _derivatives(fabric, I4, I8, gamma, True)
+    la, lb = np.sqrt(I4), np.sqrt(I8)
+    first = 2 * la * W4, 2 * lb * W8, Wg
+    return *first, 2 * W4 + 4 * I4 * W44, 4 * la * lb * W48, 2 * W8 + 4 * I8 * W88, 2 * la * W4g, 2 * lb * W8g, Wgg
+
+
+def _hessian(W):
+    _, _, _, aa, ab, bb, *_ = W
+    return (aa + bb) / 2 - np.hypot((aa - bb) / 2, ab)
+
+
+def _acoustic(W, la, lb, now, rest):
+    """Q(N) in a frame along the deformed a, as half trace, half difference and off-diagonal over 1, cos, sin of 2 theta, (3, 3, n);
+    and the smallest N·S N.
+
+    now, rest: angle between the yarns, deformed and not. With F + s m N the yarns change by s (N·a0) m and s (N·b0) m, so that
+    Q = (N·a0)^2 A + (N·b0)^2 B + 2 (N·a0)(N·b0) X with three blocks of the Hessian of W in (fa, fb).
+    """
+    Wa, Wb, Wg, aa, ab, bb, ag, bg, gg = W
+    c, s = np.cos(now), np.sin(now)
+
+    def block(xx, xy, yx, yy):
+        return (xx + yy) / 2, (xx - yy) / 2, (xy + yx) / 2
+
+    # along and across each yarn: eps'' = across^2 / l, gamma' = across_a / la - across_b / lb, gamma'' = -+2 along across / l^2
+    off_a, off_b = ag / la - Wg / la**2, Wg / lb**2 - bg / lb
+    A, B = block(aa, off_a, off_a, gg / la**2 + Wa / la), block(bb, off_b, off_b, gg / lb**2 + Wb / lb)
+    C, S = c * c - s * s, 2 * c * s
+    B = B[0], B[1] * C - B[2] * S, B[1] * S + B[2] * C  # turned from b's frame to a's
+    x, y, z, w = ab, -ag / lb, bg / la, -gg / (la * lb)
+    X = block(x * c - y * s, x * s + y * c, z * c - w * s, z * s + w * c)
+    # (N·b0)^2 and (N·a0)(N·b0) in cos and sin of 2 theta
+    c0, s0 = np.cos(rest), np.sin(rest)
+    C0, S0 = c0 * c0 - s0 * s0, 2 * c0 * s0
+    Q = np.array([[(p + q) / 2 + r * c0, (p + q * C0) / 2 + r * c0, q * S0 / 2 + r * s0] for p, q, r in zip(A, B, X)])
+    # the same for m out of the plane, where only lengths and angle change
+    with np.errstate(invalid="ignore", divide="ignore"):
+        p, q, r = Wa / la - Wg * c / (s * la**2), Wb / lb - Wg * c / (s * lb**2), Wg / (s * la * lb)
+    tension = (p + q) / 2 + r * c0 - np.hypot((p + q * C0) / 2 + r * c0, q * S0 / 2 + r * s0)
+    return Q, tension
+
+
+def _smallest(Q):
+    """Smallest eigenvalue over all directions (n,) and its theta (n,), from `_acoustic`'s coefficients (3, 3, n).
+
+    The eigenvalue is half trace less the length of (half difference, off-diagonal), each a first harmonic of 2 theta, and so
+    the least of first harmonics: around a minimum it stays below a cosine, and no well falls between the directions scanned.
+    """
+    n = Q.shape[2]
+    angles = 2 * np.pi * np.arange(SCAN) / SCAN
+    t, h, o = (np.stack([np.ones(SCAN), np.cos(angles), np.sin(angles)], 1) @ q for q in Q)
+    v = t - np.sqrt(h * h + o * o)
+    # not above its neighbours; written so that nan goes on to the result
+    point, k = np.nonzero((~(v > np.roll(v, 1, 0)) & ~(v > np.roll(v, -1, 0))).T)
+    q = Q[:, :, point]
+    c, s = np.cos(angles)[k], np.sin(angles)[k]
+    scanned = best = v[k, point]
+    limit = np.tan(2 * np.pi / SCAN)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for _ in range(POLISH):
+            (t1, h1, o1), (t2, h2, o2) = q[:, 2] * c - q[:, 1] * s, q[:, 1] * c + q[:, 2] * s
+            h, o = q[1, 0] + h2, q[2, 0] + o2
+            length = np.sqrt(h * h + o * o)
+            d = (h * h1 + o * o1) / length
+            slope = t1 - d
+            bend = -t2 - (h1 * h1 + o1 * o1 - h * h2 - o * o2 - d * d) / length
+            newton = np.where(bend > 0, np.clip(-slope / bend, -limit, limit), -limit / 4 * np.sign(slope))
+            newton = np.where(np.isfinite(newton), newton, 0.0)
+            c, s = c - newton * s, s + newton * c
+            length = np.sqrt(c * c + s * s)
+            c, s = c / length, s / length
+    t, h, o = q[:, 0] + q[:, 1] * c + q[:, 2] * s
+    polished = t - np.sqrt(h * h + o * o)
+    best = np.fmin(scanned, polished)
+    starts = np.flatnonzero(np.diff(point, prepend=-1))
+    smallest = np.minimum.reduceat(best, starts) if n else np.empty(0)
+    theta = np.where(polished <= scanned, np.arctan2(s, c), angles[k]) / 2
+    direction = np.full(n, np.nan)
+    hit = np.flatnonzero(best == smallest[point])
+    direction[point[hit]] = theta[hit]
+    return smallest, np.where(direction > np.pi / 2, direction - np.pi, direction)
