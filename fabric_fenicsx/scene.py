@@ -127,6 +127,12 @@ class Scene:
         self._bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
         self.held = dofs[dofs < owned * gdim]
 
+    def at(self, load):
+        """Set the load factor of the terms that depend on it (those with a method `at`)."""
+        for term in self.terms:
+            if hasattr(term, "at"):
+                term.at(load)
+
     def held_values(self, load):
         """Displacements of this rank's held degrees of freedom at a load factor, along the frame's axes [mm]."""
         x, gdim = self.blank.coordinates(), self.blank.mesh.geometry.dim

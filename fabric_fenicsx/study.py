@@ -24,6 +24,7 @@ from .blank import Blank
 from .cli import ANY, COUNT, POSITIVE, Help, Parser, exit_status, number
 from .errors import InputError, SolverFailure
 from .material.parameters import COUPLINGS, load
+from .material.stability import least_ellipticity
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import History
 from .scene import Scene
@@ -173,7 +174,9 @@ class Study:
         bar = tqdm(total=1.0, desc=part or self.name, disable=None if self.comm.rank == 0 else True, bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]")
 
         def accept(accepted):
-            history.add(accepted, *measure(scene, accepted.load))
+            with timing.phase("output"):
+                least = self.comm.allreduce(least_ellipticity(membrane.fabric, membrane.state()[0].invariants), MPI.MIN)
+            history.add(accepted, *measure(scene, accepted.load), least)
             bar.update(accepted.load - bar.n)
             bar.set_postfix(iterations=accepted.report.iterations, energy=f"{sum(accepted.energies.values()):.4g} N mm", refresh=False)
             with timing.phase("output"):

@@ -4,6 +4,7 @@ import numpy as np
 import pyvista
 
 from .. import dolfinx_compat as compat
+from ..material import stability
 
 
 def cell_fields(membrane):
@@ -11,7 +12,8 @@ def cell_fields(membrane):
 
     a, b: deformed fibres [-]; eps_a, eps_b: nominal, log_eps_11, log_eps_22: logarithmic fibre strains [-];
     shear_angle [rad]; I4, I6, I8, I10; energy_a, energy_b, energy_shear [N mm/mm3]; strain_state 1..4, eq. (13);
-    sigma_a, sigma_b: Cauchy stress along the deformed fibres [MPa].
+    sigma_a, sigma_b: Cauchy stress along the deformed fibres [MPa]; stability_convexity, stability_ellipticity: the smallest
+    indicators of a cell's points [-], 1 at rest and negative where the law itself allows a band, see `material.stability`.
     """
     state, fa, fb, mismatch = membrane.state()
     weights = membrane.weights
@@ -29,6 +31,8 @@ def cell_fields(membrane):
     fields["strain_state"] = (1 + (fields["eps_b"] <= 0) + 2 * (fields["eps_a"] <= 0)).astype(np.int32)
     for name, f, I in (("sigma_a", fa, I4), ("sigma_b", fb, I8)):
         fields[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
+    stable = stability.evaluate(membrane.fabric, state.invariants)
+    fields |= {"stability_convexity": stable.convexity.min(1), "stability_ellipticity": stable.ellipticity.min(1)}
     return fields, mismatch
 
 

@@ -4,7 +4,7 @@ import csv
 
 COLUMNS = (
     "step", "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "external_work_Nmm", "iterations", "shifts",
-    "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "wall_s",
+    "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "min_stability", "wall_s",
 )  # fmt: skip
 
 
@@ -23,15 +23,18 @@ class History:
             self._writer.writerows(self.rows)
             self._file.flush()
 
-    def add(self, accepted, displacement, reaction):
-        """Append an `Accepted` state at which the grips moved by `displacement` [mm] under `reaction` [N]."""
+    def add(self, accepted, displacement, reaction, min_stability):
+        """Append an `Accepted` state at which the grips moved by `displacement` [mm] under `reaction` [N].
+
+        min_stability: least ellipticity indicator of all points, see `material.stability`; a band is the material's only where it is negative.
+        """
         report = accepted.report
         row = {
             "step": len(self.rows), "load": accepted.load, "displacement_mm": displacement, "reaction_N": reaction,
             "strain_energy_Nmm": accepted.energies["strain"], "external_work_Nmm": accepted.external_work,
             "iterations": report.iterations, "shifts": report.shifts, "line_search_cuts": report.cuts, "cuts": accepted.cuts,
             "negative_pivots": report.negative_pivots, "residual_N": report.residuals[-1] if report.residuals else 0.0,
-            "force_scale_N": report.scale, "wall_s": round(accepted.wall, 4),
+            "force_scale_N": report.scale, "min_stability": min_stability, "wall_s": round(accepted.wall, 4),
         }  # fmt: skip
         self.rows.append(row)
         if self._file:

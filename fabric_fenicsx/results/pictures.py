@@ -7,6 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pyvista
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap
 
 # field -> label, factor to the unit shown, colour map
 SHOWN = {
@@ -96,5 +97,27 @@ def panels(path, series, labels):
         ax.set_xlim(labels[title][2])
         ax.grid(alpha=0.3)
         ax.legend(fontsize="small")
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def regions(path, x, panels, xlabel, ylabel):
+    """Where two indicators are negative, over a square grid: {(row, column): (convexity, ellipticity)}, each (n, n) with x (n,) along its last axis."""
+    rows, columns = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
+    kinds = {"stable": "#f2f2f2", "convexity lost": "#f4b942", "ellipticity lost": "#7fb2d9", "both lost": "#b0413e"}
+    figure, axes = plt.subplots(len(rows), len(columns), figsize=(2.1 * len(columns) + 0.6, 2.4 * len(rows) + 1.2), squeeze=False, sharex=True, sharey=True, layout="constrained")
+    for (row, column), (convexity, ellipticity) in panels.items():
+        ax = axes[rows.index(row), columns.index(column)]
+        image = ax.pcolormesh(x, x, (convexity < 0) + 2 * (ellipticity < 0), cmap=ListedColormap(list(kinds.values())), vmin=-0.5, vmax=3.5, rasterized=True)
+        ax.axhline(0, color="k", lw=0.4)
+        ax.axvline(0, color="k", lw=0.4)
+        ax.set_aspect("equal")
+        ax.set_title(f"{column}, {row}", fontsize="small")
+    for ax in axes[-1]:
+        ax.set_xlabel(xlabel)
+    for ax in axes[:, 0]:
+        ax.set_ylabel(ylabel)
+    bar = figure.colorbar(image, ax=list(axes.flat), ticks=range(4), location="bottom", fraction=0.05, aspect=60, pad=0.02)
+    bar.ax.set_xticklabels(list(kinds))
     figure.savefig(path, dpi=130)
     plt.close(figure)

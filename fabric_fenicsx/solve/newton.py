@@ -10,7 +10,7 @@ from ..timing import phase
 
 Reason = PETSc.SNES.ConvergedReason
 SNES_WORDS = {
-    Reason.CONVERGED_FNORM_ABS: "converged: no force is left",
+    Reason.CONVERGED_FNORM_ABS: "converged: what force is left is rounding",
     Reason.CONVERGED_FNORM_RELATIVE: "converged: residual below the tolerance",
     Reason.CONVERGED_SNORM_RELATIVE: "converged: the correction is below the rounding of positions",
     Reason.DIVERGED_MAX_IT: "no convergence within the allowed iterations",
@@ -60,13 +60,16 @@ class Newton:
     tolerance: of the residual's norm over that of the support forces. Each step is the tangent's, taken as far as the
     energy falls along it; where the energy's differences drown in rounding, as far as the residual falls. A tangent
     with negative pivots is shifted along its diagonal until it has none, and a saddle is left along a direction of
-    negative curvature. A correction below the rounding of positions ends it too, as no tolerance can ask for more.
+    negative curvature. Forces or corrections at the rounding of displacements and positions end it too, as no tolerance
+    can ask for more.
     MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots.
     """
 
     FLAT = 0.7  # slope left at the end of a line search, of the one at its start
     ROUNDING = 1e-12  # of the energy, below which its differences are noise
+    DIGIT = 2.0**-52  # of the displacements: the forces that it makes through the tangent are noise
     RESOLUTION = 1e-14  # of the blank's size, below which displacements are noise
+    EASY = 5  # iterations
     SADDLES = 5  # to be left in one solve
 
     def __init__(self, scene, tolerance=1e-8, max_iterations=100, linear_solver="mumps-cholesky", verbose=False):
@@ -75,6 +78,7 @@ class Newton:
         self.scene, self.tolerance, self.max_iterations, self.verbose = scene, tolerance, max_iterations, verbose
         self.tells_inertia = linear_solver == "mumps-cholesky"
         self._smallest = self.RESOLUTION * np.subtract(*scene.blank.extent()[::-1]).max()
+        self._noise = 0.0
         self.x = scene.u.duplicate()
         self._r, self._d, self._trial = (self.x.duplicate() for _ in range(3))
         self.A = scene.create_matrix()
@@ -155,6 +159,7 @@ class Newton:
                 if report.iterations == self.max_iterations:
                     raise _Ended(Reason.DIVERGED_MAX_IT)
                 snes.computeJacobian(x, self.A)
+                self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * self.A.getDiagonal().norm()
                 self._linear_solve(r, d)
                 d.scale(-1)
                 if report.shifts == shifts and d.norm(PETSc.NormType.NORM_INFINITY) <= self._smallest:
@@ -179,7 +184,7 @@ class Newton:
         self._tell(f"iteration {report.iterations:2d}  residual {norm:9.3e} N of {report.scale:9.3e} N  energy {energy:.12e} N mm")
         if not (np.isfinite(norm) and np.isfinite(energy)):
             raise _Ended(Reason.DIVERGED_FNORM_NAN)
-        if norm == 0:
+        if norm <= self._noise:
             return Reason.CONVERGED_FNORM_ABS
         return Reason.CONVERGED_FNORM_RELATIVE if norm <= self.tolerance * report.scale else 0
 
@@ -231,12 +236,12 @@ class Newton:
                 ksp.setOperators(self.A)
                 ksp.solve(rhs, d)
                 reason = ksp.getConvergedReason()
-                negative = self._negative_pivots() if reason > 0 else None
+                negative, zero = self._pivots() if reason > 0 else (None, None)
             if attempt == 0:
                 report.negative_pivots = negative
-            if not negative and reason > 0:
+            if not negative and not zero and reason > 0:
                 return
-            if not negative and reason not in NOT_DEFINITE:
+            if not negative and not zero and reason not in NOT_DEFINITE:
                 raise _Ended(Reason.DIVERGED_LINEAR_SOLVE)
             report.shifts += 1
             mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
@@ -245,26 +250,26 @@ class Newton:
             shift += increase
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
 
-    def _negative_pivots(self):
-        if not self.tells_inertia:
-            return None
-        return self.snes.ksp.pc.getFactorMatrix().getInertia()[0]
+    def _pivots(self):
+        """Negative and zero pivots of the last factorisation, None for solvers that do not tell."""
+        return self.snes.ksp.pc.getFactorMatrix().getInertia()[:2] if self.tells_inertia else (None, None)
 
     def _is_saddle(self, snes, x):
-        """Whether the tangent at the converged x has negative pivots; asked anew if the last tangent did or if none was."""
+        """Whether the tangent at the converged x has negative pivots; the last one's word is taken after an easy solve."""
         report = self.report
-        if not self.tells_inertia or (report.negative_pivots == 0 and report.iterations > 0):
+        easy = 0 < report.iterations <= self.EASY and report.negative_pivots == 0 and not report.shifts and not report.cuts
+        if easy or not self.tells_inertia:
             return False
         snes.computeJacobian(x, self.A)
         with phase("linear_solve"):
             snes.ksp.setOperators(self.A)
             snes.ksp.setUp()
-            report.negative_pivots = self._negative_pivots()
+            report.negative_pivots = self._pivots()[0]
         return report.negative_pivots > 0
 
     def _leave_saddle(self, x, energy):
         """Go downhill from the saddle x along its softest direction, found by inverse iteration; returns the energy."""
-        d, trial, r = self._d, self._trial, self._r
+        d, trial, r, negative = self._d, self._trial, self._r, self.report.negative_pivots
         d.array[:] = np.random.default_rng(self.scene.comm.rank).standard_normal(len(d.array))
         d.array[self.scene.held] = 0
         for _ in range(4):
@@ -279,7 +284,7 @@ class Newton:
                 self.snes.computeFunction(trial, r)
                 there = self.scene.energy()
                 if there < energy:
-                    self._tell(f"              left a saddle of {self.report.negative_pivots} negative pivots")
+                    self._tell(f"              left a saddle of {negative} negative pivots")
                     trial.copy(x)
                     return there
             d.scale(0.5)

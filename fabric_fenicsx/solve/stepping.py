@@ -49,13 +49,13 @@ class Outcome:
     iterations: int = 0
 
 
-def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, on_reject=None, start=None):
+def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, on_reject=None, start=None, milestones=()):
     """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`; an `Outcome`.
 
     steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is halved down to
     `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load 0 and at each accepted state,
     with the scene in that state. Work of the supports is summed by the trapezoidal rule.
-    Raises InputError for steps that are not above 0.
+    milestones: load factors to be hit exactly. Raises InputError for steps that are not above 0.
     """
     if not (np.isfinite(steps) and steps >= 1):
         raise InputError(f"steps is {steps}; allowed is 1 or more")
@@ -69,14 +69,17 @@ def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, on_rej
     at.step = min(at.step, max_step)
     outcome = Outcome(reached=at.load)
     scene.set(at.x)
+    scene.at(at.load)
     scene.residual(r)
     forces, cuts, clock = scene.held_forces(), 0, time.perf_counter()
     if on_accept and start is None:
         on_accept(Accepted(0.0, scene.energies(), 0.0, Report(converged=True), 0, 0.0, at))
     while at.load < 1:
-        load = min(round(at.load + at.step, 12), 1.0)  # rounded, so that tenths are tenths
+        load = round(at.load + at.step, 12)  # rounded, so that tenths are tenths
+        load = min(load, *(stop for stop in (*milestones, 1.0, 1.0) if stop > at.load))
         taken = load - at.load
         values = scene.held_values(load)
+        scene.at(load)
         at.x.copy(x)
         if at.last_step is None:
             newton.tangent_predictor(x, values - x.array[scene.held])
@@ -91,6 +94,7 @@ def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, on_rej
                 on_reject(load, report)
             cuts += 1
             scene.set(at.x)
+            scene.at(at.load)
             at.step = CUT * taken
             if at.step < min_step:
                 scene.residual(r)
