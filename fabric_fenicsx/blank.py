@@ -15,7 +15,12 @@ from . import dolfinx_compat as compat
 from .errors import InputError
 from .fibres import fibre_fields
 
-CELLS = {"triangle": ("triangle", 1), "triangle6": ("triangle", 2), "quad": ("quadrilateral", 1), "quad9": ("quadrilateral", 2)}
+CELLS = {
+    "triangle": ("triangle", 1),
+    "triangle6": ("triangle", 2),
+    "quad": ("quadrilateral", 1),
+    "quad9": ("quadrilateral", 2),
+}
 
 
 class Blank:
@@ -82,7 +87,9 @@ class Blank:
         meshed in R^2, so its displacement has two components; any other is a manifold mesh in R^3.
         Raises InputError, on all ranks, for an empty, inverted or degenerate mesh.
         """
-        points, cells, kind = _on_root(comm, lambda: _checked(np.asarray(points, float), np.asarray(cells), kind, source))
+        points, cells, kind = _on_root(
+            comm, lambda: _checked(np.asarray(points, float), np.asarray(cells), kind, source)
+        )
         cell, degree = CELLS[kind]
         cells = cells[:, compat.to_dolfinx_order(cell, cells.shape[1])]
         return cls(compat.create_mesh(comm, cells, points, cell, degree), **options)
@@ -110,16 +117,22 @@ def _on_root(comm, make):
 
 def _read(path):
     if not path.is_file():
-        raise InputError(f"mesh file {path} does not exist or is not a file; allowed is any mesh that gmsh or meshio writes")
+        raise InputError(
+            f"mesh file {path} does not exist or is not a file; allowed is any mesh that gmsh or meshio writes"
+        )
     try:
         with redirect_stdout(None):  # its reader of .msh prints an empty line
             mesh = meshio.read(path)
     except (Exception, SystemExit) as e:  # meshio's readers raise whatever their parsing stumbles on, or exit
         reason = " ".join(str(e).split()) or type(e).__name__
-        raise InputError(f"mesh file {path} cannot be read ({reason}); allowed is any mesh that gmsh or meshio writes") from None
+        raise InputError(
+            f"mesh file {path} cannot be read ({reason}); allowed is any mesh that gmsh or meshio writes"
+        ) from None
     solid = sorted({block.type for block in mesh.cells if block.dim == 3})
     if solid:
-        raise InputError(f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of {sorted(CELLS)}")
+        raise InputError(
+            f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of {sorted(CELLS)}"
+        )
     surface = {block.type: [] for block in mesh.cells if block.type in CELLS or block.type in ("quad8", "polygon")}
     for block in mesh.cells:
         if block.type in surface:
@@ -142,9 +155,13 @@ def _checked(points, cells, kind, source):
     points, cells = points[used], numbers.reshape(cells.shape)
     if not np.isfinite(points).all():
         node = used[np.flatnonzero(~np.isfinite(points).all(1))[0]]
-        raise InputError(f"{source} has a coordinate that is not a number at node {node}; allowed are finite lengths in mm")
+        raise InputError(
+            f"{source} has a coordinate that is not a number at node {node}; allowed are finite lengths in mm"
+        )
     pairs = np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2).T
-    parts, _ = connected_components(coo_matrix((np.ones(pairs.shape[1]), pairs), shape=(len(points),) * 2), directed=False)
+    parts, _ = connected_components(
+        coo_matrix((np.ones(pairs.shape[1]), pairs), shape=(len(points),) * 2), directed=False
+    )
     if parts > 1:
         raise InputError(f"{source} falls into {parts} parts that share no node; allowed is one sheet")
     if points.shape[1] == 3 and np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points, axis=0).max():
@@ -159,11 +176,15 @@ def _checked(points, cells, kind, source):
     flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= 1e-16 * size**2)
     if flat.size:
         where = corners[flat[0]].mean(0).round(6).tolist()
-        raise InputError(f"{source} has a degenerate or non-convex cell, number {flat[0]} at {where} mm; allowed are cells with area")
+        raise InputError(
+            f"{source} has a degenerate or non-convex cell, number {flat[0]} at {where} mm; allowed are cells with area"
+        )
     if points.shape[1] == 2:
         sense = np.sign(mean[:, 2])
         inverted = np.flatnonzero(sense != (1 if sense.sum() >= 0 else -1))
         if inverted.size:
             where = corners[inverted[0]].mean(0).round(6).tolist()
-            raise InputError(f"{source} has an inverted cell, number {inverted[0]} at {where} mm; allowed is one sense of rotation")
+            raise InputError(
+                f"{source} has an inverted cell, number {inverted[0]} at {where} mm; allowed is one sense of rotation"
+            )
     return points, cells, kind

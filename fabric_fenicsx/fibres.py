@@ -54,7 +54,9 @@ def _tangent(mesh, centre, normal, direction, name):
     if value.shape[1] == 2:
         value = np.column_stack([value, np.zeros(n)])
     if value.shape[1] != 3:
-        raise InputError(f"fibre direction {name} has {value.shape[1]} components; allowed is an angle or {gdim} components")
+        raise InputError(
+            f"fibre direction {name} has {value.shape[1]} components; allowed is an angle or {gdim} components"
+        )
     length = np.linalg.norm(value, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         value = value / length[:, None]

@@ -36,9 +36,13 @@ def grips(blank, stroke, clamped=True):
     x, comm = blank.along(blank.coordinates().T), blank.mesh.comm
     for name, position in (("low", low[0]), ("high", high[0])):
         at_end = x[1][np.abs(x[0] - position) <= 1e-6 * (high - low).max()]
-        held = comm.allreduce(at_end.max(initial=-np.inf), MPI.MAX) - comm.allreduce(at_end.min(initial=np.inf), MPI.MIN)
+        held = comm.allreduce(at_end.max(initial=-np.inf), MPI.MAX) - comm.allreduce(
+            at_end.min(initial=np.inf), MPI.MIN
+        )
         if held < 0.5 * (high - low)[1]:
-            raise InputError(f"the {name} end of {blank.name} along its length can be gripped over {held:.4g} of {(high - low)[1]:.4g} mm only; allowed is a straight end, half the width or more")
+            raise InputError(
+                f"the {name} end of {blank.name} along its length can be gripped over {held:.4g} of {(high - low)[1]:.4g} mm only; allowed is a straight end, half the width or more"
+            )
     near = 1e-6 * (high - low).max()
     components = tuple(range(len(low))) if clamped else (0, *range(2, len(low)))
 
@@ -55,22 +59,29 @@ def grips(blank, stroke, clamped=True):
     return supports
 
 
-def framed(blank, deformation):
-    """Support of a rectangle's whole edge in a rigid frame; deformation: function of the load factor to F (2, 2)."""
-    low, high = blank.extent()
+def edge_of(blank):
+    """Function of points (3, n) to whether they lie on the edge of a rectangular blank, (n,)."""
+    low, high = (corner[:2, None] for corner in blank.extent())
     near = 1e-6 * (high - low).max()
 
     def edge(x):
         x = blank.along(x)[:2]
-        return (np.minimum(np.abs(x - low[:2, None]), np.abs(x - high[:2, None])) <= near).any(0)
+        return (np.minimum(np.abs(x - low), np.abs(x - high)) <= near).any(0)
+
+    return edge
+
+
+def framed(blank, deformation):
+    """Support of a rectangle's whole edge in a rigid frame; deformation: function of the load factor to F (2, 2)."""
+    corner = blank.extent()[0]
 
     def value(x, load):
         x = blank.along(x)
         moved = np.zeros_like(x)
-        moved[:2] = (deformation(load) - np.eye(2)) @ (x[:2] - low[:2, None])
+        moved[:2] = (deformation(load) - np.eye(2)) @ (x[:2] - corner[:2, None])
         return moved
 
-    return [Support("frame", edge, tuple(range(len(low))), value)]
+    return [Support("frame", edge_of(blank), tuple(range(len(corner))), value)]
 
 
 def pulled(stroke):
@@ -82,7 +93,9 @@ def _wall(blank):
     """Area of the cells that a plane displacement turns inside out: the law, in invariants of C alone, can't see it."""
     J = ufl.det(ufl.Identity(2) + ufl.grad(blank.displacement))
     degree = 1 if compat.is_affine(blank.mesh) and blank.degree == 1 else 4
-    return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.Measure("dx", blank.mesh, metadata={"quadrature_degree": degree})
+    return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.Measure(
+        "dx", blank.mesh, metadata={"quadrature_degree": degree}
+    )
 
 
 class Scene:
@@ -138,7 +151,11 @@ class Scene:
         x, gdim = self.blank.coordinates(), self.blank.mesh.geometry.dim
         values = np.zeros(x.shape[0] * gdim)
         for support, nodes in zip(self.supports, self._nodes):
-            value = support.value(x[nodes].T, load).T if callable(support.value) else load * np.asarray(support.value, float)
+            value = (
+                support.value(x[nodes].T, load).T
+                if callable(support.value)
+                else load * np.asarray(support.value, float)
+            )
             components = list(support.components)
             values[nodes[:, None] * gdim + np.asarray(components)] = value[..., components]
         return values[self.held]

@@ -21,10 +21,9 @@ from tqdm import tqdm
 from . import __version__, timing
 from . import dolfinx_compat as compat
 from .blank import Blank
-from .cli import ANY, COUNT, POSITIVE, Help, Parser, exit_status, number
+from .cli import ANY, COUNT, Help, Parser, exit_status, number
 from .errors import InputError, SolverFailure
 from .material.parameters import COUPLINGS, load
-from .material.stability import least_ellipticity
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import History
 from .scene import Scene
@@ -43,25 +42,46 @@ def parser(name, description, **defaults):
     """The parser of study `name` with the options that all studies share; `defaults` override theirs."""
     p = Parser(prog=f"studies/{name}.py", description=description, formatter_class=Help, allow_abbrev=False)
     mesh = p.add_argument_group("mesh")
-    mesh.add_argument("--mesh", metavar="FILE", help="own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed")
-    mesh.add_argument("--nx", type=COUNT, help=f"rectangles along the length ({FULL['nx']}, with --quick {QUICK['nx']})")
+    mesh.add_argument(
+        "--mesh", metavar="FILE", help="own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed"
+    )
+    mesh.add_argument(
+        "--nx", type=COUNT, help=f"rectangles along the length ({FULL['nx']}, with --quick {QUICK['nx']})"
+    )
     mesh.add_argument("--ny", type=COUNT, help="rectangles across the width (as makes them square)")
     mesh.add_argument("--pattern", choices=PATTERNS, default="crossed", help="how rectangles become cells")
-    mesh.add_argument("--element", choices=("P1", "P2", "Q1", "Q2"), default="P1", help="P: triangles, Q: quadrilaterals")
+    mesh.add_argument(
+        "--element", choices=("P1", "P2", "Q1", "Q2"), default="P1", help="P: triangles, Q: quadrilaterals"
+    )
     mesh.add_argument("--fibre-angle", type=ANY, metavar="DEG", default=0.0, help="of yarns a from the length")
     material = p.add_argument_group("material")
     material.add_argument("--material", metavar="FILE|PRESET", default="komeili")
-    material.add_argument("--model", choices=("hyperelastic", "fabric"), default="hyperelastic", help="fabric: the decoupled baseline")
-    material.add_argument("--without", metavar="COUPLING", action="append", default=[], help=f"turn off one of {', '.join(COUPLINGS)}")
+    material.add_argument(
+        "--model", choices=("hyperelastic", "fabric"), default="hyperelastic", help="fabric: the decoupled baseline"
+    )
+    material.add_argument(
+        "--without", metavar="COUPLING", action="append", default=[], help=f"turn off one of {', '.join(COUPLINGS)}"
+    )
     solver = p.add_argument_group("solver")
     solver.add_argument("--steps", type=COUNT, help=f"load steps ({FULL['steps']}, with --quick {QUICK['steps']})")
-    solver.add_argument("--max-step", type=number("a load factor above 0 and up to 1", lambda v: 0 < v <= 1), help="largest load step (1/steps)")
-    solver.add_argument("--tolerance", type=number("a number above 0 and below 1", lambda v: 0 < v < 1), default=1e-8, help="residual over reaction")
+    solver.add_argument(
+        "--max-step",
+        type=number("a load factor above 0 and up to 1", lambda v: 0 < v <= 1),
+        help="largest load step (1/steps)",
+    )
+    solver.add_argument(
+        "--tolerance",
+        type=number("a number above 0 and below 1", lambda v: 0 < v < 1),
+        default=1e-8,
+        help="residual over reaction",
+    )
     solver.add_argument("--linear-solver", choices=tuple(LINEAR_SOLVERS), default="mumps-cholesky")
     output = p.add_argument_group("output")
     output.add_argument("--out", metavar="DIR", type=Path, default=Path("results") / name)
     output.add_argument("--every", type=COUNT, default=5, help="accepted steps between states written for ParaView")
-    output.add_argument("--resume", action="store_true", help="go on from the checkpoint in --out, on any number of ranks")
+    output.add_argument(
+        "--resume", action="store_true", help="go on from the checkpoint in --out, on any number of ranks"
+    )
     output.add_argument("--no-pictures", action="store_true")
     output.add_argument("--quick", action="store_true", help="coarse mesh and few steps")
     output.add_argument("--verbose", action="store_true", help="print each Newton iteration")
@@ -96,7 +116,9 @@ class Study:
             if getattr(args, option) is None:
                 setattr(args, option, value)
         if args.mesh and not Path(args.mesh).is_file():
-            raise InputError(f"--mesh {args.mesh} is not there or not a file; allowed is any mesh that gmsh or meshio writes")
+            raise InputError(
+                f"--mesh {args.mesh} is not there or not a file; allowed is any mesh that gmsh or meshio writes"
+            )
         fabric = load(args.material)
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(*args.without)
         self._started = time.perf_counter()
@@ -117,7 +139,9 @@ class Study:
                 with tempfile.TemporaryFile(dir=path):
                     pass
             except OSError as e:
-                error = f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
+                error = (
+                    f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
+                )
         error = self.comm.bcast(error)
         if error:
             raise InputError(error)
@@ -138,13 +162,19 @@ class Study:
             if args.mesh:
                 blank = Blank.read(self.comm, args.mesh, **options)
                 if blank.mesh.geometry.dim == 3:
-                    raise InputError(f"--mesh {args.mesh} is not plane in z; allowed in this study is a sheet in a plane z = const")
+                    raise InputError(
+                        f"--mesh {args.mesh} is not plane in z; allowed in this study is a sheet in a plane z = const"
+                    )
                 if compat.cell_name(blank.mesh) != cell:
-                    raise InputError(f"--element {args.element} does not fit the cells of --mesh {args.mesh}; allowed is P on triangles, Q on quadrilaterals")
+                    raise InputError(
+                        f"--element {args.element} does not fit the cells of --mesh {args.mesh}; allowed is P on triangles, Q on quadrilaterals"
+                    )
                 return blank
             points = cells = kind = None
             if self.comm.rank == 0:
-                points, cells, kind = specimen(length, width, args.nx, args.ny or max(1, round(args.nx * width / length)), args.pattern, cell)
+                points, cells, kind = specimen(
+                    length, width, args.nx, args.ny or max(1, round(args.nx * width / length)), args.pattern, cell
+                )
                 points[:, :2] = points[:, :2] @ axes
             return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", **options)
 
@@ -155,7 +185,11 @@ class Study:
         quantities: function of the cell fields and the history's rows to the study's own numbers; part: subfolder.
         Raises SolverFailure, after all is written, if the full load was not reached.
         """
-        from .results.fields import FieldSeries, cell_fields  # pyvista takes longer to import than to run a coarse study
+        from .results.fields import (  # pyvista takes longer to import than to run a coarse study
+            FieldSeries,
+            cell_fields,
+            least_stability,
+        )
 
         args, folder = self.args, self.folder(part)
         with timing.phase("setup"):
@@ -171,14 +205,23 @@ class Study:
         history = History(folder / "history.csv", self.comm, notes["rows"])
         with timing.phase("output"):
             series = FieldSeries(folder, membrane, notes["states"])
-        bar = tqdm(total=1.0, desc=part or self.name, disable=None if self.comm.rank == 0 else True, bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]")
+        bar = tqdm(
+            total=1.0,
+            desc=part or self.name,
+            disable=None if self.comm.rank == 0 else True,
+            bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]",
+        )
 
         def accept(accepted):
             with timing.phase("output"):
-                least = self.comm.allreduce(least_ellipticity(membrane.fabric, membrane.state()[0].invariants), MPI.MIN)
+                least = self.comm.allreduce(least_stability(membrane), MPI.MIN)
             history.add(accepted, *measure(scene, accepted.load), least)
             bar.update(accepted.load - bar.n)
-            bar.set_postfix(iterations=accepted.report.iterations, energy=f"{sum(accepted.energies.values()):.4g} N mm", refresh=False)
+            bar.set_postfix(
+                iterations=accepted.report.iterations,
+                energy=f"{sum(accepted.energies.values()):.4g} N mm",
+                refresh=False,
+            )
             with timing.phase("output"):
                 if (len(history.rows) - 1) % args.every == 0:
                     series.write(accepted.load, cell_fields(membrane)[0])
@@ -186,7 +229,10 @@ class Study:
 
         def reject(load, report):
             if self.comm.rank == 0:
-                bar.write(f"step to load {load:.6g} rejected after {report.iterations} iterations: {report.reason}", file=sys.stderr)
+                bar.write(
+                    f"step to load {load:.6g} rejected after {report.iterations} iterations: {report.reason}",
+                    file=sys.stderr,
+                )
 
         try:
             outcome = march(newton, args.steps, args.max_step, on_accept=accept, on_reject=reject, start=start)
@@ -202,7 +248,9 @@ class Study:
         stored = sum(scene.energies().values())
         imbalance = abs(work["external_work"] - stored) / max(abs(stored), 1e-300)
         if imbalance > UNBALANCED:
-            self.say(f"warning: work of the grips and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped")
+            self.say(
+                f"warning: work of the grips and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
+            )
         summary = self.summarise(
             folder,
             converged=outcome.reached == 1,
@@ -255,7 +303,22 @@ class Study:
 
     def _problem(self, fabric):
         """What a checkpoint must have been made with to be gone on from: all but solver and output options."""
-        free = {"steps", "max_step", "tolerance", "linear_solver", "out", "every", "resume", "no_pictures", "quick", "verbose", "material", "model", "without", "compare"}
+        free = {
+            "steps",
+            "max_step",
+            "tolerance",
+            "linear_solver",
+            "out",
+            "every",
+            "resume",
+            "no_pictures",
+            "quick",
+            "verbose",
+            "material",
+            "model",
+            "without",
+            "compare",
+        }
         options = {k: v for k, v in vars(self.args).items() if k not in free}
         return {"study": self.name} | options | {"material": fabric.dumps()}
 
@@ -263,7 +326,11 @@ class Study:
         from .results import pictures
         from .results.fields import read_last
 
-        pictures.maps(folder / "maps.png", {self.name.replace("_", " "): read_last(folder)}, ("log_eps_11", "log_eps_22", "shear_angle"))
+        pictures.maps(
+            folder / "maps.png",
+            {self.name.replace("_", " "): read_last(folder)},
+            ("log_eps_11", "log_eps_22", "shear_angle"),
+        )
         curve = [r["displacement_mm"] for r in rows], [r["reaction_N"] for r in rows]
         pictures.curves(folder / "curve.png", {"": curve}, "displacement / mm", "reaction / N")
 
@@ -290,7 +357,10 @@ def run(name, options, main):
     except (InputError, SolverFailure) as error:
         status, text = exit_status(error)
     except OSError as error:
-        status, text = 2, f"error: {error.filename} can't be read or written ({error.strerror}); allowed is a file in a folder of this user"
+        status, text = (
+            2,
+            f"error: {error.filename} can't be read or written ({error.strerror}); allowed is a file in a folder of this user",
+        )
     except KeyboardInterrupt:
         status, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
     except Exception:

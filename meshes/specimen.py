@@ -1,6 +1,6 @@
 """Rectangular specimen: structured (crossed, left, right) or unstructured, of triangles or quadrilaterals.
 
-    python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern crossed --out specimen.msh
+python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern crossed --out specimen.msh
 """
 
 import argparse
@@ -59,7 +59,11 @@ def _unstructured(length, width, size, cell):
         number[tags.astype(np.int64)] = np.arange(len(tags))
         corners, gmsh_type = (4, 3) if cell == "quadrilateral" else (3, 2)
         _, nodes = gmsh.model.mesh.getElementsByType(gmsh_type)
-        return x.reshape(-1, 3), number[nodes.astype(np.int64)].reshape(-1, corners), "quad" if corners == 4 else "triangle"
+        return (
+            x.reshape(-1, 3),
+            number[nodes.astype(np.int64)].reshape(-1, corners),
+            "quad" if corners == 4 else "triangle",
+        )
     finally:
         gmsh.finalize()
 
@@ -108,7 +112,9 @@ def main():
     try:
         open(args.out, "w").close()  # gmsh only logs that it could not write
     except OSError as error:
-        parser.error(f"--out {args.out} can't be written ({error.strerror}); allowed is a file in a folder that is there")
+        parser.error(
+            f"--out {args.out} can't be written ({error.strerror}); allowed is a file in a folder that is there"
+        )
     write(args.out, points, cells, kind)
     print(f"{args.out}: {len(points)} nodes, {len(cells)} {args.cell}s")
 

@@ -19,7 +19,11 @@ def options():
     test.add_argument("--length", type=POSITIVE, default=200.0, help="[mm]")
     test.add_argument("--width", type=POSITIVE, default=50.0, help="[mm]")
     test.add_argument("--strain", type=POSITIVE, default=0.10, help="nominal, of the length")
-    test.add_argument("--measured", metavar="DIR", help="test data with a normalised shear force F_sh, as studies/identify.py reads them, to compare with")
+    test.add_argument(
+        "--measured",
+        metavar="DIR",
+        help="test data with a normalised shear force F_sh, as studies/identify.py reads them, to compare with",
+    )
     return p
 
 
@@ -34,7 +38,9 @@ def shear_forces(length, width, rows):
     """Shear angle of theory [rad] and normalised shear force [N/mm] of a test's rows, as an experiment derives them."""
     gamma = np.array([shear_angle_of_theory(length, width, row["displacement_mm"]) for row in rows])
     reach = np.isfinite(gamma) & (gamma >= 0)
-    return gamma[reach], bias_normalised(gamma[reach], np.array([row["reaction_N"] for row in rows])[reach], length, width)
+    return gamma[reach], bias_normalised(
+        gamma[reach], np.array([row["reaction_N"] for row in rows])[reach], length, width
+    )
 
 
 def compared(measured, gamma, force):
@@ -50,12 +56,16 @@ def main(study):
     if args.measured:
         measured = [curve for curve in curves.read(args.measured)[1] if curve.responses[0].column == "F_sh"]
         if not measured:
-            raise InputError(f"--measured {args.measured} has no test with a column F_sh; allowed is one with gamma and F_sh")
+            raise InputError(
+                f"--measured {args.measured} has no test with a column F_sh; allowed is one with gamma and F_sh"
+            )
     blank = study.specimen(args.length, args.width)
     low, high = blank.extent()
     length, width = high - low
     if length < 2 * width:
-        raise InputError(f"the strip is {length:.6g} mm long and {width:.6g} mm wide; allowed is a length of 2 widths or more, for a zone of full shear")
+        raise InputError(
+            f"the strip is {length:.6g} mm long and {width:.6g} mm wide; allowed is a length of 2 widths or more, for a zone of full shear"
+        )
     stroke = args.strain * length
     membrane = Membrane(blank, study.fabric)
 
@@ -86,8 +96,15 @@ def main(study):
             from fabric_fenicsx.results import pictures
 
             series = {"measured": (np.degrees(angles), mine, "s"), "simulated": (np.degrees(gamma), force, "-")}
-            pictures.curves(result.folder / "measured.png", series, "shear angle from the crosshead / deg", "normalised shear force / (N/mm)")
-        study.say(f"measured and simulated shear force differ by {q['measured_rms_N_per_mm']:.3g} N/mm ({100 * q['measured_rms_relative']:.3g} %) r.m.s.")
+            pictures.curves(
+                result.folder / "measured.png",
+                series,
+                "shear angle from the crosshead / deg",
+                "normalised shear force / (N/mm)",
+            )
+        study.say(
+            f"measured and simulated shear force differ by {q['measured_rms_N_per_mm']:.3g} N/mm ({100 * q['measured_rms_relative']:.3g} %) r.m.s."
+        )
     study.say(
         f"{result.folder}: reaction {result.summary['reaction_N']:.6g} N, centre shear angle "
         f"{q['centre_shear_angle_deg']:.2f} deg (theory {q['theory_shear_angle_deg'] or math.nan:.2f} deg)"

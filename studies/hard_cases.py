@@ -12,12 +12,15 @@ from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.mechanics.load import DeadPressure
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import Scene, Support, framed, grips
+from fabric_fenicsx.scene import Scene, Support, edge_of, framed, grips
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
-from fabric_fenicsx.study import parser, run
+from fabric_fenicsx.study import parser
+from fabric_fenicsx.study import run as run_study
 
 TOLERANCE = 1e-8
+# out of any plane z = const, so that a blank becomes a manifold in space
+TILT = np.array([[1, 0, 0], [0, math.cos(0.3), -math.sin(0.3)], [0, math.sin(0.3), math.cos(0.3)]])
 
 
 class Run:
@@ -46,7 +49,9 @@ class Run:
         newton.snes.ksp.setUp()
         negative = newton.snes.ksp.pc.getFactorMatrix().getInertia()[0]
         if negative:
-            self.faults.append(f"{negative} negative pivots ({accepted.report.negative_pivots} told) at load {accepted.load:.4g}")
+            self.faults.append(
+                f"{negative} negative pivots ({accepted.report.negative_pivots} told) at load {accepted.load:.4g}"
+            )
 
     @property
     def reached(self):
@@ -90,7 +95,11 @@ def a_bias_to_the_end(study):
     run = pull(study, 0.6, angle=45, steps=60)
     shear = math.degrees(run.largest(shear_of(run)))
     ended = run.reached or bool(run.outcome.reason)
-    return [run], ended and shear > 60, f"{100 * 0.6 * run.outcome.reached:.1f} % reached, shear {shear:.1f} deg; {run.outcome.reason or 'whole load'}"
+    return (
+        [run],
+        ended and shear > 60,
+        f"{100 * 0.6 * run.outcome.reached:.1f} % reached, shear {shear:.1f} deg; {run.outcome.reason or 'whole load'}",
+    )
 
 
 def b_tension_compression_bands(study):
@@ -99,11 +108,21 @@ def b_tension_compression_bands(study):
     for p_min in (0.0, 0.1, 0.25, 0.75):
         run = pull(study, 0.03, study.fabric.replace(p_min=p_min), clamped=False, steps=20, nx=24)
         eps_b = strains_of(run)[:, :, 1]
-        low, high = -run.comm.allreduce(-eps_b.min(initial=0.0), MPI.MAX), run.comm.allreduce(eps_b.max(initial=-1.0), MPI.MAX)
+        low, high = (
+            -run.comm.allreduce(-eps_b.min(initial=0.0), MPI.MAX),
+            run.comm.allreduce(eps_b.max(initial=-1.0), MPI.MAX),
+        )
         scatter[p_min] = high - low
         runs.append(run)
     ended = all(run.reached or run.outcome.reason for run in runs)
-    return runs, ended and scatter[0.75] < 1e-6, ", ".join(f"p_min {p}: spread of eps_b {s:.3g}, {100 * run.outcome.reached:.0f} % of the load" for (p, s), run in zip(scatter.items(), runs))
+    return (
+        runs,
+        ended and scatter[0.75] < 1e-6,
+        ", ".join(
+            f"p_min {p}: spread of eps_b {s:.3g}, {100 * run.outcome.reached:.0f} % of the load"
+            for (p, s), run in zip(scatter.items(), runs)
+        ),
+    )
 
 
 def c_biaxial_beyond_convexity(study):
@@ -111,9 +130,17 @@ def c_biaxial_beyond_convexity(study):
     runs = []
     for p_min in (0.5, 0.75):
         blank = blank_of(study, 50, 50, 20)
-        scene = Scene(blank, [Membrane(blank, study.fabric.replace(p_min=p_min))], framed(blank, lambda s: np.eye(2) * (1 + 0.08 * s)))
+        scene = Scene(
+            blank,
+            [Membrane(blank, study.fabric.replace(p_min=p_min))],
+            framed(blank, lambda s: np.eye(2) * (1 + 0.08 * s)),
+        )
         runs.append(Run(scene, 16))
-    return runs, all(run.reached or run.outcome.reason for run in runs), "; ".join(run.outcome.reason or "whole load" for run in runs)
+    return (
+        runs,
+        all(run.reached or run.outcome.reason for run in runs),
+        "; ".join(run.outcome.reason or "whole load" for run in runs),
+    )
 
 
 def d_in_plane_compression(study):
@@ -122,22 +149,37 @@ def d_in_plane_compression(study):
     for E_C in (0.13, 1.3, 13.0, 130.0, 1300.0):
         run = pull(study, -0.2, study.fabric.replace(d=E_C / 2), length=50, nx=16)
         runs.append(run)
-    return runs, all(run.reached or run.outcome.reason for run in runs), ", ".join(f"{100 * run.outcome.reached:.0f} %" for run in runs) + " of the load"
+    return (
+        runs,
+        all(run.reached or run.outcome.reason for run in runs),
+        ", ".join(f"{100 * run.outcome.reached:.0f} %" for run in runs) + " of the load",
+    )
 
 
 def e_compression_and_shear(study):
     """compression by 10 % with shear to 20 deg in a frame, s_C from 10 to 1000: sound states"""
+
+    def sheared(load):
+        return (1 - 0.1 * load) * np.array([[1, math.sin(0.35 * load)], [0, math.cos(0.35 * load)]])
+
     runs = []
     for s_C in (10.0, 100.0, 1000.0):
         blank = blank_of(study, 50, 50, 16)
-        shear = lambda s: (1 - 0.1 * s) * np.array([[1, math.sin(0.35 * s)], [0, math.cos(0.35 * s)]])  # noqa: E731
-        runs.append(Run(Scene(blank, [Membrane(blank, study.fabric.replace(s_C=s_C))], framed(blank, shear))))
-    return runs, all(run.reached or run.outcome.reason for run in runs), ", ".join(f"{100 * run.outcome.reached:.0f} %" for run in runs) + " of the load"
+        runs.append(Run(Scene(blank, [Membrane(blank, study.fabric.replace(s_C=s_C))], framed(blank, sheared))))
+    return (
+        runs,
+        all(run.reached or run.outcome.reason for run in runs),
+        ", ".join(f"{100 * run.outcome.reached:.0f} %" for run in runs) + " of the load",
+    )
 
 
 def f_huge_steps(study):
     """the whole load in one step and in steps ten times the default: the same state to 1e-6"""
-    runs = [pull(study, strain, angle=angle, steps=steps) for strain, angle in ((0.03, 0), (0.1, 45)) for steps in (1, 2, 20)]
+    runs = [
+        pull(study, strain, angle=angle, steps=steps)
+        for strain, angle in ((0.03, 0), (0.1, 45))
+        for steps in (1, 2, 20)
+    ]
     gaps = [abs(run.energy / runs[3 * (k // 3) + 2].energy - 1) for k, run in enumerate(runs)]
     return runs, all(run.reached for run in runs) and max(gaps) < 1e-6, f"largest difference in energy {max(gaps):.1e}"
 
@@ -165,11 +207,12 @@ def h_bad_cells(study):
 
 def i_slack_membrane(study):
     """a flat clamped 3D membrane without pretension under transverse pressure: sound states"""
-    turn = np.array([[1, 0, 0], [0, math.cos(0.3), -math.sin(0.3)], [0, math.sin(0.3), math.cos(0.3)]])  # out of z = const: a manifold
-    blank = blank_of(study, 100, 100, 12, warp=lambda x: x @ turn.T, frame=turn.T, up=turn[:, 2])
-    low, high = blank.extent()
-    edge = lambda x: (np.minimum(np.abs(blank.along(x)[:2] - low[:2, None]), np.abs(blank.along(x)[:2] - high[:2, None])) < 1e-6).any(0)  # noqa: E731
-    scene = Scene(blank, [Membrane(blank, study.fabric), DeadPressure(blank, 0.01, turn[:, 2])], [Support("edge", edge, (0, 1, 2))])
+    blank = blank_of(study, 100, 100, 12, warp=lambda x: x @ TILT.T, frame=TILT.T, up=TILT[:, 2])
+    scene = Scene(
+        blank,
+        [Membrane(blank, study.fabric), DeadPressure(blank, 0.01, TILT[:, 2])],
+        [Support("edge", edge_of(blank), (0, 1, 2))],
+    )
     run = Run(scene, 10)
     rise = run.largest(blank.u.x.array.reshape(-1, 3)[:, 2])
     return [run], run.reached and rise > 1, f"rises by {rise:.3g} mm; {run.outcome.reason or 'whole load'}"
@@ -177,12 +220,15 @@ def i_slack_membrane(study):
 
 def j_compressed_strip_in_space(study):
     """a 3D strip shortened by 1 %: it leaves its plane, or a plain reason"""
-    turn = np.array([[1, 0, 0], [0, math.cos(0.3), -math.sin(0.3)], [0, math.sin(0.3), math.cos(0.3)]])
-    blank = blank_of(study, 100, 25, 16, warp=lambda x: x @ turn.T, frame=turn.T, up=turn[:, 2])
+    blank = blank_of(study, 100, 25, 16, warp=lambda x: x @ TILT.T, frame=TILT.T, up=TILT[:, 2])
     scene = Scene(blank, [Membrane(blank, study.fabric)], grips(blank, -1.0))
     run = Run(scene, 10)
     out = run.largest(blank.u.x.array.reshape(-1, 3)[:, 2])
-    return [run], run.reached or bool(run.outcome.reason), f"out of plane by {out:.3g} mm; {run.outcome.reason or 'whole load'}"
+    return (
+        [run],
+        run.reached or bool(run.outcome.reason),
+        f"out of plane by {out:.3g} mm; {run.outcome.reason or 'whole load'}",
+    )
 
 
 def k_scaled_parameters(study):
@@ -193,7 +239,9 @@ def k_scaled_parameters(study):
             value = (fabric.s1 if name == "s1" else getattr(fabric.warp, name)) * factor
             changed = fabric.replace(**{name: min(value, 1.0) if name == "p_min" else value})
             runs += [pull(study, 0.03, changed, nx=24), pull(study, 0.1, changed, angle=45, nx=24)]
-            words += [f"{name} x {factor:g}: {100 * runs[-2].outcome.reached:.0f} and {100 * runs[-1].outcome.reached:.0f} %"]
+            words += [
+                f"{name} x {factor:g}: {100 * runs[-2].outcome.reached:.0f} and {100 * runs[-1].outcome.reached:.0f} %"
+            ]
     return runs, all(run.reached or run.outcome.reason for run in runs), "; ".join(words)
 
 
@@ -216,7 +264,12 @@ def m_load_and_unload(study):
     for angle, stroke in ((0, 6.0), (45, 20.0)):
         blank = blank_of(study, angle=angle)
         fixed, moving = grips(blank, stroke)
-        cycle = Support(moving.name, moving.where, moving.components, lambda x, s, d=stroke: np.outer([d * min(2 * s, 2 - 2 * s), 0], np.ones(x.shape[1])))
+        cycle = Support(
+            moving.name,
+            moving.where,
+            moving.components,
+            lambda x, s, d=stroke: np.outer([d * min(2 * s, 2 - 2 * s), 0], np.ones(x.shape[1])),
+        )
         runs.append(Run(Scene(blank, [Membrane(blank, study.fabric)], [fixed, cycle]), 40))
         ends.append(runs[-1].largest(runs[-1].u) / 200)
     return runs, all(run.reached for run in runs) and max(ends) < 1e-8, f"left over {max(ends):.1e} of the length"
@@ -228,17 +281,27 @@ def n_reversed_shear(study):
     for sign in (1, -1):
         blank = blank_of(study, 50, 50, 12, pattern="crossed")
         low, high = blank.extent()
-        end = lambda at: lambda x: np.abs(x[1] - at) < 1e-6  # noqa: E731
-        supports = [Support("bottom", end(low[1]), (0, 1)), Support("top", end(high[1]), (0, 1), (sign * 15.0, 0.0))]
+        supports = [
+            Support("bottom", lambda x, at=low[1]: np.abs(x[1] - at) < 1e-6, (0, 1)),
+            Support("top", lambda x, at=high[1]: np.abs(x[1] - at) < 1e-6, (0, 1), (sign * 15.0, 0.0)),
+        ]
         runs.append(Run(Scene(blank, [Membrane(blank, study.fabric)], supports), 20, tolerance=1e-11))
     energies = abs(runs[0].energy / runs[1].energy - 1)
     mirrored = []
     for run, sign in zip(runs, (1, -1)):
         x = run.scene.blank.coordinates()[: len(run.u), :2]
-        everything = np.concatenate(study.comm.allgather(np.column_stack([25 + sign * (x[:, 0] - 25), x[:, 1], sign * run.u[:, 0], run.u[:, 1]]))).round(12)
+        everything = np.concatenate(
+            study.comm.allgather(
+                np.column_stack([25 + sign * (x[:, 0] - 25), x[:, 1], sign * run.u[:, 0], run.u[:, 1]])
+            )
+        ).round(12)
         mirrored.append(everything[np.lexsort(everything[:, :2].round(6).T)])
     gap = np.abs(mirrored[0] - mirrored[1]).max() / 15
-    return runs, all(run.reached for run in runs) and max(gap, energies) < 1e-10, f"energies differ by {energies:.1e}, displacements by {gap:.1e}"
+    return (
+        runs,
+        all(run.reached for run in runs) and max(gap, energies) < 1e-10,
+        f"energies differ by {energies:.1e}, displacements by {gap:.1e}",
+    )
 
 
 CASES = {f.__name__[0]: f for f in (
@@ -269,7 +332,9 @@ def main(study):
             "iterations": sum(run.outcome.iterations for run in runs), "wall_s": round(time.perf_counter() - began, 2),
         })  # fmt: skip
         row = rows[-1]
-        study.say(f"{letter}  {'holds' if row['holds'] else 'FAILS'}  {row['wall_s']:7.1f} s  {row['steps']:4d} steps {row['rejected']:3d} rejected {row['iterations']:5d} iterations  {case.__doc__}\n     {words}{'; not sound: ' + '; '.join(faults[:3]) if faults else ''}")
+        study.say(
+            f"{letter}  {'holds' if row['holds'] else 'FAILS'}  {row['wall_s']:7.1f} s  {row['steps']:4d} steps {row['rejected']:3d} rejected {row['iterations']:5d} iterations  {case.__doc__}\n     {words}{'; not sound: ' + '; '.join(faults[:3]) if faults else ''}"
+        )
     good = all(row["holds"] for row in rows)
     study.summarise(folder, converged=good, stroke_reached=1.0, quantities={row["case"]: row for row in rows})
     if study.comm.rank == 0:
@@ -278,8 +343,10 @@ def main(study):
             out.writeheader()
             out.writerows(rows)
     if not good:
-        raise SolverFailure(f"cases {', '.join(row['case'] for row in rows if not row['holds'])} do not hold; see {folder}/cases.csv")
+        raise SolverFailure(
+            f"cases {', '.join(row['case'] for row in rows if not row['holds'])} do not hold; see {folder}/cases.csv"
+        )
 
 
 if __name__ == "__main__":
-    run("hard_cases", options(), main)
+    run_study("hard_cases", options(), main)

@@ -101,7 +101,9 @@ def main(args):
     started = time.perf_counter()
     fabric = load(args.synthesize) if args.synthesize else None
     if fabric and not isinstance(fabric, WovenFabric):
-        raise InputError(f"--synthesize {args.synthesize} is a fabric of tabulated curves; allowed is one with parameters")
+        raise InputError(
+            f"--synthesize {args.synthesize} is a fabric of tabulated curves; allowed is one with parameters"
+        )
     if args.coverage is not None:
         found = identify.coverage(fabric, args.tests, args.noise, range(args.seed, args.seed + args.coverage))
         write_report(args, args.out.with_name(args.out.stem + "_coverage.json"), found, started)

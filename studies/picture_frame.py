@@ -16,8 +16,20 @@ def options():
     p = parser("picture_frame", __doc__, nx=20)
     test = p.add_argument_group("test")
     test.add_argument("--side", type=POSITIVE, default=200.0, help="of the square [mm]")
-    test.add_argument("--angle", type=number("an angle above 0 and below 85 deg", lambda v: 0 < v < 85), default=45.0, metavar="DEG", help="shear angle at the end")
-    test.add_argument("--pre-tension", type=number("a strain from 0 to 0.1", lambda v: 0 <= v <= 0.1), default=0.0, metavar="STRAIN", help="yarn strain applied first, in the first tenth of the load")
+    test.add_argument(
+        "--angle",
+        type=number("an angle above 0 and below 85 deg", lambda v: 0 < v < 85),
+        default=45.0,
+        metavar="DEG",
+        help="shear angle at the end",
+    )
+    test.add_argument(
+        "--pre-tension",
+        type=number("a strain from 0 to 0.1", lambda v: 0 <= v <= 0.1),
+        default=0.0,
+        metavar="STRAIN",
+        help="yarn strain applied first, in the first tenth of the load",
+    )
     return p
 
 
@@ -72,12 +84,22 @@ def main(study):
     if study.comm.rank == 0 and not args.no_pictures:
         from fabric_fenicsx.results import pictures
 
-        angles, forces = np.array([shear_force(row) for row in result.rows if state(row["load"])[1] > 0 or not stretched]).T
+        angles, forces = np.array(
+            [shear_force(row) for row in result.rows if state(row["load"])[1] > 0 or not stretched]
+        ).T
         gammas = np.linspace(0, math.radians(args.angle), 200)
-        exact = nominal_stresses(study.fabric, args.pre_tension, args.pre_tension, gammas)[2] * thickness / ((1 + args.pre_tension) * np.cos(gammas))
+        exact = (
+            nominal_stresses(study.fabric, args.pre_tension, args.pre_tension, gammas)[2]
+            * thickness
+            / ((1 + args.pre_tension) * np.cos(gammas))
+        )
         series = {"elements": (angles, forces, "o"), "closed form": (np.degrees(gammas), exact, "-")}
-        pictures.curves(result.folder / "shear_force.png", series, "shear angle / deg", "normalised shear force / (N/mm)")
-    study.say(f"{result.folder}: {q['normalised_shear_force_N_per_mm']:.6g} N/mm at {q['shear_angle_deg']:.4g} deg (closed form {q['closed_form_N_per_mm']:.6g} N/mm)")
+        pictures.curves(
+            result.folder / "shear_force.png", series, "shear angle / deg", "normalised shear force / (N/mm)"
+        )
+    study.say(
+        f"{result.folder}: {q['normalised_shear_force_N_per_mm']:.6g} N/mm at {q['shear_angle_deg']:.4g} deg (closed form {q['closed_form_N_per_mm']:.6g} N/mm)"
+    )
 
 
 if __name__ == "__main__":

@@ -29,12 +29,16 @@ PANELS = {
 
 def options():
     p = parser("single_element", __doc__, element="Q1")
-    p.add_argument_group("test").add_argument("--points", type=int, default=47, choices=range(3, 1001), metavar="N", help="states a path, 3 to 1000")
+    p.add_argument_group("test").add_argument(
+        "--points", type=int, default=47, choices=range(3, 1001), metavar="N", help="states a path, 3 to 1000"
+    )
     return p
 
 
 def element(study, fabric):
-    points, cells, kind = specimen(1.0, 1.0, 1, 1, "crossed", "triangle" if study.args.element[0] == "P" else "quadrilateral")
+    points, cells, kind = specimen(
+        1.0, 1.0, 1, 1, "crossed", "triangle" if study.args.element[0] == "P" else "quadrilateral"
+    )
     return Membrane(Blank.from_arrays(study.comm, points, cells, kind, degree=int(study.args.element[1])), fabric)
 
 
@@ -72,7 +76,14 @@ def free_uniaxial(membrane, eps_a, tolerance):
 
 def exact_lateral(fabric, eps_a):
     """Lateral strain at which the closed form's sigma_b vanishes, (n,)."""
-    return np.array([brentq(lambda e: nominal_stresses(fabric, x, e, 0)[1][0], -0.9, 0.0, xtol=1e-16, rtol=1e-15) if x > 0 else 0.0 for x in eps_a])
+    return np.array(
+        [
+            brentq(lambda e: nominal_stresses(fabric, x, e, 0)[1][0], -0.9, 0.0, xtol=1e-16, rtol=1e-15)
+            if x > 0
+            else 0.0
+            for x in eps_a
+        ]
+    )
 
 
 def main(study):
@@ -110,16 +121,29 @@ def main(study):
         write(folder / "curves.csv", results)
         if not args.no_pictures:
             picture(folder / "fig7.png", results)
-    study.say(f"{folder}: {len(results)} curves; largest difference to closed form: elements {largest['elements']:.1e}, kernel {largest['kernel']:.1e}")
+    study.say(
+        f"{folder}: {len(results)} curves; largest difference to closed form: elements {largest['elements']:.1e}, kernel {largest['kernel']:.1e}"
+    )
     if not agree:
-        raise SolverFailure(f"elements or kernel differ from the closed form by more than {AGREEMENT}; see summary.json")
+        raise SolverFailure(
+            f"elements or kernel differ from the closed form by more than {AGREEMENT}; see summary.json"
+        )
 
 
 def write(path, results):
     stresses = ("sigma_a", "sigma_b", "tau")
     with open(path, "w", newline="") as file:
         out = csv.writer(file)
-        out.writerow(["model", "path", "eps_a", "eps_b", "gamma_deg", *(f"{n}_{leg}_MPa" for leg in ("closed_form", "kernel", "elements") for n in stresses)])
+        out.writerow(
+            [
+                "model",
+                "path",
+                "eps_a",
+                "eps_b",
+                "gamma_deg",
+                *(f"{n}_{leg}_MPa" for leg in ("closed_form", "kernel", "elements") for n in stresses),
+            ]
+        )
         for (model, name), (strains, *legs) in results.items():
             for row in np.column_stack([strains[0], strains[1], np.degrees(strains[2]), *legs]):
                 out.writerow([model, name, *row])
@@ -138,7 +162,10 @@ def picture(path, results):
                 label = f"{name}, {('along a', 'along b', 'shear')[component]}"
                 series[title][label, model] = x, closed[:, component], kernel[:, component], fe[:, component]
     strain = r"$\varepsilon_a$ / %", "nominal stress / MPa"
-    labels = dict.fromkeys(series, (*strain, (-1, 3.2))) | {"(c) compression": (*strain, None), "(d) shear": ("shear angle / deg", strain[1], (0, 62))}
+    labels = dict.fromkeys(series, (*strain, (-1, 3.2))) | {
+        "(c) compression": (*strain, None),
+        "(d) shear": ("shear angle / deg", strain[1], (0, 62)),
+    }
     panels(path, series, labels)
 
 

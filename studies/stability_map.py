@@ -32,7 +32,13 @@ PICTURES = {
 
 def options():
     p = parser("stability_map", __doc__)
-    p.add_argument_group("map").add_argument("--points", type=int, choices=range(11, 2001), metavar="N", help="states along each axis, 11 to 2000 (225, with --quick 57)")
+    p.add_argument_group("map").add_argument(
+        "--points",
+        type=int,
+        choices=range(11, 2001),
+        metavar="N",
+        help="states along each axis, 11 to 2000 (225, with --quick 57)",
+    )
     return p
 
 
@@ -52,7 +58,9 @@ def reach(fabric, eps_a, indicator):
 
 def tension_tension(fabric, largest=0.3):
     """Largest e such that W is convex for all eps_a, eps_b from 0 to e, and eps_b / eps_a of the first state that is not."""
-    ratio = np.concatenate([np.linspace(0.01, 1, 100), 1 / np.linspace(0.01, 0.99, 99)])  # not 0: the other side of that kink is compression
+    ratio = np.concatenate(
+        [np.linspace(0.01, 1, 100), 1 / np.linspace(0.01, 0.99, 99)]
+    )  # not 0: the other side of that kink is compression
     along = np.stack([np.minimum(1, 1 / ratio), np.minimum(ratio, 1)])[:, :, None]
     e = stability.first_loss(lambda s: stability.convexity(fabric, *(along * s)), np.full(len(ratio), 1e-6), largest)
     if np.isnan(e).all():
@@ -96,7 +104,18 @@ def thresholds(fabric, noted):
     rows = []
 
     def add(quantity, value, unit, at="", note=None, agrees=None, **changed):
-        rows.append({"quantity": quantity, "p_min": "", "value": value, "unit": unit, "at": at, "noted": note if noted else None, "agrees": agrees if noted else None} | changed)
+        rows.append(
+            {
+                "quantity": quantity,
+                "p_min": "",
+                "value": value,
+                "unit": unit,
+                "at": at,
+                "noted": note if noted else None,
+                "agrees": agrees if noted else None,
+            }
+            | changed
+        )
 
     eps_a = np.linspace(0.0, EPS_A, 301)[1:]
     for p in P_MIN:
@@ -109,28 +128,69 @@ def thresholds(fabric, noted):
             name = f"tension-compression: reach of lost {indicator} in eps_b"
             if indicator == "convexity":
                 here = _plain(reach(changed, np.array([NOTED_AT]), indicator)[0])
-                note = f"{NOTED[p]:g}" if p in NOTED else {0.0: "beyond -0.2", 0.5: "none", 0.75: "none", 1.0: "none"}[p]
-                same = here is None if note == "none" else here is not None and (here < LOW if p == 0 else abs(here - NOTED[p]) < 1e-3)
+                note = (
+                    f"{NOTED[p]:g}" if p in NOTED else {0.0: "beyond -0.2", 0.5: "none", 0.75: "none", 1.0: "none"}[p]
+                )
+                same = (
+                    here is None
+                    if note == "none"
+                    else here is not None and (here < LOW if p == 0 else abs(here - NOTED[p]) < 1e-3)
+                )
                 add(name, here, "-", f"eps_a = {NOTED_AT}", note, same, p_min=p)
-                add(f"{name}, d and a neglected", float(np.log(p / (1 - p)) / fabric.warp.c) if 0 < p < 0.5 else None, "-", "eps_a -> 0+", p_min=p)
-            at = f"eps_a to {EPS_A}" if not begins else f"eps_a = {eps_a[worst]:.4f}" + (f"; no end down to {DEEPEST}" if endless else "")
+                add(
+                    f"{name}, d and a neglected",
+                    float(np.log(p / (1 - p)) / fabric.warp.c) if 0 < p < 0.5 else None,
+                    "-",
+                    "eps_a -> 0+",
+                    p_min=p,
+                )
+            at = (
+                f"eps_a to {EPS_A}"
+                if not begins
+                else f"eps_a = {eps_a[worst]:.4f}" + (f"; no end down to {DEEPEST}" if endless else "")
+            )
             add(f"{name}, worst", max(float(found[worst]), DEEPEST) if begins else None, "-", at, p_min=p)
         value, ratio = tension_tension(changed)
         note = {0.75: "at least 0.06", 0.5: "about 0.05"}.get(p)
         same = None if note is None or value is None else value >= 0.06 if p == 0.75 else abs(value - 0.05) < 2e-3
-        add("tension-tension: convex up to", value, "-", "" if ratio is None else f"eps_b / eps_a = {ratio:.3g}", note, same, p_min=p)
+        add(
+            "tension-tension: convex up to",
+            value,
+            "-",
+            "" if ratio is None else f"eps_b / eps_a = {ratio:.3g}",
+            note,
+            same,
+            p_min=p,
+        )
         for indicator in ("convexity", "ellipticity"):
-            add(f"free uniaxial tension: {indicator} lost from eps_a", free_uniaxial(changed, indicator), "-", f"eps_a to {EPS_A}", p_min=p)
+            add(
+                f"free uniaxial tension: {indicator} lost from eps_a",
+                free_uniaxial(changed, indicator),
+                "-",
+                f"eps_a to {EPS_A}",
+                p_min=p,
+            )
         add("tension-compression: convexity lost from gamma", onset_gamma(changed), "deg", "gamma to 60", p_min=p)
-    add("tension-compression: p_min below which convexity is lost at eps_b = 0-", onset_p_min(fabric), "-", f"eps_a to {EPS_A}")
+    add(
+        "tension-compression: p_min below which convexity is lost at eps_b = 0-",
+        onset_p_min(fabric),
+        "-",
+        f"eps_a to {EPS_A}",
+    )
     onset = onset_p_min(fabric.replace(d=1e-9))
     add("the same, d -> 0", onset, "-", "eps_a -> 0+", "0.5", onset is not None and abs(onset - 0.5) < 1e-3)
     for gamma in (0.0, 0.111):  # at rest and at the softest shear
         for name, b in (("one yarn", 0.0), ("both yarns", 1.0)):
-            value = stability.first_loss(lambda e: stability.evaluate(fabric, stability.invariants(e, b * e, gamma)).ellipticity, -1e-9, LOW)[0]
+            value = stability.first_loss(
+                lambda e: stability.evaluate(fabric, stability.invariants(e, b * e, gamma)).ellipticity, -1e-9, LOW
+            )[0]
             add(f"compression along {name}: ellipticity lost from", _plain(value), "-", f"gamma = {gamma} rad")
     e = np.linspace(LOW, HIGH, 141)
-    add("FABRIC baseline: least convexity indicator over the map", float(stability.convexity(fabric.decoupled(), e[:, None], e).min() / (2 * min(fabric.warp.d, fabric.weft.d))), "-")
+    add(
+        "FABRIC baseline: least convexity indicator over the map",
+        float(stability.convexity(fabric.decoupled(), e[:, None], e).min() / (2 * min(fabric.warp.d, fabric.weft.d))),
+        "-",
+    )
     return rows
 
 
@@ -144,8 +204,13 @@ def mismatch(fabric, e):
     for gamma in np.radians((0, 20, 40)):
         strains = [v.ravel() for v in np.broadcast_arrays(e[:, None], e, gamma)]
         F = gradient(*strains)
-        kernel, closed = conjugate(F @ pointwise.evaluate(fabric, gradient=F).S, F), np.stack(nominal_stresses(fabric, *strains), -1)
-        worst = max(worst, float((np.abs(kernel - closed).max(1) / np.maximum(np.linalg.norm(closed, axis=1), fabric.s1)).max()))
+        kernel, closed = (
+            conjugate(F @ pointwise.evaluate(fabric, gradient=F).S, F),
+            np.stack(nominal_stresses(fabric, *strains), -1),
+        )
+        worst = max(
+            worst, float((np.abs(kernel - closed).max(1) / np.maximum(np.linalg.norm(closed, axis=1), fabric.s1)).max())
+        )
     return worst
 
 
@@ -160,9 +225,15 @@ def main(study):
         maps[name] = {}
         for row, (common, gamma) in rows.items():
             for column, changed in columns.items():
-                found = stability.evaluate(fabric.replace(**common | changed), stability.invariants(e, e[:, None], np.radians(gamma)))
+                found = stability.evaluate(
+                    fabric.replace(**common | changed), stability.invariants(e, e[:, None], np.radians(gamma))
+                )
                 maps[name][row, column] = found.convexity, found.ellipticity
-                lost = {"convexity": found.convexity < 0, "ellipticity": found.ellipticity < 0, "out_of_plane": found.out_of_plane < 0}
+                lost = {
+                    "convexity": found.convexity < 0,
+                    "ellipticity": found.ellipticity < 0,
+                    "out_of_plane": found.out_of_plane < 0,
+                }
                 shares[f"{row}, {column}"] = {k: round(float(v.mean()), 4) for k, v in lost.items()}
     rows = thresholds(fabric, noted=fabric == PRESETS["komeili"])
     gap = mismatch(fabric, e[:: max(1, len(e) // 57)])
@@ -181,9 +252,13 @@ def main(study):
 
             for name, panels in maps.items():
                 regions(folder / f"{name}.png", 100 * e, panels, r"$\varepsilon_a$ / %", r"$\varepsilon_b$ / %")
-    study.say(f"{folder}: {sum(map(len, maps.values()))} maps, {len(rows)} thresholds; differing from those noted: {', '.join(disagree) or 'none'}")
+    study.say(
+        f"{folder}: {sum(map(len, maps.values()))} maps, {len(rows)} thresholds; differing from those noted: {', '.join(disagree) or 'none'}"
+    )
     if gap > AGREEMENT:
-        raise SolverFailure(f"kernel and closed form differ by {gap:.1e}, more than {AGREEMENT}, so the maps can't be trusted")
+        raise SolverFailure(
+            f"kernel and closed form differ by {gap:.1e}, more than {AGREEMENT}, so the maps can't be trusted"
+        )
 
 
 if __name__ == "__main__":

@@ -57,22 +57,39 @@ def pull(study, fabric, part=""):
 def main(study):
     if not study.args.compare:
         result = pull(study, study.fabric)
-        study.say(f"{result.folder}: reaction {result.summary['reaction_N']:.6g} N, most negative log eps22 {100 * result.summary['quantities']['log_eps_22_min']:.3g} %")
+        study.say(
+            f"{result.folder}: reaction {result.summary['reaction_N']:.6g} N, most negative log eps22 {100 * result.summary['quantities']['log_eps_22_min']:.3g} %"
+        )
         return
     folder = study.folder()
     results = {name: pull(study, change(study.fabric), name.replace(" ", "_")) for name, change in VARIANTS.items()}
     variants = {name: r.summary for name, r in results.items()}
-    study.summarise(folder, converged=True, stroke_reached=1.0, quantities={name: s["quantities"] | {"reaction_N": s["reaction_N"]} for name, s in variants.items()}, variants=sorted(variants))
+    study.summarise(
+        folder,
+        converged=True,
+        stroke_reached=1.0,
+        quantities={name: s["quantities"] | {"reaction_N": s["reaction_N"]} for name, s in variants.items()},
+        variants=sorted(variants),
+    )
     if study.comm.rank == 0 and not study.args.no_pictures:
         from fabric_fenicsx.results import pictures
         from fabric_fenicsx.results.fields import read_last
 
         out = study.args.out
-        pictures.maps(out / "compare.png", {name: read_last(r.folder) for name, r in results.items()}, ("log_eps_11", "log_eps_22", "shear_angle"))
-        curves = {name: ([row["displacement_mm"] for row in r.rows], [row["reaction_N"] for row in r.rows]) for name, r in results.items()}
+        pictures.maps(
+            out / "compare.png",
+            {name: read_last(r.folder) for name, r in results.items()},
+            ("log_eps_11", "log_eps_22", "shear_angle"),
+        )
+        curves = {
+            name: ([row["displacement_mm"] for row in r.rows], [row["reaction_N"] for row in r.rows])
+            for name, r in results.items()
+        }
         pictures.curves(out / "compare_curves.png", curves, "displacement / mm", "reaction / N")
     for name, r in results.items():
-        study.say(f"{name:24s} reaction {r.summary['reaction_N']:9.4f} N, most negative log eps22 {100 * r.summary['quantities']['log_eps_22_min']:9.4f} %")
+        study.say(
+            f"{name:24s} reaction {r.summary['reaction_N']:9.4f} N, most negative log eps22 {100 * r.summary['quantities']['log_eps_22_min']:9.4f} %"
+        )
 
 
 if __name__ == "__main__":

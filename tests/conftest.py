@@ -55,7 +55,11 @@ def launch(tmp_path):
     """
 
     def run(name, *options, ranks=1, out=True, timeout=300, kill_at_row=None):
-        environment = os.environ | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
+        environment = os.environ | {
+            "OMPI_ALLOW_RUN_AS_ROOT": "1",
+            "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+            "OMP_NUM_THREADS": "1",
+        }
         command = [sys.executable, str(ROOT / "studies" / f"{name}.py"), *map(str, options)]
         folder = tmp_path / "out"
         if out:

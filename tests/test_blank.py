@@ -96,7 +96,13 @@ def test_fibres_from_angle_vector_and_function_agree():
     arrays = specimen(nx=6, ny=3) if COMM.rank == 0 else (None,) * 3
     angle = 0.7
     vector = [math.cos(angle), math.sin(angle)]
-    ways = [angle, vector, [3 * v for v in vector] + [0.0], lambda x: np.full(x.shape[1], angle), lambda x: np.outer(vector, np.ones(x.shape[1]))]
+    ways = [
+        angle,
+        vector,
+        [3 * v for v in vector] + [0.0],
+        lambda x: np.full(x.shape[1], angle),
+        lambda x: np.outer(vector, np.ones(x.shape[1])),
+    ]
     fields = [Blank.from_arrays(COMM, *arrays, a=a) for a in ways]
     for blank in fields:
         assert np.allclose(blank.a0.x.array.reshape(-1, 2), vector, atol=1e-15)

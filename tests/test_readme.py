@@ -27,7 +27,9 @@ def test_the_material_file(tmp_path):
 
 def test_the_study_in_python(tmp_path):
     write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
-    done = subprocess.run([sys.executable, "-c", block("python")], cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", block("python")], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     reached, reaction, stress = map(float, done.stdout.split())
     assert reached == 1 and reaction == pytest.approx(2560.05) and stress == pytest.approx(51.201)
@@ -43,8 +45,19 @@ def test_the_commands(tmp_path, command):
     (tmp_path / "fabric.toml").write_text(block("toml"))
     quick = [] if script.startswith("meshes/") or "identify" in script else ["--quick"]
     (tmp_path / "studies").symlink_to(ROOT / "studies")
-    environment = os.environ | {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
-    done = subprocess.run([sys.executable, ROOT / script, *options, *quick], cwd=tmp_path, capture_output=True, text=True, timeout=300, env=environment)
+    environment = os.environ | {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMP_NUM_THREADS": "1",
+    }
+    done = subprocess.run(
+        [sys.executable, ROOT / script, *options, *quick],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env=environment,
+    )
     assert done.returncode == 0, done.stderr
 
 

@@ -44,7 +44,9 @@ class Curve:
             if not (math.isfinite(x[k]) and math.isfinite(y[k])):
                 raise InputError(f"point {k + 1} is ({x[k]}, {y[k]}), but it must be finite numbers")
             if k and x[k] <= x[k - 1]:
-                raise InputError(f"point {k + 1}: {x[k]:.6g} comes after {x[k - 1]:.6g}, but strains must rise strictly")
+                raise InputError(
+                    f"point {k + 1}: {x[k]:.6g} comes after {x[k - 1]:.6g}, but strains must rise strictly"
+                )
         if len(x) < MIN_POINTS:
             raise InputError(f"the curve has {len(x)} points; at least {MIN_POINTS} are needed")
         zero = np.flatnonzero(x == 0)
@@ -128,7 +130,9 @@ class TabulatedFabric:
         for key in _SHEET:
             object.__setattr__(self, key, _number(key, getattr(self, key), key))
         if self.shear.x[0] < 0:
-            raise InputError(f"shear begins at {self.shear.x[0]:.6g}, but it must begin at 0; the other sense is its mirror image")
+            raise InputError(
+                f"shear begins at {self.shear.x[0]:.6g}, but it must begin at 0; the other sense is its mirror image"
+            )
 
     @property
     def curves(self):
@@ -157,8 +161,13 @@ class TabulatedFabric:
 
     def dumps(self) -> str:
         """All of it as a TOML text."""
-        tables = {key: {"x": list(c.x), "y": list(c.y)} for key, c in (("warp", self.warp), ("weft", self.weft), ("shear", self.shear))}
-        return tomli_w.dumps({"model": "fabric", "name": self.name, "thickness": self.thickness, "density": self.density, **tables})
+        tables = {
+            key: {"x": list(c.x), "y": list(c.y)}
+            for key, c in (("warp", self.warp), ("weft", self.weft), ("shear", self.shear))
+        }
+        return tomli_w.dumps(
+            {"model": "fabric", "name": self.name, "thickness": self.thickness, "density": self.density, **tables}
+        )
 
     @classmethod
     def from_toml(cls, path, document):
@@ -184,7 +193,9 @@ def read_table(path, kind) -> Curve:
     """Curve from a CSV file with a header of names and units; kind: "yarn" or "shear". InputError by file and row."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = [(n, row) for n, row in enumerate(csv.reader(file), 1) if row and not row[0].lstrip().startswith("#")]
+            rows = [
+                (n, row) for n, row in enumerate(csv.reader(file), 1) if row and not row[0].lstrip().startswith("#")
+            ]
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
     columns = _COLUMNS[kind]

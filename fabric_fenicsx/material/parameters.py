@@ -141,8 +141,20 @@ class WovenFabric:
             raise InputError(f"name is {_show(self.name)}, but it must be a text")
 
     @classmethod
-    def balanced(cls, a: float, b: float, d: float, p_min: float, c: float, s_T: float, s_C: float,
-                 s1: float, s2: float, s3: float, **sheet: Any) -> Self:
+    def balanced(
+        cls,
+        a: float,
+        b: float,
+        d: float,
+        p_min: float,
+        c: float,
+        s_T: float,
+        s_C: float,
+        s1: float,
+        s2: float,
+        s3: float,
+        **sheet: Any,
+    ) -> Self:
         """The same yarn in both directions; `sheet` is thickness, density, couplings, name."""
         yarn = Yarn(a, b, d, p_min, c, s_T, s_C)
         return cls(yarn, yarn, s1, s2, s3, **sheet)
@@ -198,7 +210,9 @@ class WovenFabric:
             SimpleNamespace(**{name: make(getattr(yarn, name)) for name in _YARN}) for yarn in (self.warp, self.weft)
         )
         numbers = {name: make(getattr(self, name)) for name in (*_SHEAR, "thickness")}
-        return SimpleNamespace(warp=warp, weft=weft, curves=None, **numbers, **{name: getattr(self, name) for name in COUPLINGS})
+        return SimpleNamespace(
+            warp=warp, weft=weft, curves=None, **numbers, **{name: getattr(self, name) for name in COUPLINGS}
+        )
 
     def dumps(self) -> str:
         """The TOML text, which reads back as an equal object."""
@@ -239,7 +253,14 @@ def load(source: str | os.PathLike[str]):
     if isinstance(source, str) and source in PRESETS:
         return PRESETS[source]
     if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        return _read(source, lambda document: TabulatedFabric.from_toml(source, document) if document.get("model") == "fabric" else WovenFabric(**_fields(document)))
+        return _read(
+            source,
+            lambda document: (
+                TabulatedFabric.from_toml(source, document)
+                if document.get("model") == "fabric"
+                else WovenFabric(**_fields(document))
+            ),
+        )
     raise InputError(f"material {_show(source)} is neither a preset ({', '.join(PRESETS)}) nor a file that exists")
 
 

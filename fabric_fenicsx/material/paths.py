@@ -13,7 +13,11 @@ PATHS = {
     "tension a, compression b": lambda s: (0.03 * s, -0.20 * s, 0 * s),
     "in-plane compression": lambda s: (-0.20 * s, -0.10 * s, 0 * s),
     "pure shear": lambda s: (0 * s, 0 * s, 60 * DEG * (2 * s - 1)),
-    "simple shear": lambda s: (0 * s, 1 / np.cos(s * np.arccos(1 / 1.03)) - 1, s * np.arccos(1 / 1.03)),  # until b is 3 % longer
+    "simple shear": lambda s: (
+        0 * s,
+        1 / np.cos(s * np.arccos(1 / 1.03)) - 1,
+        s * np.arccos(1 / 1.03),
+    ),  # until b is 3 % longer
     "shear, 1 % pre-tension": lambda s: (0 * s + 0.01, 0 * s + 0.01, 60 * DEG * s),
     "shear, 3 % pre-tension": lambda s: (0 * s + 0.03, 0 * s + 0.03, 60 * DEG * s),
     "shear, 5 % pre-compression": lambda s: (0 * s - 0.05, 0 * s - 0.05, 60 * DEG * s),

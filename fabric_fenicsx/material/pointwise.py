@@ -59,14 +59,20 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
         inverted = (np.linalg.det(given) <= 0) if rows == 2 else (J2 <= 0)
         bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C11 <= 0) | inverted)
     if bad.size:
-        raise InputError(f"the deformation at point {bad[0]} is {given[bad[0]].tolist()}; allowed are finite ones with J > 0")
+        raise InputError(
+            f"the deformation at point {bad[0]} is {given[bad[0]].tolist()}; allowed are finite ones with J > 0"
+        )
 
-    if gradient is None and np.abs(given[:, 0, 1] - given[:, 1, 0]).max(initial=0.0) > 1e-12 * np.abs(given).max(initial=0.0):
+    if gradient is None and np.abs(given[:, 0, 1] - given[:, 1, 0]).max(initial=0.0) > 1e-12 * np.abs(given).max(
+        initial=0.0
+    ):
         raise InputError("stretch or Cauchy-Green tensors are not symmetric; allowed are symmetric ones")
     a, b = (np.asarray(v, float).reshape(-1, 2) for v in (([1.0, 0.0], [0.0, 1.0]) if fibres is None else fibres))
     for name, v in (("a0", a), ("b0", b)):
         if len(v) not in (1, len(C)) or not (np.abs((v**2).sum(1) - 1) < 1e-9).all():
-            raise InputError(f"fibres {name} of shape {v.shape} are not unit vectors, one or {len(C)}; allowed are unit vectors (2,) or (n, 2)")
+            raise InputError(
+                f"fibres {name} of shape {v.shape} are not unit vectors, one or {len(C)}; allowed are unit vectors (2,) or (n, 2)"
+            )
     if (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
         raise InputError("fibres a0 and b0 are parallel; allowed is any other angle")
     (a1, a2), (b1, b2) = (np.moveaxis(v, 1, 0) for v in (a, b))
@@ -130,7 +136,9 @@ def _derivatives(fabric, I4, I8, gamma, hessian):
     qa, qb = I4 - 1, I8 - 1
     ea, eb = qa / (la + 1), qb / (lb + 1)  # sqrt(I) - 1 without cancellation
     if fabric.curves:
-        (A, A_a, A_aa), (B, B_b, B_bb), (H, H_g, H_gg) = (c.derivatives(v) for c, v in zip(fabric.curves, (ea, eb, gamma)))
+        (A, A_a, A_aa), (B, B_b, B_bb), (H, H_g, H_gg) = (
+            c.derivatives(v) for c, v in zip(fabric.curves, (ea, eb, gamma))
+        )
         zero = np.zeros_like(A)
         second = (A_aa / (4 * I4) - A_a / (4 * la**3), zero, B_bb / (4 * I8) - B_b / (4 * lb**3), zero, zero, H_gg)
         return np.stack([A, B, H], -1), (A_a / (2 * la), B_b / (2 * lb), H_g), second
@@ -159,8 +167,9 @@ def _derivatives(fabric, I4, I8, gamma, hessian):
         if not fabric.compression_shear:
             return np.ones_like(q), 0 * q, 0 * q
         m = np.minimum(q, 0)
-        k = np.exp(y.s_C * m**3)
-        return k, 3 * y.s_C * m**2 * k, (6 * y.s_C * m + 9 * y.s_C**2 * m**4) * k
+        m2 = m * m  # NumPy takes ten times as long for m**3
+        k = np.exp(y.s_C * m2 * m)
+        return k, 3 * y.s_C * m2 * k, (6 * y.s_C * m + 9 * y.s_C**2 * m2 * m2) * k
 
     (Ta, Ta1, Ta2), (Tb, Tb1, Tb2) = tension(warp, qa), tension(weft, qb)
     (Ka, Ka1, Ka2), (Kb, Kb1, Kb2) = compression(warp, qa), compression(weft, qb)

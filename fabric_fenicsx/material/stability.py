@@ -25,7 +25,9 @@ class Stability(NamedTuple):
     """Result of `evaluate`; arrays in the leading shape of its input."""
 
     convexity: np.ndarray  # indicator [-]: hessian over its value at rest; 1 at rest, negative where convexity is lost
-    ellipticity: np.ndarray  # indicator [-]: acoustic over s1; 1 at rest for orthogonal yarns, negative where it is lost
+    ellipticity: (
+        np.ndarray
+    )  # indicator [-]: acoustic over s1; 1 at rest for orthogonal yarns, negative where it is lost
     hessian: np.ndarray  # smallest eigenvalue of d2W/d(eps_a, eps_b)2 [MPa]
     acoustic: np.ndarray  # smallest eigenvalue of Q over all directions N [MPa]
     direction: np.ndarray  # its N: angle from a0 towards b0 [rad], above -pi/2 and up to pi/2
@@ -149,7 +151,10 @@ def _smallest(Q, only_least=False):
     n = Q.shape[2]
     (t0, t1, t2), (h0, h1, h2), (o0, o1, o2) = Q
     half, off = (t1 * t1 - h1 * h1 - o1 * o1 - t2 * t2 + h2 * h2 + o2 * o2) / 2, t1 * t2 - h1 * h2 - o1 * o2
-    gap, turn = 2 * np.hypot(half, off), (np.arctan2(off, half) + np.pi) / 2  # of the quadratic's two curvatures; axis of the smaller
+    gap, turn = (
+        2 * np.hypot(half, off),
+        (np.arctan2(off, half) + np.pi) / 2,
+    )  # of the quadratic's two curvatures; axis of the smaller
     c, s = np.cos(turn), np.sin(turn)
     (t1, t2), (h1, h2), (o1, o2) = ((x * c + y * s, y * c - x * s) for x, y in ((t1, t2), (h1, h2), (o1, o2)))
     tiny = np.finfo(float).tiny
@@ -172,13 +177,17 @@ def _smallest(Q, only_least=False):
         for _ in range(INNER):
             r1, r2 = (b1 / shift) ** 2, (b2 / (shift + gap)) ** 2
             length = r1 + r2
-            shift = np.maximum(shift + length * (np.sqrt(length) - 1) / np.maximum(r1 / shift + r2 / (shift + gap), tiny), low)
+            shift = np.maximum(
+                shift + length * (np.sqrt(length) - 1) / np.maximum(r1 / shift + r2 / (shift + gap), tiny), low
+            )
         y2 = np.clip(-b2 / (shift + gap), -1, 1)
         y1 = -np.copysign(np.sqrt(1 - y2 * y2), b1)
         h, o = h0 + h1 * y1 + h2 * y2, o0 + o1 * y1 + o2 * y2
         new = t0 + t1 * y1 + t2 * y2 - np.sqrt(h * h + o * o)
         less = new < value[live]
-        more = (new < value[live] - close) | ((np.abs(length - 1) > 1e-6) & (shift > low))  # the latter: shift is still on its way
+        more = (new < value[live] - close) | (
+            (np.abs(length - 1) > 1e-6) & (shift > low)
+        )  # the latter: shift is still on its way
         at = live[less]
         value[at], x1[at], x2[at] = new[less], y1[less], y2[less]
         live, q, shift = live[more], q[:, more], shift[more]

@@ -91,7 +91,9 @@ class Membrane:
         S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
         difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
         mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), self.fabric.s1)).max(initial=0.0)
-        shaped = state._replace(**{k: v.reshape(cells, points, *v.shape[1:]) for k, v in state._asdict().items() if v is not None})
+        shaped = state._replace(
+            **{k: v.reshape(cells, points, *v.shape[1:]) for k, v in state._asdict().items() if v is not None}
+        )
         fa = F[:, :, :, 0]
         fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
         return shaped, fa, fb, mismatch

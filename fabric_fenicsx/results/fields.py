@@ -36,6 +36,15 @@ def cell_fields(membrane):
     return fields, mismatch
 
 
+def least_stability(membrane):
+    """Least ellipticity indicator of all points of this rank, inf without cells; a third of the cost of `cell_fields`."""
+    F, b, _ = membrane._evaluate()
+    fa, fb = F[..., 0], F[..., 0] * b[..., :1] + F[..., 1] * b[..., 1:]
+    I4, I6, I8 = (np.einsum("cqi,cqi->cq", x, y) for x, y in ((fa, fa), (fa, fb), (fb, fb)))
+    gamma = np.arctan2(I6, np.sqrt(I4 * I8 - I6 * I6)) - np.arctan2(b[..., 0], b[..., 1])
+    return stability.least_ellipticity(membrane.fabric, np.stack([I4, I6, I8, gamma], -1))
+
+
 class FieldSeries:
     """`DIR/fields.pvd` with one unstructured grid a state and rank: undeformed geometry, displacement `u` at the
     points, `cell_fields` on the cells, `rank`. states: those kept of a run that is resumed. The .pvd is rewritten after each state, so it can be opened any time.

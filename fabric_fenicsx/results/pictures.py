@@ -33,7 +33,15 @@ def maps(path, variants, names):
     """
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
-    figure, axes = plt.subplots(rows, columns, figsize=(7.0 * columns**0.7, 1.9 * rows), squeeze=False, sharex=True, sharey=True, layout="constrained")
+    figure, axes = plt.subplots(
+        rows,
+        columns,
+        figsize=(7.0 * columns**0.7, 1.9 * rows),
+        squeeze=False,
+        sharex=True,
+        sharey=True,
+        layout="constrained",
+    )
     polygons = {title: _polygons(grid) for title, grid in variants.items()}
     for name, mine in zip(names, axes if one else axes.T):
         label, factor, colours = SHOWN[name]
@@ -53,7 +61,14 @@ def maps(path, variants, names):
             ax.set_aspect("equal")
             if not one:
                 ax.set_title(title, fontsize="medium")
-        figure.colorbar(patches, ax=list(mine), label=label, location="right" if one else "bottom", shrink=0.9, aspect=15 if one else 30)
+        figure.colorbar(
+            patches,
+            ax=list(mine),
+            label=label,
+            location="right" if one else "bottom",
+            shrink=0.9,
+            aspect=15 if one else 30,
+        )
     for ax in axes[-1]:
         ax.set_xlabel("x / mm")
     for ax in axes[:, 0]:
@@ -91,7 +106,10 @@ def panels(path, series, labels):
             ax.plot(x, closed, "--" if second else "-", color=colour, lw=1, label=f"{label}" if not second else None)
             ax.plot(x[::4], kernel[::4], "s", color=colour, ms=5, mfc="none", mew=0.6)
             ax.plot(x[2::4], elements[2::4], ".", color=colour, ms=4)
-        ax.set_title(f"{title}: {', '.join(f'{m} {style}' for m, style in zip(models, ('(line)', '(dashed)')))}", fontsize="medium")
+        ax.set_title(
+            f"{title}: {', '.join(f'{m} {style}' for m, style in zip(models, ('(line)', '(dashed)')))}",
+            fontsize="medium",
+        )
         ax.set_xlabel(labels[title][0])
         ax.set_ylabel(labels[title][1])
         ax.set_xlim(labels[title][2])
@@ -105,10 +123,26 @@ def regions(path, x, panels, xlabel, ylabel):
     """Where two indicators are negative, over a square grid: {(row, column): (convexity, ellipticity)}, each (n, n) with x (n,) along its last axis."""
     rows, columns = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
     kinds = {"stable": "#f2f2f2", "convexity lost": "#f4b942", "ellipticity lost": "#7fb2d9", "both lost": "#b0413e"}
-    figure, axes = plt.subplots(len(rows), len(columns), figsize=(2.1 * len(columns) + 0.6, 2.4 * len(rows) + 1.2), squeeze=False, sharex=True, sharey=True, layout="constrained")
+    figure, axes = plt.subplots(
+        len(rows),
+        len(columns),
+        figsize=(2.1 * len(columns) + 0.6, 2.4 * len(rows) + 1.2),
+        squeeze=False,
+        sharex=True,
+        sharey=True,
+        layout="constrained",
+    )
     for (row, column), (convexity, ellipticity) in panels.items():
         ax = axes[rows.index(row), columns.index(column)]
-        image = ax.pcolormesh(x, x, (convexity < 0) + 2 * (ellipticity < 0), cmap=ListedColormap(list(kinds.values())), vmin=-0.5, vmax=3.5, rasterized=True)
+        image = ax.pcolormesh(
+            x,
+            x,
+            (convexity < 0) + 2 * (ellipticity < 0),
+            cmap=ListedColormap(list(kinds.values())),
+            vmin=-0.5,
+            vmax=3.5,
+            rasterized=True,
+        )
         ax.axhline(0, color="k", lw=0.4)
         ax.axvline(0, color="k", lw=0.4)
         ax.set_aspect("equal")
@@ -117,7 +151,9 @@ def regions(path, x, panels, xlabel, ylabel):
         ax.set_xlabel(xlabel)
     for ax in axes[:, 0]:
         ax.set_ylabel(ylabel)
-    bar = figure.colorbar(image, ax=list(axes.flat), ticks=range(4), location="bottom", fraction=0.05, aspect=60, pad=0.02)
+    bar = figure.colorbar(
+        image, ax=list(axes.flat), ticks=range(4), location="bottom", fraction=0.05, aspect=60, pad=0.02
+    )
     bar.ax.set_xticklabels(list(kinds))
     figure.savefig(path, dpi=130)
     plt.close(figure)

@@ -33,10 +33,17 @@ class Checkpoint:
             parts[name] = self.comm.gather(vector.array.reshape(-1, gdim)[: self.owned])
         if self.comm.rank != 0:
             return
-        meta = {"problem": self.problem, "notes": notes} | {k: getattr(progress, k) for k in ("load", "step", "last_step", "work")}
+        meta = {"problem": self.problem, "notes": notes} | {
+            k: getattr(progress, k) for k in ("load", "step", "last_step", "work")
+        }
         unfinished = self.path.with_name(self.path.name + ".part")
         with open(unfinished, "wb") as file:
-            np.savez(file, meta=json.dumps(meta), x=np.concatenate(self._x), **{k: np.concatenate(v) for k, v in parts.items()})
+            np.savez(
+                file,
+                meta=json.dumps(meta),
+                x=np.concatenate(self._x),
+                **{k: np.concatenate(v) for k, v in parts.items()},
+            )
             file.flush()
             os.fsync(file.fileno())
         os.replace(unfinished, self.path)
@@ -50,7 +57,9 @@ class Checkpoint:
         distance, node = cKDTree(x).query(self.blank.coordinates()[: self.owned])
         nodes, size = self.comm.allreduce(self.owned), np.ptp(x, axis=0).max()
         if nodes != len(x) or self.comm.allreduce(distance.max(initial=0.0), MPI.MAX) > 1e-9 * size:
-            raise InputError(f"checkpoint {self.path} is of another mesh, with {len(x)} nodes, now there are {nodes} or they lie elsewhere; allowed is the same mesh")
+            raise InputError(
+                f"checkpoint {self.path} is of another mesh, with {len(x)} nodes, now there are {nodes} or they lie elsewhere; allowed is the same mesh"
+            )
         vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
         for vector, values in zip(vectors, (u, previous)):
             vector.array[:] = values[node].ravel()

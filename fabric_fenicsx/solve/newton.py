@@ -181,7 +181,9 @@ class Newton:
         report.residuals.append(norm)
         report.scale = self.scene.force_scale()
         snes.monitor(report.iterations, norm)
-        self._tell(f"iteration {report.iterations:2d}  residual {norm:9.3e} N of {report.scale:9.3e} N  energy {energy:.12e} N mm")
+        self._tell(
+            f"iteration {report.iterations:2d}  residual {norm:9.3e} N of {report.scale:9.3e} N  energy {energy:.12e} N mm"
+        )
         if not (np.isfinite(norm) and np.isfinite(energy)):
             raise _Ended(Reason.DIVERGED_FNORM_NAN)
         if norm <= self._noise:
@@ -257,7 +259,9 @@ class Newton:
     def _is_saddle(self, snes, x):
         """Whether the tangent at the converged x has negative pivots; the last one's word is taken after an easy solve."""
         report = self.report
-        easy = 0 < report.iterations <= self.EASY and report.negative_pivots == 0 and not report.shifts and not report.cuts
+        easy = (
+            0 < report.iterations <= self.EASY and report.negative_pivots == 0 and not report.shifts and not report.cuts
+        )
         if easy or not self.tells_inertia:
             return False
         snes.computeJacobian(x, self.A)

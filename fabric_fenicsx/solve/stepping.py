@@ -98,13 +98,17 @@ def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, on_rej
             at.step = CUT * taken
             if at.step < min_step:
                 scene.residual(r)
-                outcome.reason = f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
+                outcome.reason = (
+                    f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
+                )
                 break
             continue
         at.previous, at.x = at.x, at.previous
         x.copy(at.x)
         new_forces = scene.held_forces()
-        at.work += scene.comm.allreduce(float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum()))
+        at.work += scene.comm.allreduce(
+            float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum())
+        )
         forces = new_forces
         at.load = outcome.reached = load
         at.last_step = taken

@@ -16,7 +16,12 @@ def tabulated():
     e = np.array([-0.2, -0.05, 0.0, 0.004, 0.01, 0.02, 0.03])
     yarn = Curve(tuple(e), tuple(np.where(e > 0, 12390 * e**2 + 1335 * e, 1.3 * e)))
     g = np.radians([0, 5, 10, 20, 30, 45, 60])
-    return TabulatedFabric(yarn, Curve(tuple(e), tuple(0.7 * np.asarray(yarn.y))), Curve(tuple(g), tuple(0.02 * g + 0.3 * g**3)), name="table")
+    return TabulatedFabric(
+        yarn,
+        Curve(tuple(e), tuple(0.7 * np.asarray(yarn.y))),
+        Curve(tuple(g), tuple(0.02 * g + 0.3 * g**3)),
+        name="table",
+    )
 
 
 def test_curve_keeps_points_monotony_and_a_twice_continuous_energy(tabulated):
@@ -96,7 +101,9 @@ def test_bad_tables_are_named(tmp_path, text):
         (tmp_path / f"{name}.csv").write_text(GOOD)
     (tmp_path / "shear.csv").write_text("gamma [deg], tau [MPa]\n0, 0\n10, 1\n20, 3\n")
     (tmp_path / "warp.csv").write_text(text)
-    (tmp_path / "m.toml").write_text('model = "fabric"\nthickness_mm = 1\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\nweft = "weft.csv"\nshear = "shear.csv"')
+    (tmp_path / "m.toml").write_text(
+        'model = "fabric"\nthickness_mm = 1\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\nweft = "weft.csv"\nshear = "shear.csv"'
+    )
     with pytest.raises(InputError) as error:
         load(str(tmp_path / "m.toml"))
     assert BAD[text] in str(error.value) and "warp.csv" in str(error.value)

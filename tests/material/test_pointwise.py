@@ -108,8 +108,15 @@ def test_stress_and_tangent_agree_with_mpmath(unbalanced, random_states):
             half = np.array([1.0, 1.0, 0.5])
             S = np.array([float(derivative(*np.eye(3, dtype=int)[k].tolist())) for k in range(3)])
             assert np.allclose(2 * S * half, voigt(state.S)[n], rtol=0, atol=1e-12 * np.linalg.norm(state.S[n]))
-            D = np.array([[float(derivative(*(np.eye(3, dtype=int)[[i, j]].sum(0)).tolist())) for j in range(3)] for i in range(3)])
-            assert np.allclose(4 * D * np.outer(half, half), state.tangent[n], rtol=0, atol=1e-12 * np.linalg.norm(state.tangent[n]))
+            D = np.array(
+                [
+                    [float(derivative(*(np.eye(3, dtype=int)[[i, j]].sum(0)).tolist())) for j in range(3)]
+                    for i in range(3)
+                ]
+            )
+            assert np.allclose(
+                4 * D * np.outer(half, half), state.tangent[n], rtol=0, atol=1e-12 * np.linalg.norm(state.tangent[n])
+            )
 
 
 def test_measures_layouts_and_rotations_agree(unbalanced, random_states):
@@ -135,7 +142,10 @@ def test_measures_layouts_and_rotations_agree(unbalanced, random_states):
 
 def test_reversed_shear_is_the_mirror_image():
     shear = np.array([[1.01, 0.3], [0.3, 0.97]])
-    plus, minus = (pointwise.evaluate(PRESETS["komeili"], cauchy_green=C, tangent=True) for C in (shear, shear * [[1, -1], [-1, 1]]))
+    plus, minus = (
+        pointwise.evaluate(PRESETS["komeili"], cauchy_green=C, tangent=True)
+        for C in (shear, shear * [[1, -1], [-1, 1]])
+    )
     mirror = np.array([1, 1, -1])
     assert minus.energy[0] == plus.energy[0] and minus.invariants[0, 3] == -plus.invariants[0, 3]
     assert np.array_equal(voigt(minus.S), voigt(plus.S) * mirror)

@@ -19,7 +19,12 @@ TABLE = TabulatedFabric(
 @pytest.fixture(scope="module")
 def fabrics(unbalanced):
     off = {f"without {name}": unbalanced.without(name) for name in COUPLINGS}
-    return {"unbalanced": unbalanced, "p_min 0.1": KOMEILI.replace(p_min=0.1), "FABRIC": KOMEILI.decoupled(), "table": TABLE} | off
+    return {
+        "unbalanced": unbalanced,
+        "p_min 0.1": KOMEILI.replace(p_min=0.1),
+        "FABRIC": KOMEILI.decoupled(),
+        "table": TABLE,
+    } | off
 
 
 def acoustic(fabric, C, a, b, theta):
@@ -38,7 +43,9 @@ def acoustic(fabric, C, a, b, theta):
 
 
 def smaller(Q):
-    return (Q[..., 0, 0] + Q[..., 1, 1]) / 2 - np.hypot((Q[..., 0, 0] - Q[..., 1, 1]) / 2, (Q[..., 0, 1] + Q[..., 1, 0]) / 2)
+    return (Q[..., 0, 0] + Q[..., 1, 1]) / 2 - np.hypot(
+        (Q[..., 0, 0] - Q[..., 1, 1]) / 2, (Q[..., 0, 1] + Q[..., 1, 0]) / 2
+    )
 
 
 CASES = ["unbalanced", "p_min 0.1", "FABRIC", "table", *(f"without {name}" for name in COUPLINGS)]
@@ -84,14 +91,19 @@ def test_acoustic_tensor_is_the_second_difference_of_the_energy(fabrics, random_
     fibres, h = (a, b), 1e-4
     F = np.linalg.cholesky(C).swapaxes(1, 2)
     invariants = pointwise.evaluate(fabric, gradient=F, fibres=fibres).invariants
-    clear = (np.abs(invariants[:, [0, 2]] - 1) > 0.01).all(1) & (np.abs(invariants[:, 3]) > 0.01)  # no kink within the difference
+    clear = (np.abs(invariants[:, [0, 2]] - 1) > 0.01).all(1) & (
+        np.abs(invariants[:, 3]) > 0.01
+    )  # no kink within the difference
     found = stability.evaluate(fabric, invariants)
     across = np.stack([-a[:, 1], a[:, 0]], -1)
     across *= np.sign((across * b).sum(1))[:, None]
     N = np.cos(found.direction)[:, None] * a + np.sin(found.direction)[:, None] * across
 
     def curvature(m):
-        W = [pointwise.evaluate(fabric, gradient=F + s * h * m[:, :, None] * N[:, None], fibres=fibres).energy for s in (-1, 0, 1)]
+        W = [
+            pointwise.evaluate(fabric, gradient=F + s * h * m[:, :, None] * N[:, None], fibres=fibres).energy
+            for s in (-1, 0, 1)
+        ]
         return (W[0] - 2 * W[1] + W[2]) / h**2
 
     circle = [np.tile([np.cos(p), np.sin(p)], (len(F), 1)) for p in np.linspace(0, np.pi, 361)]
@@ -109,7 +121,9 @@ def test_convexity_against_differences_of_the_closed_form(fabrics, name):
     H = np.moveaxis(np.array([[(s[0][i] - s[1][i]) / (2 * h), (s[2][i] - s[3][i]) / (2 * h)] for i in (0, 1)]), 2, 0)
     least, found = np.linalg.eigvalsh((H + H.swapaxes(1, 2)) / 2)[:, 0], stability.convexity(fabric, ea, eb, gamma)
     assert np.abs(least - found)[far].max() < 1e-6 * np.abs(H).max()
-    same = stability.evaluate(fabric, stability.invariants(ea, eb, gamma, np.radians(100)))  # it does not know the initial angle
+    same = stability.evaluate(
+        fabric, stability.invariants(ea, eb, gamma, np.radians(100))
+    )  # it does not know the initial angle
     assert np.allclose(same.hessian, found, rtol=1e-9, atol=1e-9)
 
 
@@ -122,7 +136,12 @@ def test_indefinite_beside_zero_where_p_min_is_below_a_half():
 
 def test_state_at_rest_and_sides_of_the_kink():
     rest = stability.evaluate(KOMEILI, stability.invariants(0.0, 0.0))
-    assert rest.convexity == 1 and rest.ellipticity == pytest.approx(1, rel=1e-12) and rest.hessian == 2 * 0.65 and rest.acoustic == pytest.approx(KOMEILI.s1, rel=1e-12)
+    assert (
+        rest.convexity == 1
+        and rest.ellipticity == pytest.approx(1, rel=1e-12)
+        and rest.hessian == 2 * 0.65
+        and rest.acoustic == pytest.approx(KOMEILI.s1, rel=1e-12)
+    )
     e = np.array([-1e-12, 0.0, 1e-12])  # rounding must not decide the side
     assert np.ptp(stability.evaluate(KOMEILI, stability.invariants(0.02, e)).hessian) < 1e-8
     assert stability.convexity(KOMEILI, 0.02, 1e-6) > 10 * stability.convexity(KOMEILI, 0.02, 0.0)
@@ -130,7 +149,9 @@ def test_state_at_rest_and_sides_of_the_kink():
 
 def test_decoupled_baseline_is_convex_everywhere():
     e = np.linspace(-0.2, 0.08, 113)
-    assert stability.convexity(KOMEILI.decoupled(), e[:, None], e, np.radians(40)).min() == pytest.approx(1.3, rel=1e-12)
+    assert stability.convexity(KOMEILI.decoupled(), e[:, None], e, np.radians(40)).min() == pytest.approx(
+        1.3, rel=1e-12
+    )
 
 
 def test_slight_compression_ends_ellipticity():

@@ -106,7 +106,9 @@ def test_same_displacement_turned_in_space(unbalanced, cell, degree):
     yarns = [np.array([math.cos(t), math.sin(t), 0]) for t in (0.3, 1.7)]
     found = []
     for Q in (None, R):
-        blank = strip(cell, degree, Q, a=yarns[0] if Q is None else Q @ yarns[0], b=yarns[1] if Q is None else Q @ yarns[1])
+        blank = strip(
+            cell, degree, Q, a=yarns[0] if Q is None else Q @ yarns[0], b=yarns[1] if Q is None else Q @ yarns[1]
+        )
         membrane = Membrane(blank, unbalanced)
         scene = Scene(blank, [membrane])
         u = blank.u.x.array.reshape(-1, blank.mesh.geometry.dim)
@@ -115,10 +117,21 @@ def test_same_displacement_turned_in_space(unbalanced, cell, degree):
         scene.residual(r)
         forces = r.array.reshape(-1, u.shape[1])
         state = membrane.state()[0]
-        along = (lambda s: s[..., :2, :2]) if Q is None else (lambda s: np.einsum("ki,cqkl,lj->cqij", R, s, R)[..., :2, :2])
+        along = (
+            (lambda s: s[..., :2, :2]) if Q is None else (lambda s: np.einsum("ki,cqkl,lj->cqij", R, s, R)[..., :2, :2])
+        )
         midpoints = blank.midpoints()
         # meshes are numbered and shared out alike, so cells and nodes correspond
-        found.append((blank.along(blank.coordinates().T)[:2], midpoints[:2], scene.energy(), forces[:, :2], along(state.cauchy), state.energy))
+        found.append(
+            (
+                blank.along(blank.coordinates().T)[:2],
+                midpoints[:2],
+                scene.energy(),
+                forces[:, :2],
+                along(state.cauchy),
+                state.energy,
+            )
+        )
         if Q is not None:
             assert np.abs(forces[:, 2]).max() <= 1e-12 * np.abs(forces).max()
     plane, turned = found

@@ -33,7 +33,9 @@ def negative_pivots(newton):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("angle", [0, 10, 30, 45, 60, 85])
-@pytest.mark.parametrize("shape", [{}, {"degree": 2, "pattern": "unstructured"}, {"cell": "quadrilateral", "degree": 2}])
+@pytest.mark.parametrize(
+    "shape", [{}, {"degree": 2, "pattern": "unstructured"}, {"cell": "quadrilateral", "degree": 2}]
+)
 def test_strips_with_yarns_at_every_angle(angle, shape):
     scene = strip(angle, **shape)
     newton = Newton(scene)
@@ -133,7 +135,12 @@ class Stubborn(Newton):
 def test_steps_are_cut_and_grow_again():
     newton, loads, rejected = Stubborn(strip()), [], []
     newton.done = 0.0
-    outcome = march(newton, steps=5, on_accept=lambda a: loads.append(a.load), on_reject=lambda load, report: rejected.append(report.reason))
+    outcome = march(
+        newton,
+        steps=5,
+        on_accept=lambda a: loads.append(a.load),
+        on_reject=lambda load, report: rejected.append(report.reason),
+    )
     assert outcome.reached == 1 and outcome.rejected == len(rejected) > 0 and set(rejected) == {"too large for me"}
     steps = np.diff(loads)
     assert steps.max() <= 0.06 and steps.max() > 1.4 * steps.min() and loads[-1] == 1
@@ -145,7 +152,10 @@ def test_steps_are_cut_and_grow_again():
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("options, words", [({"steps": 0}, "steps is 0"), ({"steps": float("nan")}, "steps is nan"), ({"max_step": 0}, "max-step is 0")])
+@pytest.mark.parametrize(
+    "options, words",
+    [({"steps": 0}, "steps is 0"), ({"steps": float("nan")}, "steps is nan"), ({"max_step": 0}, "max-step is 0")],
+)
 def test_bad_steps_are_named(options, words):
     with pytest.raises(InputError, match=words):
         march(Newton(strip()), **options)

@@ -3,7 +3,10 @@
 import pytest
 
 
-@pytest.mark.parametrize("options", [(), ("--pre-tension", 0.01), ("--pre-tension", 0.02, "--model", "fabric"), ("--element", "Q2", "--angle", 60)])
+@pytest.mark.parametrize(
+    "options",
+    [(), ("--pre-tension", 0.01), ("--pre-tension", 0.02, "--model", "fabric"), ("--element", "Q2", "--angle", 60)],
+)
 def test_normalised_shear_force(launch, options):
     done = launch("picture_frame", "--quick", "--steps", 10, *options, ranks=2)
     assert done.status == 0, done.err
@@ -17,7 +20,10 @@ def test_normalised_shear_force(launch, options):
 
 
 def test_pre_tension_stiffens_shear(launch):
-    forces = [launch("picture_frame", "--quick", "--pre-tension", e).summary["quantities"]["normalised_shear_force_N_per_mm"] for e in (0, 0.01)]
+    forces = [
+        launch("picture_frame", "--quick", "--pre-tension", e).summary["quantities"]["normalised_shear_force_N_per_mm"]
+        for e in (0, 0.01)
+    ]
     gamma = 3.141592653589793 / 4
     added = 2 * 1467.6 * (1.01**2 - 1) ** 2 * gamma**2 / (1.01 * 2**-0.5)  # eqs (26), (27) over cos(gamma)
     assert forces[1] == pytest.approx(forces[0] / 1.01 + added, rel=1e-8)

@@ -9,24 +9,43 @@ def test_thresholds(launch):
     done = launch("stability_map", "--quick")
     assert done.status == 0, done.err
     q = done.summary["quantities"]
-    assert done.summary["converged"] and done.summary["kernel_mismatch"] < 1e-12 and q["thresholds_that_differ_from_those_noted"] == []
+    assert (
+        done.summary["converged"]
+        and done.summary["kernel_mismatch"] < 1e-12
+        and q["thresholds_that_differ_from_those_noted"] == []
+    )
     with open(done.folder / "thresholds.csv") as file:
         table = list(csv.DictReader(file))
     rows = {(r["quantity"], r["p_min"]): r for r in table}
     assert len(table) == len(q["thresholds"]) and sum(r["agrees"] == "True" for r in table) == 10
     region = "tension-compression: reach of lost convexity in eps_b"
     reach = {p: float(rows[region, p]["value"]) for p in ("0.4", "0.25", "0.1", "0.0")}
-    assert reach == {"0.4": pytest.approx(-0.0066, abs=5e-5), "0.25": pytest.approx(-0.0353, abs=5e-5), "0.1": pytest.approx(-0.0798, abs=5e-5), "0.0": pytest.approx(-0.2158, abs=5e-5)}
+    assert reach == {
+        "0.4": pytest.approx(-0.0066, abs=5e-5),
+        "0.25": pytest.approx(-0.0353, abs=5e-5),
+        "0.1": pytest.approx(-0.0798, abs=5e-5),
+        "0.0": pytest.approx(-0.2158, abs=5e-5),
+    }
     assert all(rows[f"{region}, worst", p]["value"] == "" for p in ("0.5", "0.75", "1.0"))
     assert float(rows["tension-tension: convex up to", "0.5"]["value"]) == pytest.approx(0.0493, abs=1e-4)
     assert all((done.folder / f"{name}.png").stat().st_size > 10_000 for name in ("p_min", "c", "d", "s_C"))
     shares = q["share_of_map_lost"]
-    assert shares["0 deg, p_min 0"]["convexity"] > shares["0 deg, p_min 0.25"]["convexity"] > shares["0 deg, p_min 0.75"]["convexity"]
+    assert (
+        shares["0 deg, p_min 0"]["convexity"]
+        > shares["0 deg, p_min 0.25"]["convexity"]
+        > shares["0 deg, p_min 0.75"]["convexity"]
+    )
 
 
 def test_a_material_of_curves_has_no_p_min(launch, tmp_path):
-    for name, head in (("warp", "eps [-], sigma [MPa]"), ("weft", "eps [-], sigma [MPa]"), ("shear", "gamma [rad], tau [MPa]")):
+    for name, head in (
+        ("warp", "eps [-], sigma [MPa]"),
+        ("weft", "eps [-], sigma [MPa]"),
+        ("shear", "gamma [rad], tau [MPa]"),
+    ):
         (tmp_path / f"{name}.csv").write_text(f"{head}\n0, 0\n0.1, 1\n0.2, 3\n")
-    (tmp_path / "table.toml").write_text('model = "fabric"\nthickness_mm = 1\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\nweft = "weft.csv"\nshear = "shear.csv"\n')
+    (tmp_path / "table.toml").write_text(
+        'model = "fabric"\nthickness_mm = 1\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\nweft = "weft.csv"\nshear = "shear.csv"\n'
+    )
     done = launch("stability_map", "--material", "table.toml")
     assert done.status == 2 and "tabulated" in done.err and done.summary is None

@@ -27,7 +27,9 @@ def test_the_papers_specimen_on_two_ranks(launch):
     done = launch("tensile", *FULL, "--verbose", ranks=2)
     s = done.summary
     assert done.status == 0, done.err
-    assert set(s) >= CONTRACT and s["converged"] and s["stroke_reached"] == 1 and s["cells"] == 10_000 and s["ranks"] == 2
+    assert (
+        set(s) >= CONTRACT and s["converged"] and s["stroke_reached"] == 1 and s["cells"] == 10_000 and s["ranks"] == 2
+    )
     assert set(s["wall_s"]) == {"setup", "compile", "assemble", "linear_solve", "output", "total"}
     assert set(s["energy"]) == {"strain", "bending", "contact", "friction", "viscous", "external_work"}
     assert s["kernel_mismatch"] <= 1e-10
@@ -136,7 +138,11 @@ def test_resume_after_a_kill_on_other_ranks(launch):
 def test_a_load_that_cannot_be_reached(launch):
     done = launch("bias_extension", "--quick", "--strain", 0.9, ranks=2)
     assert done.status == 3, done.err
-    (said,) = [line for line in done.err.splitlines() if line.startswith("studies/bias_extension.py: stopped: gave up at load factor")]
+    (said,) = [
+        line
+        for line in done.err.splitlines()
+        if line.startswith("studies/bias_extension.py: stopped: gave up at load factor")
+    ]
     s = done.summary
     assert not s["converged"] and 0.5 < s["stroke_reached"] < 1 and s["reason"] in said and "Traceback" not in done.err
     history = rows(done.folder)
