@@ -23,7 +23,8 @@ from . import dolfinx_compat as compat
 from .blank import Blank
 from .cli import ANY, COUNT, Help, Parser, exit_status, number
 from .errors import InputError, SolverFailure
-from .material.parameters import COUPLINGS, load
+from .material.parameters import COUPLINGS
+from .material.presets import load
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import History
 from .scene import Scene

@@ -13,7 +13,8 @@ from fabric_fenicsx import __version__
 from fabric_fenicsx.cli import Help, Parser, exit_status
 from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import curves, identify
-from fabric_fenicsx.material.parameters import WovenFabric, load
+from fabric_fenicsx.material.parameters import WovenFabric
+from fabric_fenicsx.material.presets import load
 
 
 def options():

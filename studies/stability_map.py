@@ -8,8 +8,9 @@ from scipy.optimize import brentq
 from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import pointwise, stability
 from fabric_fenicsx.material.closed_form import nominal_stresses
-from fabric_fenicsx.material.parameters import PRESETS, WovenFabric
+from fabric_fenicsx.material.parameters import WovenFabric
 from fabric_fenicsx.material.paths import conjugate, gradient
+from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.study import parser, run
 
 LOW, HIGH = -0.20, 0.08  # yarn strains of the maps

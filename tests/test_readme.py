@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fabric_fenicsx.material.parameters import load
+from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.meshes.specimen import specimen, write
 
 ROOT = Path(__file__).parents[1]

@@ -22,8 +22,9 @@ from scipy.optimize import least_squares
 from ..errors import InputError, SolverFailure
 from . import curves as data
 from .curves import Curve, Response, Sheet
-from .parameters import _RULES, _SHEAR, _YARN, PRESETS, WovenFabric, Yarn
+from .parameters import _RULES, _SHEAR, _YARN, WovenFabric, Yarn
 from .pointwise import evaluate
+from .presets import PRESETS
 
 DEFAULTS = PRESETS["komeili"]  # Table 1; d, p_min and s_C were assumed there, too
 STAGE_1 = ("a", "b", "d", *_SHEAR)

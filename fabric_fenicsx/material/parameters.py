@@ -11,7 +11,7 @@ from decimal import Decimal
 from numbers import Real
 from pathlib import Path
 from reprlib import repr as _show
-from types import MappingProxyType, SimpleNamespace
+from types import SimpleNamespace
 from typing import Any, NamedTuple, Self
 
 import tomli_w
@@ -243,27 +243,6 @@ class WovenFabric:
         return _read(path, lambda document: cls(**_fields(document)))
 
 
-def load(source: str | os.PathLike[str]):
-    """The preset of this name, else the material in the TOML file at this path; InputError if neither exists.
-
-    A `WovenFabric`, or with `model = "fabric"` in the file a `TabulatedFabric`.
-    """
-    from .baseline import TabulatedFabric
-
-    if isinstance(source, str) and source in PRESETS:
-        return PRESETS[source]
-    if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        return _read(
-            source,
-            lambda document: (
-                TabulatedFabric.from_toml(source, document)
-                if document.get("model") == "fabric"
-                else WovenFabric(**_fields(document))
-            ),
-        )
-    raise InputError(f"material {_show(source)} is neither a preset ({', '.join(PRESETS)}) nor a file that exists")
-
-
 def _read(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
     """make(document) of the TOML file at `path`; InputErrors name the file."""
     try:
@@ -348,12 +327,3 @@ def _exponent(name: str, key: str, units: Mapping[str, str], label: str) -> int:
         keys = " or ".join(f"{name}_{unit}" for unit in suffixes)
         raise InputError(f"{label} has no unit; write {keys}, or give {kind} in [units]")
     return _UNITS[kind][units[kind]]
-
-
-_KOMEILI = WovenFabric.balanced(  # Table 1
-    a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0,
-    s1=25.06e-3, s2=-186.79e-3, s3=562.39e-3, thickness=1.0, density=0.75, name="komeili",
-)  # fmt: skip
-PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
-    {"komeili": _KOMEILI, "fabric": _KOMEILI.decoupled().replace(name="fabric")}
-)

@@ -8,7 +8,7 @@ from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import pointwise
 from fabric_fenicsx.material.baseline import Curve, TabulatedFabric
 from fabric_fenicsx.material.closed_form import nominal_stresses
-from fabric_fenicsx.material.parameters import PRESETS, load
+from fabric_fenicsx.material.presets import PRESETS, load
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves as data
 from fabric_fenicsx.material.identify import nominal, synthesise
-from fabric_fenicsx.material.parameters import PRESETS
+from fabric_fenicsx.material.presets import PRESETS
 
 KOMEILI = PRESETS["komeili"]
 SHEET = 'name = "x"\nthickness_mm = 1.2\ndensity_g_per_cm3 = 0.6\nbalanced = true\n'

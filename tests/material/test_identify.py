@@ -13,8 +13,9 @@ from fabric_fenicsx.material import curves as data
 from fabric_fenicsx.material import identify as module
 from fabric_fenicsx.material.curves import Curve, Response, Sheet
 from fabric_fenicsx.material.identify import coverage, draw, identify, lateral_strain, nominal, synthesise, true_values
-from fabric_fenicsx.material.parameters import PRESETS, WovenFabric
+from fabric_fenicsx.material.parameters import WovenFabric
 from fabric_fenicsx.material.pointwise import evaluate
+from fabric_fenicsx.material.presets import PRESETS
 
 KOMEILI = PRESETS["komeili"]
 SHEET = Sheet("x", 1.0, 0.75, True)

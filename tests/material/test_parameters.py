@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.material.parameters import COUPLINGS, PRESETS, WovenFabric, Yarn, load
+from fabric_fenicsx.material.parameters import COUPLINGS, WovenFabric, Yarn
+from fabric_fenicsx.material.presets import PRESETS, load
 
 KOMEILI = PRESETS["komeili"]
 UNBALANCED = KOMEILI.replace(

@@ -11,7 +11,8 @@ from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import pointwise
 from fabric_fenicsx.material.energy import energy_density
-from fabric_fenicsx.material.parameters import COUPLINGS, PRESETS
+from fabric_fenicsx.material.parameters import COUPLINGS
+from fabric_fenicsx.material.presets import PRESETS
 
 
 def relative(value, reference):

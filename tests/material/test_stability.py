@@ -6,7 +6,8 @@ import pytest
 from fabric_fenicsx.material import pointwise, stability
 from fabric_fenicsx.material.baseline import Curve, TabulatedFabric
 from fabric_fenicsx.material.closed_form import nominal_stresses
-from fabric_fenicsx.material.parameters import COUPLINGS, PRESETS
+from fabric_fenicsx.material.parameters import COUPLINGS
+from fabric_fenicsx.material.presets import PRESETS
 
 KOMEILI = PRESETS["komeili"]
 TABLE = TabulatedFabric(

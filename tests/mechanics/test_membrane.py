@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.material import pointwise
-from fabric_fenicsx.material.parameters import PRESETS
+from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene, Support, grips

@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.material.parameters import PRESETS
+from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene, grips

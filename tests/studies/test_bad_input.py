@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 import pytest
 
-from fabric_fenicsx.material.parameters import PRESETS
+from fabric_fenicsx.material.presets import PRESETS
 
 KOMEILI = PRESETS["komeili"].dumps()
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from fabric_fenicsx.material import identify
-from fabric_fenicsx.material.parameters import load
+from fabric_fenicsx.material.presets import load
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
 
