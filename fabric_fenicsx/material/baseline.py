@@ -18,6 +18,7 @@ from ..errors import InputError
 from .parameters import _SHEET, _complete, _couplings, _number, _numbers
 
 MIN_POINTS = 3
+MAX_POINTS = 40  # in a file: compiling the form takes the square of their number, half a minute at 100
 _STRESS = {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6, "GPa": 1e3}
 _COLUMNS = {
     "yarn": (("eps", {"-": 1.0, "%": 0.01}), ("sigma", _STRESS)),
@@ -90,21 +91,20 @@ class Curve:
 
     def symbols(self, make: Callable[[float], Any]) -> Callable:
         """The energy as a function of a UFL strain, its numbers v replaced by make(v)."""
-        W = [[make(v) for v in piece] for piece in self._pieces().T]
-        starts = [make(v) for v in self.starts]
+        columns = [[make(v) for v in column] for column in (self.starts, *self._pieces())]
 
         def energy(e):
-            def piece(k):
-                t = e - starts[k]
-                return (((W[k][0] * t + W[k][1]) * t + W[k][2]) * t + W[k][3]) * t + W[k][4]
+            def pick(
+                values,
+            ):  # constants alone, so that their choice is not differentiated; halved, to nest log2(n) deep
+                if len(values) == 1:
+                    return values[0][1]
+                upper = values[len(values) // 2 :]
+                return conditional(lt(e, upper[0][0]), pick(values[: len(values) // 2]), pick(upper))
 
-            def among(low, high):  # halves, so that n pieces nest only log2(n) deep
-                if low == high:
-                    return piece(low)
-                middle = (low + high) // 2
-                return conditional(lt(e, starts[middle + 1]), among(low, middle), among(middle + 1, high))
-
-            return among(0, len(W) - 1)
+            start, w4, w3, w2, w1, w0 = (pick(list(zip(columns[0], column))) for column in columns)
+            t = e - start
+            return (((w4 * t + w3) * t + w2) * t + w1) * t + w0
 
         return energy
 
@@ -214,6 +214,8 @@ def read_table(path, kind) -> Curve:
             points.append([float(cell) * factor for cell, factor in zip(row, factors, strict=True)])
         except ValueError:
             raise InputError(f"{path}: row {number} is {','.join(row)!r}; allowed are two numbers") from None
+    if len(points) > MAX_POINTS:
+        raise InputError(f"{path}: has {len(points)} points; allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out")
     try:
         return Curve(*(tuple(column) for column in zip(*points))) if points else Curve((), ())
     except InputError as error:

@@ -72,7 +72,7 @@ def test_tables_from_files(tmp_path, tabulated):
         ("weft", tabulated.weft, "eps [-], sigma [kPa]", (1, 1000)),
         ("shear", tabulated.shear, "gamma [deg], tau [MPa]", (180 / np.pi, 1)),
     ):
-        lines = [f"{x * factor[0]!r}, {y * factor[1]!r}" for x, y in zip(curve.x, curve.y)]
+        lines = [f"{float(x * factor[0])!r}, {float(y * factor[1])!r}" for x, y in zip(curve.x, curve.y)]
         (tmp_path / f"{name}.csv").write_text("\n".join(["# measured by nobody", header, *lines]))
     text = 'model = "fabric"\nname = "table"\nthickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\nwarp = "warp.csv"\nweft = "weft.csv"\nshear = "shear.csv"\n'
     (tmp_path / "m.toml").write_text(text)
@@ -90,6 +90,7 @@ BAD = {
     GOOD + "3, nan\n": "row 6 is",
     GOOD + "3, much\n": "row 6 is '3, much'",
     "eps [%], sigma [MPa]\n0, 0\n1, 2\n": "2 points",
+    "eps [%], sigma [MPa]\n" + "".join(f"{e}, {e}\n" for e in range(41)): "41 points; allowed are 3 to 40",
     "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n": "(0, 0)",
     "": "row 1 is no header",
 }

@@ -174,3 +174,25 @@ def test_another_mesh_is_not_resumed(launch, tmp_path):
     write(tmp_path / "s.msh", *specimen(nx=24, ny=6))
     again = launch("tensile", *options, "--resume", ranks=2)
     assert again.status == 2 and "another mesh" in again.err
+
+
+@pytest.mark.parametrize("study", ["tensile", "bias_extension", "picture_frame", "single_element"])
+def test_a_tabulated_material_runs_in_every_study(launch, tmp_path, study):
+    """Fine tables of the preset `fabric`'s curves give its reactions."""
+    from fabric_fenicsx.material.closed_form import nominal_stresses
+    from fabric_fenicsx.material.presets import PRESETS
+
+    eps, gamma = np.r_[-0.5, -0.2, np.linspace(0, 0.06, 13)], np.linspace(0, 1.4, 29)
+    for name in ("warp", "weft"):
+        sigma = nominal_stresses(PRESETS["fabric"], eps, 0, 0)[0]
+        text = "eps [%], sigma [MPa]\n" + "".join(f"{float(100 * e)!r}, {float(s)!r}\n" for e, s in zip(eps, sigma))
+        (tmp_path / f"{name}.csv").write_text(text)
+    tau = nominal_stresses(PRESETS["fabric"], 0, 0, gamma)[2]
+    text = "gamma [rad], tau [MPa]\n" + "".join(f"{float(g)!r}, {float(t)!r}\n" for g, t in zip(gamma, tau))
+    (tmp_path / "shear.csv").write_text(text)
+    keys = 'model = "fabric"\nthickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\n'
+    (tmp_path / "m.toml").write_text(keys + "".join(f'{n} = "{n}.csv"\n' for n in ("warp", "weft", "shear")))
+    tables, preset = (launch(study, "--quick", "--no-pictures", "--material", m).summary for m in ("m.toml", "fabric"))
+    assert tables["converged"] and tables["couplings"] == [] and tables["kernel_mismatch"] <= 1e-10
+    if "reaction_N" in tables:
+        assert tables["reaction_N"] == pytest.approx(preset["reaction_N"], rel=2e-2)  # of the interpolation
