@@ -3,7 +3,6 @@
 from contextlib import redirect_stdout
 from pathlib import Path
 
-import meshio
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -116,6 +115,8 @@ def _on_root(comm, make):
 
 
 def _read(path):
+    import meshio  # as long to import as a coarse solve takes, and only own meshes need it
+
     if not path.is_file():
         raise InputError(
             f"mesh file {path} does not exist or is not a file; allowed is any mesh that gmsh or meshio writes"
