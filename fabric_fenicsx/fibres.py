@@ -1,6 +1,7 @@
 """Fibre fields a0, b0 on a sheet: one unit vector a cell and direction, in the cell's tangent plane."""
 
 import numpy as np
+from dolfinx import fem
 
 from . import dolfinx_compat as compat
 from .errors import InputError
@@ -24,7 +25,7 @@ def fibre_fields(mesh, a=0.0, b=None, up=(0.0, 0.0, 1.0)):
     space = compat.vector_space(mesh, "DG", 0, mesh.geometry.dim)
     fields = []
     for values in (a0, b0):
-        field = compat.fem.Function(space)
+        field = fem.Function(space)
         field.x.array[:] = values[:, : mesh.geometry.dim].ravel()
         fields.append(field)
     return tuple(fields)

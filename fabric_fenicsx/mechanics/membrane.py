@@ -58,7 +58,7 @@ class Membrane:
         tangent = [ufl.dot(project, f) for f in fibres]
         return [f / ufl.sqrt(ufl.dot(f, f)) for f in tangent]
 
-    def _evaluate(self):
+    def at_points(self):
         """F (c, q, 3, 2) on the basis (a0, perpendicular), b0 (c, q, 2) and UFL's S (c, q, 3) at each point."""
         if self._points is None:
             law, fa, fb, cosine = self._ufl
@@ -84,7 +84,7 @@ class Membrane:
 
         Mismatch: largest |S_UFL - S_kernel| over max(|S_kernel|, s1), the smallest stiffness of the law.
         """
-        F, b, S_ufl = self._evaluate()
+        F, b, S_ufl = self.at_points()
         cells, points = F.shape[:2]
         b = b.reshape(-1, 2)
         state = pointwise.evaluate(self.fabric, gradient=F.reshape(-1, 3, 2), fibres=([1.0, 0.0], b))

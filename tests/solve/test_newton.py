@@ -83,6 +83,21 @@ def test_no_saddle_is_accepted():
 
 
 @pytest.mark.mpi
+def test_a_start_on_a_saddle_is_left_or_refused():
+    scene = strip(fabric=KOMEILI.replace(p_min=0.0), clamped=False)
+    blind = Newton(scene, linear_solver="mumps-lu")  # does not tell inertia, so stays on the homogeneous branch
+    assert march(blind, steps=10).reached == 1
+    x, energy = scene.u.copy(), scene.energy()
+    newton = Newton(scene)
+    assert negative_pivots(newton) > 0
+    report = newton.solve_for(x)
+    if report.converged:
+        assert negative_pivots(newton) == 0 and scene.energy() < energy
+    else:
+        assert "saddle" in report.reason or "no convergence" in report.reason or "line search" in report.reason
+
+
+@pytest.mark.mpi
 def test_a_start_inside_out_is_named():
     scene = strip()
     x = scene.u.duplicate()
@@ -97,7 +112,7 @@ def test_inverted_cells_are_never_accepted():
     newton, turned = Newton(scene), []
 
     def accept(accepted):
-        F, _, _ = scene.terms[0]._evaluate()
+        F, _, _ = scene.terms[0].at_points()
         turned.append(np.linalg.det(F[:, :, :2]).min(initial=1.0))
 
     outcome = march(newton, steps=10, on_accept=accept)
