@@ -119,7 +119,7 @@ class Scene:
         self._energies = [compat.form(term.energy) for term in self.terms]
         self._inverted = compat.form(_wall(blank)) if blank.mesh.geometry.dim == 2 else None
         self._supported()
-        self._f = self.u.duplicate()
+        self._f, self.drag, self.origin = self.u.duplicate(), 0.0, None
 
     def _supported(self):
         """Degrees of freedom held by the supports, and DOLFINx's view of them."""
@@ -139,6 +139,26 @@ class Scene:
         zero = PETSc.ScalarType(0)
         self._bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
         self.held = dofs[dofs < owned * gdim]
+
+    def check_held(self):
+        """Raise InputError, naming the motion, if the supports let the blank move as a rigid body."""
+        gdim = self.blank.mesh.geometry.dim
+        node, axis = np.divmod(self.held, gdim)
+        low, high = (corner[:, None] for corner in self.blank.extent())
+        x = (self.blank.along(self.blank.coordinates()[node].T) - (low + high) / 2) / (high - low).max()
+        turns = [(0, 1)] if gdim == 2 else [(1, 2), (2, 0), (0, 1)]
+        held = [1.0 * (axis == i) for i in range(gdim)]
+        held = np.array(held + [x[i] * (axis == j) - x[j] * (axis == i) for i, j in turns])
+        stiffness, motions = np.linalg.eigh(self.comm.allreduce(held @ held.T, MPI.SUM))
+        if stiffness[0] > 1e-9 * max(stiffness[-1], 1.0):
+            return
+        names = [f"move along its {axis}" for axis in ("length", "width", "normal")[:gdim]]
+        names += [f"turn about its {axis}" for axis in (("normal",) if gdim == 2 else ("length", "width", "normal"))]
+        free = names[np.abs(motions[:, 0]).argmax()]
+        supports = ", ".join(support.name for support in self.supports) or "none"
+        raise InputError(
+            f"the supports ({supports}) leave {self.blank.name} free to {free}; allowed are supports that hold it against every rigid motion"
+        )
 
     def at(self, load):
         """Set the load factor of the terms that depend on it (those with a method `at`)."""
@@ -182,7 +202,16 @@ class Scene:
                 wall = fem.assemble_scalar(self._inverted)
             if self.comm.allreduce(wall) > 0:
                 return 10 * self.INVERTED
-        return sum(self.energies().values())
+        return sum(self.energies().values()) + self.drag_energy()
+
+    def drag_energy(self):
+        """Potential of the drag at the present displacement [N mm]."""
+        return 0.5 * self.drag * self._dragged().norm() ** 2 if self.drag else 0.0
+
+    def _dragged(self):
+        moved = self.u - self.origin
+        moved.array[self.held] = 0
+        return moved
 
     def residual(self, r):
         """Internal forces on the free degrees of freedom into r, zero on the held ones [N]; keeps them all."""
@@ -193,6 +222,8 @@ class Scene:
             self._f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             self._f.copy(r)
             r.array[self.held] = 0
+            if self.drag:
+                r.axpy(self.drag, self._dragged())
 
     def create_matrix(self):
         A = fem_petsc.create_matrix(self._tangent)
@@ -205,6 +236,8 @@ class Scene:
             A.zeroEntries()
             fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs if held else [])
             A.assemble()
+            if self.drag:
+                A.shift(self.drag)
 
     def held_forces(self):
         """Forces of the supports on this rank's held degrees of freedom, after `residual` [N]."""

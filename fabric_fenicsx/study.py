@@ -21,7 +21,7 @@ from tqdm import tqdm
 from . import __version__, timing
 from . import dolfinx_compat as compat
 from .blank import Blank
-from .cli import ANY, COUNT, Help, Parser, exit_status, number
+from .cli import ANY, COUNT, POSITIVE, Help, Parser, exit_status, number
 from .errors import InputError, SolverFailure
 from .material.parameters import COUPLINGS
 from .material.presets import load
@@ -33,6 +33,7 @@ from .solve.newton import LINEAR_SOLVERS, Newton
 from .solve.stepping import march
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
+VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
 UNBALANCED = 0.02  # of the stored energy, above which a run warns that its work does not match
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
 QUICK = {"nx": 20, "steps": 5}
@@ -75,6 +76,14 @@ def parser(name, description, **defaults):
         type=number("a number above 0 and below 1", lambda v: 0 < v < 1),
         default=1e-8,
         help="residual over reaction",
+    )
+    solver.add_argument(
+        "--viscosity", choices=("auto", "off"), default="auto", help="auto: a drag on the nodes in steps that fail"
+    )
+    solver.add_argument(
+        "--accuracy",
+        type=POSITIVE,
+        help="largest distance of a state from its extrapolation, of the displacement; limits steps where the path matters",
     )
     solver.add_argument("--linear-solver", choices=tuple(LINEAR_SOLVERS), default="mumps-cholesky")
     output = p.add_argument_group("output")
@@ -213,10 +222,21 @@ class Study:
             bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]",
         )
 
+        def tell(text):
+            if self.comm.rank == 0:
+                bar.write(text, file=sys.stderr)
+
         def accept(accepted):
             with timing.phase("output"):
                 least = self.comm.allreduce(least_stability(membrane), MPI.MIN)
             history.add(accepted, *measure(scene, accepted.load), least)
+            viscous, strain = accepted.energies["viscous"], accepted.energies["strain"]
+            if viscous > VISCOUS * abs(strain) and history.rows[-2]["viscous_energy_Nmm"] <= VISCOUS * abs(
+                history.rows[-2]["strain_energy_Nmm"]
+            ):
+                tell(
+                    f"warning: at load {accepted.load:.6g} (step {len(history.rows) - 1}) the regularisation has taken {100 * viscous / abs(strain):.2g} % of the strain energy; take smaller steps (--max-step) or look for a snap there"
+                )
             bar.update(accepted.load - bar.n)
             bar.set_postfix(
                 iterations=accepted.report.iterations,
@@ -229,14 +249,19 @@ class Study:
                 checkpoint.save(accepted.progress, {"rows": history.rows, "states": series.states})
 
         def reject(load, report):
-            if self.comm.rank == 0:
-                bar.write(
-                    f"step to load {load:.6g} rejected after {report.iterations} iterations: {report.reason}",
-                    file=sys.stderr,
-                )
+            tell(f"step to load {load:.6g} rejected after {report.iterations} iterations: {report.reason}")
 
         try:
-            outcome = march(newton, args.steps, args.max_step, on_accept=accept, on_reject=reject, start=start)
+            outcome = march(
+                newton,
+                args.steps,
+                args.max_step,
+                on_accept=accept,
+                on_reject=reject,
+                start=start,
+                viscosity=args.viscosity == "auto",
+                accuracy=args.accuracy,
+            )
         finally:
             bar.close()
             history.close()
@@ -245,16 +270,17 @@ class Study:
             if series.states[-1][0] != outcome.reached:
                 series.write(outcome.reached, fields)
         mesh = membrane.blank.mesh
-        work = {"external_work": history.rows[-1]["external_work_Nmm"]}
-        stored = sum(scene.energies().values())
-        imbalance = abs(work["external_work"] - stored) / max(abs(stored), 1e-300)
+        energies = scene.energies() | {"viscous": history.rows[-1]["viscous_energy_Nmm"]}
+        work = history.rows[-1]["external_work_Nmm"]
+        stored = sum(energies.values())
+        imbalance = abs(work - stored) / max(abs(stored), 1e-300)
         if imbalance > UNBALANCED:
             self.say(
                 f"warning: work of the grips and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
             )
         summary = self.summarise(
             folder,
-            converged=outcome.reached == 1,
+            converged=not outcome.reason,
             stroke_reached=outcome.reached,
             reason=outcome.reason or "full load reached",
             dofs=membrane.blank.V.dofmap.index_map.size_global * mesh.geometry.dim,
@@ -265,7 +291,7 @@ class Study:
             steps_accepted=outcome.accepted,
             steps_rejected=outcome.rejected,
             newton_iterations=outcome.iterations,
-            energy=dict.fromkeys(ENERGIES, 0.0) | scene.energies() | work,
+            energy=dict.fromkeys(ENERGIES, 0.0) | energies | {"external_work": work},
             reaction_N=history.rows[-1]["reaction_N"],
             kernel_mismatch=self.comm.allreduce(mismatch, MPI.MAX),
             energy_imbalance=imbalance,
@@ -309,6 +335,8 @@ class Study:
             "max_step",
             "tolerance",
             "linear_solver",
+            "viscosity",
+            "accuracy",
             "out",
             "every",
             "resume",

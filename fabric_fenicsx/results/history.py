@@ -3,8 +3,8 @@
 import csv
 
 COLUMNS = (
-    "step", "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "external_work_Nmm", "iterations", "shifts",
-    "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "min_stability", "wall_s",
+    "step", "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "viscous_energy_Nmm", "external_work_Nmm", "iterations",
+    "shifts", "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "min_stability", "wall_s",
 )  # fmt: skip
 
 
@@ -31,7 +31,7 @@ class History:
         report = accepted.report
         row = {
             "step": len(self.rows), "load": accepted.load, "displacement_mm": displacement, "reaction_N": reaction,
-            "strain_energy_Nmm": accepted.energies["strain"], "external_work_Nmm": accepted.external_work,
+            "strain_energy_Nmm": accepted.energies["strain"], "viscous_energy_Nmm": accepted.energies["viscous"], "external_work_Nmm": accepted.external_work,
             "iterations": report.iterations, "shifts": report.shifts, "line_search_cuts": report.cuts, "cuts": accepted.cuts,
             "negative_pivots": report.negative_pivots, "residual_N": report.residuals[-1] if report.residuals else 0.0,
             "force_scale_N": report.scale, "min_stability": min_stability, "wall_s": round(accepted.wall, 4),

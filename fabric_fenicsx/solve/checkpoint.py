@@ -3,6 +3,7 @@
 import json
 import os
 import zipfile
+from dataclasses import asdict
 
 import numpy as np
 from mpi4py import MPI
@@ -10,7 +11,9 @@ from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
 from ..errors import InputError
-from .stepping import Progress
+from .stepping import Progress, Viscosity
+
+SCALARS = ("load", "step", "last_step", "work")
 
 
 class Checkpoint:
@@ -33,8 +36,8 @@ class Checkpoint:
             parts[name] = self.comm.gather(vector.array.reshape(-1, gdim)[: self.owned])
         if self.comm.rank != 0:
             return
-        meta = {"problem": self.problem, "notes": notes} | {
-            k: getattr(progress, k) for k in ("load", "step", "last_step", "work")
+        meta = {"problem": self.problem, "notes": notes, "viscosity": asdict(progress.viscosity)} | {
+            k: getattr(progress, k) for k in SCALARS
         }
         unfinished = self.path.with_name(self.path.name + ".part")
         with open(unfinished, "wb") as file:
@@ -63,7 +66,7 @@ class Checkpoint:
         vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
         for vector, values in zip(vectors, (u, previous)):
             vector.array[:] = values[node].ravel()
-        return Progress(*(meta[k] for k in ("load", "step", "last_step", "work")), *vectors), meta["notes"]
+        return Progress(*(meta[k] for k in SCALARS), Viscosity(**meta["viscosity"]), *vectors), meta["notes"]
 
     def _read(self):
         """Content of the file, or what is wrong with it."""

@@ -24,7 +24,9 @@ KSP_WORDS = {
     value: name.lower().replace("_", " ").replace("diverged ", "") for name, value in vars(PETSc.KSP.ConvergedReason).items()
     if isinstance(value, int)
 }  # fmt: skip
-NOT_DEFINITE = (PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT, PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_PC)
+NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness across itself
+    getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name) for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
+}  # fmt: skip
 
 LINEAR_SOLVERS = {
     "mumps-cholesky": {"ksp_type": "preonly", "pc_type": "cholesky", "mat_mumps_icntl_24": 1},
@@ -78,7 +80,7 @@ class Newton:
         self.scene, self.tolerance, self.max_iterations, self.verbose = scene, tolerance, max_iterations, verbose
         self.tells_inertia = linear_solver == "mumps-cholesky"
         self._smallest = self.RESOLUTION * np.subtract(*scene.blank.extent()[::-1]).max()
-        self._noise = 0.0
+        self._noise, self._wary = 0.0, False  # wary once a tangent had a negative pivot
         self.x = scene.u.duplicate()
         self._r, self._d, self._trial = (self.x.duplicate() for _ in range(3))
         self.A = scene.create_matrix()
@@ -111,6 +113,12 @@ class Newton:
         if reason == Reason.DIVERGED_LINEAR_SOLVE:
             self.report.reason += f" ({KSP_WORDS.get(self.snes.ksp.getConvergedReason(), 'unknown reason')})"
         return self.report
+
+    def stiffness(self, x):
+        """Mean diagonal of the tangent at x [N/mm]."""
+        self.scene.set(x)
+        self.scene.tangent(self.A)
+        return self.A.getDiagonal().sum() / self.A.size[0]
 
     def tangent_predictor(self, x, change):
         """Linear response at x to a `change` (held dofs of this rank) [mm] of the support values, added to x."""
@@ -199,6 +207,7 @@ class Newton:
         r, d, trial, snes, report = self._r, self._d, self._trial, self.snes, self.report
         norm, slope = r.norm(), r.dot(d)
         self._tell(f"              step of {np.sqrt(abs(slope)):9.3e} in the energy norm / sqrt(N mm)")
+        walled = False
         if slope >= 0:  # only solvers that do not tell inertia get here
             raise _Ended(Reason.DIVERGED_LINE_SEARCH)
         drowned = -slope <= self.ROUNDING * abs(energy)
@@ -209,6 +218,7 @@ class Newton:
             snes.computeFunction(trial, r)
             there = self.scene.energy()
             along = r.dot(d) if there < self.scene.INVERTED else np.nan
+            walled |= there >= self.scene.INVERTED
             fell = r.norm() < norm if drowned else there < energy
             if fell and (drowned or abs(along) <= -self.FLAT * slope):
                 break
@@ -226,7 +236,7 @@ class Newton:
             inside = a - sa * (b - a) / (sb - sa) if np.isfinite(sb) and sb > 0 else 0.5 * (a + b)
             length = float(np.clip(inside, a + 0.1 * (b - a), b - 0.1 * (b - a)))
             if b - a <= 1e-9:
-                raise _Ended(Reason.DIVERGED_LINE_SEARCH)
+                raise _Ended(Reason.DIVERGED_FUNCTION_DOMAIN if walled else Reason.DIVERGED_LINE_SEARCH)
         trial.copy(x)
         return there
 
@@ -245,7 +255,7 @@ class Newton:
                 return
             if not negative and not zero and reason not in NOT_DEFINITE:
                 raise _Ended(Reason.DIVERGED_LINEAR_SOLVE)
-            report.shifts += 1
+            report.shifts, self._wary = report.shifts + 1, True
             mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
             increase = 1e-3 * mean if shift == 0 else 3 * shift
             self.A.shift(increase)
@@ -257,11 +267,9 @@ class Newton:
         return self.snes.ksp.pc.getFactorMatrix().getInertia()[:2] if self.tells_inertia else (None, None)
 
     def _is_saddle(self, snes, x):
-        """Whether the tangent at the converged x has negative pivots; the last one's word is taken after an easy solve."""
+        """Whether the tangent at the converged x has negative pivots; the last one's word is taken after an easy solve where none was met yet."""
         report = self.report
-        easy = (
-            0 < report.iterations <= self.EASY and report.negative_pivots == 0 and not report.shifts and not report.cuts
-        )
+        easy = 0 < report.iterations <= self.EASY and not report.cuts and not self._wary
         if easy or not self.tells_inertia:
             return False
         snes.computeJacobian(x, self.A)

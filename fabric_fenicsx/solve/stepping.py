@@ -10,6 +10,35 @@ from .newton import Report
 
 EASY = 5  # iterations up to which the next step may grow
 GROWTH, CUT = 1.5, 0.5
+HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
+WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
+RESTS = 40  # steps without load, to let a held sheet creep to where no drag is needed
+
+
+@dataclass
+class Viscosity:
+    """Regularisation by a drag on every node [N/mm per step], energy taken by it [N mm]; it fades by one stage after
+    `patience` easy steps in a row, of which each failure asks more."""
+
+    drag: float = 0.0
+    energy: float = 0.0
+    easy: int = 0
+    patience: int = 1
+
+    def strengthen(self, stiffness):
+        """One stage more, measured by the mean stiffness of a node; False if it is as strong as allowed."""
+        if self.drag >= STRONG * stiffness:
+            return False
+        if self.drag:
+            self.patience = min(2 * self.patience, 16)
+        self.drag, self.easy = max(WEAK * stiffness, 10 * self.drag), 0
+        return True
+
+    def passed(self, easy, stiffness):
+        """Note a step that passed, and whether easily."""
+        self.easy = self.easy + 1 if easy else 0
+        if self.easy >= self.patience:
+            self.drag, self.easy = (self.drag / 4 if self.drag > WEAK * stiffness else 0.0), 0
 
 
 @dataclass
@@ -21,13 +50,15 @@ class Progress:
     step: float
     last_step: float | None
     work: float
+    viscosity: Viscosity
     x: object
     previous: object
 
 
 @dataclass(frozen=True)
 class Accepted:
-    """An accepted state: load factor, energies by kind and external work [N mm], its solve's report and cost."""
+    """An accepted state: load factor, energies by kind (with "viscous", what drag took so far) and external work
+    [N mm], its solve's report and cost."""
 
     load: float
     energies: dict
@@ -40,7 +71,7 @@ class Accepted:
 
 @dataclass
 class Outcome:
-    """How a march ended: `reached` in [0, 1] and, if below 1, why."""
+    """How a march ended: `reached` in [0, 1] and, if that is below 1 or the state there is not at rest, why."""
 
     reached: float = 0.0
     reason: str = ""
@@ -49,60 +80,86 @@ class Outcome:
     iterations: int = 0
 
 
-def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, on_reject=None, start=None, milestones=()):
+def march(
+    newton,
+    steps=20,
+    max_step=None,
+    min_step=1e-5,
+    on_accept=None,
+    on_reject=None,
+    start=None,
+    milestones=(),
+    viscosity=True,
+    accuracy=None,
+):
     """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`; an `Outcome`.
 
     steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is halved down to
     `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load 0 and at each accepted state,
     with the scene in that state. Work of the supports is summed by the trapezoidal rule.
-    milestones: load factors to be hit exactly. Raises InputError for steps that are not above 0.
+    milestones: load factors to be hit exactly.
+    viscosity: whether steps that halving does not mend get a drag on every node, strengthened until they pass; it
+    fades in those that follow, at full load in steps without load, so the last state is in equilibrium without it.
+    accuracy: for scenes that depend on the path, the largest distance between a state and its linear extrapolation
+    from the two before, over the displacement's norm; steps beyond twice that are cut. None: any.
+    Raises InputError for steps or an accuracy that are not above 0.
     """
     if not (np.isfinite(steps) and steps >= 1):
         raise InputError(f"steps is {steps}; allowed is 1 or more")
     max_step = 1.0 / steps if max_step is None else max_step
     if not 0 < max_step <= 1:
         raise InputError(f"max-step is {max_step}; allowed is a load factor above 0 and up to 1")
+    if accuracy is not None and not accuracy > 0:
+        raise InputError(f"accuracy is {accuracy}; allowed is a number above 0")
     scene, x = newton.scene, newton.x
-    at, r = start, x.duplicate()
+    scene.check_held()
+    at, r, predicted = start, x.duplicate(), x.duplicate()
     if at is None:
-        at = Progress(0.0, min(1.0 / steps, max_step), None, 0.0, scene.u.copy(), x.duplicate())
+        at = Progress(0.0, min(1.0 / steps, max_step), None, 0.0, Viscosity(), scene.u.copy(), x.duplicate())
     at.step = min(at.step, max_step)
     outcome = Outcome(reached=at.load)
-    scene.set(at.x)
-    scene.at(at.load)
-    scene.residual(r)
-    forces, cuts, clock = scene.held_forces(), 0, time.perf_counter()
+
+    def back():
+        scene.drag = 0.0
+        scene.set(at.x)
+        scene.at(at.load)
+        scene.residual(r)
+
+    back()
+    forces, cuts, rests, clock, stiffness = scene.held_forces(), 0, 0, time.perf_counter(), None
     if on_accept and start is None:
-        on_accept(Accepted(0.0, scene.energies(), 0.0, Report(converged=True), 0, 0.0, at))
-    while at.load < 1:
+        on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(converged=True), 0, 0.0, at))
+    while at.load < 1 or at.viscosity.drag:
         load = round(at.load + at.step, 12)  # rounded, so that tenths are tenths
-        load = min(load, *(stop for stop in (*milestones, 1.0, 1.0) if stop > at.load))
+        load = min(load, *(stop for stop in (*milestones, 1.0) if stop > at.load), 1.0)
         taken = load - at.load
         values = scene.held_values(load)
         scene.at(load)
-        at.x.copy(x)
-        if at.last_step is None:
-            newton.tangent_predictor(x, values - x.array[scene.held])
-        else:
-            x.axpby(-taken / at.last_step, 1 + taken / at.last_step, at.previous)
-            x.array[scene.held] = values
+        _predict(newton, at, taken, values)
+        x.copy(predicted)
+        scene.drag, scene.origin = at.viscosity.drag, at.x
         report = newton.solve_for(x)
         outcome.iterations += report.iterations
+        error = (x - predicted).norm() / max(x.norm(), 1e-300) if accuracy and at.last_step else 0.0
+        if report.converged and accuracy and error > 2 * accuracy:
+            report.converged, report.reason = False, f"the path is not known to {accuracy:g}"
         if not report.converged:
             outcome.rejected += 1
+            cuts += 1
             if on_reject:
                 on_reject(load, report)
-            cuts += 1
-            scene.set(at.x)
-            scene.at(at.load)
-            at.step = CUT * taken
-            if at.step < min_step:
-                scene.residual(r)
-                outcome.reason = (
-                    f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
-                )
+            back()
+            stiffness = stiffness or newton.stiffness(at.x)
+            hard = viscosity and taken <= HARD * max_step
+            if hard and at.viscosity.strengthen(stiffness):
+                pass
+            elif taken > 2 * min_step:
+                at.step = CUT * taken
+            else:
+                outcome.reason = f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
                 break
             continue
+        at.viscosity.energy += 2 * scene.drag_energy()
         at.previous, at.x = at.x, at.previous
         x.copy(at.x)
         new_forces = scene.held_forces()
@@ -111,12 +168,40 @@ def march(newton, steps=20, max_step=None, min_step=1e-5, on_accept=None, on_rej
         )
         forces = new_forces
         at.load = outcome.reached = load
-        at.last_step = taken
-        if report.iterations <= EASY and at.step < max_step:
+        at.last_step = taken or at.last_step
+        if error:
+            at.step = min(max(taken * np.clip(np.sqrt(accuracy / error), CUT, GROWTH), 2 * min_step), max_step)
+        elif report.iterations <= EASY:
             at.step = min(GROWTH * at.step, max_step)
+        if at.viscosity.drag:
+            at.viscosity.passed(report.iterations <= 2 * EASY, stiffness)
         outcome.accepted += 1
         now = time.perf_counter()
         if on_accept:
-            on_accept(Accepted(load, scene.energies(), at.work, report, cuts, now - clock, at))
+            on_accept(Accepted(load, _energies(scene, at), at.work, report, cuts, now - clock, at))
         clock, cuts = now, 0
+        rests += not taken
+        if at.viscosity.drag and rests == RESTS:
+            outcome.reason = f"the state at full load still creeps after {RESTS} steps at rest"
+            break
     return outcome
+
+
+def _energies(scene, at):
+    return scene.energies() | {"viscous": at.viscosity.energy}
+
+
+def _predict(newton, at, taken, values):
+    """A start for the step `taken` [load factor] to support `values`, into newton.x: extrapolated if cells allow it."""
+    scene, x = newton.scene, newton.x
+    at.x.copy(x)
+    if not taken:
+        return
+    if at.last_step:
+        x.axpby(-taken / at.last_step, 1 + taken / at.last_step, at.previous)
+        x.array[scene.held] = values
+        scene.set(x)
+        if scene.energy() < scene.INVERTED:
+            return
+        at.x.copy(x)
+    newton.tangent_predictor(x, values - x.array[scene.held])
