@@ -105,7 +105,7 @@ class Scene:
     are the energy's derivatives. Only the terms given are compiled and assembled.
     """
 
-    INVERTED = 1e29  # an energy at or above it means a cell that is turned inside out
+    INVERTED = 1e30  # the energy told where a cell is turned inside out
 
     def __init__(self, blank, terms, supports=()):
         self.blank, self.terms, self.supports = blank, list(terms), list(supports)
@@ -196,12 +196,12 @@ class Scene:
         return kinds
 
     def energy(self):
-        """Total energy at the present displacement [N mm], at or above `INVERTED` if a cell is turned inside out."""
+        """Total energy at the present displacement [N mm], `INVERTED` if a cell is turned inside out."""
         if self._inverted:
             with phase("assemble"):
                 wall = fem.assemble_scalar(self._inverted)
             if self.comm.allreduce(wall) > 0:
-                return 10 * self.INVERTED
+                return self.INVERTED
         return sum(self.energies().values()) + self.drag_energy()
 
     def drag_energy(self):

@@ -16,7 +16,7 @@ SNES_WORDS = {
     Reason.DIVERGED_MAX_IT: "no convergence within the allowed iterations",
     Reason.DIVERGED_LINEAR_SOLVE: "the linear solver failed",
     Reason.DIVERGED_LINE_SEARCH: "the line search found no state of lower energy",
-    Reason.DIVERGED_FNORM_NAN: "the energy or its forces are not a number",
+    Reason.DIVERGED_FNORM_NAN: "the energy, its forces or its tangent are not a number",
     Reason.DIVERGED_FUNCTION_DOMAIN: "a cell is turned inside out",
     Reason.DIVERGED_LOCAL_MIN: "the state is a saddle of the energy that could not be left",
 }
@@ -80,7 +80,7 @@ class Newton:
         self.scene, self.tolerance, self.max_iterations, self.verbose = scene, tolerance, max_iterations, verbose
         self.tells_inertia = linear_solver == "mumps-cholesky"
         self._smallest = self.RESOLUTION * np.subtract(*scene.blank.extent()[::-1]).max()
-        self._noise, self._wary = 0.0, False  # wary once a tangent had a negative pivot
+        self._noise, self._wary, self._shift = 0.0, False, 0.0  # wary once a tangent had a negative pivot
         self.x = scene.u.duplicate()
         self._r, self._d, self._trial = (self.x.duplicate() for _ in range(3))
         self.A = scene.create_matrix()
@@ -158,7 +158,7 @@ class Newton:
         report, r, d = self.report, self._r, self._d
         snes.computeFunction(x, r)
         energy, saddles = self.scene.energy(), 0
-        if energy >= self.scene.INVERTED:
+        if energy == self.scene.INVERTED:
             raise _Ended(Reason.DIVERGED_FUNCTION_DOMAIN)
         while True:
             reason = self._converged(snes, energy)
@@ -167,7 +167,10 @@ class Newton:
                 if report.iterations == self.max_iterations:
                     raise _Ended(Reason.DIVERGED_MAX_IT)
                 snes.computeJacobian(x, self.A)
-                self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * self.A.getDiagonal().norm()
+                stiffness = self.A.getDiagonal().norm()
+                if not np.isfinite(stiffness):
+                    raise _Ended(Reason.DIVERGED_FNORM_NAN)
+                self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * stiffness
                 self._linear_solve(r, d)
                 d.scale(-1)
                 if report.shifts == shifts and d.norm(PETSc.NormType.NORM_INFINITY) <= self._smallest:
@@ -180,7 +183,7 @@ class Newton:
                     raise _Ended(Reason.DIVERGED_LOCAL_MIN)
                 energy = self._leave_saddle(x, energy)
             else:
-                energy = self._line_search(x, energy)
+                energy = self._line_search(x, energy, shifted=report.shifts > shifts)
             report.iterations += 1
 
     def _converged(self, snes, energy):
@@ -198,7 +201,7 @@ class Newton:
             return Reason.CONVERGED_FNORM_ABS
         return Reason.CONVERGED_FNORM_RELATIVE if norm <= self.tolerance * report.scale else 0
 
-    def _line_search(self, x, energy):
+    def _line_search(self, x, energy, shifted):
         """Go along d from x to where the energy's slope is small, bracketed by its sign; returns the energy there.
 
         The energy is piecewise smooth with kinks in its slope, where a parabola through energies misleads; its slope,
@@ -217,10 +220,13 @@ class Newton:
             trial.axpy(length, d)
             snes.computeFunction(trial, r)
             there = self.scene.energy()
-            along = r.dot(d) if there < self.scene.INVERTED else np.nan
-            walled |= there >= self.scene.INVERTED
-            fell = r.norm() < norm if drowned else there < energy
-            if fell and (drowned or abs(along) <= -self.FLAT * slope):
+            along = r.dot(d) if there != self.scene.INVERTED else np.nan
+            walled |= there == self.scene.INVERTED
+            if drowned:  # away from a saddle forces grow, so there the slope is asked
+                fell = there != self.scene.INVERTED and (along < 0 if shifted else r.norm() < norm)
+            else:
+                fell = there < energy
+            if fell and ((drowned and not shifted) or abs(along) <= -self.FLAT * slope):
                 break
             if high is None and fell and along < 0 and length < 8:  # still downhill
                 low, length = (length, along), 2 * length
@@ -241,7 +247,7 @@ class Newton:
         return there
 
     def _linear_solve(self, rhs, d):
-        """Solve A d = rhs, with A shifted until it is positive definite; notes negative pivots of A itself."""
+        """Solve A d = rhs, with A shifted until it is positive definite; returns the shift, notes negative pivots of A itself."""
         report, ksp, shift = self.report, self.snes.ksp, 0.0
         for attempt in range(20):
             with phase("linear_solve"):
@@ -252,14 +258,18 @@ class Newton:
             if attempt == 0:
                 report.negative_pivots = negative
             if not negative and not zero and reason > 0:
-                return
+                self._shift = shift or self._shift
+                return shift
             if not negative and not zero and reason not in NOT_DEFINITE:
                 raise _Ended(Reason.DIVERGED_LINEAR_SOLVE)
             report.shifts, self._wary = report.shifts + 1, True
-            mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
-            increase = 1e-3 * mean if shift == 0 else 3 * shift
-            self.A.shift(increase)
-            shift += increase
+            if shift == 0:
+                mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
+                larger = max(1e-8 * mean, self._shift / 4) if self._shift else 1e-4 * mean
+            else:
+                larger = 8 * shift
+            self.A.shift(larger - shift)
+            shift = larger
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
 
     def _pivots(self):
@@ -284,10 +294,14 @@ class Newton:
         d, trial, r, negative = self._d, self._trial, self._r, self.report.negative_pivots
         d.array[:] = np.random.default_rng(self.scene.comm.rank).standard_normal(len(d.array))
         d.array[self.scene.held] = 0
-        for _ in range(4):
+        shift, curvature = 0.0, np.inf
+        for _ in range(50):
             d.scale(1 / d.norm())
             d.copy(trial)
-            self._linear_solve(trial, d)
+            shift += self._linear_solve(trial, d)
+            before, curvature = curvature, 1 / d.dot(trial) - shift
+            if curvature < 0 and abs(before - curvature) <= 0.1 * abs(curvature):
+                break
         d.scale(1e10 * self._smallest / d.norm(PETSc.NormType.NORM_INFINITY))
         for _ in range(30):
             for sign in (1.0, -1.0):
@@ -295,7 +309,8 @@ class Newton:
                 trial.axpy(sign, d)
                 self.snes.computeFunction(trial, r)
                 there = self.scene.energy()
-                if there < energy:
+                drowned = abs(there - energy) <= self.ROUNDING * abs(energy)
+                if sign * r.dot(d) < 0 if drowned else there < energy:
                     self._tell(f"              left a saddle of {negative} negative pivots")
                     trial.copy(x)
                     return there

@@ -34,10 +34,10 @@ class Viscosity:
         self.drag, self.easy = max(WEAK * stiffness, 10 * self.drag), 0
         return True
 
-    def passed(self, easy, stiffness):
-        """Note a step that passed, and whether easily."""
+    def passed(self, easy, stiffness, resting):
+        """Note a step that passed, whether easily and whether without load."""
         self.easy = self.easy + 1 if easy else 0
-        if self.easy >= self.patience:
+        if self.easy >= (1 if resting else self.patience):
             self.drag, self.easy = (self.drag / 4 if self.drag > WEAK * stiffness else 0.0), 0
 
 
@@ -131,7 +131,9 @@ def march(
         on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(converged=True), 0, 0.0, at))
     while at.load < 1 or at.viscosity.drag:
         load = round(at.load + at.step, 12)  # rounded, so that tenths are tenths
-        load = min(load, *(stop for stop in (*milestones, 1.0) if stop > at.load), 1.0)
+        stop = min((m for m in milestones if m > at.load), default=1.0)
+        if load > stop - 1e-3 * at.step:  # nor is a sliver left before a stop
+            load = stop
         taken = load - at.load
         values = scene.held_values(load)
         scene.at(load)
@@ -156,7 +158,9 @@ def march(
             elif taken > 2 * min_step:
                 at.step = CUT * taken
             else:
-                outcome.reason = f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
+                outcome.reason = (
+                    f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
+                )
                 break
             continue
         at.viscosity.energy += 2 * scene.drag_energy()
@@ -174,7 +178,7 @@ def march(
         elif report.iterations <= EASY:
             at.step = min(GROWTH * at.step, max_step)
         if at.viscosity.drag:
-            at.viscosity.passed(report.iterations <= 2 * EASY, stiffness)
+            at.viscosity.passed(report.iterations <= 2 * EASY, stiffness, resting=not taken)
         outcome.accepted += 1
         now = time.perf_counter()
         if on_accept:
@@ -201,7 +205,7 @@ def _predict(newton, at, taken, values):
         x.axpby(-taken / at.last_step, 1 + taken / at.last_step, at.previous)
         x.array[scene.held] = values
         scene.set(x)
-        if scene.energy() < scene.INVERTED:
+        if scene.energy() != scene.INVERTED:
             return
         at.x.copy(x)
     newton.tangent_predictor(x, values - x.array[scene.held])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import ufl
 from mpi4py import MPI
 
 from fabric_fenicsx.blank import Blank
@@ -9,7 +10,7 @@ from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import Scene, grips
+from fabric_fenicsx.scene import Scene, Support, grips
 from fabric_fenicsx.solve.newton import LINEAR_SOLVERS, Newton
 from fabric_fenicsx.solve.stepping import march
 
@@ -174,3 +175,104 @@ def test_steps_are_cut_and_grow_again():
 def test_bad_steps_are_named(options, words):
     with pytest.raises(InputError, match=words):
         march(Newton(strip()), **options)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "kept, gdim, words",
+    [
+        ((), 2, r"\(none\) leave .* free to"),
+        (((0,), (0,)), 2, "free to move along its width"),
+        (((1,), (1,)), 2, "free to move along its length"),
+        (((0, 1), ()), 2, None),
+        (((0, 1, 2), ()), 3, "free to turn about its width"),
+        (((0, 1, 2), (2,)), 3, None),
+    ],
+)
+def test_free_rigid_motion_is_named_before_solving(kept, gdim, words):
+    tilt = np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]])  # out of any plane z = const: a manifold
+    points, cells, kind = specimen(nx=8, ny=2) if COMM.rank == 0 else (None,) * 3
+    options = {}
+    if gdim == 3:
+        points = points @ tilt.T if COMM.rank == 0 else None
+        options = {"frame": tilt.T, "up": tilt[:, 2]}
+    blank = Blank.from_arrays(COMM, points, cells, kind, **options)
+    ends = [lambda x: blank.along(x)[0] < 1e-6, lambda x: blank.along(x)[0] > 200 - 1e-6]
+    supports = [Support(f"end {i}", ends[i], components) for i, components in enumerate(kept) if components]
+    scene = Scene(blank, [Membrane(blank, KOMEILI)], supports)
+    if words is None:
+        return scene.check_held()
+    newton = Newton(scene)
+    newton.solve_for = lambda x: pytest.fail("solved")
+    with pytest.raises(InputError, match=words):
+        march(newton)
+
+
+class Brittle(Newton):
+    """Fails without drag until the load is past a gate."""
+
+    gate = (0.3, 0.5)
+
+    def solve_for(self, x):
+        report = super().solve_for(x)
+        load = COMM.allreduce(x.array[self.scene.held].max(initial=0.0), MPI.MAX) / 6.0
+        self.drags.append((load, self.scene.drag))
+        if self.gate[0] < load < self.gate[1] and not self.scene.drag:
+            report.converged, report.reason = False, "brittle"
+        return report
+
+
+@pytest.mark.mpi
+def test_drag_comes_when_cutting_does_not_help_and_fades():
+    plain = Newton(strip(), 1e-11)
+    assert march(plain, steps=10).reached == 1
+    newton, accepted = Brittle(strip(), 1e-11), []
+    newton.drags = []
+    outcome = march(newton, steps=10, on_accept=accepted.append)
+    assert outcome.reached == 1 and outcome.reason == "" and outcome.rejected > 0
+    loads, drags = np.array(newton.drags).T
+    assert (drags[loads < 0.3] == 0).all() and drags[loads > 0.3].max() > 0 and drags[-1] == 0
+    taken = accepted[-1].energies["viscous"]
+    assert 0 < taken < 1e-2 * accepted[-1].energies["strain"]
+    # the last state is in equilibrium without drag
+    assert newton.scene.energy() == pytest.approx(plain.scene.energy(), rel=1e-9)
+
+    newton = Brittle(strip())
+    newton.drags = []
+    outcome = march(newton, steps=10, viscosity=False)
+    assert outcome.reached < 0.31 and "brittle" in outcome.reason
+
+
+@pytest.mark.mpi
+def test_accuracy_limits_steps():
+    steps, energies = [], []
+    for accuracy in (None, 1e-3):
+        scene, loads = strip(45, stroke=20.0), []
+        outcome = march(Newton(scene, 1e-10), steps=5, accuracy=accuracy, on_accept=lambda a: loads.append(a.load))
+        assert outcome.reached == 1
+        steps.append(outcome.accepted)
+        energies.append(scene.energy())
+    assert steps[1] > 1.5 * steps[0]
+    assert energies[1] == pytest.approx(energies[0], rel=1e-9)
+    with pytest.raises(InputError, match="accuracy is 0"):
+        march(Newton(strip()), accuracy=0)
+
+
+class Torn:
+    """No energy up to a displacement of 3 mm, not a number beyond."""
+
+    name, energy_kind = "torn", "strain"
+
+    def __init__(self, blank):
+        u = blank.displacement
+        self.energy = 1e-12 * ufl.sqrt(9 - ufl.dot(u, u)) * ufl.dx(blank.mesh)
+
+
+@pytest.mark.mpi
+def test_a_material_that_is_not_a_number_ends_at_the_last_sound_state():
+    scene, kept = strip(), []
+    scene = Scene(scene.blank, [*scene.terms, Torn(scene.blank)], scene.supports)
+    outcome = march(Newton(scene), steps=10, on_accept=lambda a: kept.append((a.load, a.progress.x.copy())))
+    assert 0.4 < outcome.reached < 0.51 and "not a number" in outcome.reason
+    assert kept[-1][0] == outcome.reached and (scene.u - kept[-1][1]).norm() == 0
+    assert np.isfinite(scene.energy())

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 import pyvista
 
+from fabric_fenicsx.material.presets import PRESETS
+
 FULL = ("--nx", 100, "--ny", 25, "--pattern", "crossed")
 CONTRACT = {
     "study", "converged", "stroke_reached", "dofs", "cells", "element", "ranks", "terms", "steps_accepted", "steps_rejected",
@@ -149,6 +151,19 @@ def test_a_load_that_cannot_be_reached(launch):
     assert history[-1]["load"] == pytest.approx(s["stroke_reached"])
     assert pyvista.PVDReader(done.folder / "fields.pvd").time_values[-1] == pytest.approx(s["stroke_reached"])
     assert "rejected after" in done.err
+    told = [row for row in history if row["viscous_energy_Nmm"] > 0.01 * row["strain_energy_Nmm"]]
+    assert (
+        f"warning: at load {told[0]['load']:.6g} (step {told[0]['step']:.0f}) the regularisation has taken" in done.err
+    )
+    assert s["energy"]["viscous"] == pytest.approx(history[-1]["viscous_energy_Nmm"])
+
+
+def test_a_material_that_is_not_a_number_at_run_time(launch, tmp_path):
+    (tmp_path / "m.toml").write_text(PRESETS["komeili"].dumps().replace("a = 4130.0", "a = 1e308"))
+    done = launch("tensile", "--quick", "--material", "m.toml", ranks=2)
+    assert done.status == 3 and "the energy, its forces or its tangent are not a number" in done.err, done.err
+    assert not done.summary["converged"] and len(rows(done.folder)) == 1
+    assert pyvista.PVDReader(done.folder / "fields.pvd").time_values == [0.0]
 
 
 def test_more_ranks_than_cells(launch):
@@ -180,7 +195,6 @@ def test_another_mesh_is_not_resumed(launch, tmp_path):
 def test_a_tabulated_material_runs_in_every_study(launch, tmp_path, study):
     """Fine tables of the preset `fabric`'s curves give its reactions."""
     from fabric_fenicsx.material.closed_form import nominal_stresses
-    from fabric_fenicsx.material.presets import PRESETS
 
     eps, gamma = np.r_[-0.5, -0.2, np.linspace(0, 0.06, 13)], np.linspace(0, 1.4, 29)
     for name in ("warp", "weft"):
