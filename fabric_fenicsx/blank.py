@@ -44,7 +44,11 @@ class Blank:
     @property
     def displacement(self):
         """Displacement along x, y, z, a UFL expression in `u`."""
-        return ufl.dot(ufl.as_matrix(self.frame.T.tolist()), self.u) if self._turned else self.u
+        return self.in_space(self.u)
+
+    def in_space(self, u):
+        """Components along x, y, z of a UFL vector with components along the frame's axes."""
+        return ufl.dot(ufl.as_matrix(self.frame.T.tolist()), u) if self._turned else u
 
     @property
     def degree(self):

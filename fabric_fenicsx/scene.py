@@ -98,11 +98,19 @@ def _wall(blank):
     )
 
 
+def _variations(term, u, v, w):
+    """First and second variation of a term's energy: its own if it has them, else UFL's."""
+    if hasattr(term, "variations"):
+        return term.variations(v, w)
+    residual = ufl.derivative(term.energy, u, v)
+    return residual, ufl.derivative(residual, u, w)
+
+
 class Scene:
     """Residual, tangent and energy of `terms` on a `blank` with `supports`, at a load factor in [0, 1].
 
     A term has a `name`, an `energy_kind` and its `energy`, a UFL form in `blank.u` [N mm]; residual and tangent
-    are the energy's derivatives. Only the terms given are compiled and assembled.
+    are the energy's variations, which a term may write out by `variations(v, w)`. Only the terms given are compiled and assembled.
     """
 
     INVERTED = 1e30  # the energy told where a cell is turned inside out
@@ -112,10 +120,10 @@ class Scene:
         self.comm = blank.mesh.comm
         V, u = blank.V, blank.u
         self.u = compat.petsc_vector(u)
-        energy = sum((term.energy for term in self.terms[1:]), self.terms[0].energy)
-        residual = ufl.derivative(energy, u, ufl.TestFunction(V))
-        self._residual = compat.form(residual)
-        self._tangent = compat.form(ufl.derivative(residual, u, ufl.TrialFunction(V)))
+        v, w = ufl.TestFunction(V), ufl.TrialFunction(V)
+        residuals, tangents = zip(*(_variations(term, u, v, w) for term in self.terms))
+        self._residual = compat.form(sum(residuals[1:], residuals[0]))
+        self._tangent = compat.form(sum(tangents[1:], tangents[0]))
         self._energies = [compat.form(term.energy) for term in self.terms]
         self._inverted = compat.form(_wall(blank)) if blank.mesh.geometry.dim == 2 else None
         self._supported()

@@ -78,6 +78,11 @@ def parser(name, description, **defaults):
         help="residual over reaction",
     )
     solver.add_argument(
+        "--path-tolerance",
+        type=number("a number above 0 and below 1", lambda v: 0 < v < 1),
+        help="a looser one before the full load (as --tolerance)",
+    )
+    solver.add_argument(
         "--viscosity", choices=("auto", "off"), default="auto", help="auto: a drag on the nodes in steps that fail"
     )
     solver.add_argument(
@@ -261,6 +266,7 @@ class Study:
                 start=start,
                 viscosity=args.viscosity == "auto",
                 accuracy=args.accuracy,
+                path_tolerance=args.path_tolerance,
             )
         finally:
             bar.close()
@@ -335,6 +341,7 @@ class Study:
             "max_step",
             "tolerance",
             "linear_solver",
+            "path_tolerance",
             "viscosity",
             "accuracy",
             "out",

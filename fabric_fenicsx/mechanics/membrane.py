@@ -8,7 +8,7 @@ from dolfinx import fem
 
 from .. import dolfinx_compat as compat
 from ..material import pointwise
-from ..material.energy import energy_density
+from ..material.energy import derivatives, energy_density
 
 # Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that UFL estimates
 # for this energy would take thousands of points.
@@ -30,15 +30,35 @@ class Membrane:
         cell = compat.cell_name(mesh)
         self.degree = quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
         law = self._law(mesh, fabric)
-        a0, b0 = self._fibres()
-        gradient = ufl.grad(blank.displacement)
-        fa, fb = a0 + ufl.dot(gradient, a0), b0 + ufl.dot(gradient, b0)
-        cosine = ufl.dot(a0, b0)
-        dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
-        W = energy_density(ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb), cosine, law)
-        self.energy = law.thickness * W * dx
+        self._a0, self._b0 = self._fibres()
+        fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
+        cosine = ufl.dot(self._a0, self._b0)
+        self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
+        self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
+        self.energy = law.thickness * energy_density(*self._invariants, cosine, law) * self._dx
         self._ufl = law, fa, fb, cosine
         self._points = None
+
+    def variations(self, v, w):
+        """First variation of `energy` in `v` and second in `v` and `w` (UFL arguments in the space of `blank.u`)."""
+        law, fa, fb, cosine = self._ufl
+        (va, vb), (wa, wb) = self._stretched(v), self._stretched(w)
+        first, second = derivatives(*self._invariants, cosine, law)
+
+        def change(da, db):  # of the invariants
+            return 2 * ufl.dot(fa, da), ufl.dot(fa, db) + ufl.dot(fb, da), 2 * ufl.dot(fb, db)
+
+        dv, dw = change(va, vb), change(wa, wb)
+        material = sum(x * sum(D * y for D, y in zip(row, dw)) for x, row in zip(dv, second))
+        S4, S6, S8 = first
+        geometric = ufl.dot(va, 2 * S4 * wa + S6 * wb) + ufl.dot(vb, S6 * wa + 2 * S8 * wb)
+        t, dx = law.thickness, self._dx
+        return t * sum(S * x for S, x in zip(first, dv)) * dx, t * (material + geometric) * dx
+
+    def _stretched(self, u):
+        """What displacement `u` adds to the yarns' vectors a0, b0."""
+        gradient = ufl.grad(self.blank.in_space(u))
+        return ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0)
 
     @staticmethod
     def _law(mesh, fabric):

@@ -103,9 +103,9 @@ class Newton:
             if key != "mat_mumps_icntl_24":  # read only when the factor is made
                 options.delValue(key)
 
-    def solve_for(self, x):
-        """Solve from x, overwritten by the solution; returns a `Report`."""
-        self.report = Report()
+    def solve_for(self, x, tolerance=None):
+        """Solve from x, overwritten by the solution, to the solver's tolerance or a looser one; returns a `Report`."""
+        self.report, self._allowed = Report(), max(self.tolerance, tolerance or 0.0)
         self.snes.solve(None, x)
         reason = self.snes.getConvergedReason()
         self.report.converged = reason > 0
@@ -199,7 +199,7 @@ class Newton:
             raise _Ended(Reason.DIVERGED_FNORM_NAN)
         if norm <= self._noise:
             return Reason.CONVERGED_FNORM_ABS
-        return Reason.CONVERGED_FNORM_RELATIVE if norm <= self.tolerance * report.scale else 0
+        return Reason.CONVERGED_FNORM_RELATIVE if norm <= self._allowed * report.scale else 0
 
     def _line_search(self, x, energy, shifted):
         """Go along d from x to where the energy's slope is small, bracketed by its sign; returns the energy there.

@@ -91,6 +91,7 @@ def march(
     milestones=(),
     viscosity=True,
     accuracy=None,
+    path_tolerance=None,
 ):
     """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`; an `Outcome`.
 
@@ -102,6 +103,7 @@ def march(
     fades in those that follow, at full load in steps without load, so the last state is in equilibrium without it.
     accuracy: for scenes that depend on the path, the largest distance between a state and its linear extrapolation
     from the two before, over the displacement's norm; steps beyond twice that are cut. None: any.
+    path_tolerance: looser than the solver's, for the states between the start and the next milestone or full load.
     Raises InputError for steps or an accuracy that are not above 0.
     """
     if not (np.isfinite(steps) and steps >= 1):
@@ -140,7 +142,7 @@ def march(
         _predict(newton, at, taken, values)
         x.copy(predicted)
         scene.drag, scene.origin = at.viscosity.drag, at.x
-        report = newton.solve_for(x)
+        report = newton.solve_for(x, None if load == stop else path_tolerance)
         outcome.iterations += report.iterations
         error = (x - predicted).norm() / max(x.norm(), 1e-300) if accuracy and at.last_step else 0.0
         if report.converged and accuracy and error > 2 * accuracy:

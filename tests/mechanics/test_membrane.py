@@ -159,6 +159,32 @@ def test_same_solution_turned_in_space(cell, degree):
     assert W1 == pytest.approx(W0, rel=1e-10) and F1 == pytest.approx(F0, rel=1e-10)
 
 
+class _Plain:
+    """A term of which only the energy is known."""
+
+    def __init__(self, membrane):
+        self.name, self.energy_kind, self.energy = "plain", "strain", membrane.energy
+
+
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_variations_are_those_of_ufl(unbalanced, cell, degree, turned):
+    Q = rotation() if turned else None
+    blank = strip(cell, degree, Q, a=0.4 if Q is None else Q @ [1, 0.4, 0], b=1.5 if Q is None else Q @ [0.1, 1, 0])
+    membrane = Membrane(blank, unbalanced)
+    own, plain = Scene(blank, [membrane]), Scene(blank, [_Plain(membrane)])
+    u = blank.u.x.array.reshape(-1, blank.mesh.geometry.dim)
+    u[:, :2] = wavy(blank.along(blank.coordinates().T)).T
+    r = [own.u.duplicate() for _ in range(2)]
+    A = [scene.create_matrix() for scene in (own, plain)]
+    for scene, vector, matrix in zip((own, plain), r, A):
+        scene.residual(vector)
+        scene.tangent(matrix)
+    for mine, theirs in (r, A):
+        mine.axpy(-1, theirs)
+        assert mine.norm() <= 1e-13 * theirs.norm()
+
+
 def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
     blank = strip(a=0.4, b=1.5)
     scene = Scene(blank, [Membrane(blank, unbalanced)])

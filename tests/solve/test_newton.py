@@ -136,8 +136,8 @@ class Stubborn(Newton):
 
     limit = 0.06
 
-    def solve_for(self, x):
-        report = super().solve_for(x)
+    def solve_for(self, x, tolerance=None):
+        report = super().solve_for(x, tolerance)
         load = self.scene.reaction("moving grip")[0] and x.array[self.scene.held].max(initial=0.0) / 6.0
         taken = COMM.allreduce(load, MPI.MAX) - self.done
         if taken > self.limit:
@@ -203,7 +203,7 @@ def test_free_rigid_motion_is_named_before_solving(kept, gdim, words):
     if words is None:
         return scene.check_held()
     newton = Newton(scene)
-    newton.solve_for = lambda x: pytest.fail("solved")
+    newton.solve_for = lambda *_: pytest.fail("solved")
     with pytest.raises(InputError, match=words):
         march(newton)
 
@@ -213,8 +213,8 @@ class Brittle(Newton):
 
     gate = (0.3, 0.5)
 
-    def solve_for(self, x):
-        report = super().solve_for(x)
+    def solve_for(self, x, tolerance=None):
+        report = super().solve_for(x, tolerance)
         load = COMM.allreduce(x.array[self.scene.held].max(initial=0.0), MPI.MAX) / 6.0
         self.drags.append((load, self.scene.drag))
         if self.gate[0] < load < self.gate[1] and not self.scene.drag:
@@ -276,3 +276,22 @@ def test_a_material_that_is_not_a_number_ends_at_the_last_sound_state():
     assert 0.4 < outcome.reached < 0.51 and "not a number" in outcome.reason
     assert kept[-1][0] == outcome.reached and (scene.u - kept[-1][1]).norm() == 0
     assert np.isfinite(scene.energy())
+
+
+@pytest.mark.mpi
+def test_a_looser_path_ends_in_the_same_state():
+    curves, iterations = [], []
+    for path_tolerance in (None, 1e-5):
+        scene, forces = strip(), []
+        outcome = march(
+            Newton(scene, 1e-10),
+            steps=10,
+            path_tolerance=path_tolerance,
+            on_accept=lambda a: forces.append(scene.reaction("moving grip")[0]),
+        )
+        assert outcome.reached == 1
+        curves.append(np.array(forces))
+        iterations.append(outcome.iterations)
+    assert iterations[1] < 0.8 * iterations[0]
+    assert np.abs(curves[1] - curves[0]).max() <= 1e-4 * curves[0].max()
+    assert curves[1][-1] == pytest.approx(curves[0][-1], rel=1e-9)
