@@ -34,6 +34,15 @@ def shear_angle_of_theory(length, width, displacement):
     return math.pi / 2 - 2 * math.acos(cosine) if cosine <= 1 else math.nan
 
 
+def yarns_held(x, y, length, width):
+    """How many of the two yarns at +-45 deg through points (x, y) of the strip are held by a clamp, 0 to 2, and the
+    points' distance to the lines where that changes [mm]."""
+    x = np.minimum(x, length - x)
+    ends = y - x, y + x  # where the yarns meet the line of the nearer clamp
+    held = sum((end >= 0) & (end <= width) for end in ends)
+    return held, np.min([np.abs(end - edge) for end in ends for edge in (0, width)], 0) / math.sqrt(2)
+
+
 def shear_forces(length, width, rows):
     """Shear angle of theory [rad] and normalised shear force [N/mm] of a test's rows, as an experiment derives them."""
     gamma = np.array([shear_angle_of_theory(length, width, row["displacement_mm"]) for row in rows])
@@ -48,6 +57,30 @@ def compared(measured, gamma, force):
     angles = measured.strains[:, 2]
     there = angles <= gamma.max() + 1e-9
     return angles[there], measured.responses[0].values[there], np.interp(angles[there], gamma, force)
+
+
+def along_the_axis(study, blank, result, low, length, width):
+    """Shear angle of the cells along the strip's axis to axis.csv and, beside theory, to axis.png."""
+    x, y = blank.midpoints() - low[:, None]
+    near = np.abs(y - width / 2) <= width / 20
+    parts = study.comm.gather(np.column_stack([x[near], np.degrees(np.abs(result.fields["shear_angle"][near]))]))
+    if study.comm.rank != 0:
+        return
+    profile = np.concatenate(parts)
+    profile = profile[profile[:, 0].argsort()]
+    np.savetxt(
+        result.folder / "axis.csv", profile, fmt="%.9g", delimiter=",", header="position_mm,shear_angle_deg", comments=""
+    )
+    if study.args.no_pictures:
+        return
+    from fabric_fenicsx.results import pictures
+
+    series = {"simulated": (*profile.T, ".")}
+    theory = math.degrees(shear_angle_of_theory(length, width, result.rows[-1]["displacement_mm"]))
+    if math.isfinite(theory):
+        free = [0, width / 2, width / 2, length - width / 2, length - width / 2, length]
+        series["inextensible yarns"] = (free, [0, 0, theory, theory, 0, 0], "-")
+    pictures.curves(result.folder / "axis.png", series, "position along the axis / mm", "shear angle / deg")
 
 
 def main(study):
@@ -75,6 +108,15 @@ def main(study):
         gamma = np.abs(fields["shear_angle"])
         theory = shear_angle_of_theory(length, width, rows[-1]["displacement_mm"])
         found = {}
+        if args.fibre_angle == 45:
+            x, y = blank.midpoints() - low[:, None]
+            held, distance = yarns_held(x, y, length, width)
+            for name, count in (("free", 0), ("half", 1), ("clamped", 2)):
+                inside = (held == count) & (distance > width / 10)
+                if study.comm.allreduce(int(inside.sum())):
+                    found[f"{name}_zone_shear_angle_deg"] = math.degrees(study.mean(gamma, inside))
+        if math.isfinite(theory) and theory > 0:
+            found["normalised_shear_force_N_per_mm"] = float(shear_forces(length, width, rows[-1:])[1][0])
         if measured:
             _, mine, predicted = compared(measured[0], *shear_forces(length, width, rows))
             found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
@@ -89,6 +131,7 @@ def main(study):
 
     result = study.march(membrane, grips(blank, stroke), pulled(stroke), quantities)
     q = result.summary["quantities"]
+    along_the_axis(study, blank, result, low, length, width)
     if measured:
         gamma, force = shear_forces(length, width, result.rows)
         angles, mine, _ = compared(measured[0], gamma, force)

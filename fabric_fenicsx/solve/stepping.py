@@ -132,7 +132,9 @@ def march(
     if on_accept and start is None:
         on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(converged=True), 0, 0.0, at))
     while at.load < 1 or at.viscosity.drag:
-        load = round(at.load + at.step, 12)  # rounded, so that tenths are tenths
+        load = at.load + at.step
+        if abs(load * steps - round(load * steps)) < 1e-9:  # so that tenths are tenths
+            load = round(load * steps) / steps
         stop = min((m for m in milestones if m > at.load), default=1.0)
         if load > stop - 1e-3 * at.step:  # nor is a sliver left before a stop
             load = stop

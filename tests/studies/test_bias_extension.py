@@ -21,6 +21,13 @@ def test_three_zones_and_both_models(launch):
         assert q["theory_shear_angle_deg"] == pytest.approx(16.53, abs=0.01)
         assert s["kernel_mismatch"] <= 1e-10
         assert abs(s["energy"]["external_work"] / s["energy"]["strain"] - 1) < 2e-3
+        for zone, theory in (("clamped", 0.0), ("half", 16.53 / 2), ("free", 16.53)):
+            assert q[f"{zone}_zone_shear_angle_deg"] == pytest.approx(theory, abs=0.6)
+    profile = np.loadtxt(done.folder / "axis.csv", delimiter=",", skiprows=1)
+    assert (np.diff(profile[:, 0]) >= 0).all() and (done.folder / "axis.png").stat().st_size > 10_000
+    deep = (profile[:, 0] > 30) & (profile[:, 0] < 170)
+    assert profile[deep, 1].mean() == pytest.approx(16.53, abs=0.6)
+    assert profile[(profile[:, 0] < 20) | (profile[:, 0] > 180), 1].max() < 0.1
     assert found["fabric"]["reaction_N"] == pytest.approx(found["hyperelastic"]["reaction_N"], rel=1e-3)
     reader = pyvista.PVDReader(done.folder / "fields.pvd")
     reader.set_active_time_value(1.0)
@@ -40,3 +47,12 @@ def test_against_measured_shear_forces(launch, tmp_path):
     q = done.summary["quantities"]
     assert 0.04 < q["measured_rms_relative"] < 0.09  # the digitised data are good to 10 %
     assert (done.folder / "measured.png").stat().st_size > 10_000
+
+
+def test_deep_shear_on_two_ranks(launch):
+    """45 %: beyond the reach of inextensible yarns (gamma 60 deg is passed at about 30 %)."""
+    done = launch("bias_extension", "--nx", 40, "--steps", 45, "--strain", 0.45, ranks=2)
+    assert done.status == 0, done.err
+    assert done.summary["quantities"]["theory_shear_angle_deg"] is None
+    assert done.summary["quantities"]["centre_shear_angle_deg"] > 60
+    assert done.summary["energy"]["viscous"] == 0
