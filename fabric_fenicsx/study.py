@@ -53,7 +53,7 @@ def parser(name, description, **defaults):
     mesh.add_argument("--ny", type=COUNT, help="rectangles across the width (as makes them square)")
     mesh.add_argument("--pattern", choices=PATTERNS, default="crossed", help="how rectangles become cells")
     mesh.add_argument(
-        "--element", choices=("P1", "P2", "Q1", "Q2"), default="P1", help="P: triangles, Q: quadrilaterals"
+        "--element", choices=("P1", "P2", "P3", "Q1", "Q2"), default="P1", help="P: triangles, Q: quadrilaterals"
     )
     mesh.add_argument("--fibre-angle", type=ANY, metavar="DEG", default=0.0, help="of yarns a from the length")
     material = p.add_argument_group("material")

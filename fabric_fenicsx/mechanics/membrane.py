@@ -12,7 +12,9 @@ from ..material.energy import derivatives, energy_density
 
 # Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that UFL estimates
 # for this energy would take thousands of points.
-QUADRATURE_DEGREE = {("triangle", 1): 1, ("triangle", 2): 2, ("quadrilateral", 1): 2, ("quadrilateral", 2): 4}
+QUADRATURE_DEGREE = {
+    ("triangle", 1): 1, ("triangle", 2): 2, ("triangle", 3): 4, ("quadrilateral", 1): 2, ("quadrilateral", 2): 4,
+}  # fmt: skip
 
 
 class Membrane:

@@ -19,7 +19,7 @@ from fabric_fenicsx.solve.stepping import march
 
 COMM = MPI.COMM_WORLD
 KOMEILI = PRESETS["komeili"]
-ELEMENTS = [("triangle", 1), ("triangle", 2), ("quadrilateral", 1), ("quadrilateral", 2)]
+ELEMENTS = [("triangle", 1), ("triangle", 2), ("triangle", 3), ("quadrilateral", 1), ("quadrilateral", 2)]
 
 
 def strip(cell="triangle", degree=1, rotation=None, pattern="crossed", turned=0.0, nx=8, ny=2, **options):
@@ -211,3 +211,24 @@ def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
     rp.axpy(-1, Ad)
     assert rp.norm() <= 1e-6 * Ad.norm()
     assert A.isSymmetric(1e-9 * A.norm(PETSc.NormType.INFINITY))
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.35])
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+def test_spectrum_of_a_patch(cell, degree, gamma):
+    """At rest and in pure shear only rigid motions are free: nothing is far softer than the fabric in shear. With
+    quadratic and cubic elements more than one shear mode stays soft once yarns are in tension: they do not lock."""
+    blank = Blank.from_arrays(MPI.COMM_WORLD, *specimen(40.0, 40.0, 4, 4, "unstructured", cell), a=0.5, degree=degree)
+    scene = Scene(blank, [Membrane(blank, KOMEILI)])
+    x, A = scene.u.duplicate(), scene.create_matrix()
+    yarns = np.array([[math.cos(0.5), math.sin(0.5)], [-math.sin(0.5), math.cos(0.5)]])
+    F = yarns.T @ np.array([[1, math.sin(gamma)], [0, math.cos(gamma)]]) @ yarns  # both keep their lengths
+    x.array[:] = (blank.coordinates()[:, :2] @ (F - np.eye(2)).T).ravel()
+    scene.set(x)
+    scene.tangent(A)
+    stiffness = np.linalg.eigvalsh(A[:, :]) / (KOMEILI.s1 * KOMEILI.thickness)
+    assert np.abs(stiffness[:3]).max() < 1e-3 and stiffness[3] > 0.05
+    if degree > 1:
+        assert stiffness[6] < 3
+    elif gamma:
+        assert stiffness[5] > 30

@@ -93,7 +93,7 @@ def test_comparison_of_the_variants(launch):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("element", ["P1", "P2", "Q1", "Q2"])
+@pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
 def test_fields_for_paraview_are_those_of_the_solution(launch, element):
     done = launch("tensile", "--quick", "--grips", "rollers", "--turned", 30, "--element", element, ranks=2)
     assert done.status == 0, done.err
