@@ -48,7 +48,10 @@ def create_mesh(comm, cells, points, cell, degree):
     """
     gdim = points.shape[1]
     if OLD:
-        element = ufl.VectorElement("Lagrange", ufl.Cell(cell, geometric_dimension=gdim), degree, dim=gdim)
+        # FFCx 0.5 sets the variant itself when it first compiles, and forms made after that would be other ones
+        element = ufl.VectorElement(
+            "Lagrange", ufl.Cell(cell, geometric_dimension=gdim), degree, dim=gdim, variant="equispaced"
+        )
         return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, domain=ufl.Mesh(element))
     domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=domain)

@@ -69,7 +69,12 @@ def along_the_axis(study, blank, result, low, length, width):
     profile = np.concatenate(parts)
     profile = profile[profile[:, 0].argsort()]
     np.savetxt(
-        result.folder / "axis.csv", profile, fmt="%.9g", delimiter=",", header="position_mm,shear_angle_deg", comments=""
+        result.folder / "axis.csv",
+        profile,
+        fmt="%.9g",
+        delimiter=",",
+        header="position_mm,shear_angle_deg",
+        comments="",
     )
     if study.args.no_pictures:
         return
