@@ -15,7 +15,7 @@ from scipy.interpolate import PchipInterpolator
 from ufl import conditional, lt
 
 from ..errors import InputError
-from .parameters import _SHEET, _complete, _couplings, _number, _numbers
+from .parameters import SHEET, check_complete, check_couplings, check_number, read_numbers
 
 MIN_POINTS = 3
 MAX_POINTS = 40  # in a file: compiling the form takes the square of their number, half a minute at 100
@@ -127,8 +127,8 @@ class TabulatedFabric:
     biaxial = tension_shear = compression_shear = False
 
     def __post_init__(self):
-        for key in _SHEET:
-            object.__setattr__(self, key, _number(key, getattr(self, key), key))
+        for key in SHEET:
+            object.__setattr__(self, key, check_number(key, getattr(self, key), key))
         if self.shear.x[0] < 0:
             raise InputError(
                 f"shear begins at {self.shear.x[0]:.6g}, but it must begin at 0; the other sense is its mirror image"
@@ -152,7 +152,7 @@ class TabulatedFabric:
 
     def without(self, *names):
         """Itself, after a check of the names."""
-        _couplings(names, "without")
+        check_couplings(names, "without")
         return self
 
     def symbols(self, make: Callable[[float], Any]) -> SimpleNamespace:
@@ -180,8 +180,8 @@ class TabulatedFabric:
         fields = {"name": document.pop("name", "")}
         document.pop("model")
         units = document.pop("units", {})
-        numbers = _numbers(document, _SHEET, units, "", ("model", "name", *files))
-        _complete(numbers, _SHEET, "", "at the top of the file")
+        numbers = read_numbers(document, SHEET, units, "", ("model", "name", *files))
+        check_complete(numbers, SHEET, "", "at the top of the file")
         for key, name in files.items():
             if not isinstance(name, str):
                 raise InputError(f"{key} is {name!r}, but it must be the name of a CSV file beside this one")

@@ -49,7 +49,7 @@ import numpy as np
 import tomli_w
 
 from ..errors import InputError
-from .parameters import _SHEAR, _SHEET, _UNITS, _YARN, _numbers, _unknown
+from .parameters import SHEAR, SHEET, UNITS, YARN, read_numbers, unknown_key
 
 MIN_POINTS = 5
 STRAINS = ("eps_a", "eps_b", "gamma")
@@ -169,10 +169,10 @@ def read_sheet(path) -> Sheet:
         if not isinstance(assumed, dict) or not isinstance(units, dict):
             raise InputError("assumed and units must be tables")
         for kind, unit in units.items():
-            if kind not in _UNITS or unit not in _UNITS[kind]:
-                raise _unknown(unit, [u for us in _UNITS.values() for u in us], f"units.{kind} {unit!r}")
-        numbers = _numbers(document, _SHEET, units, "", ("name", "balanced", "assumed", "units"))
-        if missing := [key for key in _SHEET if key not in numbers]:
+            if kind not in UNITS or unit not in UNITS[kind]:
+                raise unknown_key(unit, [u for us in UNITS.values() for u in us], f"units.{kind} {unit!r}")
+        numbers = read_numbers(document, SHEET, units, "", ("name", "balanced", "assumed", "units"))
+        if missing := [key for key in SHEET if key not in numbers]:
             raise InputError(
                 f"missing {', '.join(missing)}; allowed are thickness_mm and density_g_per_cm3, for example"
             )
@@ -183,8 +183,8 @@ def read_sheet(path) -> Sheet:
                 raise InputError(
                     f"assumed.{yarn} is given for a balanced fabric; allowed is [assumed] for both directions"
                 )
-            values |= {f"{yarn}.{k}": v for k, v in _numbers(table, _YARN, units, f"assumed.{yarn}.").items()}
-        values = _numbers(assumed, (*_YARN, *_SHEAR), units, "assumed.", ("warp", "weft")) | values
+            values |= {f"{yarn}.{k}": v for k, v in read_numbers(table, YARN, units, f"assumed.{yarn}.").items()}
+        values = read_numbers(assumed, (*YARN, *SHEAR), units, "assumed.", ("warp", "weft")) | values
         return Sheet(name, balanced=balanced, assumed=values, **numbers)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
@@ -212,7 +212,7 @@ def _parse(file, lines, thickness):
         raise InputError(f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}")
     row, name = keys.pop("test")
     if name not in TESTS:
-        raise _fail(row, str(_unknown(name, TESTS, f"test {name!r}")))
+        raise _fail(row, str(unknown_key(name, TESTS, f"test {name!r}")))
     test = TESTS[name]
     noise = keys.pop("noise", None)
     for key, (row, _) in keys.items():
@@ -308,7 +308,7 @@ def _columns(table, name, needed, optional, measured):
         match = re.fullmatch(r"\s*(\w+)\s*(?:\[\s*(.+?)\s*\])?\s*", cell)
         column, unit = match.groups() if match else (cell.strip(), None)
         if column not in _UNIT:
-            raise _fail(line, str(_unknown(column, allowed, f"column {column!r}")))
+            raise _fail(line, str(unknown_key(column, allowed, f"column {column!r}")))
         if column not in allowed:
             raise _fail(
                 line, f"the column {column} does not belong to the test {name}; allowed are {', '.join(allowed)}"
@@ -320,7 +320,7 @@ def _columns(table, name, needed, optional, measured):
                 line, f"the column {column} has no unit; write {column} [{next(iter(_UNIT[column]))}], for example"
             )
         if unit not in _UNIT[column]:
-            raise _fail(line, str(_unknown(unit, _UNIT[column], f"unit [{unit}] of column {column}")))
+            raise _fail(line, str(unknown_key(unit, _UNIT[column], f"unit [{unit}] of column {column}")))
         header.append((column, _UNIT[column][unit]))
     names = [h[0] for h in header]
     missing = [column for column in needed if column not in names]

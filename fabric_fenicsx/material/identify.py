@@ -22,12 +22,12 @@ from scipy.optimize import least_squares
 from ..errors import InputError, SolverFailure
 from . import curves as data
 from .curves import Curve, Response, Sheet
-from .parameters import _RULES, _SHEAR, _YARN, WovenFabric, Yarn
+from .parameters import RULES, SHEAR, YARN, WovenFabric, Yarn
 from .pointwise import evaluate
 from .presets import PRESETS
 
 DEFAULTS = PRESETS["komeili"]  # Table 1; d, p_min and s_C were assumed there, too
-STAGE_1 = ("a", "b", "d", *_SHEAR)
+STAGE_1 = ("a", "b", "d", *SHEAR)
 # Of the parameters that the data can't tell apart, the first of these becomes an assumption.
 GIVEN_UP = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
 HIGHER = {"a": "b", "s2": "s1", "s3": "s1"}  # higher terms are 0 by default if the lower one is fitted
@@ -74,8 +74,8 @@ def lateral_strain(fabric, along, strain, start=None):
 
 
 def _names(balanced):
-    yarns = _YARN if balanced else [f"{yarn}.{name}" for yarn in ("warp", "weft") for name in _YARN]
-    return (*yarns, *_SHEAR)
+    yarns = YARN if balanced else [f"{yarn}.{name}" for yarn in ("warp", "weft") for name in YARN]
+    return (*yarns, *SHEAR)
 
 
 def _base(name):
@@ -85,7 +85,7 @@ def _base(name):
 def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:
     """Parameters of `fabric` by the names used here: 10 if balanced, otherwise 17 with warp. and weft. before the yarns'."""
     return {
-        n: getattr(fabric if n in _SHEAR else getattr(fabric, n.split(".")[0] if "." in n else "warp"), _base(n))
+        n: getattr(fabric if n in SHEAR else getattr(fabric, n.split(".")[0] if "." in n else "warp"), _base(n))
         for n in _names(balanced)
     }
 
@@ -127,9 +127,9 @@ class _Problem:
         """What the kernel reads of a WovenFabric, without its checks, so that derivatives can be taken at bounds."""
         v = dict(zip(self.names, theta))
         fabric = DEFAULTS.symbols(float)
-        vars(fabric).update({n: v[n] for n in _SHEAR}, thickness=self.thickness)
+        vars(fabric).update({n: v[n] for n in SHEAR}, thickness=self.thickness)
         for yarn in ("warp", "weft"):
-            vars(getattr(fabric, yarn)).update({n: v[n] if n in v else v[f"{yarn}.{n}"] for n in _YARN})
+            vars(getattr(fabric, yarn)).update({n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN})
         return fabric
 
     def predict(self, theta):
@@ -217,7 +217,7 @@ class _Problem:
 
     def _shear(self, free):
         """The shear parameters that are fitted through the stiffness tau' at points of [0, angle]."""
-        place = [self.names.index(n) for n in _SHEAR]
+        place = [self.names.index(n) for n in SHEAR]
         return place if place[0] in free and place[1] in free else []
 
     def _to_x(self, theta, free):
@@ -386,7 +386,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     if estimated is None and not all(c.noise for c in curves):
         estimated = NOISE * math.sqrt(variance)
 
-    units = {n: "MPa" if _RULES[_base(n)].kind else "-" for n in names}
+    units = {n: "MPa" if RULES[_base(n)].kind else "-" for n in names}
     bound = _at_bound(problem, theta, free, fitted)
     determined = {
         names[k]: Determined(float(theta[k]), float(e), (float(theta[k] - quantile * e), float(theta[k] + quantile * e)), units[names[k]],
@@ -398,9 +398,9 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     }
     value = dict(zip(names, map(float, theta)))
     warp, weft = (
-        Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in _YARN}) for yarn in ("warp", "weft")
+        Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN}) for yarn in ("warp", "weft")
     )
-    shear = {n: value[n] for n in _SHEAR}
+    shear = {n: value[n] for n in SHEAR}
     fabric = WovenFabric(warp, weft, **shear, thickness=sheet.thickness, density=sheet.density, name=sheet.name)
     softest, convex = _physics(problem, fabric)
     warnings = []
@@ -444,7 +444,7 @@ def _regression(problem, default, reason, source):
             if lower in names and names.index(lower) in free and source[names[k]] != "sheet.toml":
                 theta[k], source[names[k]] = 0.0, "0, as the lower term alone is fitted"
         for k in free:
-            if names[k] in _SHEAR:  # a straight line through the largest angle
+            if names[k] in SHEAR:  # a straight line through the largest angle
                 theta[k] = problem.natural[k] if names[k] == "s1" else 0.0
         sd = problem.deviation(problem.measured)
         first = [k for k in free if _base(names[k]) in STAGE_1 and np.any(problem.effect[uncoupled, k] > 0)]

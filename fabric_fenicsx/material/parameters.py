@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from numbers import Real
 from pathlib import Path
-from reprlib import repr as _show
+from reprlib import repr as shown
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Self
 
@@ -27,7 +27,7 @@ class _Rule(NamedTuple):
     test: Callable[[float], bool]
 
 
-_RULES = {
+RULES = {
     "a": _Rule("stress", "at least 0", lambda v: v >= 0),
     "b": _Rule("stress", "above 0", lambda v: v > 0),
     "d": _Rule("stress", "above 0", lambda v: v > 0),
@@ -41,21 +41,21 @@ _RULES = {
     "thickness": _Rule("length", "above 0", lambda v: v > 0),
     "density": _Rule("density", "above 0", lambda v: v > 0),
 }
-_YARN = ("a", "b", "d", "p_min", "c", "s_T", "s_C")
-_SHEAR = ("s1", "s2", "s3")
-_SHEET = ("thickness", "density")
+YARN = ("a", "b", "d", "p_min", "c", "s_T", "s_C")
+SHEAR = ("s1", "s2", "s3")
+SHEET = ("thickness", "density")
 
 # Powers of ten from each unit to the first one of its kind, which is the package's own.
-_UNITS = {
+UNITS = {
     "stress": {"MPa": 0, "kPa": -3, "Pa": -6, "GPa": 3},
     "length": {"mm": 0, "cm": 1, "m": 3, "um": -3},
     "density": {"g/cm3": 0, "kg/m3": -3},
 }
 
 
-def _number(name: str, value: Any, label: str) -> float:
-    """`value` as a float if `_RULES[name]` allows it; otherwise an InputError that calls it `label`."""
-    rule = _RULES[name]
+def check_number(name: str, value: Any, label: str) -> float:
+    """`value` as a float if `RULES[name]` allows it; otherwise an InputError that calls it `label`."""
+    rule = RULES[name]
     if isinstance(value, Real) and not isinstance(value, bool):
         try:
             number = float(value) + 0.0  # -0.0 becomes 0.0
@@ -63,24 +63,24 @@ def _number(name: str, value: Any, label: str) -> float:
             number = math.inf
         if math.isfinite(number) and rule.test(number):
             return number
-    raise InputError(f"{label} is {_show(value)}, but it must be a finite number, {rule.allowed}")
+    raise InputError(f"{label} is {shown(value)}, but it must be a finite number, {rule.allowed}")
 
 
-def _unknown(key: str, allowed: Iterable[str], label: str) -> InputError:
+def unknown_key(key: str, allowed: Iterable[str], label: str) -> InputError:
     allowed = list(allowed)
     near = difflib.get_close_matches(str(key), allowed, n=1)
     hint = f" (did you mean {near[0]}?)" if near else ""
     return InputError(f"{label} is unknown{hint}; allowed are {', '.join(allowed)}")
 
 
-def _couplings(names: Any, label: str = "couplings") -> frozenset[str]:
+def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
     if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
-        raise InputError(f"{label} is {_show(names)}, but it must be a list of {', '.join(COUPLINGS)}")
+        raise InputError(f"{label} is {shown(names)}, but it must be a list of {', '.join(COUPLINGS)}")
     found = set()
     for given in names:
         name = given.replace("-", "_").replace("–", "_") if isinstance(given, str) else given
         if name not in COUPLINGS:
-            raise _unknown(name, COUPLINGS, f"{label}: coupling {_show(given)}")
+            raise unknown_key(name, COUPLINGS, f"{label}: coupling {shown(given)}")
         found.add(name)
     return frozenset(found)
 
@@ -105,8 +105,8 @@ class Yarn:
     s_C: float
 
     def __post_init__(self) -> None:
-        for name in _YARN:
-            object.__setattr__(self, name, _number(name, getattr(self, name), f"Yarn.{name}"))
+        for name in YARN:
+            object.__setattr__(self, name, check_number(name, getattr(self, name), f"Yarn.{name}"))
 
 
 @dataclass(frozen=True)
@@ -133,12 +133,12 @@ class WovenFabric:
     def __post_init__(self) -> None:
         for direction in ("warp", "weft"):
             if not isinstance(getattr(self, direction), Yarn):
-                raise InputError(f"{direction} is {_show(getattr(self, direction))}, but it must be a Yarn")
-        for name in _SHEAR + _SHEET:
-            object.__setattr__(self, name, _number(name, getattr(self, name), name))
-        object.__setattr__(self, "couplings", _couplings(self.couplings))
+                raise InputError(f"{direction} is {shown(getattr(self, direction))}, but it must be a Yarn")
+        for name in SHEAR + SHEET:
+            object.__setattr__(self, name, check_number(name, getattr(self, name), name))
+        object.__setattr__(self, "couplings", check_couplings(self.couplings))
         if not isinstance(self.name, str):
-            raise InputError(f"name is {_show(self.name)}, but it must be a text")
+            raise InputError(f"name is {shown(self.name)}, but it must be a text")
 
     @classmethod
     def balanced(
@@ -183,7 +183,7 @@ class WovenFabric:
 
     def without(self, *names: str) -> Self:
         """A copy with these couplings off; InputError for an unknown name."""
-        return dataclasses.replace(self, couplings=self.couplings - _couplings(names, "without"))
+        return dataclasses.replace(self, couplings=self.couplings - check_couplings(names, "without"))
 
     def decoupled(self) -> Self:
         """A copy with every coupling off: three independent curves, like the Abaqus FABRIC model."""
@@ -193,9 +193,9 @@ class WovenFabric:
         """A changed copy; a Yarn's field (`p_min=0.1`) changes in both directions."""
         own = [field.name for field in dataclasses.fields(self)]
         for key in changes:
-            if key not in own and key not in _YARN:
-                raise _unknown(key, (*own, *_YARN), f"replace: {key}")
-        yarn = {key: changes.pop(key) for key in _YARN if key in changes}
+            if key not in own and key not in YARN:
+                raise unknown_key(key, (*own, *YARN), f"replace: {key}")
+        yarn = {key: changes.pop(key) for key in YARN if key in changes}
         new = dataclasses.replace(self, **changes)
         return dataclasses.replace(
             new, warp=dataclasses.replace(new.warp, **yarn), weft=dataclasses.replace(new.weft, **yarn)
@@ -207,9 +207,9 @@ class WovenFabric:
         The couplings stay plain booleans, so that what is off is not compiled; density has no part in it.
         """
         warp, weft = (
-            SimpleNamespace(**{name: make(getattr(yarn, name)) for name in _YARN}) for yarn in (self.warp, self.weft)
+            SimpleNamespace(**{name: make(getattr(yarn, name)) for name in YARN}) for yarn in (self.warp, self.weft)
         )
-        numbers = {name: make(getattr(self, name)) for name in (*_SHEAR, "thickness")}
+        numbers = {name: make(getattr(self, name)) for name in (*SHEAR, "thickness")}
         return SimpleNamespace(
             warp=warp, weft=weft, curves=None, **numbers, **{name: getattr(self, name) for name in COUPLINGS}
         )
@@ -218,10 +218,10 @@ class WovenFabric:
         """The TOML text, which reads back as an equal object."""
         table: dict[str, Any] = {"name": self.name, "thickness": self.thickness, "density": self.density}
         table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
-        table["units"] = {kind: next(iter(units)) for kind, units in _UNITS.items()}
+        table["units"] = {kind: next(iter(units)) for kind, units in UNITS.items()}
         yarns = {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
         table |= {key: dataclasses.asdict(yarn) for key, yarn in yarns.items()}
-        table["shear"] = {name: getattr(self, name) for name in _SHEAR}
+        table["shear"] = {name: getattr(self, name) for name in SHEAR}
         return tomli_w.dumps(table)
 
     def to_toml(self, path: str | os.PathLike[str]) -> None:
@@ -240,10 +240,10 @@ class WovenFabric:
     @classmethod
     def from_toml(cls, path: str | os.PathLike[str]) -> Self:
         """Read a file written by hand or by `to_toml`; InputError with file, field and what is allowed."""
-        return _read(path, lambda document: cls(**_fields(document)))
+        return read_toml(path, lambda document: cls(**from_document(document)))
 
 
-def _read(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
+def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
     """make(document) of the TOML file at `path`; InputErrors name the file."""
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
@@ -261,37 +261,37 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
-def _fields(document: dict[str, Any]) -> dict[str, Any]:
+def from_document(document: dict[str, Any]) -> dict[str, Any]:
     """The arguments of WovenFabric from a TOML document."""
     tables = {key: document.pop(key, {}) for key in ("units", "yarns", "warp", "weft", "shear")}
     for key, table in tables.items():
         if not isinstance(table, dict):
-            raise InputError(f"{key} is {_show(table)}, but it must be a table, [{key}]")
+            raise InputError(f"{key} is {shown(table)}, but it must be a table, [{key}]")
     units = tables["units"]
     for kind, unit in units.items():
-        if kind not in _UNITS:
-            raise _unknown(kind, _UNITS, f"units.{kind}")
-        if unit not in list(_UNITS[kind]):
-            raise _unknown(unit, _UNITS[kind], f"units.{kind} {_show(unit)}")
+        if kind not in UNITS:
+            raise unknown_key(kind, UNITS, f"units.{kind}")
+        if unit not in list(UNITS[kind]):
+            raise unknown_key(unit, UNITS[kind], f"units.{kind} {shown(unit)}")
     fields = {key: document.pop(key) for key in ("name", "couplings") if key in document}
-    fields |= _numbers(document, _SHEET, units, "", ("name", "couplings", *tables))
-    fields |= _numbers(tables["shear"], _SHEAR, units, "shear.")
-    _complete(fields, _SHEET, "", "at the top of the file")
-    _complete(fields, _SHEAR, "shear.", "in [shear]")
-    both, warp, weft = (_numbers(tables[key], _YARN, units, f"{key}.") for key in ("yarns", "warp", "weft"))
+    fields |= read_numbers(document, SHEET, units, "", ("name", "couplings", *tables))
+    fields |= read_numbers(tables["shear"], SHEAR, units, "shear.")
+    check_complete(fields, SHEET, "", "at the top of the file")
+    check_complete(fields, SHEAR, "shear.", "in [shear]")
+    both, warp, weft = (read_numbers(tables[key], YARN, units, f"{key}.") for key in ("yarns", "warp", "weft"))
     for direction, own in (("warp", warp), ("weft", weft)):
-        _complete(both | own, _YARN, f"{direction}.", f"in [yarns] or [{direction}]")
+        check_complete(both | own, YARN, f"{direction}.", f"in [yarns] or [{direction}]")
         fields[direction] = Yarn(**(both | own))
     return fields
 
 
-def _complete(found: Iterable[str], names: Iterable[str], where: str, place: str) -> None:
+def check_complete(found: Iterable[str], names: Iterable[str], where: str, place: str) -> None:
     """InputError if a name is missing."""
     if missing := [where + name for name in names if name not in found]:
         raise InputError(f"missing {', '.join(missing)}, which must be given {place}")
 
 
-def _numbers(
+def read_numbers(
     table: Mapping[str, Any], names: tuple[str, ...], units: Mapping[str, str], where: str, also: tuple[str, ...] = ()
 ) -> dict[str, float]:
     """The numbers of one TOML table in the package's units; the unit is in the key or in `units`."""
@@ -300,30 +300,30 @@ def _numbers(
     for key, value in table.items():
         name = key if key in names else next((n for n in names if key.startswith(f"{n}_")), None)
         if name is None:
-            raise _unknown(key, (*names, *also), where + key)
+            raise unknown_key(key, (*names, *also), where + key)
         if name in found:
             raise InputError(f"{where}{key} repeats {where}{spelled[name]}; {name} must be given once")
         exponent = _exponent(name, key, units, where + key)
-        number = Decimal(repr(_number(name, value, where + key))).scaleb(exponent)
-        found[name] = _number(name, float(number), where + key)
+        number = Decimal(repr(check_number(name, value, where + key))).scaleb(exponent)
+        found[name] = check_number(name, float(number), where + key)
         spelled[name] = key
     return found
 
 
 def _exponent(name: str, key: str, units: Mapping[str, str], label: str) -> int:
     """The power of ten from the unit of `key` to the package's own."""
-    kind = _RULES[name].kind
+    kind = RULES[name].kind
     if not kind:
         if key != name:
             raise InputError(f"{label} has a unit, but {name} is a pure number; the key must be {name}")
         return 0
-    suffixes = {unit.replace("/", "_per_"): exponent for unit, exponent in _UNITS[kind].items()}
+    suffixes = {unit.replace("/", "_per_"): exponent for unit, exponent in UNITS[kind].items()}
     if key != name:
         unit = key.removeprefix(f"{name}_")
         if unit not in suffixes:
-            raise _unknown(unit, suffixes, f"{label}: {kind} unit {_show(unit)}")
+            raise unknown_key(unit, suffixes, f"{label}: {kind} unit {shown(unit)}")
         return suffixes[unit]
     if kind not in units:
         keys = " or ".join(f"{name}_{unit}" for unit in suffixes)
         raise InputError(f"{label} has no unit; write {keys}, or give {kind} in [units]")
-    return _UNITS[kind][units[kind]]
+    return UNITS[kind][units[kind]]

@@ -82,7 +82,7 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
     area = np.sqrt(J2) * np.abs(a1 * b2 - a2 * b1)
     gamma = np.arctan2(I6, area) - np.arctan2(a1 * b1 + a2 * b2, np.abs(a1 * b2 - a2 * b1))
 
-    parts, W1, W2 = _derivatives(fabric, I4, I8, gamma, tangent)
+    parts, W1, W2 = derivatives(fabric, I4, I8, gamma, tangent)
     g4, g6, g8 = -I6 / (2 * I4 * area), 1 / area, -I6 / (2 * I8 * area)  # d(gamma)/d(I4, I6, I8)
     # S = 2 dW/dC with dI4/dC = a a, dI8/dC = b b, dI6/dC = sym(a b); eqs (11), (12)
     M4 = np.stack(np.broadcast_arrays(a1 * a1, a2 * a2, a1 * a2), -1)
@@ -129,7 +129,7 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
     )
 
 
-def _derivatives(fabric, I4, I8, gamma, hessian):
+def derivatives(fabric, I4, I8, gamma, hessian):
     """W in parts, dW/d(I4, I8, gamma) and, if asked, its second derivatives (44, 48, 88, 4g, 8g, gg)."""
     warp, weft = fabric.warp, fabric.weft
     la, lb = np.sqrt(I4), np.sqrt(I8)

@@ -6,7 +6,7 @@ from types import MappingProxyType
 
 from ..errors import InputError
 from .baseline import TabulatedFabric
-from .parameters import WovenFabric, _fields, _read, _show
+from .parameters import WovenFabric, from_document, read_toml, shown
 
 _KOMEILI = WovenFabric.balanced(  # Table 1
     a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0,
@@ -25,12 +25,12 @@ def load(source: str | os.PathLike[str]):
     if isinstance(source, str) and source in PRESETS:
         return PRESETS[source]
     if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        return _read(
+        return read_toml(
             source,
             lambda document: (
                 TabulatedFabric.from_toml(source, document)
                 if document.get("model") == "fabric"
-                else WovenFabric(**_fields(document))
+                else WovenFabric(**from_document(document))
             ),
         )
-    raise InputError(f"material {_show(source)} is neither a preset ({', '.join(PRESETS)}) nor a file that exists")
+    raise InputError(f"material {shown(source)} is neither a preset ({', '.join(PRESETS)}) nor a file that exists")

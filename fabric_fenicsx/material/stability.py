@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .pointwise import _derivatives
+from .pointwise import derivatives
 
 KINK = 1e-10  # |I - 1| up to which a yarn counts as unstrained: there the softer side is taken, compression (d << b)
 OUTER, INNER = 60, 4  # iterations of `_smallest`; most points end after 2 to 5 outer ones
@@ -88,7 +88,7 @@ def first_loss(value: Callable, start, end, samples=500):
 def _in_strains(fabric, I4, I8, gamma):
     """dW/d(a, b, g) and d2W (aa, ab, bb, ag, bg, gg) in eps_a, eps_b, gamma, from the kernel's in I4, I8, gamma."""
     I4, I8 = (np.where(np.abs(I - 1) <= KINK, 1.0, I) for I in (I4, I8))
-    _, (W4, W8, Wg), (W44, W48, W88, W4g, W8g, Wgg) = _derivatives(fabric, I4, I8, gamma, True)
+    _, (W4, W8, Wg), (W44, W48, W88, W4g, W8g, Wgg) = derivatives(fabric, I4, I8, gamma, True)
     la, lb = np.sqrt(I4), np.sqrt(I8)
     first = 2 * la * W4, 2 * lb * W8, Wg
     return *first, 2 * W4 + 4 * I4 * W44, 4 * la * lb * W48, 2 * W8 + 4 * I8 * W88, 2 * la * W4g, 2 * lb * W8g, Wgg
