@@ -67,6 +67,7 @@ def check_number(name: str, value: Any, label: str) -> float:
 
 
 def unknown_key(key: str, allowed: Iterable[str], label: str) -> InputError:
+    """The error for a key that is not among those allowed; it names the nearest."""
     allowed = list(allowed)
     near = difflib.get_close_matches(str(key), allowed, n=1)
     hint = f" (did you mean {near[0]}?)" if near else ""
@@ -74,6 +75,7 @@ def unknown_key(key: str, allowed: Iterable[str], label: str) -> InputError:
 
 
 def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
+    """The named couplings as a set, each one of `COUPLINGS`; otherwise an InputError that calls them `label`."""
     if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
         raise InputError(f"{label} is {shown(names)}, but it must be a list of {', '.join(COUPLINGS)}")
     found = set()
