@@ -17,28 +17,29 @@ RESTS = 40  # steps without load, to let a held sheet creep to where no drag is 
 
 @dataclass
 class Viscosity:
-    """Regularisation by a drag on every node [N/mm per step], energy taken by it [N mm]; it fades by one stage after
-    `patience` easy steps in a row, of which each failure asks more."""
+    """Regularisation by a drag on every node [N/mm per step], measured by the mean `stiffness` of one [N/mm]; energy
+    taken by it [N mm]. It fades by one stage after `patience` easy steps in a row, of which each failure asks more."""
 
     drag: float = 0.0
     energy: float = 0.0
+    stiffness: float = 0.0
     easy: int = 0
     patience: int = 1
 
-    def strengthen(self, stiffness):
-        """One stage more, measured by the mean stiffness of a node; False if it is as strong as allowed."""
-        if self.drag >= STRONG * stiffness:
+    def strengthen(self):
+        """One stage more; False if it is as strong as allowed."""
+        if self.drag >= STRONG * self.stiffness:
             return False
         if self.drag:
             self.patience = min(2 * self.patience, 16)
-        self.drag, self.easy = max(WEAK * stiffness, 10 * self.drag), 0
+        self.drag, self.easy = max(WEAK * self.stiffness, 10 * self.drag), 0
         return True
 
-    def passed(self, easy, stiffness, resting):
+    def passed(self, easy, resting):
         """Note a step that passed, whether easily and whether without load."""
         self.easy = self.easy + 1 if easy else 0
         if self.easy >= (1 if resting else self.patience):
-            self.drag, self.easy = (self.drag / 4 if self.drag > WEAK * stiffness else 0.0), 0
+            self.drag, self.easy = (self.drag / 4 if self.drag > WEAK * self.stiffness else 0.0), 0
 
 
 @dataclass
@@ -128,7 +129,7 @@ def march(
         scene.residual(r)
 
     back()
-    forces, cuts, rests, clock, stiffness = scene.held_forces(), 0, 0, time.perf_counter(), None
+    forces, cuts, rests, clock = scene.held_forces(), 0, 0, time.perf_counter()
     if on_accept and start is None:
         on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(converged=True), 0, 0.0, at))
     while at.load < 1 or at.viscosity.drag:
@@ -155,9 +156,9 @@ def march(
             if on_reject:
                 on_reject(load, report)
             back()
-            stiffness = stiffness or newton.stiffness(at.x)
+            at.viscosity.stiffness = at.viscosity.stiffness or newton.stiffness(at.x)
             hard = viscosity and taken <= HARD * max_step
-            if hard and at.viscosity.strengthen(stiffness):
+            if hard and at.viscosity.strengthen():
                 pass
             elif taken > 2 * min_step:
                 at.step = CUT * taken
@@ -182,7 +183,7 @@ def march(
         elif report.iterations <= EASY:
             at.step = min(GROWTH * at.step, max_step)
         if at.viscosity.drag:
-            at.viscosity.passed(report.iterations <= 2 * EASY, stiffness, resting=not taken)
+            at.viscosity.passed(report.iterations <= 2 * EASY, resting=not taken)
         outcome.accepted += 1
         now = time.perf_counter()
         if on_accept:
@@ -192,6 +193,7 @@ def march(
         if at.viscosity.drag and rests == RESTS:
             outcome.reason = f"the state at full load still creeps after {RESTS} steps at rest"
             break
+    scene.drag = 0.0
     return outcome
 
 

@@ -1,5 +1,7 @@
 """Newton and load stepping: every start, every angle, every solver, and a reason where it ends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import ufl
@@ -12,7 +14,7 @@ from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene, Support, grips
 from fabric_fenicsx.solve.newton import LINEAR_SOLVERS, Newton
-from fabric_fenicsx.solve.stepping import march
+from fabric_fenicsx.solve.stepping import Viscosity, march
 
 COMM = MPI.COMM_WORLD
 KOMEILI = PRESETS["komeili"]
@@ -241,6 +243,23 @@ def test_drag_comes_when_cutting_does_not_help_and_fades():
     newton.drags = []
     outcome = march(newton, steps=10, viscosity=False)
     assert outcome.reached < 0.31 and "brittle" in outcome.reason
+
+
+@pytest.mark.mpi
+def test_a_march_goes_on_from_a_state_under_drag():
+    newton, states = Newton(strip(), 1e-11), []
+
+    def keep(accepted):
+        at = accepted.progress
+        drag = Viscosity(drag=1e-3, stiffness=1.0)
+        states.append(replace(at, x=at.x.copy(), previous=at.previous.copy(), viscosity=drag))
+
+    assert march(newton, steps=10, on_accept=keep).reason == ""
+    energy = newton.scene.energy()
+    for start in (states[5], states[-1]):  # under way, and at full load
+        outcome = march(newton, steps=10, start=start)
+        assert outcome.reached == 1 and outcome.reason == "" and start.viscosity.drag == 0
+        assert newton.scene.energy() == pytest.approx(energy, rel=1e-9)
 
 
 @pytest.mark.mpi
