@@ -36,7 +36,7 @@ CASES = {
     "negative length": (("--length", "-200"), None, ["--length", "-200", "above 0"]),
     "no width": (("--width", "0"), None, ["--width", "0", "above 0"]),
     "infinite angle": (("--fibre-angle", "inf"), None, ["--fibre-angle", "inf", "finite"]),
-    "unknown element": (("--element", "P3"), None, ["--element", "P3", "Q2"]),
+    "unknown element": (("--element", "P4"), None, ["--element", "P4", "Q2"]),
     "unknown pattern": (("--pattern", "zigzag"), None, ["--pattern", "zigzag", "crossed"]),
     "unknown solver": (("--linear-solver", "magic"), None, ["--linear-solver", "magic", "mumps-cholesky"]),
     "unknown model": (("--model", "steel"), None, ["--model", "steel", "fabric"]),
