@@ -216,19 +216,19 @@ def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
 @pytest.mark.parametrize("gamma", [0.0, 0.35])
 @pytest.mark.parametrize("cell, degree", ELEMENTS)
 def test_spectrum_of_a_patch(cell, degree, gamma):
-    """At rest and in pure shear only rigid motions are free: nothing is far softer than the fabric in shear. With
-    quadratic and cubic elements more than one shear mode stays soft once yarns are in tension: they do not lock."""
+    """At rest and sheared only rigid motions are free: nothing is far softer than the fabric in shear. With yarns in
+    tension linear elements keep one soft mode, homogeneous shear: they lock. Others keep more."""
     blank = Blank.from_arrays(MPI.COMM_WORLD, *specimen(40.0, 40.0, 4, 4, "left", cell), a=0.5, degree=degree)
     scene = Scene(blank, [Membrane(blank, KOMEILI)])
     x, A = scene.u.duplicate(), scene.create_matrix()
     yarns = np.array([[math.cos(0.5), math.sin(0.5)], [-math.sin(0.5), math.cos(0.5)]])
     F = yarns.T @ np.array([[1, math.sin(gamma)], [0, math.cos(gamma)]]) @ yarns  # both keep their lengths
+    F *= 1 + 1e-6 * (gamma > 0)  # on the stiff side of the kink, not on either by rounding
     x.array[:] = (blank.coordinates()[:, :2] @ (F - np.eye(2)).T).ravel()
     scene.set(x)
     scene.tangent(A)
     stiffness = np.linalg.eigvalsh(A[:, :]) / (KOMEILI.s1 * KOMEILI.thickness)
-    assert np.abs(stiffness[:3]).max() < 1e-3 and stiffness[3] > 0.05
-    if degree > 1:
-        assert stiffness[6] < 3
-    elif gamma:
-        assert stiffness[6] > 30
+    assert np.abs(stiffness[:3]).max() < (0.03 if gamma else 1e-3)  # under tension a turn takes a moment
+    assert stiffness[3] > 0.05
+    if gamma:
+        assert stiffness[5] < 3 if degree > 1 else stiffness[4] > 100
