@@ -1,0 +1,97 @@
+"""The study of cost against error on its few quick runs, and the reference values that it measures errors by."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
+SCENES = "tensile", "bias10", "bias30"
+WORDS = "scene", "sweep", "element", "pattern", "linear_solver", "on_front", "reason"
+
+
+def committed(scene):
+    return json.loads((REFERENCE / f"{scene}.json").read_text())
+
+
+def test_quick_runs(launch):
+    done = launch("speed_vs_error", "--quick")
+    assert done.status == 0, done.err
+    with open(done.folder / "table.csv") as file:
+        rows = [{k: v if k in WORDS or v == "" else float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    assert len(rows) == 12 and all(row["reason"] == "" for row in rows) and len(done.out.splitlines()) == 1 + 12 + 6
+    for scene in SCENES[:2]:
+        runs = [r for r in rows if r["scene"] == scene]
+        base, fine, p1, p2, iterative, two = runs
+        assert abs(fine["error_reaction"]) < abs(base["error_reaction"])
+        assert 0 < fine["error_energy"] < base["error_energy"]
+        assert p1["dofs"] == pytest.approx(p2["dofs"], rel=0.05) and p1["pattern"] == p2["pattern"] == "unstructured"
+        assert abs(p1["error_energy"]) > 3 * abs(p2["error_energy"]) and p1["error_reaction"] > abs(
+            p2["error_reaction"]
+        )
+        for same in (iterative, two):
+            assert same["reaction_N"] == pytest.approx(base["reaction_N"], rel=1e-6)
+        assert two["iterations"] == base["iterations"] and two["ranks"] == 2
+        assert all(
+            r["wall_s"] > 0 and r["memory_mib"] > 0 and r["tangent_ratio"] > 0 and r["own_solves"] > 1 for r in runs
+        )
+        front = [r for r in runs if r["on_front"] == "True"]
+        error = {id(r): max(abs(r["error_reaction"]), r["error_bar"]) for r in runs}
+        for r in runs:
+            beaten = [f for f in runs if f["cost"] <= r["cost"] and error[id(f)] <= error[id(r)] and f is not r]
+            assert (r in front) == (not beaten)
+        q = done.summary["quantities"][scene]
+        assert len(q["front"]) == len(front) and q["failed"] == 0 and q["runs"] == len(runs)
+        cheapest = min(runs, key=lambda r: r["cost"] if abs(r["error_reaction"]) < 0.08 else 1e9)
+        assert q["recommended"]["0.1"]["cost"] == pytest.approx(cheapest["cost"])
+    assert (done.folder / "front.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (("--scenes", "wrinkle"), ["--scenes", "wrinkle", "bias10"]),
+        (("--limit", "0"), ["--limit", "above 0"]),
+        (("--reference", "nowhere"), ["--reference nowhere", "tensile.json", "studies/reference.py"]),
+        (("--without", "biaxial"), ["--material komeili", "reference"]),
+    ],
+)
+def test_bad_input(launch, options, words):
+    done = launch("speed_vs_error", "--quick", *options)
+    assert done.status == 2 and not done.folder.exists()
+    for word in words:
+        assert word in done.err
+
+
+def test_a_run_past_the_limit_is_told(launch):
+    done = launch("speed_vs_error", "--quick", "--scenes", "tensile", "--limit", 0.1)
+    assert done.status == 3 and "not done within 0.1 s" in done.err
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_the_reference_tells_value_error_and_command(scene):
+    found = committed(scene)
+    assert found["command"] == f".venv/bin/python studies/reference.py --scenes {scene}"
+    for name in ("reaction_N", "energy_Nmm", "centre_eps_a", "centre_eps_b", "centre_shear_deg"):
+        quantity = found["quantities"][name]
+        value, error = quantity["value"], quantity["error"]
+        others = [found["members"][how]["values"][name] for how in (found["series"][-1], *found["checks"])]
+        assert error > 0 and all(abs(value - other) <= error * (1 + 1e-9) for other in others)
+    with open(REFERENCE / f"{scene}.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["load"]) for row in rows] == pytest.approx([k / 20 for k in range(21)])
+    for key, name in (("value", "reaction_N"), ("error", "error_N")):
+        assert float(rows[-1][name]) == pytest.approx(found["quantities"]["reaction_N"][key], rel=1e-6)
+
+
+def test_the_reference_is_made_again(launch):
+    done = launch("reference", "--quick", "--scenes", "tensile", "bias10")
+    assert done.status == 0, done.err
+    for scene in SCENES[:2]:
+        again, before = json.loads((done.folder / f"{scene}.json").read_text()), committed(scene)
+        assert again["series"] == before["series"][:2] and again["material"] == before["material"]
+        for how in again["series"]:
+            values, expected = (found["members"][how]["values"] for found in (again, before))
+            for name in ("reaction_N", "energy_Nmm", "centre_eps_a", "centre_eps_b", "eps_a_max", "shear_deg_max"):
+                assert values[name] == pytest.approx(expected[name], rel=1e-5), (how, name)
