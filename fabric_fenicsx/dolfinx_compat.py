@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import basix
 import dolfinx
+import dolfinx.geometry
 import dolfinx.plot
 import numpy as np
 import ufl
@@ -111,6 +112,20 @@ class PointEvaluation:
         """Array (owned cells, points a cell, *shape of the expression)."""
         values = self._expression.eval(self._cells) if OLD else self._expression.eval(self._mesh, self._cells)
         return np.asarray(values).reshape(self._shape)
+
+
+def values_at(function, points):
+    """Values (n, components) of a function at points (n, 3), NaN where none of this rank's cells holds the point."""
+    mesh, geometry = function.function_space.mesh, dolfinx.geometry
+    if OLD:
+        found = geometry.compute_collisions(geometry.BoundingBoxTree(mesh, mesh.topology.dim), points)
+    else:
+        found = geometry.compute_collisions_points(geometry.bb_tree(mesh, mesh.topology.dim), points)
+    found = geometry.compute_colliding_cells(mesh, found, points)
+    inside = np.diff(found.offsets) > 0
+    values = np.full((len(points), function.function_space.dofmap.index_map_bs), np.nan)
+    values[inside] = function.eval(points[inside], found.array[found.offsets[:-1][inside]])
+    return values
 
 
 def degree(space):

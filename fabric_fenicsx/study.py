@@ -80,7 +80,8 @@ def parser(name, description, **defaults):
     solver.add_argument(
         "--path-tolerance",
         type=number("a number above 0 and below 1", lambda v: 0 < v < 1),
-        help="a looser one before the full load (as --tolerance)",
+        default=1e-5,
+        help="a looser one before the full load; the curve is as good as this",
     )
     solver.add_argument(
         "--viscosity", choices=("auto", "off"), default="auto", help="auto: a drag on the nodes in steps that fail"
@@ -187,9 +188,9 @@ class Study:
                 return blank
             points = cells = kind = None
             if self.comm.rank == 0:
-                points, cells, kind = specimen(
-                    length, width, args.nx, args.ny or max(1, round(args.nx * width / length)), args.pattern, cell
-                )
+                ny = args.ny or max(1, round(args.nx * width / length))
+                yarns = math.radians(args.fibre_angle)
+                points, cells, kind = specimen(length, width, args.nx, ny, args.pattern, cell, yarns)
                 points[:, :2] = points[:, :2] @ axes
             return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", **options)
 

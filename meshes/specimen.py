@@ -1,24 +1,28 @@
-"""Rectangular specimen: structured (crossed, left, right) or unstructured, of triangles or quadrilaterals.
+"""Rectangular specimen: structured (crossed, left, right), unstructured or with edges along yarns, of triangles or quadrilaterals.
 
 python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern crossed --out specimen.msh
 """
 
 import argparse
+import math
 
 import numpy as np
 
-PATTERNS = ("crossed", "left", "right", "unstructured")
+PATTERNS = ("crossed", "left", "right", "unstructured", "yarns")
 
 
-def specimen(length=200.0, width=50.0, nx=100, ny=25, pattern="crossed", cell="triangle"):
+def specimen(length=200.0, width=50.0, nx=100, ny=25, pattern="crossed", cell="triangle", yarns=0.0):
     """Points (n, 3) [mm], cells (m, k) in gmsh's order and their kind, of the sheet [0, length] x [0, width].
 
     pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right` two by the
-    diagonal that rises to the right, `left` by the other; `unstructured` meshes with cells of about those sizes.
-    cell: "triangle" or "quadrilateral" (nx x ny rectangles, or unstructured).
+    diagonal that rises to the right, `left` by the other; `unstructured` meshes with cells of about those sizes, and so
+    does `yarns`, but with edges along the yarns through the corners, across which the shear angle jumps.
+    cell: "triangle" or "quadrilateral" (nx x ny rectangles, or unstructured). yarns: angle of one family of yarns to
+    the length [rad], the other is perpendicular.
     """
-    if pattern == "unstructured":
-        return _unstructured(length, width, max(length / nx, width / ny), cell)
+    if pattern in ("unstructured", "yarns"):
+        lines = yarns_through_corners(length, width, yarns) if pattern == "yarns" else ()
+        return _unstructured(length, width, max(length / nx, width / ny), cell, lines)
     x, y = np.meshgrid(np.linspace(0, length, nx + 1), np.linspace(0, width, ny + 1), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel()])
     i, j = (k.ravel() for k in np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"))
@@ -38,15 +42,33 @@ def specimen(length=200.0, width=50.0, nx=100, ny=25, pattern="crossed", cell="t
     return np.column_stack([points, np.zeros(len(points))]), cells, "quad" if cell == "quadrilateral" else "triangle"
 
 
-def _unstructured(length, width, size, cell):
+def yarns_through_corners(length, width, angle):
+    """Segments (n, 2, 2) [mm] inside the sheet of the yarns that start at its corners, at `angle` [rad] and across it."""
+    size, segments = np.array([length, width]), []
+    for corner in np.array([(0, 0), (1, 0), (1, 1), (0, 1)]):
+        for quarter in range(4):
+            turned = angle + quarter * math.pi / 2
+            direction = np.array([math.cos(turned), math.sin(turned)])
+            inwards = direction * (1 - 2 * corner)
+            if inwards.min() > 1e-9:
+                start = corner * size
+                segments.append((start, start + direction * (size / inwards).min()))
+    return np.array(segments).reshape(-1, 2, 2)
+
+
+def _unstructured(length, width, size, cell, lines=()):
     import gmsh
 
     gmsh.initialize(readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("specimen")
-        gmsh.model.occ.addRectangle(0, 0, 0, length, width)
-        gmsh.model.occ.synchronize()
+        occ = gmsh.model.occ
+        sheet = occ.addRectangle(0, 0, 0, length, width)
+        edges = [(1, occ.addLine(*(occ.addPoint(*end, 0) for end in line))) for line in lines]
+        if edges:
+            occ.fragment([(2, sheet)], edges)
+        occ.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeMin", size)
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         gmsh.option.setNumber("Mesh.Algorithm", 6)
@@ -102,13 +124,18 @@ def main():
     parser.add_argument("--nx", type=int, default=100, help="rectangles along the length")
     parser.add_argument("--ny", type=int, default=25, help="rectangles across the width")
     parser.add_argument("--pattern", choices=PATTERNS, default="crossed")
+    parser.add_argument("--fibre-angle", type=float, default=0.0, help="of the yarns of pattern `yarns` [deg]")
     parser.add_argument("--cell", choices=("triangle", "quadrilateral"), default="triangle")
     parser.add_argument("--out", default="specimen.msh", help="file to write, of any format that gmsh writes")
     args = parser.parse_args()
+    if not math.isfinite(args.fibre_angle):
+        parser.error(f"--fibre-angle is {args.fibre_angle}; allowed is a finite angle in deg")
     for name in ("length", "width", "nx", "ny"):
         if not 0 < getattr(args, name) < float("inf"):
             parser.error(f"--{name} is {getattr(args, name)}; allowed is a finite value above 0")
-    points, cells, kind = specimen(args.length, args.width, args.nx, args.ny, args.pattern, args.cell)
+    points, cells, kind = specimen(
+        args.length, args.width, args.nx, args.ny, args.pattern, args.cell, math.radians(args.fibre_angle)
+    )
     try:
         open(args.out, "w").close()  # gmsh only logs that it could not write
     except OSError as error:

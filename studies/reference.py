@@ -9,6 +9,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
+from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.blank import Blank
@@ -22,6 +23,7 @@ from fabric_fenicsx.study import parser, run
 
 LENGTH, WIDTH = 200.0, 50.0
 LOADS = np.arange(21) / 20
+SPACING = 2.5  # [mm] of the points whose displacements tell the fields, as a camera's
 ORDERS = 0.5, 4.0  # of convergence that are believed
 
 
@@ -100,7 +102,7 @@ def scene_of(comm, fabric, case, how):
     if comm.rank == 0:
         cell = "triangle" if how.element[0] == "P" else "quadrilateral"
         ny = max(1, round(how.nx * WIDTH / LENGTH))
-        points, *cells = specimen(LENGTH, WIDTH, how.nx, ny, how.pattern, cell)
+        points, *cells = specimen(LENGTH, WIDTH, how.nx, ny, how.pattern, cell, math.radians(case.angle))
         arrays = graded(points, how.grading), *cells
     blank = Blank.from_arrays(comm, *arrays, a=math.radians(case.angle), degree=int(how.element[1]))
     return Scene(blank, [Membrane(blank, fabric, how.quadrature)], grips(blank, case.stroke))
@@ -129,6 +131,40 @@ def measured(study, scene):
     return values
 
 
+def grid():
+    """Undeformed positions of the camera's points, (n, m, 2) [mm]."""
+    axes = (np.linspace(0, size, round(size / SPACING) + 1) for size in (LENGTH, WIDTH))
+    return np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+
+
+def seen(scene):
+    """Displacements of the camera's points, (n, m, 2) [mm]."""
+    x = grid()
+    edge = 1e-9 * LENGTH  # points on the edge may be found outside, by rounding
+    points = np.clip(x.reshape(-1, 2), edge, [LENGTH - edge, WIDTH - edge])
+    values = compat.values_at(scene.blank.u, np.column_stack([points, np.zeros(len(points))]))
+    values = np.where(np.isnan(values), -np.inf, values)
+    scene.comm.Allreduce(MPI.IN_PLACE, values, MPI.MAX)
+    return values.reshape(x.shape)
+
+
+def field_distance(case, u, other):
+    """Distances of two displacements of the camera's points: of their Green-Lagrange strains, relative in L2, and of
+    their shear angles, root mean square [deg]."""
+    strains, angles = [], []
+    cosine, sine = math.cos(math.radians(case.angle)), math.sin(math.radians(case.angle))
+    for v in (u, other):
+        x = grid() + v
+        along, across = np.diff(x, axis=0), np.diff(x, axis=1)
+        F = np.stack([along[:, 1:] + along[:, :-1], across[1:] + across[:-1]], -1) / (2 * SPACING)
+        C = np.swapaxes(F, -1, -2) @ F
+        strains.append((C - np.eye(2)) / 2)
+        a, b = F @ [cosine, sine], F @ [-sine, cosine]
+        angles.append(np.degrees(np.arctan2((a * b).sum(-1), np.linalg.det(F))))
+    strain = np.linalg.norm(strains[0] - strains[1]) / np.linalg.norm(strains[1])
+    return float(strain), float(np.sqrt(np.mean((angles[0] - angles[1]) ** 2)))
+
+
 def member(study, case, how):
     """Values, reactions at LOADS and cost of one discretisation."""
     scene = scene_of(study.comm, study.fabric, case, how)
@@ -149,6 +185,7 @@ def member(study, case, how):
         "wall_s": round(wall, 2),
         "values": measured(study, scene),
         "reactions_N": [curve[load] for load in LOADS],
+        "seen": seen(scene),
     }
 
 
@@ -187,6 +224,10 @@ def reference(study, name, folder):
         value, error, order = estimated(lambda found, quantity=quantity: found["values"][quantity])
         quantities[quantity] = {"value": value, "error": error, "order": order}
     curve = [estimated(lambda found, k=k: found["reactions_N"][k]) for k in range(len(LOADS))]
+    finest = members[str(series[-1])]["seen"]
+    fields = [field_distance(case, found["seen"], finest) for how, found in members.items() if how != str(series[-1])]
+    # the finest of the series is the reference; how far the one before and the checks are from it bounds its error
+    bars = dict(zip(("strain_l2", "shear_angle_rms_deg"), np.max(fields[len(series) - 2 :], axis=0).tolist()))
     if study.comm.rank == 0:
         facts = {
             "command": shlex.join([".venv/bin/python", "studies/reference.py", *sys.argv[1:]]),
@@ -195,9 +236,14 @@ def reference(study, name, folder):
             "series": [str(how) for how in series],
             "checks": [str(how) for how in checks],
             "quantities": quantities,
-            "members": {how: {k: v for k, v in m.items() if k != "reactions_N"} for how, m in members.items()},
+            "field_errors": bars,
+            "members": {
+                how: {k: v for k, v in m.items() if k not in ("reactions_N", "seen")} for how, m in members.items()
+            },
         }
         (folder / f"{name}.json").write_text(json.dumps(facts, indent=1, allow_nan=False) + "\n")
+        table = np.concatenate([grid(), finest], -1).reshape(-1, 4)
+        np.savetxt(folder / f"{name}_grid.csv", table, "%.9g", ",", header="x_mm,y_mm,u_x_mm,u_y_mm", comments="")
         with open(folder / f"{name}.csv", "w", newline="") as file:
             out = csv.writer(file)
             out.writerow(

@@ -13,10 +13,11 @@ import time
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import ufl
 from mpi4py import MPI
 from petsc4py import PETSc
-from reference import SCENES, Discretisation, measured, scene_of
+from reference import SCENES, Discretisation, field_distance, grid, measured, scene_of, seen
 from tqdm import tqdm
 
 from fabric_fenicsx import timing
@@ -42,8 +43,8 @@ ENVIRONMENT = {
 PRINTED = {
     "scene": "s", "sweep": "s", "element": "s", "pattern": "s", "nx": "d", "steps": "d", "tolerance": ".0e", "path_tolerance": ".0e",
     "linear_solver": "s", "ranks": "d", "dofs": "d", "iterations": "d", "wall_s": ".3g", "own_solves": ".3g", "cost": ".3g",
-    "tangent_ratio": ".2f", "memory_mib": ".0f", "error_reaction": ".2%", "error_energy": ".2%", "error_centre_shear_deg": ".3f",
-    "error_centre_eps_b": ".2%", "on_front": "d", "reason": "s",
+    "tangent_ratio": ".2f", "memory_mib": ".0f", "error_reaction": ".2%", "error_energy": ".2%", "error_strain": ".2%",
+    "error_shear_deg": ".3f", "error_centre_shear_deg": ".3f", "error_centre_eps_b": ".2%", "yarn_strain_max": ".1e", "on_front": "d", "reason": "s",
 }  # fmt: skip
 
 
@@ -58,7 +59,7 @@ class Configuration:
     nx: int = 96
     steps: int = 20
     tolerance: float = 1e-8
-    path_tolerance: float | None = None
+    path_tolerance: float = 1e-5
     linear_solver: str = "mumps-cholesky"
     ranks: int = 1
 
@@ -76,15 +77,27 @@ FULL = [
     *({"sweep": "mesh", "element": "P2", "nx": nx} for nx in (12, 24, 48, 96)),
     *({"sweep": "mesh", "element": "Q1", "nx": nx} for nx in (24, 48, 96)),
     *({"sweep": "mesh", "element": "Q2", "nx": nx} for nx in (12, 24, 48)),
-    *({"sweep": "pattern", "pattern": p, "nx": nx} for p, nx in (("left", 96), ("unstructured", 48), ("unstructured", 96))),
-    *({"sweep": "pattern", "element": "P2", "pattern": p, "nx": nx} for p, nx in (("left", 48), ("unstructured", 24), ("unstructured", 48))),
+    *({"sweep": "pattern", "element": e, "pattern": p, "nx": nx} for p, sizes in (("left", (150, 74, 49)), ("unstructured", (133, 66, 42)), ("yarns", (133, 66, 42)))
+      for e, nx in zip(("P1", "P2", "P3"), sizes)),
+    *({"sweep": "pattern", "element": e, "pattern": p, "nx": nx} for p in ("unstructured", "yarns") for e, nx in (("P1", 66), ("P2", 33), ("P3", 21))),
     *({"sweep": "steps", "steps": n} for n in (1, 2, 5, 10, 40)),
     *({"sweep": "tolerance", "tolerance": t} for t in (1e-2, 1e-4, 1e-11)),
-    *({"sweep": "path", "path_tolerance": t} for t in (1e-2, 1e-5)),
+    *({"sweep": "path", "path_tolerance": t} for t in (1e-2, 1e-8)),
     *({"sweep": "solver", "linear_solver": s} for s in ("mumps-lu", "cg-gamg", "cg-hypre")),
     *({"sweep": "ranks", "ranks": 2, "nx": nx} for nx in (96, 192)),
     *({"sweep": "lean", "steps": 5, "path_tolerance": 1e-2, "element": e, "nx": nx} for e, nx in (("P1", 24), ("P1", 192), ("P2", 12), ("P2", 24), ("P2", 48), ("P2", 96))),
 ]  # fmt: skip
+
+
+SIZES = [
+    *({"nx": nx, "linear_solver": solver} for nx in (96, 208, 448, 1000) for solver in ("mumps-cholesky", "cg-gamg", "cg-hypre")),
+    *({"nx": nx, "ranks": 2} for nx in (96, 448)),
+]  # fmt: skip
+QUICK_SIZES = [*({"nx": nx} for nx in (24, 48)), {"nx": 48, "ranks": 2}]
+PRINTED_SIZES = {
+    "nx": "d", "linear_solver": "s", "ranks": "d", "dofs": "d", "cells": "d", "tangent_s": ".3g", "residual_s": ".3g", "elastic_assembly_s": ".3g",
+    "tangent_ratio": ".2f", "solve_s": ".3g", "linear_iterations": "d", "linear_error": ".1e", "memory_mib": ".0f", "reason": "s",
+}  # fmt: skip
 
 
 def options():
@@ -95,6 +108,7 @@ def options():
     )
     test.add_argument("--reference", metavar="DIR", type=Path, default=HERE / "reference", help="what errors are to")
     test.add_argument("--limit", type=POSITIVE, default=60.0, help="of one configuration, starting included [s]")
+    test.add_argument("--sizes", action="store_true", help="instead: one tangent and its solution, over mesh sizes")
     p.add_argument("--configuration", help=argparse.SUPPRESS)  # one run, in a process of its own
     return p
 
@@ -175,7 +189,71 @@ def one(study, c):
     values = measured(study, scene)
     row["elastic_assembly_s"], row["elastic_solve_s"] = elastic(scene)
     row["tangent_ratio"] = assembly / row["elastic_assembly_s"]
-    return row | {name: values[name] for name in ("reaction_N", "energy_Nmm", "centre_shear_deg", "centre_eps_b")}
+    row |= {name: values[name] for name in ("reaction_N", "energy_Nmm", "centre_shear_deg", "centre_eps_b")}
+    row["yarn_strain_max"] = max(abs(values[f"eps_{yarn}_{end}"]) for yarn in "ab" for end in ("min", "max"))
+    row["error_strain"], row["error_shear_deg"] = field_distance(case, seen(scene), reference_grid(study, c.scene))
+    return row
+
+
+def one_solution(study, c):
+    """Assembly and one solution with the tangent of the strip uniformly stretched by 1 % (its width -6.66 %): the row
+    of `Configuration` c. The error is that of a known solution, in the tangent's energy norm."""
+    comm = study.comm
+    scene = scene_of(comm, study.fabric, SCENES[c.scene], Discretisation(c.element, c.nx, c.pattern))
+    before = resident_mib(comm, "VmRSS")
+    newton = Newton(scene, linear_solver=c.linear_solver)
+    x = newton.x
+    gradient = np.diag([0.01, -0.0666])
+    x.array[:] = (scene.blank.coordinates()[:, :2] @ gradient).ravel()[: x.local_size]
+    scene.set(x)
+    r = x.duplicate()
+    row = {
+        "tangent_s": timed(comm, lambda: scene.tangent(newton.A)),
+        "residual_s": timed(comm, lambda: scene.residual(r)),
+    }
+    known, d, ksp = x.copy(), x.duplicate(), newton.snes.ksp
+    known.array[scene.held] = 0
+    rhs = newton.A * known
+
+    def solve():
+        ksp.setOperators(newton.A)
+        ksp.solve(rhs, d)
+
+    row["solve_s"] = timed(comm, solve, 1)  # analysis and set-up included
+    row["reason"] = "" if ksp.getConvergedReason() > 0 else "the linear solver failed"
+    d.axpy(-1.0, known)
+    row["linear_error"] = float(np.sqrt(abs(d.dot(newton.A * d)) / known.dot(rhs)))
+    row |= {"linear_iterations": ksp.getIterationNumber(), "memory_mib": resident_mib(comm, "VmHWM") - before}
+    row["elastic_assembly_s"] = elastic(scene)[0] if c.linear_solver == "mumps-cholesky" else None
+    if row["elastic_assembly_s"]:
+        row["tangent_ratio"] = row["tangent_s"] / row["elastic_assembly_s"]
+    mesh = scene.blank.mesh
+    return row | {"dofs": x.size, "cells": mesh.topology.index_map(2).size_global}
+
+
+def sizes(study):
+    """Cost of assembly and solution over mesh size; table, exponents and the gain by ranks."""
+    args, folder = study.args, study.folder()
+    base = Configuration("tensile", "size", steps=0)
+    plan = [replace(base, **change) for change in (QUICK_SIZES if args.quick else SIZES)]
+    rows = [apart(study, c) for c in tqdm(plan, disable=None, leave=False)]
+    write_table(folder, rows)
+    good, found = [r for r in rows if not r["reason"]], {}
+    for solver in dict.fromkeys(r["linear_solver"] for r in good):
+        mine = [r for r in good if r["linear_solver"] == solver and r["ranks"] == 1]
+        if len(mine) > 1:
+            dofs = np.log([r["dofs"] for r in mine])
+            found[solver] = {f"exponent_of_{k}": float(np.polyfit(dofs, np.log([r[k] for r in mine]), 1)[0]) for k in ("tangent_s", "solve_s", "memory_mib")}  # fmt: skip
+            found[solver] |= {
+                f"{k}_per_dof": mine[-1][k] / mine[-1]["dofs"] for k in ("tangent_s", "solve_s", "memory_mib")
+            }
+    for two in (r for r in good if r["ranks"] > 1):
+        alone = next(r for r in good if r["ranks"] == 1 and all(r[k] == two[k] for k in ("nx", "linear_solver")))
+        found[f"{two['ranks']} ranks, {two['cells']} cells"] = {f"gain_of_{k}": alone[k] / two[k] for k in ("tangent_s", "residual_s", "solve_s")}  # fmt: skip
+    study.summarise(folder, converged=True, stroke_reached=1.0, command=shlex.join(sys.argv), quantities=found)
+    study.say(table(rows, PRINTED_SIZES))
+    for name, values in found.items():
+        study.say(f"{name}: " + ", ".join(f"{k} {v:.3g}" for k, v in values.items()))
 
 
 def elastic(scene):
@@ -201,7 +279,7 @@ def apart(study, c):
     """The row of `Configuration` c from a process, or ranks, of its own; with a reason if it did not end well."""
     args = study.args
     command = [sys.executable, __file__, "--configuration", json.dumps(asdict(c))]
-    command += ["--material", args.material, "--model", args.model]
+    command += ["--reference", str(args.reference), "--material", args.material, "--model", args.model]
     command += [word for coupling in args.without for word in ("--without", coupling)]
     if c.ranks > 1:
         command = [*MPIRUN.split(), str(c.ranks), *command]
@@ -218,6 +296,11 @@ def apart(study, c):
         return row | json.loads(done.stdout.splitlines()[-1])
     said = [line for line in done.stderr.splitlines() if line.strip()] or [f"ended with status {done.returncode}"]
     return row | {"reason": f"not done within {args.limit:g} s" if done.returncode == 124 else said[-1].strip()}
+
+
+def reference_grid(study, name):
+    """Displacements of the camera's points in the reference of scene `name`."""
+    return np.loadtxt(study.args.reference / f"{name}_grid.csv", delimiter=",", skiprows=1)[:, 2:].reshape(grid().shape)
 
 
 def references(study, names):
@@ -264,11 +347,11 @@ def judge(rows, reference):
         else:
             r["error_centre_eps_b"] = error("centre_eps_b")
     least = math.inf
-    for r in sorted((r for r in rows if not r["reason"]), key=lambda r: (r["cost"], seen(r))):
-        r["on_front"], least = seen(r) < least, min(least, seen(r))
+    for r in sorted((r for r in rows if not r["reason"]), key=lambda r: (r["cost"], resolved(r))):
+        r["on_front"], least = resolved(r) < least, min(least, resolved(r))
 
 
-def seen(r):
+def resolved(r):
     """Error of the reaction, as far as the reference resolves it."""
     return max(abs(r["error_reaction"]), r["error_bar"])
 
@@ -284,14 +367,22 @@ def recommended(rows):
     return found
 
 
-def table(rows):
-    """The columns PRINTED of rows as text."""
+def write_table(folder, rows):
+    """All columns of rows to table.csv."""
+    with open(folder / "table.csv", "w", newline="") as file:
+        out = csv.DictWriter(file, list(dict.fromkeys(k for r in rows for k in r)))
+        out.writeheader()
+        out.writerows(rows)
+
+
+def table(rows, printed=PRINTED):
+    """The columns `printed` of rows as text."""
 
     def text(value, form):
         return "-" if value is None or value == "" else format(value, form)
 
-    names = {name: name.replace("error_", "e_").replace("tolerance", "tol").replace("centre_", "") for name in PRINTED}
-    lines = [list(names.values()), *([text(r.get(k), form) for k, form in PRINTED.items()] for r in rows)]
+    names = {name: name.replace("error_", "e_").replace("tolerance", "tol").replace("centre_", "") for name in printed}
+    lines = [list(names.values()), *([text(r.get(k), form) for k, form in printed.items()] for r in rows)]
     widths = [max(map(len, column)) for column in zip(*lines)]
     return "\n".join("  ".join(word.rjust(w) for word, w in zip(line, widths)).rstrip() for line in lines)
 
@@ -303,20 +394,27 @@ def picture(path, scenes):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(1, len(scenes), figsize=(5.2 * len(scenes), 4.6), squeeze=False, layout="constrained")
+    figure, axes = plt.subplots(1, len(scenes), figsize=(5.2 * len(scenes), 5.4), squeeze=False, layout="constrained")
+    markers, patterns = {"P1": "^", "P2": "v", "P3": "<", "Q1": "s", "Q2": "D"}, {}
     for ax, (name, rows) in zip(axes[0], scenes.items()):
         good = [r for r in rows if not r["reason"]]
-        for k, kind in enumerate(dict.fromkeys((r["element"], r["pattern"]) for r in good)):
-            mine = [r for r in good if (r["element"], r["pattern"]) == kind]
-            marker = {"P1": "^", "P2": "v", "Q1": "s", "Q2": "D"}[kind[0]]
-            ax.plot([r["cost"] for r in mine], [abs(r["error_reaction"]) for r in mine], marker, color=f"C{k}", ms=5, label=" ".join(kind))  # fmt: skip
-        front = sorted((r["cost"], seen(r)) for r in good if r["on_front"])
-        ax.step(*zip(*front), where="post", color="k", lw=1, label="front")
-        ax.axhspan(0, rows[0]["error_bar"], color="0.9", label="not resolved")
+        for element, pattern in dict.fromkeys((r["element"], r["pattern"]) for r in good):
+            mine = [r for r in good if (r["element"], r["pattern"]) == (element, pattern)]
+            shape = "rectangles" if element[0] == "Q" and pattern == "crossed" else pattern
+            colour = patterns.setdefault(shape, f"C{len(patterns)}")
+            ax.plot([r["cost"] for r in mine], [abs(r["error_reaction"]) for r in mine], markers[element], color=colour, ms=5)  # fmt: skip
+        front = sorted((r["cost"], resolved(r)) for r in good if r["on_front"])
+        ax.step(*zip(*front), where="post", color="k", lw=1)
+        ax.axhspan(0, rows[0]["error_bar"], color="0.9")
         ax.set(xscale="log", yscale="log", xlabel="wall time / linear-elastic solves of the baseline mesh", title=name)
         ax.set_ylabel("relative error of the reaction")
         ax.grid(alpha=0.3)
-        ax.legend(fontsize="x-small")
+    used = dict.fromkeys(r["element"] for rows in scenes.values() for r in rows if not r["reason"])
+    keys = [plt.Line2D([], [], color="k", lw=1, label="front"), plt.Rectangle((0, 0), 1, 1, color="0.9", label="not resolved")]  # fmt: skip
+    keys += [plt.Line2D([], [], ls="", marker=markers[e], color="0.4", label=e) for e in sorted(used)]
+    keys += [plt.Line2D([], [], ls="", marker="o", color=colour, label=shape) for shape, colour in patterns.items()]
+    figure.get_layout_engine().set(rect=(0, 0.1, 1, 0.9))
+    figure.legend(handles=keys, loc="lower center", ncols=6, fontsize="small")
     figure.savefig(path, dpi=130)
     plt.close(figure)
 
@@ -324,11 +422,14 @@ def picture(path, scenes):
 def main(study):
     args = study.args
     if args.configuration:
-        row = one(study, Configuration(**json.loads(args.configuration)))
-        study.say(json.dumps(row))
+        c = Configuration(**json.loads(args.configuration))
+        study.say(json.dumps(one(study, c) if c.steps else one_solution(study, c)))
         return
     if study.comm.size > 1:
         raise InputError(f"the study was started on {study.comm.size} ranks; allowed is 1, it starts its runs itself")
+    if args.sizes:
+        sizes(study)
+        return
     names = args.scenes or list(SCENES)[: 2 if args.quick else None]
     reference, folder, scenes = references(study, names), study.folder(), {}
     changes, scale = (QUICK, {"nx": 24, "steps": 5}) if args.quick else (FULL, {})
@@ -347,10 +448,7 @@ def main(study):
         judge(rows, reference[name])
     advice = {name: recommended(rows) for name, rows in scenes.items()}
     rows = [r for rows in scenes.values() for r in rows]
-    with open(folder / "table.csv", "w", newline="") as file:
-        out = csv.DictWriter(file, list(dict.fromkeys(k for r in rows for k in r)))
-        out.writeheader()
-        out.writerows(rows)
+    write_table(folder, rows)
     if not args.no_pictures:
         picture(folder / "front.png", scenes)
     study.summarise(

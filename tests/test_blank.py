@@ -10,7 +10,7 @@ from mpi4py import MPI
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write
+from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write, yarns_through_corners
 
 COMM = MPI.COMM_WORLD
 
@@ -25,7 +25,7 @@ def area(blank):
 @pytest.mark.parametrize("pattern", PATTERNS)
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_specimen_is_written_and_read_back(tmp_path, pattern, cell):
-    points, cells, kind = specimen(120, 30, 12, 3, pattern, cell)
+    points, cells, kind = specimen(120, 30, 12, 3, pattern, cell, yarns=math.pi / 4)
     write(tmp_path / "s.msh", points, cells, kind)
     meshes = Blank.from_arrays(COMM, points, cells, kind), Blank.read(COMM, tmp_path / "s.msh")
     for blank in meshes:
@@ -35,6 +35,23 @@ def test_specimen_is_written_and_read_back(tmp_path, pattern, cell):
         assert np.allclose(blank.extent(), [[0, 0], [120, 30]], atol=1e-12)
     groups = meshio.read(tmp_path / "s.msh").field_data
     assert set(groups) == {"sheet", "left", "right", "bottom", "top"}
+
+
+@pytest.mark.parametrize("angle, lines", [(0, 0), (45, 4), (30, 4), (100, 4)])
+def test_edges_follow_the_yarns_through_the_corners(angle, lines):
+    yarns = math.radians(angle)
+    points, cells, _ = specimen(200, 50, 40, 10, "yarns", yarns=yarns)
+    edges = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
+    edges = points[np.unique(edges, axis=0)][:, :, :2]
+    found = yarns_through_corners(200, 50, yarns)
+    assert len(found) == lines
+    for start, end in found:
+        assert set(np.abs(start) / [200, 50]) <= {0.0, 1.0}
+        direction = (end - start) / np.linalg.norm(end - start)
+        assert max(abs(direction @ [math.cos(yarns), math.sin(yarns)]), abs(direction @ [-math.sin(yarns), math.cos(yarns)])) > 1 - 1e-12  # fmt: skip
+        off = np.abs((edges - start) @ [-direction[1], direction[0]]).max(1)
+        on = edges[off < 1e-9]
+        assert np.linalg.norm(on[:, 1] - on[:, 0], axis=1).sum() == pytest.approx(np.linalg.norm(end - start), rel=1e-9)
 
 
 def test_crossed_cuts_each_rectangle_into_four():

@@ -1,10 +1,14 @@
 """The bias-extension study as a user runs it, on the paper's specimen."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import pyvista
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
+from bias_extension import yarns_held  # noqa: E402
 
 FULL = ("--nx", 100, "--ny", 25, "--pattern", "crossed")
 
@@ -36,6 +40,25 @@ def test_three_zones_and_both_models(launch):
     for place, theory in (((5, 25), 0.0), ((25, 5), 16.53 / 2), ((100, 25), 16.53)):
         near = np.linalg.norm(x[:, :2] - place, axis=1) < 4
         assert gamma[near].mean() == pytest.approx(theory, abs=1.2), place
+
+
+@pytest.mark.parametrize("pattern, oscillation", [("unstructured", 2e-3), ("yarns", 1e-3)])
+def test_cells_that_do_not_follow_the_yarns_do_not_lock(launch, pattern, oscillation):
+    """At most 12 000 unknowns against studies/reference; yarn strains more than a cell off the corners' yarns, near
+    which the reference's own are not bounded."""
+    done = launch("bias_extension", "--element", "P3", "--pattern", pattern, "--nx", 42, "--no-pictures")
+    assert done.status == 0, done.err
+    q = done.summary["quantities"]
+    assert done.summary["dofs"] <= 12_000
+    assert done.summary["reaction_N"] == pytest.approx(0.51809, rel=0.02)
+    assert q["centre_shear_angle_deg"] == pytest.approx(15.662, abs=0.5)
+    reader = pyvista.PVDReader(done.folder / "fields.pvd")
+    reader.set_active_time_value(1.0)
+    grid = reader.read().combine()
+    x = np.asarray(grid.cell_centers().points)[:, :2]
+    _, distance = yarns_held(*x.T, 200, 50)
+    strain = np.maximum(np.abs(grid.cell_data["eps_a"]), np.abs(grid.cell_data["eps_b"]))
+    assert strain[distance > 200 / 42].max() <= oscillation
 
 
 def test_against_measured_shear_forces(launch, tmp_path):

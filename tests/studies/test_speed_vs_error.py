@@ -2,9 +2,15 @@
 
 import csv
 import json
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
+from reference import SCENES as SCENES_OF  # noqa: E402
+from reference import field_distance, grid  # noqa: E402
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 SCENES = "tensile", "bias10", "bias30"
@@ -46,6 +52,32 @@ def test_quick_runs(launch):
         cheapest = min(runs, key=lambda r: r["cost"] if abs(r["error_reaction"]) < 0.08 else 1e9)
         assert q["recommended"]["0.1"]["cost"] == pytest.approx(cheapest["cost"])
     assert (done.folder / "front.png").stat().st_size > 10_000
+
+
+def test_cost_over_sizes(launch):
+    done = launch("speed_vs_error", "--quick", "--sizes")
+    assert done.status == 0, done.err
+    with open(done.folder / "table.csv") as file:
+        small, large, two = csv.DictReader(file)
+    assert (small["cells"], large["cells"], two["ranks"]) == ("576", "2304", "2")
+    for row in (small, large, two):
+        assert row["reason"] == "" and float(row["linear_error"]) < 1e-10 and float(row["tangent_s"]) > 0
+    q = done.summary["quantities"]
+    assert 0.3 < q["mumps-cholesky"]["exponent_of_tangent_s"] < 2 and "gain_of_tangent_s" in q["2 ranks, 2304 cells"]
+
+
+def test_fields_are_compared_as_a_camera_sees_them():
+    """A finer mesh's displacements are nearer to the kept ones; a uniform shift changes no strain."""
+    case, kept = SCENES_OF["bias10"], np.loadtxt(REFERENCE / "bias10_grid.csv", delimiter=",", skiprows=1)
+    x, u = grid(), kept[:, 2:].reshape(81, 21, 2)
+    assert kept[:, :2] == pytest.approx(x.reshape(-1, 2))
+    assert field_distance(case, u + 3.0, u) == pytest.approx((0, 0), abs=1e-9)
+    stretched = x * [0.01, 0.0]
+    strain, angle = field_distance(case, stretched, 2 * stretched)
+    E1, E2 = 0.01 + 0.01**2 / 2, 0.02 + 0.02**2 / 2
+    assert strain == pytest.approx((E2 - E1) / E2, rel=1e-9)
+    shear = np.degrees(np.diff([np.arctan2(k**2 - 1, 2 * k) for k in (1.01, 1.02)]))
+    assert angle == pytest.approx(abs(shear[0]), rel=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def rows(folder):
 
 
 def test_the_papers_specimen_on_two_ranks(launch):
-    done = launch("tensile", *FULL, "--verbose", ranks=2)
+    done = launch("tensile", *FULL, "--verbose", "--path-tolerance", 1e-8, ranks=2)
     s = done.summary
     assert done.status == 0, done.err
     assert (
@@ -52,6 +52,16 @@ def test_the_papers_specimen_on_two_ranks(launch):
     assert grid.time_values == pytest.approx([0, 0.25, 0.5, 0.75, 1])
     for picture in ("maps.png", "curve.png"):
         assert (done.folder / picture).stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("study, allowed", [("tensile", 30), ("bias_extension", 66)])
+def test_a_curve_to_five_digits_is_cheap(launch, study, allowed):
+    exact = launch(study, *FULL, "--no-pictures", "--path-tolerance", 1e-8)
+    forces = np.array([row["reaction_N"] for row in rows(exact.folder)])
+    done = launch(study, *FULL, "--no-pictures")
+    assert np.array([row["reaction_N"] for row in rows(done.folder)]) == pytest.approx(forces, rel=1e-5, abs=1e-5)
+    assert done.summary["reaction_N"] == pytest.approx(exact.summary["reaction_N"], rel=1e-8)
+    assert done.summary["newton_iterations"] <= allowed < exact.summary["newton_iterations"]
 
 
 @pytest.mark.parametrize("study", ["tensile", "bias_extension"])
