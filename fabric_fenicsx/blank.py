@@ -83,15 +83,16 @@ class Blank:
         return self.along(self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)[:owned]].mean(1).T)
 
     @classmethod
-    def from_arrays(cls, comm, points, cells, kind, source="the mesh", **options):
+    def from_arrays(cls, comm, points, cells, kind, source="the mesh", spatial=False, **options):
         """Blank from `points` (n, 2 or 3) [mm] and `cells` (m, k) in gmsh's order, read on rank 0 (None elsewhere).
 
         kind: meshio's name of the cells: "triangle", "triangle6", "quad", "quad9". A sheet in a plane z = const is
-        meshed in R^2, so its displacement has two components; any other is a manifold mesh in R^3.
+        meshed in R^2, so its displacement has two components, unless it is `spatial`, free to leave its plane; any
+        other is a manifold mesh in R^3.
         Raises InputError, on all ranks, for an empty, inverted or degenerate mesh.
         """
         points, cells, kind = _on_root(
-            comm, lambda: _checked(np.asarray(points, float), np.asarray(cells), kind, source)
+            comm, lambda: _checked(np.asarray(points, float), np.asarray(cells), kind, source, spatial)
         )
         cell, degree = CELLS[kind]
         cells = cells[:, compat.to_dolfinx_order(cell, cells.shape[1])]
@@ -150,8 +151,8 @@ def _read(path):
     return mesh.points, np.concatenate(blocks), kind
 
 
-def _checked(points, cells, kind, source):
-    """Points and cells fit for use: only nodes in use, in R^2 if the sheet is plane, no bad cell."""
+def _checked(points, cells, kind, source, spatial):
+    """Points and cells fit for use: only nodes in use, in R^2 if the sheet is plane and not `spatial`, no bad cell."""
     if kind not in CELLS:
         raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
     if len(cells) == 0:
@@ -169,8 +170,9 @@ def _checked(points, cells, kind, source):
     )
     if parts > 1:
         raise InputError(f"{source} falls into {parts} parts that share no node; allowed is one sheet")
+    height = 0.0
     if points.shape[1] == 3 and np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points, axis=0).max():
-        points = points[:, :2]
+        height, points = points[0, 2], points[:, :2]
     corners = points[cells[:, : 3 if CELLS[kind][0] == "triangle" else 4]]
     if corners.shape[2] == 2:
         corners = np.concatenate([corners, np.zeros_like(corners[:, :, :1])], 2)
@@ -192,4 +194,6 @@ def _checked(points, cells, kind, source):
             raise InputError(
                 f"{source} has an inverted cell, number {inverted[0]} at {where} mm; allowed is one sense of rotation"
             )
+        if spatial:
+            points = np.column_stack([points, np.full(len(points), height)])
     return points, cells, kind

@@ -55,7 +55,8 @@ def create_mesh(comm, cells, points, cell, degree):
         )
         return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, domain=ufl.Mesh(element))
     domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
-    return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=domain)
+    ghosts = dolfinx.mesh.create_cell_partitioner(dolfinx.mesh.GhostMode.shared_facet)  # what is OLD's default
+    return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=ghosts)
 
 
 def to_dolfinx_order(cell, nodes):

@@ -110,7 +110,10 @@ class Scene:
     """Residual, tangent and energy of `terms` on a `blank` with `supports`, at a load factor in [0, 1].
 
     A term has a `name`, an `energy_kind` and its `energy`, a UFL form in `blank.u` [N mm]; residual and tangent
-    are the energy's variations, which a term may write out by `variations(v, w)`. Only the terms given are compiled and assembled.
+    are the energy's variations, which a term may write out by `variations(v, w)`. A term that is no form has
+    `stored()`, the energy of this rank's part [N mm], `add_forces(f)` to add its derivative to this rank's degrees of
+    freedom, ghosts included, and `stiffness()`, the second derivative as triplets (rows, columns, values) of global
+    degrees of freedom, the same ones each time. Only the terms given are compiled and assembled.
     """
 
     INVERTED = 1e30  # the energy told where a cell is turned inside out
@@ -121,13 +124,18 @@ class Scene:
         V, u = blank.V, blank.u
         self.u = compat.petsc_vector(u)
         v, w = ufl.TestFunction(V), ufl.TrialFunction(V)
-        residuals, tangents = zip(*(_variations(term, u, v, w) for term in self.terms))
+        self._forms = [term for term in self.terms if hasattr(term, "energy")]
+        self._discrete = [term for term in self.terms if not hasattr(term, "energy")]
+        residuals, tangents = zip(*(_variations(term, u, v, w) for term in self._forms))
         self._residual = compat.form(sum(residuals[1:], residuals[0]))
         self._tangent = compat.form(sum(tangents[1:], tangents[0]))
-        self._energies = [compat.form(term.energy) for term in self.terms]
+        self._energies = [compat.form(term.energy) for term in self._forms]
         self._inverted = compat.form(_wall(blank)) if blank.mesh.geometry.dim == 2 else None
         self._supported()
         self._f, self.drag, self.origin = self.u.duplicate(), 0.0, None
+        self._free = self.u.duplicate()
+        self._free.set(1.0)
+        self._free.array[self.held] = 0.0
 
     def _supported(self):
         """Degrees of freedom held by the supports, and DOLFINx's view of them."""
@@ -163,6 +171,8 @@ class Scene:
         names = [f"move along its {axis}" for axis in ("length", "width", "normal")[:gdim]]
         names += [f"turn about its {axis}" for axis in (("normal",) if gdim == 2 else ("length", "width", "normal"))]
         free = names[np.abs(motions[:, 0]).argmax()]
+        if free.startswith("turn") and any(getattr(term, "clamped", False) for term in self.terms):
+            return
         supports = ", ".join(support.name for support in self.supports) or "none"
         raise InputError(
             f"the supports ({supports}) leave {self.blank.name} free to {free}; allowed are supports that hold it against every rigid motion"
@@ -173,6 +183,12 @@ class Scene:
         for term in self.terms:
             if hasattr(term, "at"):
                 term.at(load)
+
+    def accept(self):
+        """Let the terms that remember (those with a method `accept`) take the present state as the last one."""
+        for term in self.terms:
+            if hasattr(term, "accept"):
+                term.accept()
 
     def held_values(self, load):
         """Displacements of this rank's held degrees of freedom at a load factor, along the frame's axes [mm]."""
@@ -196,10 +212,11 @@ class Scene:
     def energies(self):
         """Energy of each kind at the present displacement, {kind: N mm}."""
         with phase("assemble"):
-            local = np.array([fem.assemble_scalar(form) for form in self._energies])
-        total = self.comm.allreduce(local, MPI.SUM)
+            local = [fem.assemble_scalar(form) for form in self._energies]
+            local += [term.stored() for term in self._discrete]
+        total = self.comm.allreduce(np.array(local), MPI.SUM)
         kinds = dict.fromkeys((term.energy_kind for term in self.terms), 0.0)
-        for term, value in zip(self.terms, total):
+        for term, value in zip(self._forms + self._discrete, total):
             kinds[term.energy_kind] += float(value)
         return kinds
 
@@ -227,6 +244,10 @@ class Scene:
             with self._f.localForm() as local:
                 local.set(0)
             fem_petsc.assemble_vector(self._f, self._residual)
+            if self._discrete:
+                with self._f.localForm() as local:
+                    for term in self._discrete:
+                        term.add_forces(local.array)
             self._f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
             self._f.copy(r)
             r.array[self.held] = 0
@@ -234,8 +255,19 @@ class Scene:
                 r.axpy(self.drag, self._dragged())
 
     def create_matrix(self):
+        """Matrix for `tangent`, which tells multigrid the rigid motions."""
         A = fem_petsc.create_matrix(self._tangent)
+        if self._discrete:
+            names, numbers = A.getLGMap()
+            self._extra = self._sparsity(A)
+            self._fill_extra()
+            A.assemble()
+            A.axpy(1.0, self._extra, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            A.setLGMap(names, numbers)
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        x = self.u.duplicate()
+        x.array[:] = self.blank.along(self.blank.coordinates().T).T.ravel()[: x.local_size]
+        A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
         return A
 
     def tangent(self, A, held=True):
@@ -244,8 +276,37 @@ class Scene:
             A.zeroEntries()
             fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs if held else [])
             A.assemble()
+            if self._discrete:
+                self._fill_extra()
+                if held:
+                    self._extra.diagonalScale(self._free, self._free)
+                A.axpy(1.0, self._extra, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             if self.drag:
                 A.shift(self.drag)
+
+    def _sparsity(self, A):
+        """Empty matrix, of A's sizes, for the stiffness of the terms that are no forms; how their triplets fill it."""
+        rows, cols = (np.concatenate(part) for part in zip(*(term.stiffness()[:2] for term in self._discrete)))
+        size, low, high = A.size[0], *A.getOwnershipRange()
+        keys, self._entry = np.unique(rows.astype(np.int64) * size + cols, return_inverse=True)
+        rows, cols = np.divmod(keys, size)
+        rows, counts = np.unique(rows, return_counts=True)
+        self._csr = rows.astype(PETSc.IntType), np.append(0, counts.cumsum()).astype(PETSc.IntType), cols.astype(PETSc.IntType)  # fmt: skip
+        room = np.full(high - low, counts.max(initial=0), dtype=PETSc.IntType)  # as ranks add to others' rows
+        extra = PETSc.Mat().create(self.comm)
+        extra.setSizes(A.getSizes())
+        extra.setType("aij")
+        extra.setPreallocationNNZ((np.minimum(room, high - low), room))
+        extra.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        return extra
+
+    def _fill_extra(self):
+        values = np.concatenate([term.stiffness()[2] for term in self._discrete])
+        rows, starts, cols = self._csr
+        summed = np.bincount(self._entry, values, len(cols))
+        self._extra.zeroEntries()
+        self._extra.setValuesIJV(starts, cols, summed, addv=PETSc.InsertMode.ADD, rowmap=rows)
+        self._extra.assemble()
 
     def held_forces(self):
         """Forces of the supports on this rank's held degrees of freedom, after `residual` [N]."""

@@ -128,6 +128,8 @@ def march(
         scene.at(at.load)
         scene.residual(r)
 
+    scene.set(at.x)
+    scene.accept()
     back()
     forces, cuts, rests, clock = scene.held_forces(), 0, 0, time.perf_counter()
     if on_accept and start is None:
@@ -172,6 +174,8 @@ def march(
         at.previous, at.x = at.x, at.previous
         x.copy(at.x)
         new_forces = scene.held_forces()
+        energies = _energies(scene, at)
+        scene.accept()
         at.work += scene.comm.allreduce(
             float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum())
         )
@@ -187,7 +191,7 @@ def march(
         outcome.accepted += 1
         now = time.perf_counter()
         if on_accept:
-            on_accept(Accepted(load, _energies(scene, at), at.work, report, cuts, now - clock, at))
+            on_accept(Accepted(load, energies, at.work, report, cuts, now - clock, at))
         clock, cuts = now, 0
         rests += not taken
         if at.viscosity.drag and rests == RESTS:

@@ -1,0 +1,97 @@
+"""Scenes with terms that are no forms."""
+
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fabric_fenicsx.blank import Blank
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.bending import Bending
+from fabric_fenicsx.mechanics.load import DeadPressure
+from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.scene import Scene, Support, grips
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.stepping import march
+
+COMM = MPI.COMM_WORLD
+D = 8.33  # [N mm]
+pytestmark = pytest.mark.mpi
+
+
+def strip(length, width, nx, ny, **options):
+    arrays = specimen(length, width, nx, ny) if COMM.rank == 0 else (None,) * 3
+    return Blank.from_arrays(COMM, *arrays, **options)
+
+
+def test_a_sheet_that_may_leave_its_plane_is_meshed_in_space():
+    points, cells, kind = specimen(100, 20, 10, 2)
+    for z in (0.0, 7.0):
+        arrays = (points + [0, 0, z], cells, kind) if COMM.rank == 0 else (None,) * 3
+        blank = Blank.from_arrays(COMM, *arrays, spatial=True)
+        assert blank.mesh.geometry.dim == 3
+        assert blank.coordinates()[:, 2] == pytest.approx(z)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_tangent_is_the_derivative_of_the_residual(held):
+    blank = strip(40, 20, 6, 3, a=math.pi / 4, spatial=True)
+    scene = Scene(blank, [Membrane(blank, load("komeili")), Bending(blank, D, D_t=D, in_plane=0.1)], grips(blank, 1.0))
+    A, u, d = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
+    x = blank.coordinates()[: len(u.array) // 3]
+    u.array[:] = (np.sin(x[:, ::-1] / 7) * [1e-2, 1e-2, 1.0]).ravel() + np.tile([0.0, 0, 0], len(x))
+    u.array[:] += (0.03 * x * [1, 1, 0]).ravel()  # away from the kinks at rest
+    d.array[:] = np.cos(x[:, [1, 2, 0]] / 3).ravel()
+    d.array[scene.held] = 0
+    scene.set(u)
+    scene.tangent(A, held=held)
+    forces = []
+    for sign in (1, -1):
+        v = u.copy()
+        v.axpy(sign * 1e-6, d)
+        scene.set(v)
+        r = u.duplicate()
+        scene.residual(r)
+        forces.append(r)
+    change = A * d
+    change.array[scene.held] = 0
+    difference = (forces[0] - forces[1]) * (0.5 / 1e-6)
+    assert (difference - change).norm() <= 1e-7 * difference.norm()
+    if held:
+        assert A.getDiagonal().array[scene.held] == pytest.approx(1.0)
+
+
+def test_cantilever_by_steps():
+    """Peirce's: a strip clamped at one end sags by p L^4 / (8 D) under a pressure."""
+    length, width, sag = 100.0, 20.0, 2.0
+    blank = strip(length, width, 20, 4, spatial=True)
+    pressure = 8 * D * sag / length**4
+
+    def clamp(x):
+        return x[0] < 1e-6
+
+    terms = [Membrane(blank, load("komeili")), Bending(blank, D, D_t=2 * D, clamped=clamp)]
+    terms += [DeadPressure(blank, pressure, (0, 0, -1))]
+    scene = Scene(blank, terms, [Support("clamp", clamp, (0, 1, 2))])
+    outcome = march(Newton(scene), steps=4)
+    assert not outcome.reason, outcome.reason
+    tip = blank.u.x.array.reshape(-1, 3)[blank.coordinates()[:, 0] > length - 1e-6, 2]
+    assert COMM.allreduce(tip.min(initial=0.0), MPI.MIN) == pytest.approx(-sag, rel=0.01)
+    energies = scene.energies()
+    assert energies["bending"] == pytest.approx(-energies["load"] / 2, rel=0.02)
+    assert energies["strain"] < 0.05 * energies["bending"]
+
+
+def test_yarns_stiff_in_their_plane_widen_the_zones_of_a_bias_test():
+    reactions = []
+    for fraction in (1e-4, 1e-2):
+        blank = strip(100, 25, 20, 5, a=math.pi / 4)
+        scene = Scene(
+            blank, [Membrane(blank, load("komeili")), Bending(blank, D, in_plane=fraction)], grips(blank, 10.0)
+        )
+        outcome = march(Newton(scene), steps=5)
+        assert not outcome.reason
+        reactions.append(scene.reaction("moving grip")[0])
+    assert reactions[0] < reactions[1]

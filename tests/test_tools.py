@@ -1,0 +1,433 @@
+"""Surfaces of tools against closed forms, difference quotients of their own gap, and each other."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.meshes.double_dome import double_dome, write
+from fabric_fenicsx.tools import (
+    Cylinder,
+    DoubleDome,
+    Flipped,
+    Offset,
+    Plane,
+    Reversed,
+    Sphere,
+    Tool,
+    TriangulatedSurface,
+)
+
+DOMES = {
+    "default": DoubleDome(),
+    "straight": DoubleDome(waist=65, saddle_depth=0),
+    "upright": DoubleDome(wall_angle=0, top_radius=30, entry_radius=12),
+    "overlapping": DoubleDome(dome_distance=90, waist=60, saddle_length=120, saddle_depth=10),
+}
+
+
+def around(dome, n, band, seed=0):
+    """Points within `band` of the surface, spread evenly over the developed plan, walls and fillets included."""
+    rng = np.random.default_rng(seed)
+    reach = dome.dome_radius + dome.developed[-1] + 20
+    x, y = rng.uniform(-1, 1, (2, n)) * [[dome.dome_distance / 2 + reach], [reach]]
+    on = dome.lift(x, y)
+    gap = rng.uniform(-band, band, n)
+    return on, gap, on + gap[:, None] * dome.evaluate(on).normal
+
+
+def difference_quotients(surface, points, h=1e-5):
+    """Gradient of the gap, and of the normal from both sides apart, (n, 3), (n, 3, 3), (n, 3, 3)."""
+    here = surface.evaluate(points)
+    gradient, sides = np.empty_like(here.normal), np.empty((2, *here.curvature.shape))
+    for k in range(3):
+        plus, minus = (surface.evaluate(points + sign * h * np.eye(3)[k]) for sign in (1, -1))
+        gradient[:, k] = (plus.gap - minus.gap) / (2 * h)
+        sides[:, :, :, k] = (plus.normal - here.normal) / h, (here.normal - minus.normal) / h
+    return gradient, *sides
+
+
+def check_derivatives(surface, points, h=1e-5):
+    found = surface.evaluate(points)
+    gradient, forward, backward = difference_quotients(surface, points, h)
+    assert abs(found.normal - gradient).max() <= 1e-6
+    assert abs(np.linalg.norm(found.normal, axis=1) - 1).max() <= 1e-14
+    assert np.array_equal(found.curvature, found.curvature.swapaxes(1, 2))
+    assert abs(np.einsum("nij,nj->ni", found.curvature, found.normal)).max() <= 1e-14
+    # where the two sides differ a seam lies between them, and the curvature is that of either
+    smooth = abs(forward - backward).max((1, 2)) <= 1e-4
+    assert smooth.mean() >= 0.99
+    error = abs(found.curvature - (forward + backward) / 2).max((1, 2))
+    assert error[smooth].max() <= 1e-6
+
+
+def test_plane():
+    found = Plane([0, 0, 2], [0, 0, 5]).evaluate([[7, -3, 5], [0, 0, 1.5]])
+    assert np.array_equal(found.gap, [3, -0.5])
+    assert np.array_equal(found.normal, [[0, 0, 1]] * 2) and not found.curvature.any()
+    assert Plane([1, 0, 0], [3, 4, 0]).evaluate([[2.0, 1, 0]]).gap == pytest.approx([7 / 5])
+    assert Plane([0, 0, 0], [0, 1e-200, 0]).evaluate([[0, 2, 0]]).gap[0] == 2
+
+
+def test_sphere():
+    found = Sphere([1, 2, 3], 5).evaluate([[1, 2, 11], [1, -1, 3]])
+    assert np.allclose(found.gap, [3, -2], atol=1e-15) and np.allclose(found.normal, [[0, 0, 1], [0, -1, 0]])
+    assert np.allclose(found.curvature, [np.diag([1, 1, 0]) / 8, np.diag([1, 0, 1]) / 3])
+
+
+def test_cylinder():
+    found = Cylinder([0, 0, 1], [2, 0, 0], 4).evaluate([[9, 0, 7], [-9, -3, 1]])
+    assert np.allclose(found.gap, [2, -1], atol=1e-15) and np.allclose(found.normal, [[0, 0, 1], [0, -1, 0]])
+    assert np.allclose(found.curvature, [np.diag([0, 1, 0]) / 6, np.diag([0, 0, 1]) / 3])
+
+
+@pytest.mark.parametrize("surface", [Sphere([1, 2, 3], 5), Cylinder([1, 0, -1], [1, 2, 3], 4)])
+def test_round_bodies(surface):
+    points = np.random.default_rng(0).uniform(-9, 9, (500, 3))
+    check_derivatives(surface, points[abs(surface.evaluate(points).gap) < 2])
+    centre = surface.evaluate([surface.centre])
+    assert centre.gap == [-surface.radius] and np.linalg.norm(centre.normal) == pytest.approx(1)
+    assert np.isfinite(centre.curvature).all()
+
+
+@pytest.mark.parametrize("dome", DOMES.values(), ids=DOMES)
+def test_double_dome_finds_the_nearest_point(dome):
+    inside, outside = dome.radii
+    assert outside < dome.entry_radius + 1e-9 and inside < dome.top_radius + 1e-9
+    on, gap, points = around(dome, 20_000, min(inside, outside) - 0.5)
+    assert abs(dome.evaluate(on).gap).max() <= 1e-11
+    found = dome.evaluate(points)
+    # points of the surface and their normals are given back: that is what nearest means
+    assert abs(found.gap - gap).max() <= 1e-10
+    foot = points - found.gap[:, None] * found.normal
+    assert abs(foot - on).max() <= 1e-8
+    there = dome.evaluate(foot)
+    assert abs(there.gap).max() <= 1e-10
+    assert abs(np.cross(points - foot, there.normal)).max() <= 1e-10
+
+
+@pytest.mark.parametrize("dome", DOMES.values(), ids=DOMES)
+def test_double_dome_derivatives(dome):
+    _, gap, points = around(dome, 4000, 5, seed=1)
+    d = dome.plan(*points.T[:2])[0]
+    fillet = (d > -10) & (d < dome.foot) & (points[:, 2] < 20)
+    assert (fillet & (gap > 1)).sum() > 100 and (fillet & (gap < -1)).sum() > 100
+    assert (abs(points[:, 0]) < 50).sum() > 500
+    check_derivatives(dome, points)
+
+
+def test_double_dome_has_the_dimensions_it_was_given():
+    dome = DoubleDome()
+    along = [[0, 0], [152, 0], [-152, 0], [0, 120]]
+    assert dome.lift(*np.transpose(along))[:, 2] == pytest.approx([45, 60, 60, 0])
+    half_length, half_width = dome.dome_distance / 2 + 65, 65
+    d, _, _ = dome.plan(np.array([half_length, 152, 0]), np.array([0, half_width, 55]))
+    assert d == pytest.approx([0, 0, 0], abs=1e-12) and 2 * half_length == 434
+    wall = np.array([np.interp(0.5, [0, 1], dome.developed[1:3])])
+    normal = dome.evaluate(dome.lift(152 + 65 + wall, 0 * wall)).normal[0]
+    assert math.degrees(math.asin(normal[2])) == pytest.approx(10)
+    around_x = np.linspace(-1, 1, 100)
+    c = dome.evaluate(np.column_stack([0 * around_x, around_x, 45 + 0 * around_x])).curvature
+    assert c[:, 0, 0] == pytest.approx(-dome.height(np.zeros(1))[2][0] * 60)  # along the saddle
+
+
+def test_double_dome_curvature_of_parts_off_the_saddle():
+    dome = DoubleDome()
+    rounding, wall, fillet, flange = dome.developed
+    s = np.array([rounding - 5, (rounding + wall) / 2, (wall + fillet) / 2, (fillet + flange) / 2, flange + 5])
+    at = dome.lift(152 + 65 + s, 0 * s)
+    found = dome.evaluate(at)
+    along = np.cross(found.normal, [0, 1, 0])
+    bend = np.einsum("ni,nij,nj->n", along, found.curvature, along)
+    assert bend == pytest.approx([0, 1 / 40, 0, -1 / 15, 0], abs=1e-12)
+    assert found.curvature[:, 1, 1] == pytest.approx(found.normal[:, 0] / (at[:, 0] - 152), abs=1e-12)
+
+
+def test_double_dome_is_symmetric():
+    _, _, points = around(DOMES["default"], 2000, 5, seed=2)
+    found = DOMES["default"].evaluate(points)
+    for mirror in ([-1, 1, 1], [1, -1, 1], [-1, -1, 1]):
+        image = DOMES["default"].evaluate(points * mirror)
+        assert abs(image.gap - found.gap).max() <= 1e-12
+        assert abs(image.normal - found.normal * mirror).max() <= 1e-12
+        assert abs(image.curvature - found.curvature * np.outer(mirror, mirror)).max() <= 1e-11
+
+
+def test_double_dome_far_from_it():
+    dome = DOMES["default"]
+    points = np.random.default_rng(3).uniform([-300, -200, -80], [300, 200, 140], (30_000, 3))
+    exact, quick = dome.evaluate(points), dome.evaluate(points, reach=5)
+    known = np.isfinite(exact.gap)
+    assert known.mean() > 0.9995  # the rest lies where several points are equally near
+    assert np.isfinite(quick.gap).all() and np.isfinite(quick.curvature).all()
+    assert np.array_equal(np.sign(exact.gap[known]), np.sign(quick.gap[known]))
+    assert (abs(quick.gap) <= abs(exact.gap) + 1e-9)[known].all()
+    near = known & (abs(exact.gap) <= 5)
+    assert near.sum() > 1000 and (abs(quick.gap[~near & known]) > 5).all()
+    for a, b in zip(exact, quick):
+        assert abs(a - b)[near].max() <= 1e-10
+
+
+SURFACES = {
+    "plane": Plane([0, 0, 0], [0, 0, 1]),
+    "sphere": Sphere([0, 0, 0], 10),
+    "cylinder": Cylinder([0, 0, 0], [0, 1, 0], 10),
+    "dome": DOMES["default"],
+    "triangles": TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]]),
+}
+
+
+@pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
+def test_no_points_and_points_that_are_not_finite(surface):
+    for each in (surface, Reversed(Flipped(Offset(surface, 1)))):
+        assert [a.shape for a in each.evaluate(np.empty((0, 3)), reach=1)] == [(0,), (0, 3), (0, 3, 3)]
+        found = each.evaluate([[1, 2, 12], [np.nan, 0, 0], [0, np.inf, 0], [1, 2, 12]])
+        for values in found:
+            assert np.isnan(values[1:3]).all() and np.isfinite(values[[0, 3]]).all()
+            assert np.array_equal(values[0], values[3])
+
+
+@pytest.mark.parametrize("points", [[1, 2, 3], [[1, 2]], np.empty(0), [["a", "b", "c"]]])
+def test_points_of_another_shape(points):
+    with pytest.raises(InputError, match=r"points .*\(n, 3\)"):
+        SURFACES["plane"].evaluate(points)
+
+
+@pytest.mark.parametrize("reach", [-1, math.nan])
+def test_reach(reach):
+    with pytest.raises(InputError, match="reach is .*at least 0"):
+        SURFACES["plane"].evaluate([[0, 0, 0]], reach)
+
+
+def test_modifiers():
+    dome = DOMES["default"]
+    _, _, points = around(dome, 500, 5, seed=4)
+    found = dome.evaluate(points)
+    moved, turned = Offset(dome, 2).evaluate(points), Reversed(dome).evaluate(points)
+    assert np.array_equal(moved.gap, found.gap - 2) and np.array_equal(moved.curvature, found.curvature)
+    assert all(np.array_equal(a, -b) for a, b in zip(turned, found))
+    die = Reversed(Offset(dome, 2))
+    on_punch, _, _ = around(dome, 500, 0, seed=5)
+    assert abs(die.evaluate(on_punch, reach=3).gap - 2).max() <= 1e-10
+    assert die.radii == pytest.approx((dome.radii[1] - 2, dome.radii[0] + 2))
+    mirror = np.array([1, 1, -1])
+    flipped = Flipped(dome).evaluate(points * mirror)
+    assert np.array_equal(flipped.gap, found.gap) and np.array_equal(flipped.normal, found.normal * mirror)
+    for surface in (Offset(dome, -3), die, Flipped(dome)):
+        check_derivatives(surface, points * (mirror if isinstance(surface, Flipped) else 1))
+    ball = Offset(Sphere([0, 0, 0], 10), 2)
+    assert ball.evaluate([[0, 0, 13]]).gap == [1] and ball.evaluate([[0, 0, 13]]).curvature[0, 0, 0] == 1 / 13
+
+
+@pytest.mark.parametrize(
+    "make, sentence",
+    [
+        (lambda: Plane([0, 0], [0, 0, 1]), "point is [0, 0], but it must be three finite numbers"),
+        (lambda: Plane([0, 0, 0], [0, 0, 0]), "normal is [0, 0, 0], but it must be three finite numbers, not all 0"),
+        (lambda: Sphere([0, 0, math.nan], 1), "centre is [0, 0, nan], but it must be three finite numbers"),
+        (lambda: Sphere([0, 0, 0], 0), "radius is 0, but it must be a finite number, above 0"),
+        (lambda: Cylinder([0, 0, 0], "x", 1), "axis is 'x', but it must be three finite numbers, not all 0"),
+        (lambda: DoubleDome(dome_distance=0), "dome_distance is 0, but it must be a finite number, above 0"),
+        (lambda: DoubleDome(dome_radius="65"), "dome_radius is '65', but it must be a finite number, above 0"),
+        (lambda: DoubleDome(waist=-1), "waist is -1, but it must be a finite number, above 0"),
+        (lambda: DoubleDome(depth=math.inf), "depth is inf, but it must be a finite number, above 0"),
+        (
+            lambda: DoubleDome(wall_angle=-5),
+            "wall_angle is -5, but it must be a finite number, at least 0 and below 90",
+        ),
+        (
+            lambda: DoubleDome(wall_angle=90),
+            "wall_angle is 90, but it must be a finite number, at least 0 and below 90",
+        ),
+        (lambda: DoubleDome(top_radius=0), "top_radius is 0, but it must be a finite number, above 0"),
+        (lambda: DoubleDome(entry_radius=True), "entry_radius is True, but it must be a finite number, above 0"),
+        (lambda: DoubleDome(saddle_depth=-1), "saddle_depth is -1, but it must be a finite number, at least 0"),
+        (lambda: DoubleDome(saddle_length=0), "saddle_length is 0, but it must be a finite number, above 0"),
+        (
+            lambda: DoubleDome(waist=70),
+            "waist is 70, but it must be above 0 and at most dome_radius = 65, with dome_distance 304",
+        ),
+        (
+            lambda: DoubleDome(dome_distance=50),
+            "waist is 55, but it must be above 60 and at most dome_radius = 65, with dome_distance 50",
+        ),
+        (lambda: DoubleDome(saddle_depth=60), "saddle_depth is 60, but it must be below depth = 60"),
+        (
+            lambda: DoubleDome(top_radius=60),
+            "top_radius + entry_radius is 75, but it must be at most 72.6083, so that they fit between top and flange "
+            "with depth 60 and wall_angle 10",
+        ),
+        (
+            lambda: DoubleDome(wall_angle=50),
+            "wall_angle is 50, but it must be below 42.5104, as the walls of depth 60 must not meet within waist 55",
+        ),
+        (
+            lambda: DoubleDome(waist=40),
+            "top_radius is 40, but it must be below 35.0618, so that it leaves a flat top within waist 40 at wall_angle 10",
+        ),
+        (
+            lambda: DoubleDome(
+                dome_distance=30,
+                dome_radius=65,
+                waist=63.25,
+                top_radius=10,
+                entry_radius=40,
+                saddle_depth=0,
+                wall_angle=0,
+            ),
+            "waist is 63.25, but it must be larger, as the fillet's foot, 40 outside, must not reach the centre of the arc "
+            "of radius",
+        ),
+        (
+            lambda: Offset(Sphere([0, 0, 0], 10), -10),
+            "distance is -10, but it must be a finite number, above -10 and below inf, the radii of the surface",
+        ),
+        (
+            lambda: Tool("punch", Sphere([0, 0, 0], 1), [0, 1]),
+            "path of punch is [0, 1], but it must be three finite numbers",
+        ),
+        (
+            lambda: Tool("punch", Sphere([0, 0, 0], 1), lambda load: load),
+            "path of punch at load 0 is 0.0, but it must be three finite numbers",
+        ),
+        (lambda: TriangulatedSurface([[0, 0]], [[0, 0, 0]]), "points of the surface have the shape (1, 2)"),
+        (lambda: TriangulatedSurface([[0, 0, 0]], [[0, 0, 1]]), "triangles name points 0 to 1, but there are 1"),
+        (
+            lambda: TriangulatedSurface([[0, 0, 0]], [[0.0, 0, 0]]),
+            "triangles have the shape (1, 3), but it must be (m, 3)",
+        ),
+        (lambda: TriangulatedSurface(np.eye(3), [[0, 0, 1]]), "the surface has no triangle with an area"),
+        (lambda: TriangulatedSurface.read("none.stl"), "surface file none.stl does not exist or is not a file"),
+    ],
+)
+def test_bad_parameters(make, sentence):
+    with pytest.raises(InputError) as error:
+        make()
+    assert str(error.value).startswith(sentence) and "\n" not in str(error.value)
+
+
+def test_tool_moves():
+    tool = Tool("punch", Sphere([0, 0, 0], 10), path=[0, 0, -60])
+    assert tool.evaluate([[0, 0, 12]]).gap == [2]
+    tool.at(0.5)
+    assert np.array_equal(tool.displacement, [0, 0, -30]) and tool.evaluate([[0, 0, -10]], reach=20).gap == [10]
+    tool = Tool("die", Sphere([0, 0, 0], 10), path=lambda load: (load**2, 0, 0))
+    tool.at(3)
+    assert np.array_equal(tool.displacement, [9, 0, 0]) and tool.evaluate([[20, 0, 0]]).gap == [1]
+
+
+def refined_sphere(n):
+    """Points on the unit sphere and triangles: a cube's faces of n x n squares each, blown up."""
+    s = np.tan(np.linspace(-np.pi / 4, np.pi / 4, n + 1))
+    u, v = (a.ravel() for a in np.meshgrid(s, s, indexing="ij"))
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    p = i * (n + 1) + j
+    face = np.vstack([np.column_stack([p, p + n + 1, p + n + 2]), np.column_stack([p, p + n + 2, p + 1])])
+    points, triangles = [], []
+    for axis in range(3):
+        for side in (1, -1):
+            cube = np.empty((len(u), 3))
+            cube[:, axis], cube[:, axis - 2], cube[:, axis - 1] = side, side * u, v
+            triangles.append(face + len(points) * len(u))
+            points.append(cube)
+    points = np.vstack(points).round(14)  # faces share their edges
+    return points / np.linalg.norm(points, axis=1)[:, None], np.vstack(triangles)
+
+
+def errors(surface, exact, points, kind, reach=math.inf):
+    found, right = surface.evaluate(points, reach), exact.evaluate(points)
+    size = [abs(a - b).reshape(len(points), -1).max(1) for a, b in zip(found, right)]
+    return np.array([a.max() if kind == "max" else np.sqrt((a**2).mean()) for a in size])
+
+
+def test_triangles_of_a_sphere_converge():
+    rng = np.random.default_rng(6)
+    direction = rng.normal(size=(3000, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    points, sphere = 10 * direction * rng.uniform(0.85, 1.2, (3000, 1)), Sphere([0, 0, 0], 10)
+    on = 10 * direction
+    table, on_table = [], []
+    for n in (8, 16, 32):
+        p, t = refined_sphere(n)
+        surface = TriangulatedSurface(10 * p, t)
+        assert len(surface.points) == 6 * n * n + 2
+        table.append(errors(surface, sphere, points, "max"))
+        on_table.append(errors(surface, sphere, on, "max"))
+    orders = np.log2(table[0] / table[2]) / 2
+    assert (orders >= [1.9, 0.9, 0.9]).all(), orders
+    assert np.log2(on_table[0] / on_table[2])[1] / 2 >= 1.8
+    assert (table[-1] <= [0.008, 0.006, 0.0007]).all(), table[-1]
+
+
+def test_triangles_of_the_double_dome_converge():
+    dome = DOMES["default"]
+    rng = np.random.default_rng(7)
+    x, y = rng.uniform(-1, 1, (2, 4000)) * [[270], [180]]
+    on = dome.lift(x, y)
+    points = on + rng.uniform(-3, 3, (4000, 1)) * dome.evaluate(on).normal
+    table = []
+    for scale in (2, 1, 0.5):
+        surface = TriangulatedSurface(*double_dome(dome, size=10 * scale, turn=10 * scale))
+        table.append(errors(surface, dome, points, "rms", reach=5))
+    orders = np.log2(np.array(table)[:-1] / table[1:])
+    assert (orders >= [1.7, 0.9, 0.3]).all(), orders
+    assert (table[-1] <= [0.015, 0.005, 0.005]).all(), table[-1]
+
+
+def test_triangles_search_is_exact():
+    surface = TriangulatedSurface(*double_dome(size=20, turn=20))
+    points = np.random.default_rng(8).uniform([-300, -200, -60], [300, 200, 120], (50, 3))
+    found, every = surface.evaluate(points), np.arange(len(surface.triangles))
+    for point, gap in zip(points, found.gap):
+        square = surface._on_triangle(np.repeat(point[None], len(every), 0), every)[1]
+        assert abs(gap) == pytest.approx(math.sqrt(square.min()), abs=1e-12)
+    quick = surface.evaluate(points, reach=30)
+    near = abs(found.gap) <= 30
+    assert np.array_equal(quick.gap[near], found.gap[near]) and (abs(quick.gap[~near]) > 30).all()
+
+
+def test_single_triangle():
+    surface = TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]])
+    found = surface.evaluate([[2, 2, 3], [2, 2, -3], [-3, 2, 4], [-3, -4, 12], [9, 9, 0]])
+    assert found.gap == pytest.approx([3, -3, 5, 13, math.sqrt(40.5)])
+    assert np.allclose(found.normal, [0, 0, 1]) and not found.curvature.any()
+
+
+def test_triangles_turned_against_each_other_are_put_right():
+    points, triangles = refined_sphere(4)
+    triangles[10::3] = triangles[10::3, ::-1]
+    surface = TriangulatedSurface(10 * points, triangles)
+    assert np.allclose(np.einsum("ij,ij->i", surface.normals, surface.points), 10)
+
+
+@pytest.mark.parametrize("ending", ["stl", "vtp", "msh", "ply", "vtu"])
+def test_round_trip(tmp_path, ending):
+    points, triangles = double_dome(size=20, turn=20, quarter=True)
+    write(tmp_path / f"tool.{ending}", points, triangles)
+    read, made = TriangulatedSurface.read(tmp_path / f"tool.{ending}"), TriangulatedSurface(points, triangles)
+    assert len(read.points) == len(made.points) and len(read.triangles) == len(made.triangles)
+    _, _, at = around(DOMES["default"], 200, 3)
+    at = abs(at)
+    tolerance = 1e-4 if ending in ("stl", "ply") else 1e-12  # single precision
+    assert abs(read.evaluate(at).gap - made.evaluate(at).gap).max() <= tolerance
+
+
+def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
+    import meshio
+
+    points = np.array([[x, y, z] for z in (0.0, 1) for x, y in ((0, 0), (2, 0), (2, 2), (0, 2))])
+    meshio.write(tmp_path / "quad.vtk", meshio.Mesh(points[4:], {"quad": [[0, 1, 2, 3]]}))
+    assert TriangulatedSurface.read(tmp_path / "quad.vtk").evaluate([[0.5, 1.5, 3]]).gap == pytest.approx([2])
+    meshio.write(tmp_path / "solid.vtu", meshio.Mesh(points, {"hexahedron": [list(range(8))]}))
+    with pytest.raises(InputError, match="solid.vtu: .*no triangle"):
+        TriangulatedSurface.read(tmp_path / "solid.vtu")
+
+
+@pytest.mark.filterwarnings("ignore:The VTK reader")
+@pytest.mark.parametrize("name", ["tool.stl", "tool.vtp", "tool.msh", "tool.txt"])
+def test_broken_files(tmp_path, name, capfd):
+    (tmp_path / name).write_text("this is no surface\n")
+    with pytest.raises(InputError) as error:
+        TriangulatedSurface.read(tmp_path / name)
+    assert name in str(error.value) and "\n" not in str(error.value)
