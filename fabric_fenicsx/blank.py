@@ -99,10 +99,10 @@ class Blank:
         return cls(compat.create_mesh(comm, cells, points, cell, degree), **options)
 
     @classmethod
-    def read(cls, comm, path, **options):
+    def read(cls, comm, path, spatial=False, **options):
         """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...), in mm."""
         points, cells, kind = _on_root(comm, lambda: _read(Path(path)))
-        return cls.from_arrays(comm, points, cells, kind, source=str(path), **options)
+        return cls.from_arrays(comm, points, cells, kind, source=str(path), spatial=spatial, **options)
 
 
 def _on_root(comm, make):

@@ -83,6 +83,12 @@ def geometry_dofmap(mesh):
     return dofmap.array.reshape(dofmap.num_nodes, nodes[cell_name(mesh), mesh.geometry.cmap.degree])
 
 
+def dofmap(space):
+    """Nodes of `space` of each local cell (owned first, then ghosts), (cells, k)."""
+    cells = space.dofmap.list
+    return cells.array.reshape(-1, space.dofmap.dof_layout.num_dofs) if OLD else cells
+
+
 def vector_space(mesh, family, degree, dim):
     """Space of vectors with `dim` components; family "Lagrange" or "DG"."""
     with _compiling():

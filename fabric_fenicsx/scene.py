@@ -109,11 +109,17 @@ def _variations(term, u, v, w):
 class Scene:
     """Residual, tangent and energy of `terms` on a `blank` with `supports`, at a load factor in [0, 1].
 
-    A term has a `name`, an `energy_kind` and its `energy`, a UFL form in `blank.u` [N mm]; residual and tangent
-    are the energy's variations, which a term may write out by `variations(v, w)`. A term that is no form has
+    A term has a `name`, an `energy_kind` (None of loads) and its `energy`, a UFL form in `blank.u` [N mm]; residual and
+    tangent are the energy's variations, which a term may write out by `variations(v, w)`. A term that is no form has
     `stored()`, the energy of this rank's part [N mm], `add_forces(f)` to add its derivative to this rank's degrees of
     freedom, ghosts included, and `stiffness()`, the second derivative as triplets (rows, columns, values) of global
     degrees of freedom, the same ones each time. Only the terms given are compiled and assembled.
+    A term may also have, all of this rank's part: `potential()` of loads [N mm]; `compliance()`, c and k of a term
+    -c c^T / k of the tangent; `pushes()`, forces [N] that a residual is to be small beside; `at(load)`, which also takes
+    it back to the last accepted state; `revise()`, whether what it held during a solve had to change so that it must be
+    repeated; `work()` done by it since the last accepted state [N mm]; `accept()` to take the present state as that;
+    `memory()`, arrays (owned nodes, k) that such states leave, and `recall(memory)`; `holds`, the rigid motions ("move",
+    "turn") that it may resist.
     """
 
     INVERTED = 1e30  # the energy told where a cell is turned inside out
@@ -126,6 +132,7 @@ class Scene:
         v, w = ufl.TestFunction(V), ufl.TrialFunction(V)
         self._forms = [term for term in self.terms if hasattr(term, "energy")]
         self._discrete = [term for term in self.terms if not hasattr(term, "energy")]
+        self._stiff = self._having("stiffness")
         residuals, tangents = zip(*(_variations(term, u, v, w) for term in self._forms))
         self._residual = compat.form(sum(residuals[1:], residuals[0]))
         self._tangent = compat.form(sum(tangents[1:], tangents[0]))
@@ -171,24 +178,42 @@ class Scene:
         names = [f"move along its {axis}" for axis in ("length", "width", "normal")[:gdim]]
         names += [f"turn about its {axis}" for axis in (("normal",) if gdim == 2 else ("length", "width", "normal"))]
         free = names[np.abs(motions[:, 0]).argmax()]
-        if free.startswith("turn") and any(getattr(term, "clamped", False) for term in self.terms):
+        if any(free.split()[0] in getattr(term, "holds", ()) for term in self.terms):
             return
         supports = ", ".join(support.name for support in self.supports) or "none"
         raise InputError(
             f"the supports ({supports}) leave {self.blank.name} free to {free}; allowed are supports that hold it against every rigid motion"
         )
 
+    def _having(self, method):
+        return [term for term in self.terms if hasattr(term, method)]
+
     def at(self, load):
-        """Set the load factor of the terms that depend on it (those with a method `at`)."""
-        for term in self.terms:
-            if hasattr(term, "at"):
-                term.at(load)
+        """Set the load factor of the terms that depend on it, and take them back to the last accepted state."""
+        for term in self._having("at"):
+            term.at(load)
 
     def accept(self):
-        """Let the terms that remember (those with a method `accept`) take the present state as the last one."""
-        for term in self.terms:
-            if hasattr(term, "accept"):
-                term.accept()
+        """Let the terms that remember take the present state as the last one."""
+        for term in self._having("accept"):
+            term.accept()
+
+    def revise(self):
+        """Let terms change what they held during a solve; whether any did, on all ranks."""
+        return any([term.revise() for term in self._having("revise")])
+
+    def work(self):
+        """Work of the terms' loads and tools since the last accepted state [N mm]."""
+        return self.comm.allreduce(sum(term.work() for term in self._having("work")))
+
+    def memory(self):
+        """What accepted states left in the terms, {name: array (owned nodes, k)}."""
+        return {f"{i} {key}": v for i, term in enumerate(self._having("memory")) for key, v in term.memory().items()}
+
+    def recall(self, memory):
+        """Give the terms back their `memory`, of the present displacement and load."""
+        for i, term in enumerate(self._having("memory")):
+            term.recall({key: memory[f"{i} {key}"] for key in term.memory()})
 
     def held_values(self, load):
         """Displacements of this rank's held degrees of freedom at a load factor, along the frame's axes [mm]."""
@@ -210,24 +235,31 @@ class Scene:
         self.u.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
 
     def energies(self):
-        """Energy of each kind at the present displacement, {kind: N mm}."""
+        """Energy of each kind at the present displacement, {kind: N mm}; loads store none."""
+        kinds = self._all_energies()
+        kinds.pop(None, None)
+        return kinds
+
+    def _all_energies(self):
+        """The same with the potential of loads, as None."""
         with phase("assemble"):
-            local = [fem.assemble_scalar(form) for form in self._energies]
-            local += [term.stored() for term in self._discrete]
-        total = self.comm.allreduce(np.array(local), MPI.SUM)
-        kinds = dict.fromkeys((term.energy_kind for term in self.terms), 0.0)
-        for term, value in zip(self._forms + self._discrete, total):
-            kinds[term.energy_kind] += float(value)
+            parts = [(term.energy_kind, fem.assemble_scalar(form)) for term, form in zip(self._forms, self._energies)]
+            parts += [(term.energy_kind, term.stored()) for term in self._having("stored")]
+            parts += [(None, term.potential()) for term in self._having("potential")]
+        total = self.comm.allreduce(np.array([value for _, value in parts]), MPI.SUM)
+        kinds = dict.fromkeys((kind for kind, _ in parts), 0.0)
+        for (kind, _), value in zip(parts, total):
+            kinds[kind] += float(value)
         return kinds
 
     def energy(self):
-        """Total energy at the present displacement [N mm], `INVERTED` if a cell is turned inside out."""
+        """Energy and potential of loads at the present displacement [N mm], `INVERTED` if a cell is turned inside out."""
         if self._inverted:
             with phase("assemble"):
                 wall = fem.assemble_scalar(self._inverted)
             if self.comm.allreduce(wall) > 0:
                 return self.INVERTED
-        return sum(self.energies().values()) + self.drag_energy()
+        return sum(self._all_energies().values()) + self.drag_energy()
 
     def drag_energy(self):
         """Potential of the drag at the present displacement [N mm]."""
@@ -257,10 +289,11 @@ class Scene:
     def create_matrix(self):
         """Matrix for `tangent`, which tells multigrid the rigid motions."""
         A = fem_petsc.create_matrix(self._tangent)
-        if self._discrete:
+        if self._stiff:
             names, numbers = A.getLGMap()
             self._extra = self._sparsity(A)
             self._fill_extra()
+            fem_petsc.assemble_matrix(A, self._tangent)  # as unused places are given up
             A.assemble()
             A.axpy(1.0, self._extra, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             A.setLGMap(names, numbers)
@@ -276,7 +309,7 @@ class Scene:
             A.zeroEntries()
             fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs if held else [])
             A.assemble()
-            if self._discrete:
+            if self._stiff:
                 self._fill_extra()
                 if held:
                     self._extra.diagonalScale(self._free, self._free)
@@ -286,7 +319,7 @@ class Scene:
 
     def _sparsity(self, A):
         """Empty matrix, of A's sizes, for the stiffness of the terms that are no forms; how their triplets fill it."""
-        rows, cols = (np.concatenate(part) for part in zip(*(term.stiffness()[:2] for term in self._discrete)))
+        rows, cols = (np.concatenate(part) for part in zip(*(term.stiffness()[:2] for term in self._stiff)))
         size, low, high = A.size[0], *A.getOwnershipRange()
         keys, self._entry = np.unique(rows.astype(np.int64) * size + cols, return_inverse=True)
         rows, cols = np.divmod(keys, size)
@@ -301,7 +334,7 @@ class Scene:
         return extra
 
     def _fill_extra(self):
-        values = np.concatenate([term.stiffness()[2] for term in self._discrete])
+        values = np.concatenate([term.stiffness()[2] for term in self._stiff])
         rows, starts, cols = self._csr
         summed = np.bincount(self._entry, values, len(cols))
         self._extra.zeroEntries()
@@ -313,8 +346,22 @@ class Scene:
         return self._f.array[self.held].copy()
 
     def force_scale(self):
-        """Norm of the support forces after `residual`, what a residual is measured by [N]."""
-        return np.sqrt(self.comm.allreduce(float((self._f.array[self.held] ** 2).sum())))
+        """Norm of the forces of supports and tools after `residual`, what a residual is measured by [N]."""
+        squares = sum(float((term.pushes() ** 2).sum()) for term in self._having("pushes"))
+        return np.sqrt(self.comm.allreduce(float((self._f.array[self.held] ** 2).sum()) + squares))
+
+    def compliances(self):
+        """Vectors c and numbers k [N/mm] of what tools moved by force take from the tangent, c c^T / k each."""
+        found = []
+        for term in self._having("compliance"):
+            given = term.compliance()
+            if given and given[1] > 0:
+                c = self.u.duplicate()
+                c.set(0.0)
+                c.array[: given[0].size] = given[0].ravel()
+                c.array[self.held] = 0
+                found.append((c, given[1]))
+        return found
 
     def virial(self):
         """Sum over the nodes of force times undeformed position along the frame's axes, (gdim, gdim) [N mm].

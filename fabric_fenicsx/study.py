@@ -26,34 +26,35 @@ from .errors import InputError, SolverFailure
 from .material.parameters import COUPLINGS
 from .material.presets import load
 from .meshes.specimen import PATTERNS, specimen
-from .results.history import History
+from .results.history import ENERGIES, History
 from .scene import Scene
 from .solve.checkpoint import Checkpoint
 from .solve.newton import LINEAR_SOLVERS, Newton
 from .solve.stepping import march
 
-ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
 UNBALANCED = 0.02  # of the stored energy, above which a run warns that its work does not match
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
 QUICK = {"nx": 20, "steps": 5}
-FULL = {"nx": 100, "steps": 20}
+# with P2 and --path-tolerance 1e-3 the cheapest of studies/speed_vs_error.py with curves right to 1 % in all scenes
+FULL = {"nx": 48, "steps": 10}
 
 
-def parser(name, description, **defaults):
-    """The parser of study `name` with the options that all studies share; `defaults` override theirs."""
+def parser(name, description, full=FULL, quick=QUICK, **defaults):
+    """The parser of study `name` with the options that all studies share; `defaults` override theirs, `full` and `quick`
+    those of mesh and steps without and with --quick."""
     p = Parser(prog=f"studies/{name}.py", description=description, formatter_class=Help, allow_abbrev=False)
     mesh = p.add_argument_group("mesh")
     mesh.add_argument(
         "--mesh", metavar="FILE", help="own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed"
     )
     mesh.add_argument(
-        "--nx", type=COUNT, help=f"rectangles along the length ({FULL['nx']}, with --quick {QUICK['nx']})"
+        "--nx", type=COUNT, help=f"rectangles along the length ({full['nx']}, with --quick {quick['nx']})"
     )
     mesh.add_argument("--ny", type=COUNT, help="rectangles across the width (as makes them square)")
     mesh.add_argument("--pattern", choices=PATTERNS, default="crossed", help="how rectangles become cells")
     mesh.add_argument(
-        "--element", choices=("P1", "P2", "P3", "Q1", "Q2"), default="P1", help="P: triangles, Q: quadrilaterals"
+        "--element", choices=("P1", "P2", "P3", "Q1", "Q2"), default="P2", help="P: triangles, Q: quadrilaterals"
     )
     mesh.add_argument("--fibre-angle", type=ANY, metavar="DEG", default=0.0, help="of yarns a from the length")
     material = p.add_argument_group("material")
@@ -65,7 +66,7 @@ def parser(name, description, **defaults):
         "--without", metavar="COUPLING", action="append", default=[], help=f"turn off one of {', '.join(COUPLINGS)}"
     )
     solver = p.add_argument_group("solver")
-    solver.add_argument("--steps", type=COUNT, help=f"load steps ({FULL['steps']}, with --quick {QUICK['steps']})")
+    solver.add_argument("--steps", type=COUNT, help=f"load steps ({full['steps']}, with --quick {quick['steps']})")
     solver.add_argument(
         "--max-step",
         type=number("a load factor above 0 and up to 1", lambda v: 0 < v <= 1),
@@ -80,7 +81,7 @@ def parser(name, description, **defaults):
     solver.add_argument(
         "--path-tolerance",
         type=number("a number above 0 and below 1", lambda v: 0 < v < 1),
-        default=1e-5,
+        default=1e-3,
         help="a looser one before the full load; the curve is as good as this",
     )
     solver.add_argument(
@@ -101,7 +102,7 @@ def parser(name, description, **defaults):
     output.add_argument("--no-pictures", action="store_true")
     output.add_argument("--quick", action="store_true", help="coarse mesh and few steps")
     output.add_argument("--verbose", action="store_true", help="print each Newton iteration")
-    p.set_defaults(**defaults)
+    p.set_defaults(_sizes={False: full, True: quick}, **defaults)
     return p
 
 
@@ -128,7 +129,7 @@ class Study:
         if self.comm.rank != 0 and {"-h", "--help"} & set(argv):
             sys.exit(0)
         self.args = args = options.parse_args(argv)
-        for option, value in (QUICK if args.quick else FULL).items():
+        for option, value in vars(args).pop("_sizes")[args.quick].items():
             if getattr(args, option) is None:
                 setattr(args, option, value)
         if args.mesh and not Path(args.mesh).is_file():
@@ -163,10 +164,11 @@ class Study:
             raise InputError(error)
         return path
 
-    def specimen(self, length, width, turned=0.0):
+    def specimen(self, length, width, turned=0.0, spatial=False, centred=False):
         """Rectangular blank of the options' mesh (or --mesh), with yarns a at --fibre-angle to its length.
 
-        turned: angle from x to the length [rad]; the blank's frame is then its length and width.
+        turned: angle from x to the length [rad]; the blank's frame is then its length and width. spatial: free to leave
+        its plane; centred: about the origin, which otherwise is a corner.
         """
         args = self.args
         cell = "triangle" if args.element[0] == "P" else "quadrilateral"
@@ -176,8 +178,8 @@ class Study:
             options["frame"] = axes
         with timing.phase("setup"):
             if args.mesh:
-                blank = Blank.read(self.comm, args.mesh, **options)
-                if blank.mesh.geometry.dim == 3:
+                blank = Blank.read(self.comm, args.mesh, spatial=spatial, **options)
+                if blank.mesh.geometry.dim == 3 and not spatial:
                     raise InputError(
                         f"--mesh {args.mesh} is not plane in z; allowed in this study is a sheet in a plane z = const"
                     )
@@ -191,11 +193,11 @@ class Study:
                 ny = args.ny or max(1, round(args.nx * width / length))
                 yarns = math.radians(args.fibre_angle)
                 points, cells, kind = specimen(length, width, args.nx, ny, args.pattern, cell, yarns)
-                points[:, :2] = points[:, :2] @ axes
-            return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", **options)
+                points[:, :2] = (points[:, :2] - (np.array([length, width]) / 2 if centred else 0.0)) @ axes
+            return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", spatial=spatial, **options)
 
-    def march(self, membrane, supports, measure, quantities, part=""):
-        """Bring the scene of `membrane` and `supports` to full load and write its results; returns a `Result`.
+    def march(self, membrane, supports, measure, quantities, part="", terms=()):
+        """Bring the scene of `membrane`, other `terms` and `supports` to full load and write its results; a `Result`.
 
         measure: function of the scene and its load factor to the displacement [mm] and reaction [N] to record;
         quantities: function of the cell fields and the history's rows to the study's own numbers; part: subfolder.
@@ -205,11 +207,12 @@ class Study:
             FieldSeries,
             cell_fields,
             least_stability,
+            nodal_fields,
         )
 
         args, folder = self.args, self.folder(part)
         with timing.phase("setup"):
-            scene = Scene(membrane.blank, [membrane], supports)
+            scene = Scene(membrane.blank, [membrane, *terms], supports)
             newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver, verbose=args.verbose)
         checkpoint = Checkpoint(folder / "checkpoint.npz", membrane.blank, self._problem(membrane.fabric))
         # a part of several that was not begun yet has none
@@ -251,7 +254,7 @@ class Study:
             )
             with timing.phase("output"):
                 if (len(history.rows) - 1) % args.every == 0:
-                    series.write(accepted.load, cell_fields(membrane)[0])
+                    series.write(accepted.load, cell_fields(membrane)[0], nodal_fields(scene))
                 checkpoint.save(accepted.progress, {"rows": history.rows, "states": series.states})
 
         def reject(load, report):
@@ -275,7 +278,7 @@ class Study:
         with timing.phase("output"):
             fields, mismatch = cell_fields(membrane)
             if series.states[-1][0] != outcome.reached:
-                series.write(outcome.reached, fields)
+                series.write(outcome.reached, fields, nodal_fields(scene))
         mesh = membrane.blank.mesh
         energies = scene.energies() | {"viscous": history.rows[-1]["viscous_energy_Nmm"]}
         work = history.rows[-1]["external_work_Nmm"]

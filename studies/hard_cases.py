@@ -351,7 +351,7 @@ CASES = {f.__name__[0]: f for f in (
 
 
 def options():
-    p = parser("hard_cases", __doc__)
+    p = parser("hard_cases", __doc__, element="P1")
     p.add_argument_group("test").add_argument("--only", metavar="LETTERS", default="".join(CASES), help="cases to run")
     return p
 

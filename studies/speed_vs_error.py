@@ -23,7 +23,7 @@ from tqdm import tqdm
 from fabric_fenicsx import timing
 from fabric_fenicsx.cli import POSITIVE
 from fabric_fenicsx.errors import InputError, SolverFailure
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.scene import Scene, pulled
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.study import parser, run
@@ -43,7 +43,7 @@ ENVIRONMENT = {
 PRINTED = {
     "scene": "s", "sweep": "s", "element": "s", "pattern": "s", "nx": "d", "steps": "d", "tolerance": ".0e", "path_tolerance": ".0e",
     "linear_solver": "s", "ranks": "d", "dofs": "d", "iterations": "d", "wall_s": ".3g", "own_solves": ".3g", "cost": ".3g",
-    "tangent_ratio": ".2f", "memory_mib": ".0f", "error_reaction": ".2%", "error_energy": ".2%", "error_strain": ".2%",
+    "tangent_ratio": ".2f", "memory_mib": ".0f", "error_curve": ".2%", "error_reaction": ".2%", "error_energy": ".2%", "error_strain": ".2%",
     "error_shear_deg": ".3f", "error_centre_shear_deg": ".3f", "error_centre_eps_b": ".2%", "yarn_strain_max": ".1e", "on_front": "d", "reason": "s",
 }  # fmt: skip
 
@@ -73,19 +73,23 @@ QUICK = [
     {"sweep": "solver", "linear_solver": "cg-gamg"}, {"sweep": "ranks", "ranks": 2},
 ]  # fmt: skip
 FULL = [
-    *({"sweep": "mesh", "nx": nx} for nx in (24, 48, 192)),
+    *({"sweep": "mesh", "nx": nx} for nx in (24, 48, 120, 192)),
     *({"sweep": "mesh", "element": "P2", "nx": nx} for nx in (12, 24, 48, 96)),
-    *({"sweep": "mesh", "element": "Q1", "nx": nx} for nx in (24, 48, 96)),
-    *({"sweep": "mesh", "element": "Q2", "nx": nx} for nx in (12, 24, 48)),
-    *({"sweep": "pattern", "element": e, "pattern": p, "nx": nx} for p, sizes in (("left", (150, 74, 49)), ("unstructured", (133, 66, 42)), ("yarns", (133, 66, 42)))
+    *({"sweep": "mesh", "element": "P3", "nx": nx} for nx in (12, 16, 24, 32)),
+    *({"sweep": "mesh", "element": e, "nx": nx} for e, nx in (("Q1", 48), ("Q1", 96), ("Q2", 24), ("Q2", 48))),
+    *({"sweep": "pattern", "element": e, "pattern": p, "nx": nx} for p, sizes in (("left", (150, 76, 50)), ("unstructured", (133, 66, 42)), ("yarns", (133, 66, 42)))
       for e, nx in zip(("P1", "P2", "P3"), sizes)),
     *({"sweep": "pattern", "element": e, "pattern": p, "nx": nx} for p in ("unstructured", "yarns") for e, nx in (("P1", 66), ("P2", 33), ("P3", 21))),
-    *({"sweep": "steps", "steps": n} for n in (1, 2, 5, 10, 40)),
-    *({"sweep": "tolerance", "tolerance": t} for t in (1e-2, 1e-4, 1e-11)),
-    *({"sweep": "path", "path_tolerance": t} for t in (1e-2, 1e-8)),
+    *({"sweep": "steps", "steps": n} for n in (1, 5, 10, 40)),
+    *({"sweep": "tolerance", "tolerance": t} for t in (1e-2, 1e-11)),
+    *({"sweep": "path", "path_tolerance": t} for t in (1e-2, 1e-3)),
     *({"sweep": "solver", "linear_solver": s} for s in ("mumps-lu", "cg-gamg", "cg-hypre")),
-    *({"sweep": "ranks", "ranks": 2, "nx": nx} for nx in (96, 192)),
-    *({"sweep": "lean", "steps": 5, "path_tolerance": 1e-2, "element": e, "nx": nx} for e, nx in (("P1", 24), ("P1", 192), ("P2", 12), ("P2", 24), ("P2", 48), ("P2", 96))),
+    {"sweep": "ranks", "ranks": 2},
+    *({"sweep": "lean", "path_tolerance": t, "steps": n, "element": e, "nx": nx} for t, n, kinds in (
+        (1e-2, 5, (("P1", 24), ("P2", 12))), (1e-3, 5, (("P1", 24), ("P2", 12), ("P2", 24))),
+        (1e-3, 10, (("P1", 24), ("P2", 12), ("P2", 48), ("P3", 16))), (1e-2, 20, (("P1", 120), ("P2", 48))),
+        (1e-3, 20, (("P1", 24), ("P1", 120), ("P2", 12), ("P2", 24), ("P2", 48), ("P3", 16), ("P3", 32))), (1e-4, 20, (("P2", 12), ("P2", 24))),
+    ) for e, nx in kinds),
 ]  # fmt: skip
 
 
@@ -160,12 +164,17 @@ def one(study, c):
         u = scene.u.duplicate()
         scene.set(u)
         timing.seconds.clear()
-        newton, outcome = None, None
+        newton, outcome, measure, curve = None, None, pulled(case.stroke), []
 
         def solve():
             nonlocal newton, outcome
             newton = Newton(scene, c.tolerance, linear_solver=c.linear_solver)
-            outcome = march(newton, c.steps, path_tolerance=c.path_tolerance)
+            outcome = march(
+                newton,
+                c.steps,
+                on_accept=lambda at: curve.append((at.load, measure(scene, at.load)[1])),
+                path_tolerance=c.path_tolerance,
+            )
 
         wall = timed(comm, solve, 1)
         total += wall
@@ -191,6 +200,7 @@ def one(study, c):
     row["tangent_ratio"] = assembly / row["elastic_assembly_s"]
     row |= {name: values[name] for name in ("reaction_N", "energy_Nmm", "centre_shear_deg", "centre_eps_b")}
     row["yarn_strain_max"] = max(abs(values[f"eps_{yarn}_{end}"]) for yarn in "ab" for end in ("min", "max"))
+    row["error_curve"] = curve_distance(np.transpose(curve), reference_curve(study, c.scene))
     row["error_strain"], row["error_shear_deg"] = field_distance(case, seen(scene), reference_grid(study, c.scene))
     return row
 
@@ -303,22 +313,36 @@ def reference_grid(study, name):
     return np.loadtxt(study.args.reference / f"{name}_grid.csv", delimiter=",", skiprows=1)[:, 2:].reshape(grid().shape)
 
 
+def reference_curve(study, name):
+    """Load factors and reactions [N] of the reference of scene `name`, (2, n)."""
+    return np.loadtxt(study.args.reference / f"{name}.csv", delimiter=",", skiprows=1, usecols=(0, 2)).T
+
+
+def curve_distance(curve, reference):
+    """Largest distance of the polygon through the points of `curve` from those of `reference`, both (2, n), over the
+    last of the latter: what is read off a plotted curve is off by that."""
+    return float(np.abs(np.interp(reference[0], *curve) - reference[1]).max() / abs(reference[1, -1]))
+
+
 def references(study, names):
-    """The reference quantities of the scenes `names`."""
+    """The reference quantities of the scenes `names`, whose files are all there."""
     found = {}
     for name in names:
-        path = study.args.reference / f"{name}.json"
+        file = f"{name}.json"
         try:
-            text = path.read_text()
-            found[name] = json.loads(text)["quantities"]
-            material = json.loads(text)["material"]
-        except (OSError, ValueError, KeyError, TypeError):
+            facts = json.loads((study.args.reference / file).read_text())
+            found[name], material = facts["quantities"], facts["material"]
+            file = f"{name}.csv"
+            reference_curve(study, name)
+            file = f"{name}_grid.csv"
+            reference_grid(study, name)
+        except (OSError, ValueError, LookupError, TypeError):
             raise InputError(
-                f"--reference {study.args.reference} holds no readable {name}.json; allowed is a folder that studies/reference.py wrote"
+                f"--reference {study.args.reference} holds no readable {file}; allowed is a folder that studies/reference.py wrote"
             ) from None
         if material != study.fabric.dumps():
             raise InputError(
-                f"--material {study.args.material} is not that of {path}; allowed is the one that studies/reference.py was run with"
+                f"--material {study.args.material} is not that of {name}.json in {study.args.reference}; allowed is the one that studies/reference.py was run with"
             )
     return found
 
@@ -352,18 +376,38 @@ def judge(rows, reference):
 
 
 def resolved(r):
-    """Error of the reaction, as far as the reference resolves it."""
-    return max(abs(r["error_reaction"]), r["error_bar"])
+    """Error of the curve, as far as the reference resolves it."""
+    return max(r["error_curve"], r["error_bar"])
+
+
+def within(r, goal):
+    return not r["reason"] and r["error_curve"] + r["error_bar"] <= goal
+
+
+def configuration(r):
+    return Configuration(**{k: r[k] for k in Configuration.__dataclass_fields__})
 
 
 def recommended(rows):
-    """{goal: cheapest row whose reaction is within it, None if there is none, or a word if the reference is not}."""
+    """{goal: cheapest row whose curve is within it, None if there is none, or a word if the reference is not}."""
     found = {}
     for goal in GOALS:
-        good = [r for r in rows if not r["reason"] and abs(r["error_reaction"]) + r["error_bar"] <= goal]
+        good = [r for r in rows if within(r, goal)]
         found[goal] = min(good, key=lambda r: r["cost"], default=None)
         if rows[0]["error_bar"] >= goal:
             found[goal] = f"not resolved by the reference, known to {rows[0]['error_bar']:.2g} of it"
+    return found
+
+
+def recommended_for_all(scenes):
+    """{goal: of the configurations whose curves are within it in all scenes {name: rows}, the cheapest's rows}."""
+    found = {}
+    for goal in GOALS:
+        good = {}
+        for r in (r for rows in scenes.values() for r in rows if within(r, goal)):
+            good.setdefault(replace(configuration(r), scene="", sweep=""), {})[r["scene"]] = r
+        good = [list(mine.values()) for mine in good.values() if len(mine) == len(scenes)]
+        found[goal] = min(good, key=lambda mine: sum(r["cost"] for r in mine), default=None)
     return found
 
 
@@ -402,12 +446,12 @@ def picture(path, scenes):
             mine = [r for r in good if (r["element"], r["pattern"]) == (element, pattern)]
             shape = "rectangles" if element[0] == "Q" and pattern == "crossed" else pattern
             colour = patterns.setdefault(shape, f"C{len(patterns)}")
-            ax.plot([r["cost"] for r in mine], [abs(r["error_reaction"]) for r in mine], markers[element], color=colour, ms=5)  # fmt: skip
+            ax.plot([r["cost"] for r in mine], [r["error_curve"] for r in mine], markers[element], color=colour, ms=5)  # fmt: skip
         front = sorted((r["cost"], resolved(r)) for r in good if r["on_front"])
         ax.step(*zip(*front), where="post", color="k", lw=1)
         ax.axhspan(0, rows[0]["error_bar"], color="0.9")
         ax.set(xscale="log", yscale="log", xlabel="wall time / linear-elastic solves of the baseline mesh", title=name)
-        ax.set_ylabel("relative error of the reaction")
+        ax.set_ylabel("largest error of the curve / final reaction")
         ax.grid(alpha=0.3)
     used = dict.fromkeys(r["element"] for rows in scenes.values() for r in rows if not r["reason"])
     keys = [plt.Line2D([], [], color="k", lw=1, label="front"), plt.Rectangle((0, 0), 1, 1, color="0.9", label="not resolved")]  # fmt: skip
@@ -447,6 +491,7 @@ def main(study):
             raise SolverFailure(f"the baseline of {name} failed: {rows[0]['reason']}")
         judge(rows, reference[name])
     advice = {name: recommended(rows) for name, rows in scenes.items()}
+    common = recommended_for_all(scenes)
     rows = [r for rows in scenes.values() for r in rows]
     write_table(folder, rows)
     if not args.no_pictures:
@@ -456,21 +501,24 @@ def main(study):
         quantities={
             name: {
                 "runs": len(found), "failed": sum(bool(r["reason"]) for r in found), "reference_error_bar": found[0]["error_bar"],
-                "baseline_elastic_solve_s": found[0]["wall_s"] / found[0]["cost"], "front": [str(Configuration(**{k: r[k] for k in Configuration.__dataclass_fields__})) for r in found if r["on_front"]],
+                "baseline_elastic_solve_s": found[0]["wall_s"] / found[0]["cost"], "front": [str(configuration(r)) for r in found if r["on_front"]],
                 "recommended": {f"{goal:g}": choice for goal, choice in advice[name].items()},
             }
             for name, found in scenes.items()
         },
+        recommended={f"{goal:g}": choice for goal, choice in common.items()},
     )  # fmt: skip
     study.say(table(rows))
     for name, choices in advice.items():
         for goal, r in choices.items():
             if isinstance(r, dict):
-                c = Configuration(**{k: r[k] for k in Configuration.__dataclass_fields__})
-                words = f"{c}: {r['wall_s']:.3g} s, {r['cost']:.3g} baseline solves, errors of reaction {r['error_reaction']:.2%} and energy {r['error_energy']:.2%}"
+                words = f"{configuration(r)}: {r['wall_s']:.3g} s, {r['cost']:.3g} baseline solves, errors of the curve {r['error_curve']:.2%}, the reaction {r['error_reaction']:.2%} and strain {r['error_strain']:.2%}"
             else:
                 words = r or "none of these"
-            study.say(f"{name}, reaction within {goal:.1%}: {words}")
+            study.say(f"{name}, curve within {goal:.1%}: {words}")
+    for goal, choice in common.items():
+        words = "; ".join(f"{configuration(r)}: {r['cost']:.3g}" for r in choice or ()) or "none of these"
+        study.say(f"all scenes, curve within {goal:.1%}, cost in baseline solves: {words}")
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ class Bending:
     energy_kind = "bending"
 
     def __init__(self, blank, D_a, D_b=None, D_t=0.0, in_plane=0.0, symmetric=(), clamped=()):
-        self.blank, self.clamped = blank, bool(clamped)
+        self.blank, self.holds = blank, ("turn",) if clamped else ()
         self.stiffnesses = np.array([D_a, D_a if D_b is None else D_b, D_t], float)
         self.in_plane = float(in_plane)
         given = np.append(self.stiffnesses, self.in_plane)
@@ -202,8 +202,7 @@ class _Cells:
         self.blank, self.comm = blank, blank.mesh.comm
         self.index_map = blank.mesh.topology.index_map(2)
         self.count = self.index_map.size_local
-        dofs = blank.V.dofmap.list
-        self.dofs = (dofs if isinstance(dofs, np.ndarray) else dofs.array).reshape(-1, 3)
+        self.dofs = compat.dofmap(blank.V)
         self.positions = blank.along(blank.coordinates().T).T
         self._beyond()
         self._geometry()

@@ -1,25 +1,101 @@
 """Dead loads on a blank."""
 
+import dolfinx
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .. import dolfinx_compat as compat
+from ..errors import InputError
+
+
+def _direction(name, direction, gdim):
+    """`direction` (gdim,) at length 1; InputError if it has none."""
+    direction = np.asarray(direction, float)
+    if direction.shape != (gdim,) or not (np.isfinite(direction).all() and direction.any()):
+        raise InputError(f"direction of {name} is {direction.tolist()}; allowed are {gdim} finite numbers, not all 0")
+    return direction / np.linalg.norm(direction)
 
 
 class DeadPressure:
     """Load of `pressure` [MPa] per undeformed area along a fixed `direction` (gdim,), growing with the load factor.
+    Raises InputError for numbers that are not finite."""
 
-    Its energy is the potential -p u·n [N mm], so it counts as negative work done.
-    """
-
-    name = "dead pressure"
-    energy_kind = "load"
+    name, energy_kind = "dead pressure", None
 
     def __init__(self, blank, pressure, direction):
-        self.pressure = pressure
-        self._now = fem.Constant(blank.mesh, 0.0)
-        direction = np.asarray(direction, float) / np.linalg.norm(direction)
-        self.energy = -self._now * ufl.dot(blank.displacement, ufl.as_vector(direction.tolist())) * ufl.dx(blank.mesh)
+        if not np.isfinite(pressure):
+            raise InputError(f"dead pressure is {pressure} MPa; allowed is a finite number")
+        self._pressure, self._now = pressure, fem.Constant(blank.mesh, 0.0)
+        direction = _direction(self.name, direction, blank.mesh.geometry.dim)
+        moved = ufl.dot(blank.displacement, ufl.as_vector(direction.tolist())) * ufl.dx(blank.mesh)
+        self.energy = -self._now * moved
+        self._way, self._last = compat.form(moved), (0.0, 0.0)
 
     def at(self, load):
         """Set the load factor."""
-        self._now.value = load * self.pressure
+        self._now.value = load * self._pressure
+
+    def accept(self):
+        self._last = float(self._now.value), fem.assemble_scalar(self._way)
+
+    def work(self):
+        size, way = self._last
+        return 0.5 * (size + float(self._now.value)) * (fem.assemble_scalar(self._way) - way)
+
+
+class EdgeTension:
+    """Pull of grippers: `tension` [N/mm] along a fixed `direction` (gdim,) on an undeformed edge.
+
+    tension: a number, there from the start, or a function of the load factor. edge: function of points (3, n) [mm] to a
+    mask (n,), true at both ends of the edge's sides. Raises InputError if it marks no side, and for numbers that are not
+    finite.
+    """
+
+    name, energy_kind = "edge tension", None
+
+    def __init__(self, blank, tension, direction, edge):
+        mesh = blank.mesh
+        direction = _direction(f"{self.name} on {blank.name}", direction, mesh.geometry.dim)
+        mesh.topology.create_connectivity(1, 2)
+        sides = np.unique(dolfinx.mesh.locate_entities_boundary(mesh, 1, edge)).astype(np.int32)
+        if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
+            raise InputError(f"edge tension marks no side of {blank.name}; allowed is a function that marks 1 or more")
+        tags = dolfinx.mesh.meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
+        along = ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(direction.tolist()))
+        lengths = fem_petsc.assemble_vector(compat.form(along * ufl.Measure("ds", mesh, subdomain_data=tags)(1)))
+        lengths.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        # of the edge at each owned degree of freedom; no form, as UFL wants one set of marked edges for a whole scene
+        self._lengths, self._u = lengths.array.copy(), blank.u
+        self._tension = tension if callable(tension) else lambda load: tension
+        self.at(0.0)
+        self.accept()
+
+    def at(self, load):
+        """Set the load factor."""
+        self._now = float(self._tension(load))
+        if not np.isfinite(self._now):
+            raise InputError(f"{self.name} is {self._now} N/mm at load {load:g}; allowed is a finite number")
+
+    def accept(self):
+        self._last = self._now, self._way()
+
+    def work(self):
+        tension, way = self._last
+        return 0.5 * (tension + self._now) * (self._way() - way)
+
+    def potential(self):
+        return -self._now * self._way()
+
+    def add_forces(self, f):
+        f[: len(self._lengths)] -= self._now * self._lengths
+
+    def pushes(self):
+        return self._now * self._lengths
+
+    def _way(self):
+        """Of this rank's part of the edge, times its length [mm^2]."""
+        return float(self._lengths @ self._u.x.array[: len(self._lengths)])

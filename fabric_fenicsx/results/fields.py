@@ -2,6 +2,7 @@
 
 import numpy as np
 import pyvista
+from dolfinx import fem
 
 from .. import dolfinx_compat as compat
 from ..material import stability
@@ -45,6 +46,19 @@ def least_stability(membrane):
     return stability.least_ellipticity(membrane.fabric, np.stack([I4, I6, I8, gamma], -1))
 
 
+def nodal_fields(scene):
+    """Contact of this rank's local nodes: traction (nodes, 3) and its size, pressure [MPa], of all tools; {} without."""
+    contacts = [term for term in scene.terms if hasattr(term, "tractions")]
+    if not contacts:
+        return {}
+    traction = fem.Function(scene.blank.V)
+    owned = sum(term.tractions() for term in contacts)
+    traction.x.array[: owned.size] = owned.ravel()
+    traction.x.scatter_forward()
+    values = traction.x.array.reshape(-1, owned.shape[1])
+    return {"contact_traction": values, "contact_pressure": np.linalg.norm(values, axis=1)}
+
+
 class FieldSeries:
     """`DIR/fields.pvd` with one unstructured grid a state and rank: undeformed geometry, displacement `u` at the
     points, `cell_fields` on the cells, `rank`. states: those kept of a run that is resumed. The .pvd is rewritten after each state, so it can be opened any time.
@@ -65,13 +79,15 @@ class FieldSeries:
         self._ranks = [rank for rank, n in enumerate(self.comm.allgather(len(types))) if n]
         self._grid = pyvista.UnstructuredGrid(cells, types, self._points) if len(types) else None
 
-    def write(self, load, fields):
-        """Append the state at `load` with its `cell_fields`."""
+    def write(self, load, fields, nodal=()):
+        """Append the state at `load` with its `cell_fields` and `nodal_fields`."""
         if self._grid:
             u = np.zeros_like(self._points)
             values = self.blank.nodal_displacement()[: len(u)]
             u[:, : values.shape[1]] = values
             self._grid.point_data["u"] = u
+            for name, array in dict(nodal).items():
+                self._grid.point_data[name] = array[: len(u)]
             for name, array in fields.items():
                 self._grid.cell_data[name] = array
             self._grid.cell_data["rank"] = np.full(self._grid.n_cells, self.comm.rank, dtype=np.int32)

@@ -2,8 +2,10 @@
 
 import csv
 
+ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
 COLUMNS = (
-    "step", "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "viscous_energy_Nmm", "external_work_Nmm", "iterations",
+    "step", "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "bending_energy_Nmm", "contact_energy_Nmm",
+    "friction_energy_Nmm", "viscous_energy_Nmm", "external_work_Nmm", "iterations",
     "shifts", "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "min_stability", "wall_s",
 )  # fmt: skip
 
@@ -31,11 +33,11 @@ class History:
         report = accepted.report
         row = {
             "step": len(self.rows), "load": accepted.load, "displacement_mm": displacement, "reaction_N": reaction,
-            "strain_energy_Nmm": accepted.energies["strain"], "viscous_energy_Nmm": accepted.energies["viscous"], "external_work_Nmm": accepted.external_work,
+            "external_work_Nmm": accepted.external_work,
             "iterations": report.iterations, "shifts": report.shifts, "line_search_cuts": report.cuts, "cuts": accepted.cuts,
             "negative_pivots": report.negative_pivots, "residual_N": report.residuals[-1] if report.residuals else 0.0,
             "force_scale_N": report.scale, "min_stability": min_stability, "wall_s": round(accepted.wall, 4),
-        }  # fmt: skip
+        } | {f"{kind}_energy_Nmm": accepted.energies.get(kind, 0.0) for kind in ENERGIES}  # fmt: skip
         self.rows.append(row)
         if self._file:
             self._writer.writerow(row)

@@ -14,8 +14,20 @@ SHOWN = {
     "log_eps_11": (r"$\varepsilon_{11}$ (log) / %", 100.0, "viridis"),
     "log_eps_22": (r"$\varepsilon_{22}$ (log) / %", 100.0, "viridis"),
     "shear_angle": (r"$\gamma_{12}$ / deg", 180 / np.pi, "coolwarm"),
+    "stability_ellipticity": ("ellipticity", 1.0, "viridis"),
     "strain_state": ("strain state", 1.0, "Set2"),
 }
+
+
+def colour_scale(colours, low, high):
+    """Colour map and its limits for values from `low` to `high`: `coolwarm` is kept for values of both signs, about 0."""
+    if colours == "coolwarm" and min(-low, high) > 0.05 * max(-low, high):  # of both signs
+        low, high = -max(-low, high), max(-low, high)
+    elif colours == "coolwarm":
+        colours = "viridis"
+    if high - low < 1e-6 * max(1.0, abs(high)):
+        low, high = low - 0.5, high + 0.5
+    return colours, low, high
 
 
 def _polygons(grid):
@@ -33,26 +45,23 @@ def maps(path, variants, names):
     """
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
+    polygons = {title: _polygons(grid) for title, grid in variants.items()}
+    length, width = max((np.ptp(p.reshape(-1, 2), axis=0) for p in polygons.values()), key=max)
+    height = max(1.9, 5.0 * columns**-0.3 * width / length + 0.4)
     figure, axes = plt.subplots(
         rows,
         columns,
-        figsize=(7.0 * columns**0.7, 1.9 * rows),
+        figsize=(7.0 * columns**0.7, height * rows),
         squeeze=False,
         sharex=True,
         sharey=True,
         layout="constrained",
     )
-    polygons = {title: _polygons(grid) for title, grid in variants.items()}
     for name, mine in zip(names, axes if one else axes.T):
         label, factor, colours = SHOWN[name]
         values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()}
         low, high = min(v.min() for v in values.values()), max(v.max() for v in values.values())
-        if colours == "coolwarm" and min(-low, high) > 0.05 * max(-low, high):  # of both signs
-            low, high = -max(-low, high), max(-low, high)
-        elif colours == "coolwarm":
-            colours = "viridis"
-        if high - low < 1e-6 * max(1.0, abs(high)):
-            low, high = low - 0.5, high + 0.5
+        colours, low, high = colour_scale(colours, low, high)
         for ax, title in zip(mine, variants):
             patches = PolyCollection(polygons[title], array=values[title], cmap=colours, antialiased=False)
             patches.set_clim(low, high)

@@ -34,8 +34,10 @@ class Checkpoint:
         parts = {}
         for name, vector in (("u", progress.x), ("previous", progress.previous)):
             parts[name] = self.comm.gather(vector.array.reshape(-1, gdim)[: self.owned])
+        memory = {f"memory {name}": self.comm.gather(values) for name, values in progress.memory.items()}
         if self.comm.rank != 0:
             return
+        parts |= memory
         meta = {"problem": self.problem, "notes": notes, "viscosity": asdict(progress.viscosity)} | {
             k: getattr(progress, k) for k in SCALARS
         }
@@ -56,7 +58,7 @@ class Checkpoint:
         content = self.comm.bcast(self._read() if self.comm.rank == 0 else None)
         if isinstance(content, str):
             raise InputError(content)
-        meta, x, u, previous = content
+        meta, x, u, previous, memory = content
         distance, node = cKDTree(x).query(self.blank.coordinates()[: self.owned])
         nodes, size = self.comm.allreduce(self.owned), np.ptp(x, axis=0).max()
         if nodes != len(x) or self.comm.allreduce(distance.max(initial=0.0), MPI.MAX) > 1e-9 * size:
@@ -66,7 +68,8 @@ class Checkpoint:
         vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
         for vector, values in zip(vectors, (u, previous)):
             vector.array[:] = values[node].ravel()
-        return Progress(*(meta[k] for k in SCALARS), Viscosity(**meta["viscosity"]), *vectors), meta["notes"]
+        memory = {name: values[node] for name, values in memory.items()}
+        return Progress(*(meta[k] for k in SCALARS), Viscosity(**meta["viscosity"]), *vectors, memory), meta["notes"]
 
     def _read(self):
         """Content of the file, or what is wrong with it."""
@@ -74,6 +77,7 @@ class Checkpoint:
             with np.load(self.path) as file:
                 meta = json.loads(str(file["meta"]))
                 arrays = [file[k] for k in ("x", "u", "previous")]
+                memory = {k.removeprefix("memory "): file[k] for k in file if k.startswith("memory ")}
         except FileNotFoundError:
             return f"--resume finds no checkpoint {self.path}; allowed is the --out of a run that was begun"
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as e:
@@ -81,4 +85,4 @@ class Checkpoint:
         for key, now in self.problem.items():
             if meta["problem"].get(key) != now:
                 return f"checkpoint {self.path} was made with {key} = {meta['problem'].get(key)}, now it is {now}; allowed is the same problem"
-        return meta, *arrays
+        return meta, *arrays, memory

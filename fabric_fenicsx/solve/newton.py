@@ -73,7 +73,7 @@ class Newton:
     DIGIT = 2.0**-52  # of the displacements: the forces that it makes through the tangent are noise
     RESOLUTION = 1e-14  # of the blank's size, below which displacements are noise
     EASY = 5  # iterations
-    SADDLES = 5  # to be left in one solve
+    SADDLES = 30  # to be left in one solve
 
     def __init__(self, scene, tolerance=1e-8, max_iterations=100, linear_solver="mumps-cholesky", verbose=False):
         if linear_solver not in LINEAR_SOLVERS:
@@ -258,9 +258,10 @@ class Newton:
                 negative, zero = self._pivots() if reason > 0 else (None, None)
             if attempt == 0:
                 report.negative_pivots = negative
-            if not negative and not zero and reason > 0:
+            if not negative and not zero and reason > 0 and self._comply(d):
                 self._shift = shift or self._shift
                 return shift
+            reason = reason if negative or zero or reason < 0 else PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT
             if not negative and not zero and reason not in NOT_DEFINITE:
                 raise _Ended(Reason.DIVERGED_LINEAR_SOLVE)
             report.shifts, self._wary = report.shifts + 1, True
@@ -272,6 +273,21 @@ class Newton:
             self.A.shift(larger - shift)
             shift = larger
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
+
+    def _comply(self, d):
+        """Let d know of tools that give way (Woodbury); False if the tangent then is not positive definite."""
+        given = self.scene.compliances()
+        if not given:
+            return True
+        solved = [c.duplicate() for c, _ in given]
+        for (c, _), y in zip(given, solved):
+            self.snes.ksp.solve(c, y)
+        left = np.diag([stiffness for _, stiffness in given]) - [[c.dot(y) for y in solved] for c, _ in given]
+        if np.linalg.eigvalsh((left + left.T) / 2)[0] <= 0:
+            return False
+        for way, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
+            d.axpy(way, y)
+        return True
 
     def _pivots(self):
         """Negative and zero pivots of the last factorisation, None for solvers that do not tell."""

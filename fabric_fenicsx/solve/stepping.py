@@ -1,7 +1,7 @@
 """Load stepping: from the unloaded scene to the full load, in steps that adapt to how hard they are."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,6 +12,7 @@ EASY = 5  # iterations up to which the next step may grow
 GROWTH, CUT = 1.5, 0.5
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
+REVISIONS = 30  # of what terms hold during a solve
 RESTS = 40  # steps without load, to let a held sheet creep to where no drag is needed
 
 
@@ -45,7 +46,8 @@ class Viscosity:
 @dataclass
 class Progress:
     """Where a march stands: load factor, size of the next step and of the last one (None before the first), work of
-    the supports [N mm], displacement and the one before it (PETSc vectors, of the march itself)."""
+    supports, loads and tools [N mm], displacement and the one before it (PETSc vectors, of the march itself), and the
+    scene's memory."""
 
     load: float
     step: float
@@ -54,6 +56,7 @@ class Progress:
     viscosity: Viscosity
     x: object
     previous: object
+    memory: dict = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,7 +101,7 @@ def march(
 
     steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is halved down to
     `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load 0 and at each accepted state,
-    with the scene in that state. Work of the supports is summed by the trapezoidal rule.
+    with the scene in that state. Work of supports, loads and tools is summed by the trapezoidal rule.
     milestones: load factors to be hit exactly.
     viscosity: whether steps that halving does not mend get a drag on every node, strengthened until they pass; it
     fades in those that follow, at full load in steps without load, so the last state is in equilibrium without it.
@@ -129,6 +132,9 @@ def march(
         scene.residual(r)
 
     scene.set(at.x)
+    scene.at(at.load)
+    if at.memory:
+        scene.recall(at.memory)
     scene.accept()
     back()
     forces, cuts, rests, clock = scene.held_forces(), 0, 0, time.perf_counter()
@@ -149,6 +155,15 @@ def march(
         scene.drag, scene.origin = at.viscosity.drag, at.x
         report = newton.solve_for(x, None if load == stop else path_tolerance)
         outcome.iterations += report.iterations
+        for revision in range(REVISIONS):
+            if not (report.converged and scene.revise()):
+                break
+            before = report.iterations
+            report = newton.solve_for(x, None if load == stop else path_tolerance)
+            outcome.iterations += report.iterations
+            report.iterations = max(before, report.iterations)
+            if revision == REVISIONS - 1:
+                report.converged, report.reason = False, f"contact was not settled by {REVISIONS} solutions"
         error = (x - predicted).norm() / max(x.norm(), 1e-300) if accuracy and at.last_step else 0.0
         if report.converged and accuracy and error > 2 * accuracy:
             report.converged, report.reason = False, f"the path is not known to {accuracy:g}"
@@ -175,7 +190,9 @@ def march(
         x.copy(at.x)
         new_forces = scene.held_forces()
         energies = _energies(scene, at)
+        at.work += scene.work()
         scene.accept()
+        at.memory = scene.memory()
         at.work += scene.comm.allreduce(
             float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum())
         )

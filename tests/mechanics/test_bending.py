@@ -70,9 +70,7 @@ def on_nodes(blank):
     """Area that belongs to each node, (nodes,), of a blank on one rank."""
     x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)]
     area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
-    dofs = blank.V.dofmap.list
-    nodes = (dofs if isinstance(dofs, np.ndarray) else dofs.array).reshape(-1, 3)
-    return np.bincount(nodes.ravel(), np.repeat(area / 3, 3))
+    return np.bincount(compat.dofmap(blank.V).ravel(), np.repeat(area / 3, 3))
 
 
 def rotation(seed=0):

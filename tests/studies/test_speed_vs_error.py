@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import sys
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 from reference import SCENES as SCENES_OF  # noqa: E402
 from reference import field_distance, grid  # noqa: E402
+from speed_vs_error import curve_distance  # noqa: E402
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 SCENES = "tensile", "bias10", "bias30"
@@ -26,7 +28,7 @@ def test_quick_runs(launch):
     assert done.status == 0, done.err
     with open(done.folder / "table.csv") as file:
         rows = [{k: v if k in WORDS or v == "" else float(v) for k, v in row.items()} for row in csv.DictReader(file)]
-    assert len(rows) == 12 and all(row["reason"] == "" for row in rows) and len(done.out.splitlines()) == 1 + 12 + 6
+    assert len(rows) == 12 and all(row["reason"] == "" for row in rows) and len(done.out.splitlines()) == 1 + 12 + 9
     for scene in SCENES[:2]:
         runs = [r for r in rows if r["scene"] == scene]
         base, fine, p1, p2, iterative, two = runs
@@ -43,13 +45,14 @@ def test_quick_runs(launch):
             r["wall_s"] > 0 and r["memory_mib"] > 0 and r["tangent_ratio"] > 0 and r["own_solves"] > 1 for r in runs
         )
         front = [r for r in runs if r["on_front"] == "True"]
-        error = {id(r): max(abs(r["error_reaction"]), r["error_bar"]) for r in runs}
+        assert all(r["error_curve"] >= abs(r["error_reaction"]) - 1e-12 for r in runs)
+        error = {id(r): max(r["error_curve"], r["error_bar"]) for r in runs}
         for r in runs:
             beaten = [f for f in runs if f["cost"] <= r["cost"] and error[id(f)] <= error[id(r)] and f is not r]
             assert (r in front) == (not beaten)
         q = done.summary["quantities"][scene]
         assert len(q["front"]) == len(front) and q["failed"] == 0 and q["runs"] == len(runs)
-        cheapest = min(runs, key=lambda r: r["cost"] if abs(r["error_reaction"]) < 0.08 else 1e9)
+        cheapest = min(runs, key=lambda r: r["cost"] if r["error_curve"] + r["error_bar"] <= 0.1 else 1e9)
         assert q["recommended"]["0.1"]["cost"] == pytest.approx(cheapest["cost"])
     assert (done.folder / "front.png").stat().st_size > 10_000
 
@@ -94,6 +97,27 @@ def test_bad_input(launch, options, words):
     assert done.status == 2 and not done.folder.exists()
     for word in words:
         assert word in done.err
+
+
+@pytest.mark.parametrize(
+    "file, text", [("bias10_grid.csv", None), ("bias10.csv", "load\n0\n"), ("bias10_grid.csv", "x\n")]
+)
+def test_a_reference_that_lacks_a_file(launch, tmp_path, file, text):
+    shutil.copytree(REFERENCE, tmp_path / "kept")
+    (tmp_path / "kept" / file).unlink()
+    if text:
+        (tmp_path / "kept" / file).write_text(text)
+    done = launch("speed_vs_error", "--quick", "--reference", tmp_path / "kept")
+    assert done.status == 2 and not done.folder.exists()
+    assert f"holds no readable {file}; allowed is" in done.err and "Traceback" not in done.err
+
+
+def test_a_curve_is_compared_as_a_reader_interpolates_it():
+    """Of load squared, read off between two points: the chord is 1/4 above it in the middle; and half of it."""
+    load = np.linspace(0, 1, 5)
+    reference = np.stack([load, 3 * load**2])
+    assert curve_distance([[0, 1], [0, 3]], reference) == pytest.approx(0.25)
+    assert curve_distance([load, 1.5 * load**2], reference) == pytest.approx(0.5)
 
 
 def test_a_run_past_the_limit_is_told(launch):

@@ -1,0 +1,247 @@
+"""The double-dome forming of a ply: its options, its scene and what is measured in it."""
+
+import dataclasses
+import itertools
+import json
+import math
+
+import numpy as np
+
+from .cli import ANY, POSITIVE, number
+from .errors import InputError
+from .mechanics.bending import Bending, plate_stiffness
+from .mechanics.contact import Contact, Pressing, default_penalty
+from .mechanics.friction import Friction
+from .mechanics.load import EdgeTension
+from .mechanics.membrane import Membrane
+from .scene import Support
+from .tools import DoubleDome, Offset, Plane, Reversed, Tool, TriangulatedSurface
+
+HOLDERS = ("pressure", "force", "gap", "grippers")
+FROM_ZERO = number("a number from 0", lambda v: v >= 0)
+RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it to be held
+
+
+def add_options(p):
+    """Add the options of the scene to a study's parser."""
+    ply = p.add_argument_group("ply")
+    ply.add_argument("--length", type=POSITIVE, default=470.0, help="along x [mm]")
+    ply.add_argument("--width", type=POSITIVE, default=270.0, help="along y [mm]")
+    ply.add_argument("--full", action="store_true", help="the whole ply; otherwise a quarter of it")
+    ply.add_argument("--bending-modulus", type=FROM_ZERO, default=100.0, help="E_b of both yarns [MPa]")
+    ply.add_argument("--twist-modulus", type=FROM_ZERO, default=1.0, help="G [MPa]")
+    ply.add_argument("--in-plane-bending", type=FROM_ZERO, default=0.0, help="of yarns in the ply, of that out of it")
+    tools = p.add_argument_group("tools")
+    tools.add_argument("--stroke", type=POSITIVE, help="of the punch (the dome's depth) [mm]")
+    tools.add_argument(
+        "--dome", metavar="NAME=VALUE", action="append", default=[],
+        help="dimension of the double dome: " + ", ".join(f.name for f in dataclasses.fields(DoubleDome)),
+    )  # fmt: skip
+    tools.add_argument("--punch", metavar="FILE", help="triangulated surface instead, with its flange at z = 0 [mm]")
+    tools.add_argument("--clearance", type=POSITIVE, help="between punch and die (1.2 thicknesses) [mm]")
+    tools.add_argument("--friction", type=FROM_ZERO, default=0.25, help="coefficient of ply on tools")
+    tools.add_argument("--slip", type=POSITIVE, default=0.1, help="that sticking friction permits [mm]")
+    tools.add_argument("--penalty", type=POSITIVE, help="of contact (from stiffness and radii) [N/mm^3]")
+    tools.add_argument("--permitted", type=POSITIVE, help="penetration, kept by augmented contact (any) [mm]")
+    holder = p.add_argument_group("blank holder")
+    holder.add_argument("--holder", choices=HOLDERS, default="pressure")
+    holder.add_argument("--holder-pressure", type=FROM_ZERO, default=2.0, help="on what lies on the flange [MPa]")
+    holder.add_argument("--holder-force", type=FROM_ZERO, default=1e5, help="on the whole ply [N]")
+    holder.add_argument("--holder-gap", type=POSITIVE, help="to the die (1.1 thicknesses) [mm]")
+    holder.add_argument("--gripper-tension", type=ANY, default=5.0, help="on the ply's edges [N/mm]")
+
+
+def _dome(pairs):
+    """The `DoubleDome` with the dimensions NAME=VALUE of the options."""
+    names, given = [f.name for f in dataclasses.fields(DoubleDome)], {}
+    for pair in pairs:
+        name, _, value = pair.partition("=")
+        try:
+            given[name] = float(value)
+        except ValueError:
+            raise InputError(f"--dome {pair} has no number after its name; allowed is NAME=VALUE") from None
+        if name not in names:
+            raise InputError(f"--dome {pair} names no dimension; allowed are {', '.join(names)}")
+    return DoubleDome(**given)
+
+
+class Forming:
+    """A ply of `fabric` between punch, die and blank holder: terms and supports of its scene, and its measures.
+
+    The flat ply lies in z = 0 with its centre at the origin, under the die's flange. The punch comes from below.
+    """
+
+    def __init__(self, study, fabric, part=""):
+        args, t = study.args, fabric.thickness
+        self.study, self.args, self.fabric, self.thickness = study, args, fabric, t
+        self.part, self.folder = part, args.out / part
+        share = 1.0 if args.full else 0.5
+        self.blank = study.specimen(share * args.length, share * args.width, spatial=True, centred=args.full)
+        surface = TriangulatedSurface.read(args.punch) if args.punch else _dome(args.dome)
+        depth = float(surface.points[:, 2].max()) if args.punch else surface.depth
+        self.stroke = args.stroke or depth
+        if self.stroke > depth:
+            raise InputError(f"--stroke {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm")
+        clearance = args.clearance or 1.2 * t
+        if clearance < t:
+            raise InputError(f"--clearance {clearance:g} is less than the ply's thickness; allowed is from {t:g} mm")
+        start = t / 2 - clearance - depth  # so that it would end `clearance` from the die all over
+        self.punch = Tool("punch", surface, lambda load: (0.0, 0.0, start + load * self.stroke))
+        self.die = Tool("die", Reversed(Offset(surface, clearance)), lambda load: (0.0, 0.0, t / 2 - clearance))
+        radius = min(*self.punch.surface.radii, *self.die.surface.radii)
+        penalty = args.penalty or default_penalty(fabric, radius if math.isfinite(radius) else 10 * t)
+        self.penalty = penalty
+        self.contacts = [self._contact(tool) for tool in (self.die, self.punch)]
+        self.membrane = Membrane(self.blank, fabric)
+        self.terms = [*self._bending(), *self.contacts, *self._holder()]
+        if args.friction:
+            self.terms += [Friction(k, args.friction, args.slip) for k in self.terms if isinstance(k, (Contact, Pressing))]  # fmt: skip
+        self.largest = 0.0
+
+    def _contact(self, tool):
+        return Contact(self.blank, tool, self.thickness, self.penalty, permitted=self.args.permitted)
+
+    def _bending(self):
+        args, t = self.args, self.thickness
+        stiffness = plate_stiffness(args.bending_modulus, t)
+        if not stiffness:
+            return []
+        planes = () if args.full else [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]
+        return [Bending(self.blank, stiffness, D_t=4 * plate_stiffness(args.twist_modulus, t), in_plane=args.in_plane_bending, symmetric=planes)]  # fmt: skip
+
+    def _holder(self):
+        args, t, up = self.args, self.thickness, np.array([0.0, 0.0, 1.0])
+
+        def grown(load):
+            return float(load > 0)
+
+        if args.holder == "pressure":
+            rest = Tool("blank holder", Plane((0, 0, -t / 2), up))
+            return [Pressing(self.blank, lambda load: args.holder_pressure * grown(load), up, self._on_flange, rest)]
+        if args.holder == "grippers":
+            low, high = self.blank.extent()
+            edges = []
+            for axis in (0, 1):
+                for place, sign in ((low[axis], -1.0), (high[axis], 1.0)):
+                    if sign > 0 or args.full:
+                        edges.append(EdgeTension(self.blank, args.gripper_tension, sign * np.eye(3)[axis], lambda x, a=axis, p=place: abs(x[a] - p) < 1e-6))  # fmt: skip
+            return edges
+        gap = args.holder_gap or 1.1 * t
+        if args.holder == "gap":
+            if gap < 0.5 * t:
+                raise InputError(
+                    f"--holder-gap {gap:g} crushes the ply; allowed is from {t / 2:g} mm, half its thickness"
+                )
+            return [self._contact(Tool("blank holder", Plane((0, 0, t / 2 - gap), up)))]
+        force = args.holder_force * (1.0 if args.full else 0.25)
+        return [self._contact(Tool("blank holder", Plane((0, 0, -t / 2), up), force=lambda load: force * up))]  # fmt: skip
+
+    def _on_flange(self, x):
+        """Share of the places x (n, 3) that lies beneath the die's flange, (n,): 0 at its end, 1 from `RINGS` inwards."""
+        seen = np.zeros(len(x))
+        for radius, angle in itertools.product(RINGS, np.arange(8) * math.pi / 4):
+            at = np.column_stack(
+                [x[:, 0] + radius * math.cos(angle), x[:, 1] + radius * math.sin(angle), np.zeros(len(x))]
+            )
+            gap, normal, _ = self.die.evaluate(at, reach=self.thickness)
+            seen += (abs(gap - self.thickness / 2) < 1e-3 * self.thickness) & (normal[:, 2] < -0.999)
+        return np.clip(2 * seen / (8 * len(RINGS)) - 1, 0, 1)
+
+    @property
+    def supports(self):
+        near = 1e-6
+        if not self.args.full:
+            return [
+                Support("plane of symmetry x = 0", lambda x: x[0] < near, (0,)),
+                Support("plane of symmetry y = 0", lambda x: x[1] < near, (1,)),
+            ]
+        end = self.args.length / 2 - near
+        return [
+            Support("centre", lambda x: np.hypot(x[0], x[1]) < near, (0, 1)),
+            Support("end of the axis", lambda x: (abs(x[1]) < near) & (x[0] > end), (1,)),
+        ]
+
+    def measure(self, scene, load):
+        """Way [mm] and force [N] of the punch, of a quarter if that is modelled; notes the deepest penetration."""
+        self.largest = max(self.largest, *(contact.penetration() for contact in self.contacts))
+        forces = [k for k in self.terms if isinstance(k, Friction) and k.tool is self.punch]
+        return load * self.stroke, float(self.contacts[1].force()[2] + sum(k.settled[2] for k in forces))
+
+    def quantities(self, fields, rows):
+        """The study's own numbers: forces, penetrations, shear, strains, draw-in and wrinkles."""
+        study = self.study
+        from .results import forming
+        from .results.fields import read_last
+
+        seen = None
+        if study.comm.rank == 0:
+            grid = read_last(self.folder)
+            seen = {"draw_in": forming.draw_in(grid), "wrinkles": forming.wrinkles(grid, self.punch, self.thickness)}
+        gamma = np.degrees(np.abs(fields["shear_angle"]))
+        total = sum(k.force() for k in self.terms if isinstance(k, (Contact, Pressing)))
+        total = total + sum(k.settled for k in self.terms if isinstance(k, Friction))
+        strain = rows[-1]["strain_energy_Nmm"]
+        return {
+            "punch_force_N": rows[-1]["reaction_N"],
+            "punch_force_of_whole_ply_N": rows[-1]["reaction_N"] * (1 if self.args.full else 4),
+            "contact_forces_N": {k.tool.name: float(np.linalg.norm(k.force())) for k in self.contacts},
+            "unbalanced_force_N": float(abs(total[2])),
+            "penalty_N_per_mm3": self.penalty,
+            "penetration_mm": max(k.penetration() for k in self.contacts),
+            "penetration_largest_mm": self.largest,
+            "penetration_of_thickness": self.largest / self.thickness,
+            "sticking_slip_mm": self.args.slip if self.args.friction else None,
+            "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / strain if strain else 0.0,
+            "shear_angle_max_deg": study.extremes(gamma)[1],
+            "log_eps_11": study.extremes(fields["log_eps_11"]),
+            "log_eps_22": study.extremes(fields["log_eps_22"]),
+            "stability_ellipticity_min": study.extremes(fields["stability_ellipticity"])[0],
+            "cells_that_lost_ellipticity": study.comm.allreduce(int((fields["stability_ellipticity"] < 0).sum())),
+            "share_of_state_1_to_4": [study.mean((fields["strain_state"] == k) * 1.0, gamma > -1) for k in (1, 2, 3, 4)],
+        } | study.comm.bcast(seen)  # fmt: skip
+
+    def run(self):
+        """Form the ply; the study's `Result`."""
+        return self.study.march(self.membrane, self.supports, self.measure, self.quantities, self.part, self.terms)
+
+    def summary(self):
+        """What summary.json of the last run says."""
+        text = (self.folder / "summary.json").read_text() if self.study.comm.rank == 0 else None
+        return json.loads(self.study.comm.bcast(text))
+
+    def punch_mesh(self):
+        """The punch, where it is now, as a PyVista surface [mm]."""
+        import pyvista
+
+        from .meshes.double_dome import double_dome
+
+        surface = self.punch.surface
+        known = isinstance(surface, TriangulatedSurface)
+        points, triangles = (surface.points, surface.triangles) if known else double_dome(surface, size=8.0)
+        return pyvista.PolyData.from_regular_faces(points + self.punch.displacement, triangles)
+
+
+def pictures(study, runs):
+    """Pictures and paths of formed plies {label: (`Forming`, `Result`)}, on rank 0: of each in its own folder, and all
+    together in the study's."""
+    if study.comm.rank != 0 or study.args.no_pictures:
+        return
+    from .results import forming as see
+    from .results import pictures
+    from .results.fields import read_last
+
+    angle, grids = study.args.fibre_angle, {}
+    for label, (forming, result) in runs.items():
+        folder, grid = result.folder, read_last(result.folder)
+        grids[label] = grid
+        see.write_paths(folder / "paths.csv", see.along_paths(grid))
+        see.state_map(folder / "states.png", grid)
+        see.formed_picture(folder / "formed.png", grid, forming.punch_mesh(), (angle, angle + 90))
+    see.outline_picture(study.args.out / "outline.png", grids)
+    see.paths_picture(study.args.out / "paths.png", {label: see.along_paths(grid) for label, grid in grids.items()})
+    if len(runs) > 1:
+        curves = {
+            label: ([row["displacement_mm"] for row in r.rows], [row["reaction_N"] for row in r.rows])
+            for label, (_, r) in runs.items()
+        }
+        pictures.curves(study.args.out / "compare_curves.png", curves, "stroke / mm", "punch force / N")

@@ -1,0 +1,303 @@
+"""Contact of a sheet with rigid tools: a penalty at its nodes, and pressing without a tool."""
+
+from typing import NamedTuple
+
+import numpy as np
+import ufl
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .. import dolfinx_compat as compat
+from ..errors import InputError
+from ..material import pointwise
+from ..tools import Plane, Tool, _vector
+
+STRAIN = 0.02  # of both yarns, whose pull over the tightest radius sets the default penalty
+PERMITTED = 0.0125  # of the thickness, the penetration under it
+
+
+def default_penalty(fabric, radius, permitted=None):
+    """Penalty [N/mm^3] under which yarns stretched by `STRAIN` over a tool's least `radius` [mm] press the sheet into it
+    by `permitted` [mm], by default `PERMITTED` of the thickness."""
+    stretched = pointwise.evaluate(fabric, gradient=[(1 + STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None])
+    pull = float(np.trace(stretched.cauchy[0])) * fabric.thickness
+    return pull / radius / (permitted or PERMITTED * fabric.thickness)
+
+
+class Nodes:
+    """This rank's owned nodes of a blank in space: undeformed places and areas, present positions, where forces go."""
+
+    def __init__(self, blank):
+        mesh = blank.mesh
+        if mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
+            raise InputError(
+                f"contact of {blank.name} is asked in a plane or along turned axes; allowed is a sheet in space"
+            )
+        self.blank, self.comm = blank, mesh.comm
+        self.count = blank.V.dofmap.index_map.size_local
+        self.places = blank.coordinates()[: self.count]
+        area = fem_petsc.assemble_vector(compat.form(ufl.TestFunction(blank.V)[0] * ufl.dx))
+        area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self.areas = area.array[::3].copy()
+        if self.comm.allreduce(self.areas.min(initial=np.inf), MPI.MIN) <= 0:
+            raise InputError(f"contact of {blank.name} is asked on other than linear cells; allowed are P1 and Q1")
+        first = blank.V.dofmap.index_map.local_range[0]
+        dofs = 3 * (first + np.arange(self.count))[:, None] + np.arange(3)
+        self.rows = np.repeat(dofs, 3, axis=1).ravel().astype(PETSc.IntType)
+        self.cols = np.tile(dofs, 3).ravel().astype(PETSc.IntType)
+
+    def displacement(self):
+        """(nodes, 3) [mm]."""
+        return self.blank.u.x.array.reshape(-1, 3)[: self.count].copy()
+
+    def total(self, values):
+        """Sum over all ranks' nodes."""
+        return self.comm.allreduce(values.sum(0), MPI.SUM)
+
+
+class Touch(NamedTuple):
+    """What a tool does to n nodes: gap (n,) [mm], normal (n, 3), forces (n, 3) [N], and the blocks (n, 3, 3) [N/mm] by
+    which these fall as the nodes move, the energy (n,) [N mm] and the tool's compliance to being pushed."""
+
+    gap: np.ndarray
+    normal: np.ndarray
+    pressure: np.ndarray
+    forces: np.ndarray
+    blocks: np.ndarray
+    energy: np.ndarray
+
+
+class Contact:
+    """Energy of a blank's nodes pressed into a `tool`, over their undeformed areas.
+
+    The pressure is p = k e^2 / (2 s) where the tool reaches e deep into the ply's face, up to e = s, and grows by the
+    `penalty` k [N/mm^3] beyond: its slope is continuous. The ply is on the side to which the tool's normal points, its
+    faces `thickness` / 2 [mm] off the mesh. smoothing: s [mm], by default a third of the permitted penetration.
+    permitted: if given [mm], the surface is shifted (augmented Lagrangian) until no node is deeper than that; what work
+    the shift does is not counted, about the energy that contact would hold without it.
+    A tool moved by force is where its contact balances the force, at any displacement of the blank.
+    Raises InputError for a blank in a plane or of other than linear cells, and for numbers not above 0.
+    """
+
+    name, energy_kind = "contact", "contact"
+    holds = ("move", "turn")
+    prescribed = False  # are its forces
+
+    def __init__(self, blank, tool, thickness, penalty, smoothing=None, permitted=None):
+        smoothing = 0.3 * PERMITTED * thickness if smoothing is None else smoothing
+        for name, value in (("thickness", thickness), ("penalty", penalty), ("smoothing", smoothing), ("permitted penetration", permitted)):  # fmt: skip
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"contact with {tool.name} has {name} {value}; allowed is a number above 0")
+        self.blank, self.tool, self.thickness = blank, tool, thickness
+        self.penalty, self.smoothing, self.permitted = penalty, smoothing, permitted
+        self.nodes = Nodes(blank)
+        self._shift = self._accepted_shift = np.zeros(self.nodes.count)
+        self._accepted_way = tool.way
+        self.rubs, self._seen = [], None  # friction with the tool, which takes part in the balance of its force
+        self.accept()
+
+    # -- what a scene calls
+
+    def at(self, load):
+        """Move the tool, from where it was in the last accepted state, and forget shifts since."""
+        self.tool.at(load)
+        self.tool.way, self._shift, self._seen = self._accepted_way, self._accepted_shift, None
+
+    def accept(self):
+        self.touch()
+        self._accepted_way, self._accepted_shift = self.tool.way, self._shift
+        self._last = self.force(), self.tool.displacement.copy()
+
+    def work(self):
+        """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
+        force, place = self._last
+        work = 0.5 * (force + self.force()) @ (self.tool.displacement - place)
+        return float(work) if self.nodes.comm.rank == 0 else 0.0
+
+    def revise(self):
+        """Shift the surface by what is penetrated, if that is more than permitted; whether it was."""
+        if self.permitted is None or self.penetration() <= self.permitted:
+            return False
+        self._shift, self._seen = np.maximum(0.0, self._shift - self.touch().gap), None
+        return True
+
+    def forget(self):
+        """Have the tool's force balanced anew, as friction with it has changed."""
+        self._seen = None
+
+    def stored(self):
+        return float(self.touch().energy.sum())
+
+    def potential(self):
+        """That of the force which moves the tool, on rank 0 [N mm]."""
+        self.touch()
+        return -self.tool.push * self.tool.way if self.tool.force and self.nodes.comm.rank == 0 else 0.0
+
+    def add_forces(self, f):
+        f[: 3 * self.nodes.count] -= self.touch().forces.ravel()
+
+    def stiffness(self):
+        return self.nodes.rows, self.nodes.cols, self.touch().blocks.ravel()
+
+    def compliance(self):
+        """Of a tool moved by force: c (nodes, 3) [N/mm] and stiffness k [N/mm], by which it takes c c^T / k from the
+        tangent; None of others."""
+        if not self.tool.force:
+            return None
+        pushed = self._blocks(self.touch()) @ self.tool.direction
+        return -pushed, float(self.nodes.total(pushed) @ self.tool.direction)
+
+    def pushes(self):
+        """Nodal forces (nodes, 3) [N] that a residual is to be small beside."""
+        return self.touch().forces
+
+    def normals(self):
+        """(nodes, 3)."""
+        return self.touch().normal
+
+    def memory(self):
+        return {"shift": self._accepted_shift[:, None], "way": np.full((self.nodes.count, 1), self._accepted_way)}
+
+    def recall(self, memory):
+        self._shift = memory["shift"][:, 0]
+        self.tool.way = self.nodes.comm.allreduce(memory["way"].max(initial=-np.inf), MPI.MAX)
+        u = self.nodes.displacement()  # not balanced, as what friction bore is forgotten
+        self._seen = u, self._touch(self.nodes.places + u)
+
+    # -- results
+
+    def force(self):
+        """Force of the tool on the ply, of all ranks (3,) [N]."""
+        return self.nodes.total(self.touch().forces)
+
+    def tractions(self):
+        """Of the tool on this rank's nodes, (nodes, 3) [MPa]."""
+        return self.touch().forces / self.nodes.areas[:, None]
+
+    def penetration(self):
+        """Largest depth of the tool in the ply's face, of all ranks [mm]."""
+        return self.nodes.comm.allreduce(-self.touch().gap.min(initial=0.0), MPI.MAX)
+
+    # --
+
+    def touch(self):
+        """The `Touch` at the blank's present displacement."""
+        u = self.nodes.displacement()
+        if self._seen is None or not np.array_equal(u, self._seen[0]):
+            x = self.nodes.places + u
+            self._seen = u, self._balanced(x) if self.tool.force else self._touch(x)
+        return self._seen[1]
+
+    def _touch(self, x):
+        nearest = self.tool.evaluate(x, reach=self.thickness)
+        k, s, areas = self.penalty, self.smoothing, self.nodes.areas
+        gap = nearest.gap - self.thickness / 2
+        rest = _law(self._shift, k, s)[0] if self._shift.any() else 0.0
+        energy, pressure, slope = _law(np.maximum(0.0, self._shift - gap), k, s)
+        normal = nearest.normal
+        blocks = (areas * slope)[:, None, None] * normal[:, :, None] * normal[:, None]
+        blocks -= (areas * pressure)[:, None, None] * nearest.curvature
+        forces = (areas * pressure)[:, None] * normal
+        return Touch(gap, normal, pressure, forces, blocks, areas * (energy - rest))
+
+    def _blocks(self, touch):
+        """By which forces of contact and friction fall as nodes move, (nodes, 3, 3) [N/mm]."""
+        return sum((rub.blocks() for rub in self.rubs), touch.blocks)
+
+    def _balanced(self, x):
+        """The `Touch` where the tool's force is in balance, sought from where the tool is and, as a trial state may have
+        sent it past the sheet, from where it was accepted; of no number if there is none."""
+        for start in (self.tool.way, self._accepted_way):
+            self.tool.way = start
+            touch = self._balanced_near(x)
+            if touch:
+                return touch
+        self.tool.way = start
+        touch = self._touch(x)
+        return touch._replace(energy=np.full_like(touch.energy, np.nan), forces=np.full_like(touch.forces, np.nan))
+
+    def _balanced_near(self, x):
+        """The same by Newton's method on the tool's way, bracketed; None if it finds nothing."""
+        tool, nodes, comm = self.tool, self.nodes, self.nodes.comm
+        low, high, back = None, None, self.thickness / 4
+        for _ in range(100):
+            touch, way = self._touch(x), tool.way
+            forces = sum((rub.forces() for rub in self.rubs), touch.forces)
+            missing = tool.push - nodes.total(forces) @ tool.direction
+            if abs(missing) <= 1e-12 * tool.push:
+                return touch
+            low, high = (way, high) if missing > 0 else (low, way)
+            stiffness = nodes.total(self._blocks(touch) @ tool.direction) @ tool.direction
+            free = max(comm.allreduce(touch.gap.min(initial=np.inf), MPI.MIN), 0.0)
+            # without contact as far as no point is passed
+            step = missing / stiffness if stiffness > 0 else free + self.smoothing
+            new = way + np.clip(step, -back, free + self.thickness / 4)
+            back = back if high is None or low is not None else 2 * back
+            if low is not None and high is not None and not low < new < high:
+                new = 0.5 * (low + high)
+                if new in (low, high):
+                    return touch
+            tool.way = new
+        return None
+
+
+def _law(e, k, s):
+    """Energy per area [N/mm], pressure [MPa] and its slope [N/mm^3] at depths e (n,) from 0 [mm]."""
+    soft, beyond = np.minimum(e, s), np.maximum(e - s, 0.0)
+    energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
+    return energy, k * (soft**2 / (2 * s) + beyond), k * soft / s
+
+
+class Pressing:
+    """Dead `pressure` [MPa] along `direction` (3,) on those parts of the blank that lie under a holder.
+
+    under: function of positions (n, 3) [mm] to the share of the nodes' areas, 0 to 1, asked at accepted states.
+    pressure: a number, there from the start, or a function of the load factor. What takes the pressure is a `Contact`.
+    tool: moves with the holder, for its friction; by default one at rest. Raises InputError for bad numbers.
+    """
+
+    name, energy_kind, prescribed = "blank holder", None, True
+
+    def __init__(self, blank, pressure, direction, under, tool=None):
+        self.blank, self.nodes, self.under = blank, Nodes(blank), under
+        self._pressure = pressure if callable(pressure) else lambda load: pressure
+        self.direction = _vector(f"direction of the {self.name}", direction, unit=True)
+        self.tool = tool or Tool(self.name, Plane((0, 0, 0), self.direction))
+        self.at(0.0)
+        self.accept()
+
+    def at(self, load):
+        self.now = float(self._pressure(load))
+        if not (np.isfinite(self.now) and self.now >= 0):
+            raise InputError(f"pressure of the blank holder is {self.now} MPa; allowed is a number from 0")
+
+    def accept(self):
+        self._from, self._before = self.nodes.displacement(), self.now
+        self._settled = self.nodes.total(self.forces) if hasattr(self, "_areas") else np.zeros(3)
+        self._areas = self.nodes.areas * np.clip(self.under(self.nodes.places + self._from), 0, 1)
+
+    @property
+    def forces(self):
+        """(nodes, 3) [N]."""
+        return self.now * self._areas[:, None] * self.direction
+
+    def work(self):
+        moved = (self._areas[:, None] * (self.nodes.displacement() - self._from)).sum(0)
+        return float(0.5 * (self._before + self.now) * (moved @ self.direction))
+
+    def potential(self):
+        return -float((self.forces * self.nodes.displacement()).sum())
+
+    def add_forces(self, f):
+        f[: 3 * self.nodes.count] -= self.forces.ravel()
+
+    def pushes(self):
+        return self.forces
+
+    def normals(self):
+        return np.tile(self.direction, (self.nodes.count, 1))
+
+    def force(self):
+        """Of the holder on the ply, of all ranks (3,) [N], in the last accepted state."""
+        return self._settled

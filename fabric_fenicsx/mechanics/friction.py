@@ -1,0 +1,143 @@
+"""Coulomb friction of a sheet on tools, as an incremental potential."""
+
+import numpy as np
+
+from ..errors import InputError
+
+
+class Friction:
+    """Friction of coefficient `mu` where a `Contact` or `Pressing` presses the nodes.
+
+    Sliding along the tool since the last accepted state adds to an elastic slip z, in the plane that was tangent then,
+    and takes mu P (|z|^2 / 2 s up to |z| = s, |z| - s / 2 beyond) from a node pressed by P [N]: a potential, as P is
+    that of the last accepted state. In sticking a node so slips by at most `slip` s [mm]; an accepted state keeps of z
+    what is elastic. Pressed nodes start from z = 0. In a scene it comes after what presses.
+    lag: how much of the normal forces may differ from those that friction was reckoned with, of their sum, before the
+    state is solved for anew with these; None: any, as they follow a step behind. Raises InputError for numbers out of
+    range.
+    """
+
+    energy_kind = "friction"
+
+    def __init__(self, pressing, mu, slip=0.1, lag=None):
+        for name, value, fits in (
+            ("coefficient", mu, mu >= 0), ("slip", slip, slip > 0), ("lag", lag, lag is None or lag > 0)
+        ):  # fmt: skip
+            if not (fits and np.isfinite(value or 0.0)):
+                allowed = "from 0" if name == "coefficient" else "above 0"
+                raise InputError(f"friction on {pressing.tool.name} has {name} {value}; allowed is a number {allowed}")
+        self.pressing, self.nodes, self.tool = pressing, pressing.nodes, pressing.tool
+        self.name = "friction"
+        self.mu, self.slip, self.lag = mu, slip, lag
+        if self.tool.force:
+            pressing.rubs.append(self)
+        self._taken = np.zeros(self.nodes.count)  # of energy at accepted states
+        self._z, self._limit = np.zeros((self.nodes.count, 3)), np.zeros(self.nodes.count)
+        self._start()
+
+    # -- what a scene calls
+
+    def at(self, load):
+        """Go back to the normal forces of the last accepted state, or take those that the load factor prescribes."""
+        self._limit = self.mu * self._normal_forces()[0] if self.pressing.prescribed else self._accepted_limit
+
+    def accept(self):
+        """Keep what slip is elastic; what energy changes as normal forces do counts as taken."""
+        z = self._slipped()
+        self.settled = self.force()
+        self._taken = self._taken + self._potential(z)
+        length = np.linalg.norm(z, axis=1)
+        self._z = z * np.minimum(1.0, self.slip / np.maximum(length, 1e-300))[:, None]
+        self._start()
+        self._taken -= self._potential(self._z)
+
+    def work(self):
+        """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
+        work = 0.5 * (self._force + self.force()) @ (self.tool.displacement - self._tool)
+        return float(work) if self.nodes.comm.rank == 0 else 0.0
+
+    def revise(self):
+        """Take the present normal forces, if they differ by more than allowed; whether they did."""
+        if self.lag is None:
+            return False
+        now = self._normal_forces()[0]
+        changed, all_of_it = self.nodes.total(np.column_stack([abs(self.mu * now - self._limit), self.mu * now]))
+        if changed <= self.lag * all_of_it:
+            return False
+        self._limit = self.mu * now
+        if self.tool.force:
+            self.pressing.forget()
+        return True
+
+    def stored(self):
+        """Energy taken by this rank's nodes, elastic and dissipated [N mm]."""
+        self.pressing.pushes()  # puts a tool moved by force where it is balanced, here and below
+        return float((self._taken + self._potential(self._slipped())).sum())
+
+    def add_forces(self, f):
+        self.pressing.pushes()
+        f[: 3 * self.nodes.count] -= self.forces().ravel()
+
+    def stiffness(self):
+        self.pressing.pushes()
+        return self.nodes.rows, self.nodes.cols, self.blocks().ravel()
+
+    def memory(self):
+        energy = self._taken + self._potential(self._z)
+        return {"slip": self._z, "energy": energy[:, None]}
+
+    def recall(self, memory):
+        self._z, self._taken = memory["slip"], memory["energy"][:, 0]
+        self._from, self._tool = self.nodes.displacement(), self.tool.displacement.copy()
+        self._limit = np.zeros(self.nodes.count)  # until `accept`
+
+    # -- results: `settled` is the force (3,) [N] in the last accepted state, before normal forces were taken anew
+
+    def forces(self):
+        """Of the tool on this rank's nodes (nodes, 3) [N]."""
+        z = self._slipped()
+        return -(self._limit / np.maximum(np.linalg.norm(z, axis=1), self.slip))[:, None] * z
+
+    def blocks(self):
+        """By which forces fall as nodes move, (nodes, 3, 3) [N/mm]: mu P / max(|z|, s) times the tangent plane, less the
+        direction of slip where it slides."""
+        z = self._slipped()
+        length = np.linalg.norm(z, axis=1)
+        blocks = np.eye(3) - self._normal[:, :, None] * self._normal[:, None]
+        slides = length > self.slip
+        along = z[slides] / length[slides, None]
+        blocks[slides] -= along[:, :, None] * along[:, None]
+        return blocks * (self._limit / np.maximum(length, self.slip))[:, None, None]
+
+    def force(self):
+        """Of the tool on the ply, of all ranks (3,) [N]."""
+        return self.nodes.total(self.forces())
+
+    # --
+
+    def _start(self):
+        """Take normal forces, their directions and places from the present state, and turn the slip with them."""
+        normal_forces, self._normal = self._normal_forces()
+        self._limit = self._accepted_limit = self.mu * normal_forces
+        length = np.linalg.norm(self._z, axis=1)
+        flat = self._along(self._z)
+        flat *= (length / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
+        self._z = np.where((self._limit > 0)[:, None], flat, 0.0)
+        self._from, self._tool = self.nodes.displacement(), self.tool.displacement.copy()
+        self._force = self.force()
+
+    def _normal_forces(self):
+        return np.linalg.norm(self.pressing.pushes(), axis=1), self.pressing.normals()
+
+    def _along(self, vectors):
+        """What of vectors (nodes, 3) is tangent."""
+        return vectors - (vectors * self._normal).sum(1, keepdims=True) * self._normal
+
+    def _slipped(self):
+        moved = self.nodes.displacement() - self._from - (self.tool.displacement - self._tool)
+        return self._z + self._along(moved)
+
+    def _potential(self, z):
+        length = np.linalg.norm(z, axis=1)
+        beyond = np.maximum(length - self.slip, 0.0)
+        return self._limit * ((length - beyond) ** 2 / (2 * self.slip) + beyond)

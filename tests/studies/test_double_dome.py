@@ -1,0 +1,131 @@
+"""Forming studies, run as a user would."""
+
+import json
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.results.fields import read_last
+
+EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
+
+
+def placed(folder):
+    """Undeformed places and displacements of the nodes [mm], once each and in an order of their own."""
+    grid = read_last(folder)
+    x = np.round(np.asarray(grid.points), 6) + 0.0
+    _, first = np.unique(x, axis=0, return_index=True)
+    return x[first], np.asarray(grid.point_data["u"])[first]
+
+
+@pytest.mark.parametrize("angle", [0, 45])
+def test_a_ply_is_formed(launch, angle):
+    done = launch("double_dome", "--quick", "--fibre-angle", angle, ranks=2)
+    assert done.status == 0, done.err
+    s = done.summary
+    q, energy = s["quantities"], s["energy"]
+    assert s["converged"] and s["kernel_mismatch"] < 1e-12
+    assert {"membrane", "bending", "contact", "friction", "blank holder"} == set(s["terms"])
+    assert s["energy_imbalance"] < 0.02 and energy["viscous"] <= 0.01 * energy["strain"]
+    assert q["penetration_of_thickness"] < 0.02
+    assert q["unbalanced_force_N"] < 1e-4 * q["contact_forces_N"]["die"]
+    assert 35 < q["shear_angle_max_deg"] < 60 and 15 < q["draw_in"]["largest_mm"] < 45
+    assert q["wrinkles"]["height_largest_mm"] < 0.5
+    for name in ("formed", "states", "paths", "outline", "curve"):
+        assert (done.folder / f"{name}.png").stat().st_size > 10_000
+    grid = read_last(done.folder)
+    assert grid.point_data["contact_pressure"].max() > 1.0
+    assert (done.folder / "paths.csv").read_text().count("\n") > 50
+
+
+def test_ranks_do_not_matter(launch):
+    found = []
+    for ranks in (1, 2):
+        done = launch("double_dome", "--quick", "--stroke", 20, *EXACT, ranks=ranks)
+        assert done.status == 0, done.err
+        found.append((placed(done.folder)[1], done.summary["reaction_N"]))
+    (u, force), (again, force_again) = found
+    assert abs(u - again).max() < 1e-5 * abs(u).max() and force == pytest.approx(force_again, rel=1e-5)
+
+
+def test_the_whole_ply_is_four_quarters(launch):
+    same = "--ny", 6, "--steps", 8, "--stroke", 20, *EXACT
+    quarter = launch("double_dome", "--nx", 10, *same)
+    x, u = placed(quarter.folder)
+    whole = launch("double_dome", "--full", "--nx", 20, "--ny", 12, *same[2:])
+    assert quarter.status == whole.status == 0, whole.err
+    full_x, full_u = placed(whole.folder)
+    at = {tuple(place): k for k, place in enumerate(full_x)}
+    for mirror in np.array([[1, 1, 1], [-1, 1, 1], [1, -1, 1], [-1, -1, 1]]):
+        there = full_u[[at[tuple(place + 0.0)] for place in x * mirror]]
+        assert abs(there * mirror - u).max() < 1e-6 * abs(u).max()
+    assert whole.summary["reaction_N"] == pytest.approx(4 * quarter.summary["reaction_N"], rel=1e-6)
+
+
+@pytest.mark.parametrize("holder", ["force", "gap", "grippers"])
+def test_blank_holders(launch, holder):
+    done = launch("double_dome", "--quick", "--stroke", 15, "--holder", holder, "--no-pictures")
+    assert done.status == 0, done.err
+    s = done.summary
+    assert s["energy_imbalance"] < 0.03
+    if holder == "force":  # of a quarter
+        assert s["quantities"]["contact_forces_N"]["blank holder"] == pytest.approx(25_000, rel=1e-6)
+
+
+def test_a_run_goes_on_from_its_checkpoint(launch):
+    options = "double_dome", "--quick", "--stroke", 20, *EXACT
+    whole = launch(*options)
+    u = placed(whole.folder)[1]
+    launch(*options, kill_at_row=5)
+    done = launch(*options, "--resume", ranks=2)
+    assert done.status == 0, done.err
+    assert abs(placed(done.folder)[1] - u).max() < 1e-5 * abs(u).max()
+    assert done.summary["energy"]["friction"] == pytest.approx(whole.summary["energy"]["friction"], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (("--dome", "depth=-3"), ["depth", "-3", "above 0"]),
+        (("--dome", "height=60"), ["--dome", "height", "entry_radius"]),
+        (("--dome", "depth"), ["--dome depth", "NAME=VALUE"]),
+        (("--stroke", 70), ["--stroke 70", "up to 60"]),
+        (("--clearance", 0.5), ["--clearance 0.5", "from 1 mm"]),
+        (("--penalty", 0), ["--penalty", "above 0"]),
+        (("--holder", "gap", "--holder-gap", 0.2), ["--holder-gap 0.2", "from 0.5 mm"]),
+        (("--punch", "nowhere.stl"), ["nowhere.stl", "does not exist"]),
+        (("--element", "P2"), ["P1"]),
+        (("--friction", "nan"), ["--friction", "nan", "from 0"]),
+    ],
+)
+def test_bad_input(launch, options, words):
+    done = launch("double_dome", "--quick", *options)
+    assert done.status == 2 and "Traceback" not in done.err, done.err
+    (line,) = [line for line in done.err.splitlines() if "error:" in line]
+    assert all(word in line for word in words), line
+    assert not done.folder.exists()
+
+
+def test_a_punch_from_a_file(launch, tmp_path):
+    import meshio
+
+    from fabric_fenicsx.meshes.double_dome import double_dome
+
+    points, triangles = double_dome(size=6.0, turn=5.0)
+    meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
+    options = "--quick", "--stroke", 20, "--no-pictures"
+    forces = []
+    for punch in ((), ("--punch", "punch.stl", "--penalty", 680)):
+        done = launch("double_dome", *options, *punch)
+        assert done.status == 0, done.err
+        forces.append(done.summary["quantities"]["punch_force_N"])
+    assert forces[1] == pytest.approx(forces[0], rel=0.02)
+
+
+def test_compression_parameters(launch):
+    done = launch("compression_parameters", "--quick", "--vary", "s_C", "--stroke", 25)
+    assert done.status == 0, done.err
+    lines = (done.folder / "parameters.csv").read_text().splitlines()
+    assert len(lines) == 4 and lines[0].startswith("figure,parameter,value")
+    assert (done.folder / "s_C.png").stat().st_size > 10_000
+    assert set(json.loads((done.folder / "summary.json").read_text())["quantities"]) == {f"s_C = {v}" for v in (10, 100, 1000)}  # fmt: skip
