@@ -21,12 +21,14 @@ PIP_ARGS := --no-deps
 SCREEN := $(if $(DISPLAY),,xvfb-run -a)
 endif
 
-# Open MPI: may run as root, and stays inside this machine (shared memory; no single copy, which containers forbid).
+# Open MPI: may run as root, stays inside this machine (shared memory; no single copy, which containers forbid), and gives up
+# its core while it waits.
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 export OMPI_MCA_pml := ob1
 export OMPI_MCA_btl := ^tcp
 export OMPI_MCA_btl_vader_single_copy_mechanism := none
+export OMPI_MCA_mpi_yield_when_idle := 1
 export OMP_NUM_THREADS := 1
 # Ranks may outnumber cores and share them with other runs.
 MPIRUN := mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none -n $(RANKS)

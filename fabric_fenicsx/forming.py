@@ -6,6 +6,7 @@ import json
 import math
 
 import numpy as np
+from scipy.optimize import brentq
 
 from .cli import ANY, POSITIVE, number
 from .errors import InputError
@@ -17,6 +18,7 @@ from .mechanics.membrane import Membrane
 from .scene import Support
 from .tools import DoubleDome, Offset, Plane, Reversed, Tool, TriangulatedSurface
 
+ANGLES = 0, 45, 90  # of the paths to x [deg]
 HOLDERS = ("pressure", "force", "gap", "grippers")
 FROM_ZERO = number("a number from 0", lambda v: v >= 0)
 RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it to be held
@@ -41,6 +43,12 @@ def add_options(p):
     tools.add_argument("--clearance", type=POSITIVE, help="between punch and die (1.2 thicknesses) [mm]")
     tools.add_argument("--friction", type=FROM_ZERO, default=0.25, help="coefficient of ply on tools")
     tools.add_argument("--slip", type=POSITIVE, default=0.1, help="that sticking friction permits [mm]")
+    tools.add_argument(
+        "--lag",
+        type=POSITIVE,
+        default=0.01,
+        help="of pressed areas and normal forces behind the present ones, of their sum",
+    )
     tools.add_argument("--penalty", type=POSITIVE, help="of contact (from stiffness and radii) [N/mm^3]")
     tools.add_argument("--permitted", type=POSITIVE, help="penetration, kept by augmented contact (any) [mm]")
     holder = p.add_argument_group("blank holder")
@@ -95,7 +103,7 @@ class Forming:
         self.membrane = Membrane(self.blank, fabric)
         self.terms = [*self._bending(), *self.contacts, *self._holder()]
         if args.friction:
-            self.terms += [Friction(k, args.friction, args.slip) for k in self.terms if isinstance(k, (Contact, Pressing))]  # fmt: skip
+            self.terms += [Friction(k, args.friction, args.slip, args.lag) for k in self.terms if isinstance(k, (Contact, Pressing))]  # fmt: skip
         self.largest = 0.0
 
     def _contact(self, tool):
@@ -117,14 +125,18 @@ class Forming:
 
         if args.holder == "pressure":
             rest = Tool("blank holder", Plane((0, 0, -t / 2), up))
-            return [Pressing(self.blank, lambda load: args.holder_pressure * grown(load), up, self._on_flange, rest)]
+            return [
+                Pressing(
+                    self.blank, lambda load: args.holder_pressure * grown(load), up, self._on_flange, rest, args.lag
+                )
+            ]
         if args.holder == "grippers":
             low, high = self.blank.extent()
             edges = []
             for axis in (0, 1):
                 for place, sign in ((low[axis], -1.0), (high[axis], 1.0)):
                     if sign > 0 or args.full:
-                        edges.append(EdgeTension(self.blank, args.gripper_tension, sign * np.eye(3)[axis], lambda x, a=axis, p=place: abs(x[a] - p) < 1e-6))  # fmt: skip
+                        edges.append(EdgeTension(self.blank, lambda load: args.gripper_tension * grown(load), sign * np.eye(3)[axis], lambda x, a=axis, p=place: abs(x[a] - p) < 1e-6))  # fmt: skip
             return edges
         gap = args.holder_gap or 1.1 * t
         if args.holder == "gap":
@@ -163,7 +175,7 @@ class Forming:
 
     def measure(self, scene, load):
         """Way [mm] and force [N] of the punch, of a quarter if that is modelled; notes the deepest penetration."""
-        self.largest = max(self.largest, *(contact.penetration() for contact in self.contacts))
+        self.largest = max(self.largest, *(k.penetration() for k in self.terms if isinstance(k, Contact)))
         forces = [k for k in self.terms if isinstance(k, Friction) and k.tool is self.punch]
         return load * self.stroke, float(self.contacts[1].force()[2] + sum(k.settled[2] for k in forces))
 
@@ -184,10 +196,10 @@ class Forming:
         return {
             "punch_force_N": rows[-1]["reaction_N"],
             "punch_force_of_whole_ply_N": rows[-1]["reaction_N"] * (1 if self.args.full else 4),
-            "contact_forces_N": {k.tool.name: float(np.linalg.norm(k.force())) for k in self.contacts},
+            "contact_forces_N": {k.tool.name: float(np.linalg.norm(k.force())) for k in self.terms if isinstance(k, Contact)},
             "unbalanced_force_N": float(abs(total[2])),
             "penalty_N_per_mm3": self.penalty,
-            "penetration_mm": max(k.penetration() for k in self.contacts),
+            "penetration_mm": max(k.penetration() for k in self.terms if isinstance(k, Contact)),
             "penetration_largest_mm": self.largest,
             "penetration_of_thickness": self.largest / self.thickness,
             "sticking_slip_mm": self.args.slip if self.args.friction else None,
@@ -222,7 +234,7 @@ class Forming:
 
 
 def pictures(study, runs):
-    """Pictures and paths of formed plies {label: (`Forming`, `Result`)}, on rank 0: of each in its own folder, and all
+    """Pictures, paths and punches of formed plies {label: (`Forming`, `Result`)}, on rank 0: of each in its own folder, and all
     together in the study's."""
     if study.comm.rank != 0 or study.args.no_pictures:
         return
@@ -234,11 +246,21 @@ def pictures(study, runs):
     for label, (forming, result) in runs.items():
         folder, grid = result.folder, read_last(result.folder)
         grids[label] = grid
-        see.write_paths(folder / "paths.csv", see.along_paths(grid))
+        see.write_paths(folder / "paths.csv", see.along_paths(grid, ANGLES))
         see.state_map(folder / "states.png", grid)
-        see.formed_picture(folder / "formed.png", grid, forming.punch_mesh(), (angle, angle + 90))
+        punch = forming.punch_mesh()
+        punch.save(folder / "punch.vtp")
+        try:
+            see.formed_picture(folder / "formed.png", grid, punch, (angle, angle + 90))
+        except InputError as error:  # nothing to draw with, which is no reason to lose a run
+            study.say(f"warning: formed.png was not drawn: {error}")
     see.outline_picture(study.args.out / "outline.png", grids)
-    see.paths_picture(study.args.out / "paths.png", {label: see.along_paths(grid) for label, grid in grids.items()})
+    surface, marks = forming.punch.surface, {}
+    if isinstance(surface, DoubleDome):
+        at = [brentq(lambda r: surface.plan(*(r * np.array([[math.cos(k)], [math.sin(k)]])))[0][0], 0, 1e3) for k in np.radians(ANGLES)]  # fmt: skip
+        marks = {"outline of the punch": at}
+    paths = {label: see.along_paths(grid, ANGLES) for label, grid in grids.items()}
+    see.paths_picture(study.args.out / "paths.png", paths, marks)
     if len(runs) > 1:
         curves = {
             label: ([row["displacement_mm"] for row in r.rows], [row["reaction_N"] for row in r.rows])

@@ -37,6 +37,8 @@ def formed(study, values):
     except SolverFailure as failure:
         summary, reason = forming.summary(), str(failure)
     grid = read_last(forming.folder) if study.comm.rank == 0 else None
+    if grid:
+        grid.cell_data["ellipticity_lost"] = (grid.cell_data["stability_ellipticity"] < 0) * 1.0
     return summary, grid, reason
 
 
@@ -64,7 +66,9 @@ def main(study):
 
             for name in study.args.vary:
                 variants = {f"{name} = {v:g}": runs[tuple((BASE | {name: v}).values())][1] for v in VARIED[name]}
-                pictures.maps(folder / f"{name}.png", variants, ("shear_angle", "log_eps_11", "stability_ellipticity"))
+                pictures.maps(
+                    folder / f"{name}.png", variants, ("shear_angle", "log_eps_11", "ellipticity_lost"), outliers=0.01
+                )
     study.comm.barrier()
     failed = [r for r in rows if r["reason"]]
     study.summarise(

@@ -59,6 +59,7 @@ def launch(tmp_path):
             "OMPI_ALLOW_RUN_AS_ROOT": "1",
             "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
             "OMP_NUM_THREADS": "1",
+            "OMPI_MCA_mpi_yield_when_idle": "1",
         }
         command = [sys.executable, str(ROOT / "studies" / f"{name}.py"), *map(str, options)]
         folder = tmp_path / "out"

@@ -252,30 +252,47 @@ def _law(e, k, s):
 class Pressing:
     """Dead `pressure` [MPa] along `direction` (3,) on those parts of the blank that lie under a holder.
 
-    under: function of positions (n, 3) [mm] to the share of the nodes' areas, 0 to 1, asked at accepted states.
+    under: function of positions (n, 3) [mm] to the share of the nodes' areas, 0 to 1, asked at accepted states and, if
+    more than `lag` of the sum would change, for the present ones; lag None: only at accepted ones.
     pressure: a number, there from the start, or a function of the load factor. What takes the pressure is a `Contact`.
     tool: moves with the holder, for its friction; by default one at rest. Raises InputError for bad numbers.
     """
 
     name, energy_kind, prescribed = "blank holder", None, True
 
-    def __init__(self, blank, pressure, direction, under, tool=None):
-        self.blank, self.nodes, self.under = blank, Nodes(blank), under
+    def __init__(self, blank, pressure, direction, under, tool=None, lag=None):
+        self.blank, self.nodes, self.under, self.lag = blank, Nodes(blank), under, lag
         self._pressure = pressure if callable(pressure) else lambda load: pressure
         self.direction = _vector(f"direction of the {self.name}", direction, unit=True)
         self.tool = tool or Tool(self.name, Plane((0, 0, 0), self.direction))
+        self._accepted_areas = self._pressed()
         self.at(0.0)
         self.accept()
 
     def at(self, load):
-        self.now = float(self._pressure(load))
+        self.now, self._areas = float(self._pressure(load)), self._accepted_areas
         if not (np.isfinite(self.now) and self.now >= 0):
             raise InputError(f"pressure of the blank holder is {self.now} MPa; allowed is a number from 0")
 
     def accept(self):
         self._from, self._before = self.nodes.displacement(), self.now
-        self._settled = self.nodes.total(self.forces) if hasattr(self, "_areas") else np.zeros(3)
-        self._areas = self.nodes.areas * np.clip(self.under(self.nodes.places + self._from), 0, 1)
+        self._settled = self.nodes.total(self.forces)
+        self._areas = self._accepted_areas = self._pressed()
+
+    def revise(self):
+        """Press the areas under the holder now, if they differ by more than allowed; whether they did."""
+        if self.lag is None:
+            return False
+        now = self._pressed()
+        changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self._areas), now]))
+        if changed <= self.lag * all_of_it:
+            return False
+        self._areas = now
+        return True
+
+    def _pressed(self):
+        """Areas (nodes,) under the holder [mm^2]."""
+        return self.nodes.areas * np.clip(self.under(self.nodes.places + self.nodes.displacement()), 0, 1)
 
     @property
     def forces(self):

@@ -14,7 +14,7 @@ SHOWN = {
     "log_eps_11": (r"$\varepsilon_{11}$ (log) / %", 100.0, "viridis"),
     "log_eps_22": (r"$\varepsilon_{22}$ (log) / %", 100.0, "viridis"),
     "shear_angle": (r"$\gamma_{12}$ / deg", 180 / np.pi, "coolwarm"),
-    "stability_ellipticity": ("ellipticity", 1.0, "viridis"),
+    "ellipticity_lost": ("ellipticity lost (1) or not", 1.0, "Greys"),
     "strain_state": ("strain state", 1.0, "Set2"),
 }
 
@@ -38,16 +38,17 @@ def _polygons(grid):
     return x[cells[:, :corners], :2]
 
 
-def maps(path, variants, names):
+def maps(path, variants, names, outliers=0.0):
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour scale a field.
 
-    One variant's maps stand below each other; several variants make a row each.
+    One variant's maps stand below each other; several variants make a row each. outliers: share of all cells, at each end
+    of the scale, that may lie beyond it.
     """
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
     polygons = {title: _polygons(grid) for title, grid in variants.items()}
     length, width = max((np.ptp(p.reshape(-1, 2), axis=0) for p in polygons.values()), key=max)
-    height = max(1.9, 5.0 * columns**-0.3 * width / length + 0.4)
+    height = max(1.9, 0.72 * 7.0 * columns**-0.3 * width / length + 0.45)
     figure, axes = plt.subplots(
         rows,
         columns,
@@ -60,7 +61,7 @@ def maps(path, variants, names):
     for name, mine in zip(names, axes if one else axes.T):
         label, factor, colours = SHOWN[name]
         values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()}
-        low, high = min(v.min() for v in values.values()), max(v.max() for v in values.values())
+        low, high = np.quantile(np.concatenate(list(values.values())), (outliers, 1 - outliers))
         colours, low, high = colour_scale(colours, low, high)
         for ax, title in zip(mine, variants):
             patches = PolyCollection(polygons[title], array=values[title], cmap=colours, antialiased=False)

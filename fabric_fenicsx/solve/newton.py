@@ -73,7 +73,7 @@ class Newton:
     DIGIT = 2.0**-52  # of the displacements: the forces that it makes through the tangent are noise
     RESOLUTION = 1e-14  # of the blank's size, below which displacements are noise
     EASY = 5  # iterations
-    SADDLES = 30  # to be left in one solve
+    SADDLES = 5  # to be left in one solve
 
     def __init__(self, scene, tolerance=1e-8, max_iterations=100, linear_solver="mumps-cholesky", verbose=False):
         if linear_solver not in LINEAR_SOLVERS:

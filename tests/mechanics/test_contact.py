@@ -14,6 +14,7 @@ from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact import Contact, Pressing, default_penalty
+from fabric_fenicsx.mechanics.friction import Friction
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
@@ -150,6 +151,41 @@ def test_derivatives(kind, side, direction):
         assert contact.force() @ contact.tool.direction == pytest.approx(contact.tool.push, rel=1e-11)
         assert abs(contact.tool.way) < 1e-8
     check_derivatives(contact, blank.u.x.array)
+
+
+@pytest.mark.mpi
+def test_tangent_of_a_scene_without_bending():
+    """Membrane, contact with a ball moved by force and with one held, friction: what the supports hold stays out."""
+    blank = sheet(10, 10, 4, 4)
+    held, pushed = (Contact(blank, Tool("ball", Sphere((5, 5, s * (8 + T / 2 - 0.01)), 8.0), force=f), T, K) for s, f in ((1, None), (-1, (0.2, 0, 1))))  # fmt: skip
+    scene = Scene(
+        blank, [Elastic(blank), held, pushed, Friction(pushed, 0.3)], [Support("end", near(0, 0.0), (0, 1, 2))]
+    )
+    x = blank.coordinates()[: scene.u.local_size // 3]
+    u, d = scene.u.copy(), scene.u.copy()
+    u.array[:] = (1e-3 * np.sin(x + [0, 1, 2])).ravel() * (x[:, :1] > 0).repeat(3, 1).ravel()
+    scene.set(u)
+    scene.at(1.0)
+    scene.accept()
+    u.array[:] *= 1.5
+    d.array[:] = np.cos(x[:, [1, 2, 0]] / 3).ravel()
+    d.array[scene.held] = 0
+    A, r = scene.create_matrix(), scene.u.duplicate()
+    scene.set(u)
+    scene.tangent(A)
+    change = A * d
+    ((c, stiffness),) = scene.compliances()
+    change.axpy(-c.dot(d) / stiffness, c)
+    h, difference = 2e-6, scene.u.duplicate()
+    difference.set(0.0)
+    for k, weight in ((1, 8), (-1, -8), (2, -1), (-2, 1)):
+        v = u.copy()
+        v.axpy(k * h, d)
+        scene.set(v)
+        scene.residual(r)
+        difference.axpy(weight / (12 * h), r)
+    assert held.force()[2] < 0 < pushed.force()[2]
+    assert (difference - change).norm() <= 1e-6 * change.norm()
 
 
 def test_tool_pushed_past_the_sheet_is_no_state():
