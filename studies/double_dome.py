@@ -5,14 +5,9 @@ import shlex
 import sys
 
 from fabric_fenicsx.forming import Forming, add_options, pictures
+from fabric_fenicsx.material.parameters import coupling_variants
 from fabric_fenicsx.study import parser, run
 
-VARIANTS = {
-    "all couplings": lambda fabric: fabric,
-    "without biaxial": lambda fabric: fabric.without("biaxial"),
-    "without shear couplings": lambda fabric: fabric.without("tension_shear", "compression_shear"),
-    "FABRIC": lambda fabric: fabric.decoupled(),
-}
 # factor -> its values, the last one the reference of the others; all else as the options say
 SWEEPS = {
     "nx": (12, 24, 47, 94),
@@ -76,10 +71,10 @@ def main(study):
     if study.args.sweep:
         sweep(study)
         return
-    variants = VARIANTS if study.args.compare else {"": lambda fabric: fabric}
+    fabrics = coupling_variants(study.fabric) if study.args.compare else {"": study.fabric}
     runs = {}
-    for label, change in variants.items():
-        forming = Forming(study, change(study.fabric), label.replace(" ", "_"))
+    for label, fabric in fabrics.items():
+        forming = Forming(study, fabric, label.replace(" ", "_"))
         runs[label] = forming, forming.run()
     pictures(study, runs)
     found = {label: result.summary["quantities"] for label, (_, result) in runs.items()}

@@ -5,16 +5,10 @@ import math
 import numpy as np
 
 from fabric_fenicsx.cli import ANY, POSITIVE
+from fabric_fenicsx.material.parameters import coupling_variants
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import grips, pulled
 from fabric_fenicsx.study import parser, run
-
-VARIANTS = {
-    "all couplings": lambda fabric: fabric,
-    "without biaxial": lambda fabric: fabric.without("biaxial"),
-    "without shear couplings": lambda fabric: fabric.without("tension_shear", "compression_shear"),
-    "FABRIC": lambda fabric: fabric.decoupled(),
-}
 
 
 def options():
@@ -62,7 +56,9 @@ def main(study):
         )
         return
     folder = study.folder()
-    results = {name: pull(study, change(study.fabric), name.replace(" ", "_")) for name, change in VARIANTS.items()}
+    results = {
+        name: pull(study, fabric, name.replace(" ", "_")) for name, fabric in coupling_variants(study.fabric).items()
+    }
     variants = {name: r.summary for name, r in results.items()}
     study.summarise(
         folder,

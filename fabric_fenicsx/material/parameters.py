@@ -245,6 +245,16 @@ class WovenFabric:
         return read_toml(path, lambda document: cls(**from_document(document)))
 
 
+def coupling_variants(fabric):
+    """{label: fabric} with all couplings, without some, and the decoupled baseline, as Figs 10 and 16 compare them."""
+    return {
+        "all couplings": fabric,
+        "without biaxial": fabric.without("biaxial"),
+        "without shear couplings": fabric.without("tension_shear", "compression_shear"),
+        "FABRIC": fabric.decoupled(),
+    }
+
+
 def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
     """make(document) of the TOML file at `path`; InputErrors name the file."""
     try:
