@@ -35,7 +35,10 @@ def test_the_study_in_python(tmp_path):
     assert reached == 1 and reaction == pytest.approx(2560.05) and stress == pytest.approx(51.201)
 
 
+# run in the same way, or longer, by tests of their own
+ELSEWHERE = "speed_vs_error", "double_dome", "compression_parameters", "hard_cases"
 COMMANDS = [line for line in README.replace("`", "\n").splitlines() if line.startswith(".venv/bin/python ")]
+COMMANDS = [line for line in COMMANDS if not any(f"studies/{name}.py" in line for name in ELSEWHERE)]
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -344,3 +344,32 @@ def test_bad_input_is_refused(options, words):
     table = Contact(sheet(20, 10, 4, 2), Tool("table", Plane((0, 0, -T / 2), (0, 0, 1))), T, K)
     with pytest.raises(InputError, match=words):
         Friction(table, **({"mu": MU} | options))
+
+
+@pytest.mark.parametrize("lag, followed", [(0.01, True), (None, False)])
+def test_normal_forces_follow_within_a_step(lag, followed):
+    """A patch pressed from nothing to 2 s deep and dragged at once: friction is asked for anew, once, if lag says so."""
+    blank = sheet(20.0, 10.0, 4, 2)
+    contact = Contact(blank, Tool("table", Plane((0, 0, -T / 2), (0, 0, 1))), T, K, smoothing=1e-3)
+    friction = Friction(contact, MU, SLIP, lag)
+    blank.u.x.array.reshape(-1, 3)[:] = [5 * SLIP, 0, -2e-3]
+    assert abs(friction.force()).max() == 0
+    assert friction.revise() == followed and not friction.revise()
+    normal = contact.force()[2]
+    assert normal == pytest.approx(K * 1.5e-3 * AREA)
+    assert friction.force()[0] == pytest.approx(-MU * normal if followed else 0.0, abs=1e-12)
+    friction.at(1.0)  # a step that failed forgets
+    assert abs(friction.force()).max() == 0
+
+
+@pytest.mark.parametrize("lag, followed", [(0.01, True), (None, False)])
+def test_what_leaves_the_holder_is_not_pressed(lag, followed):
+    """A patch half of which moves out from under the holder within a step."""
+    blank = sheet(20.0, 10.0, 4, 2)
+    pressing = Pressing(blank, PRESSURE, (0, 0, -1), lambda x: x[:, 0] < 20.1, lag=lag)
+    blank.u.x.array.reshape(-1, 3)[:, 0] = 10.0
+    assert pressing.revise() == followed and not pressing.revise()
+    # nodes at x = 0, 5 and 10 mm stay
+    inside = pressing.nodes.total(np.where(pressing.nodes.places[:, 0] < 10.1, pressing.nodes.areas, 0.0))
+    total = pressing.nodes.total(pressing.forces)[2]
+    assert total == pytest.approx(-PRESSURE * (inside if followed else AREA))

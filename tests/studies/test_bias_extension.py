@@ -68,6 +68,8 @@ def test_cells_that_do_not_follow_the_yarns_do_not_lock(launch, element, nx, pat
         pattern,
         "--nx",
         nx,
+        "--steps",
+        5,
         "--no-pictures",
     )
     assert done.status == 0, done.err

