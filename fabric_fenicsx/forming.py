@@ -16,6 +16,7 @@ from .mechanics.friction import Friction
 from .mechanics.load import EdgeTension
 from .mechanics.membrane import Membrane
 from .scene import Support
+from .study import parser
 from .tools import DoubleDome, Offset, Plane, Reversed, Tool, TriangulatedSurface
 
 ANGLES = 0, 45, 90  # of the paths to x [deg]
@@ -24,8 +25,9 @@ FROM_ZERO = number("a number from 0", lambda v: v >= 0)
 RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it to be held
 
 
-def add_options(p):
-    """Add the options of the scene to a study's parser."""
+def forming_parser(name, description, full, quick):
+    """The parser of a study that forms plies: what all studies share and the options of this scene; see `study.parser`."""
+    p = parser(name, description, full, quick, element="P1", tolerance=1e-6, path_tolerance=1e-2, every=10)
     ply = p.add_argument_group("ply")
     ply.add_argument("--length", type=POSITIVE, default=470.0, help="along x [mm]")
     ply.add_argument("--width", type=POSITIVE, default=270.0, help="along y [mm]")
@@ -57,6 +59,7 @@ def add_options(p):
     holder.add_argument("--holder-force", type=FROM_ZERO, default=1e5, help="on the whole ply [N]")
     holder.add_argument("--holder-gap", type=POSITIVE, help="to the die (1.1 thicknesses) [mm]")
     holder.add_argument("--gripper-tension", type=ANY, default=5.0, help="on the ply's edges [N/mm]")
+    return p
 
 
 def _dome(pairs):
@@ -97,13 +100,13 @@ class Forming:
         self.punch = Tool("punch", surface, lambda load: (0.0, 0.0, start + load * self.stroke))
         self.die = Tool("die", Reversed(Offset(surface, clearance)), lambda load: (0.0, 0.0, t / 2 - clearance))
         radius = min(*self.punch.surface.radii, *self.die.surface.radii)
-        penalty = args.penalty or default_penalty(fabric, radius if math.isfinite(radius) else 10 * t)
-        self.penalty = penalty
-        self.contacts = [self._contact(tool) for tool in (self.die, self.punch)]
+        self.penalty = args.penalty or default_penalty(fabric, radius if math.isfinite(radius) else 10 * t)
         self.membrane = Membrane(self.blank, fabric)
-        self.terms = [*self._bending(), *self.contacts, *self._holder()]
-        if args.friction:
-            self.terms += [Friction(k, args.friction, args.slip, args.lag) for k in self.terms if isinstance(k, (Contact, Pressing))]  # fmt: skip
+        self.terms = [*self._bending(), self._contact(self.die), self._contact(self.punch), *self._holder()]
+        self.pressing = [term for term in self.terms if isinstance(term, (Contact, Pressing))]
+        self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
+        self.frictions = [Friction(k, args.friction, args.slip, args.lag) for k in self.pressing if args.friction]
+        self.terms += self.frictions
         self.largest = 0.0
 
     def _contact(self, tool):
@@ -120,23 +123,18 @@ class Forming:
     def _holder(self):
         args, t, up = self.args, self.thickness, np.array([0.0, 0.0, 1.0])
 
-        def grown(load):
-            return float(load > 0)
+        def closed(size):  # before the punch moves
+            return lambda load: size * (load > 0)
 
         if args.holder == "pressure":
-            rest = Tool("blank holder", Plane((0, 0, -t / 2), up))
-            return [
-                Pressing(
-                    self.blank, lambda load: args.holder_pressure * grown(load), up, self._on_flange, rest, args.lag
-                )
-            ]
+            return [Pressing(self.blank, closed(args.holder_pressure), up, self._on_flange, lag=args.lag)]
         if args.holder == "grippers":
             low, high = self.blank.extent()
             edges = []
             for axis in (0, 1):
                 for place, sign in ((low[axis], -1.0), (high[axis], 1.0)):
                     if sign > 0 or args.full:
-                        edges.append(EdgeTension(self.blank, lambda load: args.gripper_tension * grown(load), sign * np.eye(3)[axis], lambda x, a=axis, p=place: abs(x[a] - p) < 1e-6))  # fmt: skip
+                        edges.append(EdgeTension(self.blank, closed(args.gripper_tension), sign * np.eye(3)[axis], lambda x, a=axis, p=place: abs(x[a] - p) < 1e-6))  # fmt: skip
             return edges
         gap = args.holder_gap or 1.1 * t
         if args.holder == "gap":
@@ -175,9 +173,10 @@ class Forming:
 
     def measure(self, scene, load):
         """Way [mm] and force [N] of the punch, of a quarter if that is modelled; notes the deepest penetration."""
-        self.largest = max(self.largest, *(k.penetration() for k in self.terms if isinstance(k, Contact)))
-        forces = [k for k in self.terms if isinstance(k, Friction) and k.tool is self.punch]
-        return load * self.stroke, float(self.contacts[1].force()[2] + sum(k.settled[2] for k in forces))
+        self.largest = max(self.largest, *(contact.penetration() for contact in self.contacts))
+        forces = [contact.force() for contact in self.contacts if contact.tool is self.punch]
+        forces += [friction.settled for friction in self.frictions if friction.tool is self.punch]
+        return load * self.stroke, float(sum(forces)[2])
 
     def quantities(self, fields, rows):
         """The study's own numbers: forces, penetrations, shear, strains, draw-in and wrinkles."""
@@ -190,16 +189,15 @@ class Forming:
             grid = read_last(self.folder)
             seen = {"draw_in": forming.draw_in(grid), "wrinkles": forming.wrinkles(grid, self.punch, self.thickness)}
         gamma = np.degrees(np.abs(fields["shear_angle"]))
-        total = sum(k.force() for k in self.terms if isinstance(k, (Contact, Pressing)))
-        total = total + sum(k.settled for k in self.terms if isinstance(k, Friction))
+        total = sum(k.force() for k in self.pressing) + sum(k.settled for k in self.frictions)
         strain = rows[-1]["strain_energy_Nmm"]
         return {
             "punch_force_N": rows[-1]["reaction_N"],
             "punch_force_of_whole_ply_N": rows[-1]["reaction_N"] * (1 if self.args.full else 4),
-            "contact_forces_N": {k.tool.name: float(np.linalg.norm(k.force())) for k in self.terms if isinstance(k, Contact)},
+            "contact_forces_N": {k.tool.name: float(np.linalg.norm(k.force())) for k in self.contacts},
             "unbalanced_force_N": float(abs(total[2])),
             "penalty_N_per_mm3": self.penalty,
-            "penetration_mm": max(k.penetration() for k in self.terms if isinstance(k, Contact)),
+            "penetration_mm": max(k.penetration() for k in self.contacts),
             "penetration_largest_mm": self.largest,
             "penetration_of_thickness": self.largest / self.thickness,
             "sticking_slip_mm": self.args.slip if self.args.friction else None,
@@ -242,11 +240,11 @@ def pictures(study, runs):
     from .results import pictures
     from .results.fields import read_last
 
-    angle, grids = study.args.fibre_angle, {}
+    angle, grids, paths = study.args.fibre_angle, {}, {}
     for label, (forming, result) in runs.items():
         folder, grid = result.folder, read_last(result.folder)
-        grids[label] = grid
-        see.write_paths(folder / "paths.csv", see.along_paths(grid, ANGLES))
+        grids[label], paths[label] = grid, see.along_paths(grid, ANGLES)
+        see.write_paths(folder / "paths.csv", paths[label])
         see.state_map(folder / "states.png", grid)
         punch = forming.punch_mesh()
         punch.save(folder / "punch.vtp")
@@ -259,7 +257,6 @@ def pictures(study, runs):
     if isinstance(surface, DoubleDome):
         at = [brentq(lambda r: surface.plan(*(r * np.array([[math.cos(k)], [math.sin(k)]])))[0][0], 0, 1e3) for k in np.radians(ANGLES)]  # fmt: skip
         marks = {"outline of the punch": at}
-    paths = {label: see.along_paths(grid, ANGLES) for label, grid in grids.items()}
     see.paths_picture(study.args.out / "paths.png", paths, marks)
     if len(runs) > 1:
         curves = {

@@ -1,5 +1,6 @@
 """What every study script shares: its options, its run from a scene to results, and how it ends."""
 
+import csv
 import json
 import math
 import platform
@@ -145,6 +146,14 @@ class Study:
         if self.comm.rank == 0:
             print(text, flush=True)
 
+    def write_table(self, path, rows):
+        """Write rows, dicts, to a CSV file with a column for each of their keys, on rank 0."""
+        if self.comm.rank == 0:
+            with open(path, "w", newline="") as file:
+                writer = csv.DictWriter(file, dict.fromkeys(key for row in rows for key in row))
+                writer.writeheader()
+                writer.writerows(rows)
+
     def folder(self, part=""):
         """Make the output folder, or its subfolder `part`; raises InputError if it can't be written to."""
         path, error = self.args.out / part, None
@@ -286,7 +295,7 @@ class Study:
         imbalance = abs(work - stored) / max(abs(stored), 1e-300)
         if imbalance > UNBALANCED:
             self.say(
-                f"warning: work of the grips and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
+                f"warning: work of supports and tools and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
             )
         summary = self.summarise(
             folder,

@@ -1,10 +1,8 @@
 """What the compression parameters do to a formed double dome: Figs 12 to 14 of Schäfer et al., each varied alone."""
 
-import csv
-
 from fabric_fenicsx.errors import SolverFailure
-from fabric_fenicsx.forming import Forming, add_options
-from fabric_fenicsx.study import parser, run
+from fabric_fenicsx.forming import Forming, forming_parser
+from fabric_fenicsx.study import run
 
 BASE = {"p_min": 0.75, "E_C": 1.3, "s_C": 100.0}  # E_C [MPa] = 2 d, the modulus of a yarn in compression
 VARIED = {
@@ -16,11 +14,7 @@ FIGURES = {"p_min": 12, "E_C": 13, "s_C": 14}
 
 
 def options():
-    p = parser(
-        "compression_parameters", __doc__, full={"nx": 24, "steps": 30}, quick={"nx": 10, "steps": 10},
-        element="P1", tolerance=1e-6, path_tolerance=1e-2, every=1000,
-    )  # fmt: skip
-    add_options(p)
+    p = forming_parser("compression_parameters", __doc__, {"nx": 24, "steps": 40}, {"nx": 10, "steps": 10})
     p.add_argument_group("test").add_argument("--vary", nargs="+", choices=tuple(VARIED), default=list(VARIED))
     return p
 
@@ -56,19 +50,14 @@ def main(study):
                 f"{name} = {value:g}: contrast of the shear angle {rows[-1]['contrast_deg']:.3g} deg, "
                 f"{rows[-1]['cells_that_lost_ellipticity']} cells lost ellipticity{': ' + reason if reason else ''}"
             )
-    if study.comm.rank == 0:
-        with open(folder / "parameters.csv", "w", newline="") as file:
-            writer = csv.DictWriter(file, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
-        if not study.args.no_pictures:
-            from fabric_fenicsx.results import pictures
+    study.write_table(folder / "parameters.csv", rows)
+    if study.comm.rank == 0 and not study.args.no_pictures:
+        from fabric_fenicsx.results import pictures
 
-            for name in study.args.vary:
-                variants = {f"{name} = {v:g}": runs[tuple((BASE | {name: v}).values())][1] for v in VARIED[name]}
-                pictures.maps(
-                    folder / f"{name}.png", variants, ("shear_angle", "log_eps_11", "ellipticity_lost"), outliers=0.01
-                )
+        for name in study.args.vary:
+            variants = {f"{name} = {v:g}": runs[tuple((BASE | {name: v}).values())][1] for v in VARIED[name]}
+            fields = "shear_angle", "log_eps_11", "ellipticity_lost"
+            pictures.maps(folder / f"{name}.png", variants, fields, outliers=0.01)
     study.comm.barrier()
     failed = [r for r in rows if r["reason"]]
     study.summarise(

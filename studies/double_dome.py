@@ -1,12 +1,11 @@
 """Forming of a woven ply over a generic double dome: Figs 11 to 16 of Schäfer et al., for a single ply between rigid tools."""
 
-import csv
 import shlex
 import sys
 
-from fabric_fenicsx.forming import Forming, add_options, pictures
+from fabric_fenicsx.forming import Forming, forming_parser, pictures
 from fabric_fenicsx.material.parameters import coupling_variants
-from fabric_fenicsx.study import parser, run
+from fabric_fenicsx.study import run
 
 # factor -> its values, the last one the reference of the others; all else as the options say
 SWEEPS = {
@@ -21,11 +20,7 @@ QUICK_SWEEPS = {"nx": (6, 10), "steps": (5, 10)}
 
 
 def options():
-    p = parser(
-        "double_dome", __doc__, full={"nx": 47, "steps": 40}, quick={"nx": 12, "steps": 12},
-        element="P1", tolerance=1e-6, path_tolerance=1e-2, every=10,
-    )  # fmt: skip
-    add_options(p)
+    p = forming_parser("double_dome", __doc__, {"nx": 47, "steps": 40}, {"nx": 12, "steps": 12})
     test = p.add_argument_group("test").add_mutually_exclusive_group()
     test.add_argument("--compare", action="store_true", help="run all variants of the couplings")
     test.add_argument("--sweep", action="store_true", help="run meshes, steps, tolerances, penalties and slips against finer ones")  # fmt: skip
@@ -59,11 +54,7 @@ def sweep(study):
                 f"draw-in {row['draw_in_mm'] - found[-1]['draw_in_mm']:.3f} mm, strain energy {row['error_strain_energy_Nmm']:.2%}"
             )
         rows += found
-    if study.comm.rank == 0:
-        with open(folder / "sweep.csv", "w", newline="") as file:
-            writer = csv.DictWriter(file, rows[0])
-            writer.writeheader()
-            writer.writerows(rows)
+    study.write_table(folder / "sweep.csv", rows)
     study.summarise(folder, converged=True, stroke_reached=1.0, command=shlex.join(sys.argv), quantities={"rows": rows})
 
 

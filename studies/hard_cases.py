@@ -1,6 +1,5 @@
 """Hard cases of the solver: each must end in a true local minimum of the energy, or in a plain reason."""
 
-import csv
 import math
 import time
 
@@ -376,11 +375,7 @@ def main(study):
         )
     good = all(row["holds"] for row in rows)
     study.summarise(folder, converged=good, stroke_reached=1.0, quantities={row["case"]: row for row in rows})
-    if study.comm.rank == 0:
-        with open(folder / "cases.csv", "w", newline="") as file:
-            out = csv.DictWriter(file, list(rows[0]))
-            out.writeheader()
-            out.writerows(rows)
+    study.write_table(folder / "cases.csv", rows)
     if not good:
         raise SolverFailure(
             f"cases {', '.join(row['case'] for row in rows if not row['holds'])} do not hold; see {folder}/cases.csv"

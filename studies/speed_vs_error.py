@@ -1,7 +1,6 @@
 """What accuracy costs: wall time, iterations and memory against the error to studies/reference, over elements, meshes, load steps, tolerances, linear solvers and ranks, one factor at a time from a baseline. Of the options that all studies share, those of the material and the output count."""
 
 import argparse
-import csv
 import json
 import math
 import os
@@ -247,7 +246,7 @@ def sizes(study):
     base = Configuration("tensile", "size", steps=0)
     plan = [replace(base, **change) for change in (QUICK_SIZES if args.quick else SIZES)]
     rows = [apart(study, c) for c in tqdm(plan, disable=None, leave=False)]
-    write_table(folder, rows)
+    study.write_table(folder / "table.csv", rows)
     good, found = [r for r in rows if not r["reason"]], {}
     for solver in dict.fromkeys(r["linear_solver"] for r in good):
         mine = [r for r in good if r["linear_solver"] == solver and r["ranks"] == 1]
@@ -411,14 +410,6 @@ def recommended_for_all(scenes):
     return found
 
 
-def write_table(folder, rows):
-    """All columns of rows to table.csv."""
-    with open(folder / "table.csv", "w", newline="") as file:
-        out = csv.DictWriter(file, list(dict.fromkeys(k for r in rows for k in r)))
-        out.writeheader()
-        out.writerows(rows)
-
-
 def table(rows, printed=PRINTED):
     """The columns `printed` of rows as text."""
 
@@ -493,7 +484,7 @@ def main(study):
     advice = {name: recommended(rows) for name, rows in scenes.items()}
     common = recommended_for_all(scenes)
     rows = [r for rows in scenes.values() for r in rows]
-    write_table(folder, rows)
+    study.write_table(folder / "table.csv", rows)
     if not args.no_pictures:
         picture(folder / "front.png", scenes)
     study.summarise(

@@ -1,7 +1,5 @@
 """Where the law loses convexity and ellipticity, over the yarn strains: maps for Table 1, other p_min, c, d, s_C, and thresholds."""
 
-import csv
-
 import numpy as np
 from scipy.optimize import brentq
 
@@ -243,16 +241,12 @@ def main(study):
         folder, converged=gap <= AGREEMENT, stroke_reached=1.0, dofs=0, cells=0, terms=[], material=fabric.name, couplings=sorted(fabric.couplings),
         kernel_mismatch=gap, quantities={"states_per_map": len(e) ** 2, "thresholds": rows, "thresholds_that_differ_from_those_noted": disagree, "share_of_map_lost": shares},
     )  # fmt: skip
-    if study.comm.rank == 0:
-        with open(folder / "thresholds.csv", "w", newline="") as file:
-            out = csv.DictWriter(file, rows[0])
-            out.writeheader()
-            out.writerows(rows)
-        if not args.no_pictures:
-            from fabric_fenicsx.results.pictures import regions
+    study.write_table(folder / "thresholds.csv", rows)
+    if study.comm.rank == 0 and not args.no_pictures:
+        from fabric_fenicsx.results.pictures import regions
 
-            for name, panels in maps.items():
-                regions(folder / f"{name}.png", 100 * e, panels, r"$\varepsilon_a$ / %", r"$\varepsilon_b$ / %")
+        for name, panels in maps.items():
+            regions(folder / f"{name}.png", 100 * e, panels, r"$\varepsilon_a$ / %", r"$\varepsilon_b$ / %")
     study.say(
         f"{folder}: {sum(map(len, maps.values()))} maps, {len(rows)} thresholds; differing from those noted: {', '.join(disagree) or 'none'}"
     )

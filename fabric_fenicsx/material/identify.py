@@ -151,14 +151,17 @@ class _Problem:
         value[self.halves] += self.half[self.halves] * stress[N:, 2]
         return value
 
+    def sizes(self, theta):
+        """What change of each parameter is a large one, (len(theta),)."""
+        natural = np.where(np.isfinite(self.natural), 1e-3 * self.natural, 0)
+        return np.max([np.abs(theta), np.abs(self.start), natural], 0)
+
     def jacobian(self, theta, free):
         """d(predict)/d(theta) (N, len(free)) by central differences."""
-        columns = []
+        columns, sizes = [], self.sizes(theta)
         for k in free:
             step = np.zeros(len(theta))
-            step[k] = 1e-5 * max(
-                abs(theta[k]), abs(self.start[k]), 1e-3 * self.natural[k] if math.isfinite(self.natural[k]) else 0
-            )
+            step[k] = 1e-5 * sizes[k]
             columns.append((self.predict(theta + step) - self.predict(theta - step)) / (2 * step[k]))
         return np.array(columns).T.reshape(len(self.measured), len(free))
 
@@ -169,7 +172,8 @@ class _Problem:
 
     def rescale(self, theta):
         effect = np.abs(self.jacobian(theta, range(len(theta))) / self.peak[:, None])
-        effect[effect < 1e-7 * effect.max(0)] = 0
+        # 1e-9 of the peak for a large change is rounding, which differs from machine to machine
+        effect[(effect < 1e-7 * effect.max(0)) | (effect * self.sizes(theta) < 1e-9)] = 0
         most = effect.max(0)
         self.natural = np.where(most > 0, 1 / np.where(most > 0, most, 1), self.natural)
         self.effect = effect

@@ -282,8 +282,11 @@ class Newton:
         solved = [c.duplicate() for c, _ in given]
         for (c, _), y in zip(given, solved):
             self.snes.ksp.solve(c, y)
-        left = np.diag([stiffness for _, stiffness in given]) - [[c.dot(y) for y in solved] for c, _ in given]
-        if np.linalg.eigvalsh((left + left.T) / 2)[0] <= 0:
+        given_up = np.array([[c.dot(y) for y in solved] for c, _ in given])
+        stiffness = np.array([k for _, k in given])
+        left = np.diag(stiffness) - (given_up + given_up.T) / 2
+        # what rounding leaves of nothing: sheet and tool can go together unresisted
+        if np.linalg.eigvalsh(left)[0] <= self.ROUNDING * stiffness.max():
             return False
         for way, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
             d.axpy(way, y)
