@@ -7,7 +7,7 @@ TEST_TIMEOUT ?= 3600
 # The one list of Debian packages. With OpenBLAS MUMPS factorises a forming step five times faster than with the default.
 # Debian 13 has all; what Debian 12 lacks pip fetches, and to draw
 # without a screen VTK's wheel there wants EGL, Debian 13's VTK an X server.
-PACKAGES := python3-dolfinx-real python3-petsc4py python3-mpi4py python3-gmsh python3-meshio python3-scipy python3-matplotlib \
+PACKAGES := python3-dolfinx-real python3-petsc4py python3-mpi4py python3-gmsh python3-meshio python3-scipy python3-matplotlib python3-jinja2 \
   python3-pip python3-setuptools gcc g++ libc6-dev python3-dev openmpi-bin libopenblas0-serial
 PACKAGES_12 := libegl1
 PACKAGES_13 := python3-pyvista xvfb xauth python3-pytest python3-mpmath python3-tomli-w python3-tqdm
@@ -34,23 +34,38 @@ export OMP_NUM_THREADS := 1
 MPIRUN := mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none -n $(RANKS)
 PYTHON := .venv/bin/python
 
-.PHONY: help install study test debian13-root test-debian13 clean
+.PHONY: help install study test lint docs debian13-root test-debian13 clean
 
 help:
 	@echo "make study          the tensile study on RANKS=$(RANKS) ranks; options in ARGS=\"...\""
 	@echo "make test           the whole test suite: serial, then the tests marked mpi on RANKS=$(RANKS) ranks"
 	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo)"
+	@echo "make lint           ruff and mypy, as CI runs them first"
+	@echo "make docs           the documentation of the package into docs/"
 	@echo "make install        only install what the others need"
 	@echo "make clean          remove .venv and caches; keeps results/ and the Debian 13 root"
 
 install: .venv/installed
 
 study: .venv/installed
-	$(SCREEN) $(MPIRUN) $(PYTHON) studies/tensile.py $(ARGS)
+	$(SCREEN) $(MPIRUN) $(PYTHON) studies/tensile.py $(or $(ARGS),--overwrite)
 
 test: .venv/installed
 	$(SCREEN) $(PYTHON) -m pytest tests
 	$(SCREEN) $(MPIRUN) --timeout $(TEST_TIMEOUT) $(PYTHON) .ci/pytest_on_ranks.py tests -m mpi -xq --color=no -p no:cacheprovider
+
+lint: .venv/installed-lint
+	$(PYTHON) -m ruff check .
+	$(PYTHON) -m ruff format --check .
+	$(PYTHON) -m mypy
+
+docs: .venv/installed-docs
+	$(PYTHON) -m pdoc --output-directory docs fabric_fenicsx fabric_fenicsx.meshes '!fabric_fenicsx.__main__'
+
+# What an extra of pyproject.toml lists and nothing else, so that the packages of the program stay as they are.
+.venv/installed-%: .venv/installed
+	$(PYTHON) -m pip install --quiet $$($(PYTHON) -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$*'])")
+	@touch $@
 
 # Debian's python3, as the one on PATH may lack dolfinx.
 .venv/installed: Makefile pyproject.toml
@@ -66,5 +81,5 @@ test-debian13: debian13-root
 	@.ci/debian13 test "$(DEBIAN13_ROOT)"
 
 clean:
-	rm -rf .venv build *.egg-info .pytest_cache
+	rm -rf .venv build docs *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name .debian13 -prune -o -name __pycache__ -exec rm -rf {} +

@@ -1,18 +1,23 @@
 """The sheet: its mesh, yarn directions and displacement."""
 
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.mesh import Mesh
 from mpi4py import MPI
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from ufl.core.expr import Expr
 
 from . import dolfinx_compat as compat
 from .errors import InputError
-from .fibres import fibre_fields
+from .fibres import Direction, fibre_fields
 
 CELLS = {
     "triangle": ("triangle", 1),
@@ -26,11 +31,22 @@ class Blank:
     """A woven sheet: mesh, fibre fields `a0`, `b0` and the unknown `u`.
 
     mesh: DOLFINx mesh of triangles or quadrilaterals in R^2 or R^3 [mm]. a, b, up: see `fibre_fields`.
-    degree: 1 or 2, of the displacement. frame: (gdim, gdim) orthonormal rows; `u` holds the displacement's
-    components along them, so that supports may act along axes which are turned in space (default: x, y, z).
+    degree: of the displacement, 1 or 2, on triangles also 3. frame: (gdim, gdim) orthonormal rows; `u` holds the
+    displacement's components along them, so that supports may act along axes which are turned in space (default: x, y, z).
+    name: what errors call it. Raises InputError for a frame of another kind, and as `fibre_fields` does.
     """
 
-    def __init__(self, mesh, a=0.0, b=None, *, degree=1, frame=None, up=(0.0, 0.0, 1.0), name="blank"):
+    def __init__(
+        self,
+        mesh: Mesh,
+        a: Direction = 0.0,
+        b: Direction | None = None,
+        *,
+        degree: int = 1,
+        frame: ArrayLike | None = None,
+        up: ArrayLike = (0.0, 0.0, 1.0),
+        name: str = "blank",
+    ) -> None:
         gdim = mesh.geometry.dim
         self.mesh, self.name = mesh, name
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
@@ -42,33 +58,33 @@ class Blank:
         self._turned = not np.array_equal(self.frame, np.eye(gdim))
 
     @property
-    def displacement(self):
-        """Displacement along x, y, z, a UFL expression in `u`."""
+    def displacement(self) -> Expr:
+        """Displacement along x, y, z, a UFL vector (gdim,) in `u` [mm]."""
         return self.in_space(self.u)
 
-    def in_space(self, u):
+    def in_space(self, u: Expr) -> Expr:
         """Components along x, y, z of a UFL vector with components along the frame's axes."""
         return ufl.dot(ufl.as_matrix(self.frame.T.tolist()), u) if self._turned else u
 
     @property
-    def degree(self):
+    def degree(self) -> int:
         """Polynomial degree of the displacement."""
         return compat.degree(self.V)
 
-    def coordinates(self):
+    def coordinates(self) -> np.ndarray:
         """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm]."""
         return self.V.tabulate_dof_coordinates()
 
-    def nodal_displacement(self):
+    def nodal_displacement(self) -> np.ndarray:
         """Displacement along x, y, z at the local nodes, (nodes, gdim) [mm]."""
         values = self.u.x.array.reshape(-1, self.mesh.geometry.dim)
         return values @ self.frame if self._turned else values
 
-    def along(self, points):
+    def along(self, points: np.ndarray) -> np.ndarray:
         """Coordinates along the frame's axes (gdim, n) of points (3, n) [mm]."""
         return self.frame @ points[: len(self.frame)]
 
-    def extent(self):
+    def extent(self) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest undeformed coordinates along the frame's axes, two arrays (gdim,) [mm]."""
         x, comm = self.along(self.mesh.geometry.x.T), self.mesh.comm
         low, high = x.min(1, initial=np.inf), x.max(1, initial=-np.inf)
@@ -77,37 +93,52 @@ class Blank:
         comm.Allreduce(high, highs, MPI.MAX)
         return lows, highs
 
-    def midpoints(self):
+    def midpoints(self) -> np.ndarray:
         """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         return self.along(self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)[:owned]].mean(1).T)
 
     @classmethod
-    def from_arrays(cls, comm, points, cells, kind, source="the mesh", spatial=False, **options):
+    def from_arrays(
+        cls,
+        comm: MPI.Comm,
+        points: ArrayLike | None,
+        cells: ArrayLike | None,
+        kind: str | None,
+        source: str = "the mesh",
+        spatial: bool = False,
+        **options: Any,
+    ) -> Self:
         """Blank from `points` (n, 2 or 3) [mm] and `cells` (m, k) in gmsh's order, read on rank 0 (None elsewhere).
 
         kind: meshio's name of the cells: "triangle", "triangle6", "quad", "quad9". A sheet in a plane z = const is
         meshed in R^2, so its displacement has two components, unless it is `spatial`, free to leave its plane; any
-        other is a manifold mesh in R^3.
+        other is a manifold mesh in R^3. source: what errors call the mesh; options: those of `Blank`.
         Raises InputError, on all ranks, for an empty, inverted or degenerate mesh.
         """
-        points, cells, kind = _on_root(
+        x, nodes, kind = _on_root(
             comm, lambda: _checked(np.asarray(points, float), np.asarray(cells), kind, source, spatial)
         )
         cell, degree = CELLS[kind]
-        cells = cells[:, compat.to_dolfinx_order(cell, cells.shape[1])]
-        return cls(compat.create_mesh(comm, cells, points, cell, degree), **options)
+        nodes = nodes[:, compat.to_dolfinx_order(cell, nodes.shape[1])]
+        return cls(compat.create_mesh(comm, nodes, x, cell, degree), **options)
 
     @classmethod
-    def read(cls, comm, path, spatial=False, **options):
-        """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...), in mm."""
+    def read(cls, comm: MPI.Comm, path: Path | str, spatial: bool = False, **options: Any) -> Self:
+        """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...), in mm; the rest, and
+        what is raised, as in `from_arrays`; InputError also for a file that cannot be read or has solid or mixed
+        cells."""
         points, cells, kind = _on_root(comm, lambda: _read(Path(path)))
         return cls.from_arrays(comm, points, cells, kind, source=str(path), spatial=spatial, **options)
 
 
-def _on_root(comm, make):
+_Arrays = tuple[np.ndarray, np.ndarray, str]  # points, cells, kind
+
+
+def _on_root(comm: MPI.Comm, make: Callable[[], _Arrays]) -> _Arrays:
     """Mesh arrays made on rank 0; an InputError there is raised on every rank; other ranks get empty parts."""
-    part = error = None
+    part: _Arrays | None = None
+    error = None
     if comm.rank == 0:
         try:
             part = make()
@@ -119,7 +150,7 @@ def _on_root(comm, make):
     return part if part else (np.empty((0, shapes[0])), np.empty((0, shapes[1]), dtype=np.int64), kind)
 
 
-def _read(path):
+def _read(path: Path) -> _Arrays:
     import meshio  # as long to import as a coarse solve takes, and only own meshes need it
 
     if not path.is_file():
@@ -139,7 +170,9 @@ def _read(path):
         raise InputError(
             f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of {sorted(CELLS)}"
         )
-    surface = {block.type: [] for block in mesh.cells if block.type in CELLS or block.type in ("quad8", "polygon")}
+    surface: dict[str, list[np.ndarray]] = {
+        block.type: [] for block in mesh.cells if block.type in CELLS or block.type in ("quad8", "polygon")
+    }
     for block in mesh.cells:
         if block.type in surface:
             surface[block.type].append(block.data)
@@ -151,7 +184,7 @@ def _read(path):
     return mesh.points, np.concatenate(blocks), kind
 
 
-def _checked(points, cells, kind, source, spatial):
+def _checked(points: np.ndarray, cells: np.ndarray, kind: str | None, source: str, spatial: bool) -> _Arrays:
     """Points and cells fit for use: only nodes in use, in R^2 if the sheet is plane and not `spatial`, no bad cell."""
     if kind not in CELLS:
         raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")

@@ -2,16 +2,18 @@
 
 import argparse
 import math
+from collections.abc import Callable
+from typing import Any, NoReturn
 
 from .errors import InputError
 
 
-def exit_status(error):
+def exit_status(error: Exception) -> tuple[int, str]:
     """Status and words with which a program leaves for an InputError (2) or a SolverFailure (3)."""
     return (2, f"error: {error}") if isinstance(error, InputError) else (3, f"stopped: {error}")
 
 
-def number(allowed, test, kind=float):
+def number(allowed: str, test: Callable[[Any], bool], kind: type = float) -> Callable[[str], Any]:
     """An argparse type: a finite `kind` that passes `test`, otherwise a message that says what is `allowed`."""
 
     def convert(text):
@@ -35,7 +37,8 @@ ANY = number("a finite number", lambda v: True)
 class Parser(argparse.ArgumentParser):
     """An argument parser that raises InputError, where argparse would print its usage and leave."""
 
-    def error(self, message):
+    def error(self, message: str) -> NoReturn:
+        """Raise InputError with argparse's message."""
         raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
 
 

@@ -4,7 +4,9 @@ To drop Debian 12, delete what stands under `OLD`.
 """
 
 import logging
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import basix
 import dolfinx
@@ -13,6 +15,10 @@ import dolfinx.plot
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.mesh import Mesh
+from mpi4py import MPI
+from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from .timing import phase
 
@@ -26,13 +32,13 @@ if not OLD:
 _C_FLAGS = ["-O2", "-fno-math-errno", "-fno-trapping-math"]
 
 
-def _jit():
+def _jit() -> dict[str, Any]:
     options = {"cffi_extra_compile_args": _C_FLAGS}
     return {"jit_params": options} if OLD else {"jit_options": options}
 
 
 @contextmanager
-def _compiling():
+def _compiling() -> Iterator[None]:
     """Time compilation apart, and keep the C compiler's command lines out of the log."""
     logging.disable(logging.INFO)
     try:
@@ -42,8 +48,8 @@ def _compiling():
         logging.disable(logging.NOTSET)
 
 
-def create_mesh(comm, cells, points, cell, degree):
-    """Distributed mesh of `cells` (m, k), in DOLFINx order, and `points` (n, gdim); each rank gives its part.
+def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, cell: str, degree: int) -> Mesh:
+    """Distributed mesh of `cells` (m, k), in DOLFINx order, and `points` (n, gdim) [mm]; each rank gives its part.
 
     cell: "triangle" or "quadrilateral", of geometric degree `degree`.
     """
@@ -59,22 +65,22 @@ def create_mesh(comm, cells, points, cell, degree):
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=ghosts)
 
 
-def to_dolfinx_order(cell, nodes):
+def to_dolfinx_order(cell: str, nodes: int) -> np.ndarray:
     """Permutation p with cells[:, p] in DOLFINx order if cells are in gmsh's; for `nodes` nodes a cell."""
     return np.asarray(dolfinx.cpp.io.perm_gmsh(getattr(dolfinx.mesh.CellType, cell), nodes))
 
 
-def cell_name(mesh):
+def cell_name(mesh: Mesh) -> str:
     """ "triangle" or "quadrilateral"."""
     return mesh.ufl_cell().cellname()
 
 
-def is_affine(mesh):
+def is_affine(mesh: Mesh) -> bool:
     """Whether every cell has one tangent plane: straight-sided triangles."""
     return cell_name(mesh) == "triangle" and mesh.geometry.cmap.degree == 1
 
 
-def geometry_dofmap(mesh):
+def geometry_dofmap(mesh: Mesh) -> np.ndarray:
     """Geometry nodes of each local cell (owned first, then ghosts), (cells, k)."""
     dofmap = mesh.geometry.dofmap
     if isinstance(dofmap, np.ndarray):
@@ -83,13 +89,13 @@ def geometry_dofmap(mesh):
     return dofmap.array.reshape(dofmap.num_nodes, nodes[cell_name(mesh), mesh.geometry.cmap.degree])
 
 
-def dofmap(space):
+def dofmap(space: fem.FunctionSpace) -> np.ndarray:
     """Nodes of `space` of each local cell (owned first, then ghosts), (cells, k)."""
     cells = space.dofmap.list
     return cells.array.reshape(-1, space.dofmap.dof_layout.num_dofs) if OLD else cells
 
 
-def vector_space(mesh, family, degree, dim):
+def vector_space(mesh: Mesh, family: str, degree: int, dim: int) -> fem.FunctionSpace:
     """Space of vectors with `dim` components; family "Lagrange" or "DG"."""
     with _compiling():
         if OLD:
@@ -97,16 +103,19 @@ def vector_space(mesh, family, degree, dim):
         return fem.functionspace(mesh, (family, degree, (dim,)))
 
 
-def form(ufl_form):
+def form(ufl_form: ufl.Form) -> "fem.Form":
     """Compile a form, once per machine: rank 0 first, the others from its cache."""
     with _compiling():
         return fem.form(ufl_form, **_jit())
 
 
 class PointEvaluation:
-    """Values of a UFL expression at the quadrature points of the owned cells."""
+    """Values of a UFL expression at the quadrature points of the owned cells.
 
-    def __init__(self, expression, mesh, degree):
+    degree: of the quadrature; weights: its weights (points,), which sum to the reference cell's area.
+    """
+
+    def __init__(self, expression: Expr, mesh: Mesh, degree: int) -> None:
         points, self.weights = basix.make_quadrature(getattr(basix.CellType, cell_name(mesh)), degree)
         with _compiling():
             self._expression = fem.Expression(expression, points, **_jit())
@@ -115,13 +124,13 @@ class PointEvaluation:
         self._cells = np.arange(index_map.size_local, dtype=np.int32)
         self._shape = (len(self._cells), len(self.weights), *expression.ufl_shape)
 
-    def __call__(self):
+    def __call__(self) -> np.ndarray:
         """Array (owned cells, points a cell, *shape of the expression)."""
         values = self._expression.eval(self._cells) if OLD else self._expression.eval(self._mesh, self._cells)
         return np.asarray(values).reshape(self._shape)
 
 
-def values_at(function, points):
+def values_at(function: fem.Function, points: np.ndarray) -> np.ndarray:
     """Values (n, components) of a function at points (n, 3), NaN where none of this rank's cells holds the point."""
     mesh, geometry = function.function_space.mesh, dolfinx.geometry
     if OLD:
@@ -135,18 +144,19 @@ def values_at(function, points):
     return values
 
 
-def degree(space):
+def degree(space: fem.FunctionSpace) -> int:
     """Polynomial degree of a space of vectors."""
     element = space.ufl_element()
     return element.degree() if OLD else element.basix_element.degree
 
 
-def petsc_vector(function):
+def petsc_vector(function: fem.Function) -> PETSc.Vec:
     """PETSc vector that shares the function's memory."""
     return function.vector if OLD else function.x.petsc_vec
 
 
-def vtk_mesh(space):
-    """VTK cells, cell types and points of a Lagrange space's owned cells; higher-order cells for degree 2."""
+def vtk_mesh(space: fem.FunctionSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """VTK cells (one flat array), cell types (cells,) and points (nodes, 3) of a Lagrange space's owned cells; of
+    higher order from degree 2 on."""
     make = dolfinx.plot.create_vtk_mesh if OLD else dolfinx.plot.vtk_mesh
     return make(space)

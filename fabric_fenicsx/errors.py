@@ -1,4 +1,4 @@
-"""The two ways in which a run ends without a result."""
+"""The ways in which a run ends without a result."""
 
 
 class InputError(ValueError):
@@ -7,3 +7,7 @@ class InputError(ValueError):
 
 class SolverFailure(RuntimeError):
     """The solver gave up; the message is the reason in words."""
+
+
+class Interrupted(Exception):
+    """A run was asked to end before its time; its message says how to go on."""

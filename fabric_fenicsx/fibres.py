@@ -1,15 +1,24 @@
 """Fibre fields a0, b0 on a sheet: one unit vector a cell and direction, in the cell's tangent plane."""
 
+from collections.abc import Callable
+
 import numpy as np
 from dolfinx import fem
+from dolfinx.mesh import Mesh
+from numpy.typing import ArrayLike
 
 from . import dolfinx_compat as compat
 from .errors import InputError
 
+# an angle, a vector, or a function of points to either; see `fibre_fields`
+Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]
+
 NEARLY_NORMAL = 0.1  # a projection shorter than this (about 84 deg out of plane) leaves no direction to speak of
 
 
-def fibre_fields(mesh, a=0.0, b=None, up=(0.0, 0.0, 1.0)):
+def fibre_fields(
+    mesh: Mesh, a: Direction = 0.0, b: Direction | None = None, up: ArrayLike = (0.0, 0.0, 1.0)
+) -> tuple[fem.Function, fem.Function]:
     """DG0 vector fields a0, b0 (gdim components) from `a` and `b`.
 
     a, b: an angle from the x axis about the z axis [rad]; a vector (gdim,); or a function of points (3, n) that
@@ -23,12 +32,10 @@ def fibre_fields(mesh, a=0.0, b=None, up=(0.0, 0.0, 1.0)):
     b0 = np.cross(normal, a0) if b is None else _tangent(mesh, centre, normal, b, "b")
     _collective(mesh, np.abs((a0 * b0).sum(1)) > 1 - 1e-6, centre, "fibre directions a and b are parallel")
     space = compat.vector_space(mesh, "DG", 0, mesh.geometry.dim)
-    fields = []
-    for values in (a0, b0):
-        field = fem.Function(space)
+    fields = fem.Function(space), fem.Function(space)
+    for field, values in zip(fields, (a0, b0)):
         field.x.array[:] = values[:, : mesh.geometry.dim].ravel()
-        fields.append(field)
-    return tuple(fields)
+    return fields
 
 
 def _midpoints(mesh, up):

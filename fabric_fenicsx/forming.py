@@ -4,20 +4,26 @@ import dataclasses
 import itertools
 import json
 import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import brentq
 
-from .cli import ANY, POSITIVE, number
+from .cli import ANY, POSITIVE, Parser, number
 from .errors import InputError
+from .material.baseline import Fabric
 from .mechanics.bending import Bending, plate_stiffness
 from .mechanics.contact import Contact, Pressing, default_penalty
 from .mechanics.friction import Friction
 from .mechanics.load import EdgeTension
 from .mechanics.membrane import Membrane
-from .scene import Support
-from .study import parser
+from .scene import Scene, Support
+from .study import Result, Study, parser
 from .tools import DoubleDome, Offset, Plane, Reversed, Tool, TriangulatedSurface
+
+if TYPE_CHECKING:
+    import pyvista
 
 ANGLES = 0, 45, 90  # of the paths to x [deg]
 HOLDERS = ("pressure", "force", "gap", "grippers")
@@ -25,7 +31,7 @@ FROM_ZERO = number("a number from 0", lambda v: v >= 0)
 RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it to be held
 
 
-def forming_parser(name, description, full, quick):
+def forming_parser(name: str, description: str, full: dict[str, int], quick: dict[str, int]) -> Parser:
     """The parser of a study that forms plies: what all studies share and the options of this scene; see `study.parser`."""
     p = parser(name, description, full, quick, element="P1", tolerance=1e-6, path_tolerance=1e-2, every=10)
     ply = p.add_argument_group("ply")
@@ -80,16 +86,19 @@ class Forming:
     """A ply of `fabric` between punch, die and blank holder: terms and supports of its scene, and its measures.
 
     The flat ply lies in z = 0 with its centre at the origin, under the die's flange. The punch comes from below.
+    study: with the options of `forming_parser`; part: the subfolder of its output. Raises InputError for options that
+    do not fit the dome, the ply or each other.
     """
 
-    def __init__(self, study, fabric, part=""):
+    def __init__(self, study: Study, fabric: Fabric, part: str = "") -> None:
         args, t = study.args, fabric.thickness
         self.study, self.args, self.fabric, self.thickness = study, args, fabric, t
         self.part, self.folder = part, args.out / part
         share = 1.0 if args.full else 0.5
         self.blank = study.specimen(share * args.length, share * args.width, spatial=True, centred=args.full)
+        surface: DoubleDome | TriangulatedSurface
         surface = TriangulatedSurface.read(args.punch) if args.punch else _dome(args.dome)
-        depth = float(surface.points[:, 2].max()) if args.punch else surface.depth
+        depth = surface.depth if isinstance(surface, DoubleDome) else float(surface.points[:, 2].max())
         self.stroke = args.stroke or depth
         if self.stroke > depth:
             raise InputError(f"--stroke {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm")
@@ -126,6 +135,9 @@ class Forming:
         def closed(size):  # before the punch moves
             return lambda load: size * (load > 0)
 
+        def side(axis, place):
+            return lambda x: abs(x[axis] - place) < 1e-6
+
         if args.holder == "pressure":
             return [Pressing(self.blank, closed(args.holder_pressure), up, self._on_flange, lag=args.lag)]
         if args.holder == "grippers":
@@ -134,7 +146,7 @@ class Forming:
             for axis in (0, 1):
                 for place, sign in ((low[axis], -1.0), (high[axis], 1.0)):
                     if sign > 0 or args.full:
-                        edges.append(EdgeTension(self.blank, closed(args.gripper_tension), sign * np.eye(3)[axis], lambda x, a=axis, p=place: abs(x[a] - p) < 1e-6))  # fmt: skip
+                        edges.append(EdgeTension(self.blank, closed(args.gripper_tension), sign * np.eye(3)[axis], side(axis, place)))  # fmt: skip
             return edges
         gap = args.holder_gap or 1.1 * t
         if args.holder == "gap":
@@ -158,7 +170,8 @@ class Forming:
         return np.clip(2 * seen / (8 * len(RINGS)) - 1, 0, 1)
 
     @property
-    def supports(self):
+    def supports(self) -> list[Support]:
+        """The planes of symmetry of a quarter; of a whole ply its centre and the turn about it."""
         near = 1e-6
         if not self.args.full:
             return [
@@ -171,15 +184,16 @@ class Forming:
             Support("end of the axis", lambda x: (abs(x[1]) < near) & (x[0] > end), (1,)),
         ]
 
-    def measure(self, scene, load):
+    def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Way [mm] and force [N] of the punch, of a quarter if that is modelled; notes the deepest penetration."""
         self.largest = max(self.largest, *(contact.penetration() for contact in self.contacts))
         forces = [contact.force() for contact in self.contacts if contact.tool is self.punch]
         forces += [friction.settled for friction in self.frictions if friction.tool is self.punch]
-        return load * self.stroke, float(sum(forces)[2])
+        return load * self.stroke, float(sum(forces, np.zeros(3))[2])
 
-    def quantities(self, fields, rows):
-        """The study's own numbers: forces, penetrations, shear, strains, draw-in and wrinkles."""
+    def quantities(self, fields: Mapping[str, np.ndarray], rows: list[dict[str, Any]]) -> dict[str, Any]:
+        """The study's own numbers, of the last state's cell fields and the history's rows: forces, penetrations, shear,
+        strains, draw-in and wrinkles; their names end with their units."""
         study = self.study
         from .results import forming
         from .results.fields import read_last
@@ -189,7 +203,8 @@ class Forming:
             grid = read_last(self.folder)
             seen = {"draw_in": forming.draw_in(grid), "wrinkles": forming.wrinkles(grid, self.punch, self.thickness)}
         gamma = np.degrees(np.abs(fields["shear_angle"]))
-        total = sum(k.force() for k in self.pressing) + sum(k.settled for k in self.frictions)
+        total = sum((k.force() for k in self.pressing), np.zeros(3))
+        total = total + sum((k.settled for k in self.frictions), np.zeros(3))
         strain = rows[-1]["strain_energy_Nmm"]
         return {
             "punch_force_N": rows[-1]["reaction_N"],
@@ -210,28 +225,31 @@ class Forming:
             "share_of_state_1_to_4": [study.mean((fields["strain_state"] == k) * 1.0, gamma > -1) for k in (1, 2, 3, 4)],
         } | study.comm.bcast(seen)  # fmt: skip
 
-    def run(self):
-        """Form the ply; the study's `Result`."""
+    def run(self) -> Result:
+        """Form the ply; the study's `Result`. Raises SolverFailure, after all is written, if the stroke was not
+        reached."""
         return self.study.march(self.membrane, self.supports, self.measure, self.quantities, self.part, self.terms)
 
-    def summary(self):
+    def summary(self) -> dict[str, Any]:
         """What summary.json of the last run says."""
         text = (self.folder / "summary.json").read_text() if self.study.comm.rank == 0 else None
         return json.loads(self.study.comm.bcast(text))
 
-    def punch_mesh(self):
+    def punch_mesh(self) -> "pyvista.PolyData":
         """The punch, where it is now, as a PyVista surface [mm]."""
         import pyvista
 
         from .meshes.double_dome import double_dome
 
         surface = self.punch.surface
-        known = isinstance(surface, TriangulatedSurface)
-        points, triangles = (surface.points, surface.triangles) if known else double_dome(surface, size=8.0)
+        if isinstance(surface, TriangulatedSurface):
+            points, triangles = surface.points, surface.triangles
+        else:
+            points, triangles = double_dome(surface, size=8.0)
         return pyvista.PolyData.from_regular_faces(points + self.punch.displacement, triangles)
 
 
-def pictures(study, runs):
+def pictures(study: Study, runs: Mapping[str, tuple[Forming, Result]]) -> None:
     """Pictures, paths and punches of formed plies {label: (`Forming`, `Result`)}, on rank 0: of each in its own folder, and all
     together in the study's."""
     if study.comm.rank != 0 or study.args.no_pictures:
@@ -251,7 +269,7 @@ def pictures(study, runs):
         try:
             see.formed_picture(folder / "formed.png", grid, punch, (angle, angle + 90))
         except InputError as error:  # nothing to draw with, which is no reason to lose a run
-            study.say(f"warning: formed.png was not drawn: {error}")
+            study.warn(f"formed.png was not drawn: {error}")
     see.outline_picture(study.args.out / "outline.png", grids)
     surface, marks = forming.punch.surface, {}
     if isinstance(surface, DoubleDome):

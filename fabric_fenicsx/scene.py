@@ -1,7 +1,8 @@
 """A scene: a blank, the terms that store or take energy in it, and its supports."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 import ufl
@@ -11,6 +12,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from . import dolfinx_compat as compat
+from .blank import Blank
 from .errors import InputError
 from .timing import phase
 
@@ -24,12 +26,12 @@ class Support:
     """
 
     name: str
-    where: Callable
+    where: Callable[[np.ndarray], np.ndarray]
     components: tuple[int, ...]
-    value: tuple[float, ...] | Callable = (0.0, 0.0, 0.0)
+    value: Sequence[float] | Callable[[np.ndarray, float], np.ndarray] = (0.0, 0.0, 0.0)
 
 
-def grips(blank, stroke, clamped=True):
+def grips(blank: Blank, stroke: float, clamped: bool = True) -> list[Support]:
     """Supports of a strip pulled by `stroke` [mm] along the frame's first axis: clamps at its ends, or rollers with
     one corner held. Raises InputError if an end is not straight, over half the strip's width or more."""
     low, high = blank.extent()
@@ -59,7 +61,7 @@ def grips(blank, stroke, clamped=True):
     return supports
 
 
-def edge_of(blank):
+def edge_of(blank: Blank) -> Callable[[np.ndarray], np.ndarray]:
     """Function of points (3, n) to whether they lie on the edge of a rectangular blank, (n,)."""
     low, high = (corner[:2, None] for corner in blank.extent())
     near = 1e-6 * (high - low).max()
@@ -71,7 +73,7 @@ def edge_of(blank):
     return edge
 
 
-def framed(blank, deformation):
+def framed(blank: Blank, deformation: Callable[[float], np.ndarray]) -> list[Support]:
     """Support of a rectangle's whole edge in a rigid frame; deformation: function of the load factor to F (2, 2)."""
     corner = blank.extent()[0]
 
@@ -84,7 +86,7 @@ def framed(blank, deformation):
     return [Support("frame", edge_of(blank), tuple(range(len(corner))), value)]
 
 
-def pulled(stroke):
+def pulled(stroke: float) -> "Callable[[Scene, float], tuple[float, float]]":
     """Function of a scene with `grips` and its load factor to the moving grip's displacement [mm] and reaction [N]."""
     return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
 
@@ -106,6 +108,40 @@ def _variations(term, u, v, w):
     return residual, ufl.derivative(residual, u, w)
 
 
+class Term(Protocol):
+    """What a scene calls for of any term; what else a term may have, see `Scene`."""
+
+    @property
+    def name(self) -> str:
+        """What summaries call it."""
+
+    @property
+    def energy_kind(self) -> str | None:
+        """Under which name its energy is added up; None of loads, which store none."""
+
+
+class FormTerm(Term, Protocol):
+    """A term that is a UFL form."""
+
+    @property
+    def energy(self) -> ufl.Form:
+        """Energy over the blank, or minus the work of a load, in `blank.u` [N mm]."""
+
+
+class DiscreteTerm(Term, Protocol):
+    """A term that is no form; each method speaks of this rank's part."""
+
+    def stored(self) -> float:
+        """Energy [N mm]."""
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """Add the energy's derivative to f (local degrees of freedom,), ghosts included [N]."""
+
+    def stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The second derivative as triplets: rows and columns (k,), global degrees of freedom, and values (k,)
+        [N/mm]."""
+
+
 class Scene:
     """Residual, tangent and energy of `terms` on a `blank` with `supports`, at a load factor in [0, 1].
 
@@ -124,22 +160,28 @@ class Scene:
 
     INVERTED = 1e30  # the energy told where a cell is turned inside out
 
-    def __init__(self, blank, terms, supports=()):
+    def __init__(self, blank: Blank, terms: Iterable[Term], supports: Iterable[Support] = ()) -> None:
         self.blank, self.terms, self.supports = blank, list(terms), list(supports)
         self.comm = blank.mesh.comm
         V, u = blank.V, blank.u
         self.u = compat.petsc_vector(u)
         v, w = ufl.TestFunction(V), ufl.TrialFunction(V)
-        self._forms = [term for term in self.terms if hasattr(term, "energy")]
-        self._discrete = [term for term in self.terms if not hasattr(term, "energy")]
+        self._forms: list[Any] = [term for term in self.terms if hasattr(term, "energy")]
+        self._discrete: list[Any] = [term for term in self.terms if not hasattr(term, "energy")]
         self._stiff = self._having("stiffness")
+        if not self._forms:
+            raise InputError(
+                f"the scene of {blank.name} has no elastic term; allowed is a membrane, or another with an energy"
+            )
         residuals, tangents = zip(*(_variations(term, u, v, w) for term in self._forms))
         self._residual = compat.form(sum(residuals[1:], residuals[0]))
         self._tangent = compat.form(sum(tangents[1:], tangents[0]))
         self._energies = [compat.form(term.energy) for term in self._forms]
         self._inverted = compat.form(_wall(blank)) if blank.mesh.geometry.dim == 2 else None
         self._supported()
-        self._f, self.drag, self.origin = self.u.duplicate(), 0.0, None
+        # a viscous drag [N/mm] on the nodes' way from `origin`
+        self.drag, self.origin = 0.0, None
+        self._f = self.u.duplicate()
         self._free = self.u.duplicate()
         self._free.set(1.0)
         self._free.array[self.held] = 0.0
@@ -149,7 +191,8 @@ class Scene:
         V, gdim = self.blank.V, self.blank.mesh.geometry.dim
         x = self.blank.coordinates()
         owned = V.dofmap.index_map.size_local
-        self.dofs_of, self._nodes = {}, []
+        self.dofs_of: dict[str, np.ndarray] = {}
+        self._nodes: list[np.ndarray] = []
         held = np.zeros(len(x) * gdim, dtype=bool)
         for support in self.supports:
             nodes = np.flatnonzero(support.where(x.T))
@@ -163,15 +206,15 @@ class Scene:
         self._bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
         self.held = dofs[dofs < owned * gdim]
 
-    def check_held(self):
+    def check_held(self) -> None:
         """Raise InputError, naming the motion, if the supports let the blank move as a rigid body."""
         gdim = self.blank.mesh.geometry.dim
         node, axis = np.divmod(self.held, gdim)
         low, high = (corner[:, None] for corner in self.blank.extent())
         x = (self.blank.along(self.blank.coordinates()[node].T) - (low + high) / 2) / (high - low).max()
         turns = [(0, 1)] if gdim == 2 else [(1, 2), (2, 0), (0, 1)]
-        held = [1.0 * (axis == i) for i in range(gdim)]
-        held = np.array(held + [x[i] * (axis == j) - x[j] * (axis == i) for i, j in turns])
+        moves = [1.0 * (axis == i) for i in range(gdim)]
+        held = np.array(moves + [x[i] * (axis == j) - x[j] * (axis == i) for i, j in turns])
         stiffness, motions = np.linalg.eigh(self.comm.allreduce(held @ held.T, MPI.SUM))
         if stiffness[0] > 1e-9 * max(stiffness[-1], 1.0):
             return
@@ -185,38 +228,39 @@ class Scene:
             f"the supports ({supports}) leave {self.blank.name} free to {free}; allowed are supports that hold it against every rigid motion"
         )
 
-    def _having(self, method):
+    def _having(self, method: str) -> list[Any]:
         return [term for term in self.terms if hasattr(term, method)]
 
-    def at(self, load):
+    def at(self, load: float) -> None:
         """Set the load factor of the terms that depend on it, and take them back to the last accepted state."""
         for term in self._having("at"):
             term.at(load)
 
-    def accept(self):
+    def accept(self) -> None:
         """Let the terms that remember take the present state as the last one."""
         for term in self._having("accept"):
             term.accept()
 
-    def revise(self):
+    def revise(self) -> bool:
         """Let terms change what they held during a solve; whether any did, on all ranks."""
         return any([term.revise() for term in self._having("revise")])
 
-    def work(self):
+    def work(self) -> float:
         """Work of the terms' loads and tools since the last accepted state [N mm]."""
         return self.comm.allreduce(sum(term.work() for term in self._having("work")))
 
-    def memory(self):
+    def memory(self) -> dict[str, np.ndarray]:
         """What accepted states left in the terms, {name: array (owned nodes, k)}."""
         return {f"{i} {key}": v for i, term in enumerate(self._having("memory")) for key, v in term.memory().items()}
 
-    def recall(self, memory):
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Give the terms back their `memory`, of the present displacement and load."""
         for i, term in enumerate(self._having("memory")):
             term.recall({key: memory[f"{i} {key}"] for key in term.memory()})
 
-    def held_values(self, load):
-        """Displacements of this rank's held degrees of freedom at a load factor, along the frame's axes [mm]."""
+    def held_values(self, load: float) -> np.ndarray:
+        """Displacements of this rank's held degrees of freedom at a load factor, along the frame's axes, (held,)
+        [mm]."""
         x, gdim = self.blank.coordinates(), self.blank.mesh.geometry.dim
         values = np.zeros(x.shape[0] * gdim)
         for support, nodes in zip(self.supports, self._nodes):
@@ -229,12 +273,12 @@ class Scene:
             values[nodes[:, None] * gdim + np.asarray(components)] = value[..., components]
         return values[self.held]
 
-    def set(self, x):
-        """Make x (PETSc vector) the displacement."""
+    def set(self, x: PETSc.Vec) -> None:
+        """Make x the displacement [mm]."""
         x.copy(self.u)
         self.u.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
 
-    def energies(self):
+    def energies(self) -> dict[str, float]:
         """Energy of each kind at the present displacement, {kind: N mm}; loads store none."""
         kinds = self._all_energies()
         kinds.pop(None, None)
@@ -252,7 +296,7 @@ class Scene:
             kinds[kind] += float(value)
         return kinds
 
-    def energy(self):
+    def energy(self) -> float:
         """Energy and potential of loads at the present displacement [N mm], `INVERTED` if a cell is turned inside out."""
         if self._inverted:
             with phase("assemble"):
@@ -261,7 +305,7 @@ class Scene:
                 return self.INVERTED
         return sum(self._all_energies().values()) + self.drag_energy()
 
-    def drag_energy(self):
+    def drag_energy(self) -> float:
         """Potential of the drag at the present displacement [N mm]."""
         return 0.5 * self.drag * self._dragged().norm() ** 2 if self.drag else 0.0
 
@@ -270,7 +314,7 @@ class Scene:
         moved.array[self.held] = 0
         return moved
 
-    def residual(self, r):
+    def residual(self, r: PETSc.Vec) -> None:
         """Internal forces on the free degrees of freedom into r, zero on the held ones [N]; keeps them all."""
         with phase("assemble"):
             with self._f.localForm() as local:
@@ -286,7 +330,7 @@ class Scene:
             if self.drag:
                 r.axpy(self.drag, self._dragged())
 
-    def create_matrix(self):
+    def create_matrix(self) -> PETSc.Mat:
         """Matrix for `tangent`, which tells multigrid the rigid motions."""
         A = fem_petsc.create_matrix(self._tangent)
         if self._stiff:
@@ -303,7 +347,7 @@ class Scene:
         A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
         return A
 
-    def tangent(self, A, held=True):
+    def tangent(self, A: PETSc.Mat, held: bool = True) -> None:
         """Second derivative of the energy into A; unit rows and columns where `held` [N/mm]."""
         with phase("assemble"):
             A.zeroEntries()
@@ -320,7 +364,7 @@ class Scene:
     def _sparsity(self, A):
         """Empty matrix, of A's sizes, for the stiffness of the terms that are no forms; how their triplets fill it."""
         rows, cols = (np.concatenate(part) for part in zip(*(term.stiffness()[:2] for term in self._stiff)))
-        size, low, high = A.size[0], *A.getOwnershipRange()
+        size, (low, high) = A.size[0], A.getOwnershipRange()
         keys, self._entry = np.unique(rows.astype(np.int64) * size + cols, return_inverse=True)
         rows, cols = np.divmod(keys, size)
         rows, counts = np.unique(rows, return_counts=True)
@@ -341,16 +385,16 @@ class Scene:
         self._extra.setValuesIJV(starts, cols, summed, addv=PETSc.InsertMode.ADD, rowmap=rows)
         self._extra.assemble()
 
-    def held_forces(self):
-        """Forces of the supports on this rank's held degrees of freedom, after `residual` [N]."""
+    def held_forces(self) -> np.ndarray:
+        """Forces of the supports on this rank's held degrees of freedom, after `residual`, (held,) [N]."""
         return self._f.array[self.held].copy()
 
-    def force_scale(self):
+    def force_scale(self) -> float:
         """Norm of the forces of supports and tools after `residual`, what a residual is measured by [N]."""
         squares = sum(float((term.pushes() ** 2).sum()) for term in self._having("pushes"))
         return np.sqrt(self.comm.allreduce(float((self._f.array[self.held] ** 2).sum()) + squares))
 
-    def compliances(self):
+    def compliances(self) -> list[tuple[PETSc.Vec, float]]:
         """Vectors c and numbers k [N/mm] of what tools moved by force take from the tangent, c c^T / k each."""
         found = []
         for term in self._having("compliance"):
@@ -363,7 +407,7 @@ class Scene:
                 found.append((c, given[1]))
         return found
 
-    def virial(self):
+    def virial(self) -> np.ndarray:
         """Sum over the nodes of force times undeformed position along the frame's axes, (gdim, gdim) [N mm].
 
         In equilibrium it is the first Piola-Kirchhoff stress integrated over the blank's volume.
@@ -372,6 +416,11 @@ class Scene:
         forces = self._f.array.reshape(-1, gdim)[:owned]
         return self.comm.allreduce(forces.T @ self.blank.along(self.blank.coordinates()[:owned].T).T, MPI.SUM)
 
-    def reaction(self, name):
-        """Force of support `name` on the blank along the axes of the frame, (gdim,), after `residual` [N]."""
+    def reaction(self, name: str) -> np.ndarray:
+        """Force of support `name` on the blank along the axes of the frame, (gdim,), after `residual` [N].
+
+        Raises InputError if there is no support of that name.
+        """
+        if name not in self.dofs_of:
+            raise InputError(f"support {name!r} is not of this scene; allowed are {', '.join(self.dofs_of)}")
         return self.comm.allreduce(self._f.array[self.dofs_of[name]].sum(0), MPI.SUM)

@@ -2,15 +2,20 @@
 
 import csv
 import json
+import logging
 import math
 import platform
 import resource
+import shlex
+import signal
 import sys
 import tempfile
 import time
 import traceback
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -23,25 +28,30 @@ from . import __version__, timing
 from . import dolfinx_compat as compat
 from .blank import Blank
 from .cli import ANY, COUNT, POSITIVE, Help, Parser, exit_status, number
-from .errors import InputError, SolverFailure
+from .errors import InputError, Interrupted, SolverFailure
 from .material.parameters import COUPLINGS
 from .material.presets import load
+from .mechanics.membrane import Membrane
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import ENERGIES, History
-from .scene import Scene
+from .scene import Scene, Support
 from .solve.checkpoint import Checkpoint
 from .solve.newton import LINEAR_SOLVERS, Newton
 from .solve.stepping import march
 
+log = logging.getLogger(__package__)
+RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"  # by which a folder is known to hold a run's
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
 UNBALANCED = 0.02  # of the stored energy, above which a run warns that its work does not match
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
 QUICK = {"nx": 20, "steps": 5}
-# with P2 and --path-tolerance 1e-3 the cheapest of studies/speed_vs_error.py with curves right to 1 % in all scenes
-FULL = {"nx": 48, "steps": 10}
+# with P2 and --path-tolerance 1e-4 the cheapest of studies/speed_vs_error.py with curves right to 0.1 %, in tension and bias
+FULL = {"nx": 32, "steps": 20}
 
 
-def parser(name, description, full=FULL, quick=QUICK, **defaults):
+def parser(
+    name: str, description: str | None, full: dict[str, int] = FULL, quick: dict[str, int] = QUICK, **defaults: Any
+) -> Parser:
     """The parser of study `name` with the options that all studies share; `defaults` override theirs, `full` and `quick`
     those of mesh and steps without and with --quick."""
     p = Parser(prog=f"studies/{name}.py", description=description, formatter_class=Help, allow_abbrev=False)
@@ -53,7 +63,12 @@ def parser(name, description, full=FULL, quick=QUICK, **defaults):
         "--nx", type=COUNT, help=f"rectangles along the length ({full['nx']}, with --quick {quick['nx']})"
     )
     mesh.add_argument("--ny", type=COUNT, help="rectangles across the width (as makes them square)")
-    mesh.add_argument("--pattern", choices=PATTERNS, default="crossed", help="how rectangles become cells")
+    mesh.add_argument(
+        "--pattern",
+        choices=PATTERNS,
+        default="crossed",
+        help="how rectangles become cells (crossed, in bias tests up to 20 %% graded)",
+    )
     mesh.add_argument(
         "--element", choices=("P1", "P2", "P3", "Q1", "Q2"), default="P2", help="P: triangles, Q: quadrilaterals"
     )
@@ -82,7 +97,7 @@ def parser(name, description, full=FULL, quick=QUICK, **defaults):
     solver.add_argument(
         "--path-tolerance",
         type=number("a number above 0 and below 1", lambda v: 0 < v < 1),
-        default=1e-3,
+        default=1e-4,
         help="a looser one before the full load; the curve is as good as this",
     )
     solver.add_argument(
@@ -100,9 +115,10 @@ def parser(name, description, full=FULL, quick=QUICK, **defaults):
     output.add_argument(
         "--resume", action="store_true", help="go on from the checkpoint in --out, on any number of ranks"
     )
+    output.add_argument("--overwrite", action="store_true", help="lose the results that --out holds")
     output.add_argument("--no-pictures", action="store_true")
     output.add_argument("--quick", action="store_true", help="coarse mesh and few steps")
-    output.add_argument("--verbose", action="store_true", help="print each Newton iteration")
+    output.add_argument("--verbose", action="store_true", help="print each Newton iteration, as log.txt has them")
     p.set_defaults(_sizes={False: full, True: quick}, **defaults)
     return p
 
@@ -112,9 +128,9 @@ class Result:
     """A finished run: its `summary` (as in summary.json), `rows` of the history, `fields` (this rank's cells) and
     the `folder` they were written to."""
 
-    summary: dict
-    rows: list
-    fields: dict
+    summary: dict[str, Any]
+    rows: list[dict[str, Any]]
+    fields: dict[str, np.ndarray]
     folder: Path
 
 
@@ -124,7 +140,7 @@ class Study:
     Construction checks options and material as a whole; it raises InputError on all ranks before anything is written.
     """
 
-    def __init__(self, name, options, argv=None):
+    def __init__(self, name: str, options: Parser, argv: list[str] | None = None) -> None:
         self.name, self.comm = name, MPI.COMM_WORLD
         argv = sys.argv[1:] if argv is None else argv
         if self.comm.rank != 0 and {"-h", "--help"} & set(argv):
@@ -137,16 +153,55 @@ class Study:
             raise InputError(
                 f"--mesh {args.mesh} is not there or not a file; allowed is any mesh that gmsh or meshio writes"
             )
+        if args.resume and args.overwrite:
+            raise InputError("--resume and --overwrite are both given; allowed is one of them")
         fabric = load(args.material)
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(*args.without)
-        self._started = time.perf_counter()
-
-    def say(self, text):
-        """Print on rank 0."""
+        self._started, self._begun = time.perf_counter(), False
+        self._warnings: list[str] = []
+        self._parts: list[str] = []  # subfolders of the output
+        self._done: dict[str, dict[str, Any]] = {}
+        log.handlers.clear()
+        log.setLevel(logging.DEBUG)
+        log.propagate = False
         if self.comm.rank == 0:
-            print(text, flush=True)
+            log.addHandler(_Console(logging.DEBUG if args.verbose else logging.INFO))
 
-    def write_table(self, path, rows):
+    def say(self, text: str) -> None:
+        """Print on rank 0, and to log.txt."""
+        if self.comm.rank == 0:
+            log.info(text)
+
+    def warn(self, text: str) -> None:
+        """Say, on rank 0, what should be looked at though it ends no run; summary and report repeat it."""
+        self._warnings.append(text)
+        if self.comm.rank == 0:
+            log.warning("warning: %s", text)
+
+    def once(self, key: str, make: Callable[[], Any]) -> Any:
+        """What make() gives, which JSON must hold; of a run that is resumed, what it gave there."""
+        if not self._done:
+            self._done = self._read_done()
+        if key not in self._done["done"]:
+            self._done["done"][key] = make()
+            if self.comm.rank == 0:
+                _replace(self.args.out / "done.json", json.dumps(self._done))
+        return self._done["done"][key]
+
+    def _read_done(self):
+        """What the run that is resumed had done; raises InputError if it was another problem's."""
+        path, now, found = self.folder() / "done.json", json.loads(json.dumps(self._problem(self.fabric))), None
+        if self.comm.rank == 0 and self.args.resume and path.is_file():
+            found = json.loads(path.read_text())
+        found = self.comm.bcast(found) or {"problem": now, "done": {}}
+        for name, value in now.items():
+            if found["problem"].get(name) != value:
+                raise InputError(
+                    f"{path} was made with {name} = {found['problem'].get(name)}, now it is {value}; allowed is the same problem"
+                )
+        return found
+
+    def write_table(self, path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write rows, dicts, to a CSV file with a column for each of their keys, on rank 0."""
         if self.comm.rank == 0:
             with open(path, "w", newline="") as file:
@@ -154,26 +209,48 @@ class Study:
                 writer.writeheader()
                 writer.writerows(rows)
 
-    def folder(self, part=""):
-        """Make the output folder, or its subfolder `part`; raises InputError if it can't be written to."""
-        path, error = self.args.out / part, None
-        if self.comm.rank == 0 and self.args.resume and not self.args.out.is_dir():
-            error = f"--resume finds no checkpoint in {path}; allowed is the --out of a run that was begun"
-        elif self.comm.rank == 0:
-            try:
-                path.mkdir(parents=True, exist_ok=True)
-                with tempfile.TemporaryFile(dir=path):
-                    pass
-            except OSError as e:
-                error = (
-                    f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
-                )
-        error = self.comm.bcast(error)
+    def folder(self, part: str = "") -> Path:
+        """Make the output folder, or its subfolder `part`; raises InputError if it can't be written to, or holds results
+        that are neither to be gone on with nor to be lost."""
+        path = self.args.out / part
+        error = self.comm.bcast(self._make(path) if self.comm.rank == 0 else None)
         if error:
             raise InputError(error)
+        self._begun = True
+        if part and part not in self._parts:
+            self._parts.append(part)
         return path
 
-    def specimen(self, length, width, turned=0.0, spatial=False, centred=False):
+    def _make(self, path):
+        """Make the folder, and what is written all through a run in --out; what is wrong with it."""
+        args, out = self.args, self.args.out
+        old = [] if self._begun else [file for name in RESULTS for file in (*out.glob(name), *out.glob(f"*/{name}"))]
+        if args.resume and not out.is_dir():
+            return f"--resume finds no checkpoint in {path}; allowed is the --out of a run that was begun"
+        if old and not (args.resume or args.overwrite):
+            return f"--out {out} holds results ({old[0].relative_to(out)}); allowed is another folder, --resume to go on with them, --overwrite to lose them"
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path):
+                pass
+            if not self._begun:
+                if args.overwrite:
+                    for file in (*old, *out.glob("*.png"), out / "report.html"):
+                        file.unlink(missing_ok=True)
+                log.addHandler(_Log(out / "log.txt", "a" if args.resume else "w", self.command))
+        except OSError as e:
+            return f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
+        return None
+
+    @property
+    def command(self) -> str:
+        """What was typed to start this run."""
+        ranks = f"mpirun -n {self.comm.size} " if self.comm.size > 1 else ""
+        return ranks + shlex.join(["python3", *sys.argv])
+
+    def specimen(
+        self, length: float, width: float, turned: float = 0.0, spatial: bool = False, centred: bool = False
+    ) -> Blank:
         """Rectangular blank of the options' mesh (or --mesh), with yarns a at --fibre-angle to its length.
 
         turned: angle from x to the length [rad]; the blank's frame is then its length and width. spatial: free to leave
@@ -181,7 +258,7 @@ class Study:
         """
         args = self.args
         cell = "triangle" if args.element[0] == "P" else "quadrilateral"
-        options = {"a": math.radians(args.fibre_angle) + turned, "degree": int(args.element[1])}
+        options: dict[str, Any] = {"a": math.radians(args.fibre_angle) + turned, "degree": int(args.element[1])}
         axes = np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
         if turned:
             options["frame"] = axes
@@ -205,7 +282,15 @@ class Study:
                 points[:, :2] = (points[:, :2] - (np.array([length, width]) / 2 if centred else 0.0)) @ axes
             return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", spatial=spatial, **options)
 
-    def march(self, membrane, supports, measure, quantities, part="", terms=()):
+    def march(
+        self,
+        membrane: Membrane,
+        supports: list[Support],
+        measure: Callable[[Scene, float], tuple[float, float]],
+        quantities: Callable[[dict[str, np.ndarray], list[dict[str, Any]]], dict[str, Any]],
+        part: str = "",
+        terms: Iterable[Any] = (),
+    ) -> Result:
         """Bring the scene of `membrane`, other `terms` and `supports` to full load and write its results; a `Result`.
 
         measure: function of the scene and its load factor to the displacement [mm] and reaction [N] to record;
@@ -222,7 +307,7 @@ class Study:
         args, folder = self.args, self.folder(part)
         with timing.phase("setup"):
             scene = Scene(membrane.blank, [membrane, *terms], supports)
-            newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver, verbose=args.verbose)
+            newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver)
         checkpoint = Checkpoint(folder / "checkpoint.npz", membrane.blank, self._problem(membrane.fabric))
         # a part of several that was not begun yet has none
         resumed = args.resume and not (part and not self.comm.bcast(checkpoint.path.exists()))
@@ -235,14 +320,11 @@ class Study:
             series = FieldSeries(folder, membrane, notes["states"])
         bar = tqdm(
             total=1.0,
+            initial=start.load if start else 0.0,
             desc=part or self.name,
             disable=None if self.comm.rank == 0 else True,
             bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]",
         )
-
-        def tell(text):
-            if self.comm.rank == 0:
-                bar.write(text, file=sys.stderr)
 
         def accept(accepted):
             with timing.phase("output"):
@@ -252,23 +334,27 @@ class Study:
             if viscous > VISCOUS * abs(strain) and history.rows[-2]["viscous_energy_Nmm"] <= VISCOUS * abs(
                 history.rows[-2]["strain_energy_Nmm"]
             ):
-                tell(
-                    f"warning: at load {accepted.load:.6g} (step {len(history.rows) - 1}) the regularisation has taken {100 * viscous / abs(strain):.2g} % of the strain energy; take smaller steps (--max-step) or look for a snap there"
+                self.warn(
+                    f"at load {accepted.load:.6g} (step {len(history.rows) - 1}) the regularisation has taken {100 * viscous / abs(strain):.2g} % of the strain energy; take smaller steps (--max-step) or look for a snap there"
                 )
+            step, energy = accepted.progress.step, sum(accepted.energies.values())
             bar.update(accepted.load - bar.n)
-            bar.set_postfix(
-                iterations=accepted.report.iterations,
-                energy=f"{sum(accepted.energies.values()):.4g} N mm",
-                refresh=False,
-            )
+            words = f"step {step:.3g}, iterations {accepted.report.iterations}, energy {energy:.4g} N mm"
+            bar.set_postfix_str(words, refresh=False)
+            if self.comm.rank == 0:
+                log.debug("load %.6g accepted: %s", accepted.load, words)
             with timing.phase("output"):
                 if (len(history.rows) - 1) % args.every == 0:
                     series.write(accepted.load, cell_fields(membrane)[0], nodal_fields(scene))
                 checkpoint.save(accepted.progress, {"rows": history.rows, "states": series.states})
 
         def reject(load, report):
-            tell(f"step to load {load:.6g} rejected after {report.iterations} iterations: {report.reason}")
+            if self.comm.rank == 0:
+                log.warning(
+                    "step to load %.6g rejected after %d iterations: %s", load, report.iterations, report.reason
+                )
 
+        asked = _Asked(self.comm)
         try:
             outcome = march(
                 newton,
@@ -280,8 +366,10 @@ class Study:
                 viscosity=args.viscosity == "auto",
                 accuracy=args.accuracy,
                 path_tolerance=args.path_tolerance,
+                stop=asked,
             )
         finally:
+            asked.forget()
             bar.close()
             history.close()
         with timing.phase("output"):
@@ -294,8 +382,8 @@ class Study:
         stored = sum(energies.values())
         imbalance = abs(work - stored) / max(abs(stored), 1e-300)
         if imbalance > UNBALANCED:
-            self.say(
-                f"warning: work of supports and tools and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
+            self.warn(
+                f"work of supports and tools and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
             )
         summary = self.summarise(
             folder,
@@ -316,6 +404,8 @@ class Study:
             energy_imbalance=imbalance,
             quantities=quantities(fields, history.rows),
         )
+        if asked():
+            raise Interrupted(f"{outcome.reason} at load factor {outcome.reached:.6g}; --resume goes on from there")
         if self.comm.rank == 0 and not args.no_pictures:
             self._pictures(folder, history.rows)
         self.comm.barrier()
@@ -323,13 +413,18 @@ class Study:
             raise SolverFailure(f"{outcome.reason}; the results up to there are in {folder}")
         return Result(summary, history.rows, fields, folder)
 
-    def summarise(self, folder, **facts):
+    def summarise(self, folder: Path, **facts: Any) -> dict[str, Any]:
         """Write `facts` with the costs so far and the versions to summary.json, and return it all."""
         total = time.perf_counter() - self._started
         wall = {name: round(timing.seconds.pop(name, 0.0), 4) for name in PHASES}
         self._started = time.perf_counter()
         summary = {"study": self.name, "ranks": self.comm.size, "element": self.args.element} | facts
+        asked = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self.args).items()}
         summary |= {
+            "command": self.command,
+            "options": asked,
+            "fabric": self.fabric.dumps(),
+            "warnings": self._warnings,
             "wall_s": wall | {"total": round(total, 4)},
             "peak_memory_mib": round(self.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024), 1),
             "versions": {
@@ -342,10 +437,18 @@ class Study:
             },
         }
         if self.comm.rank == 0:
-            part = folder / ".summary.json.part"
-            part.write_text(json.dumps(summary, indent=2, allow_nan=False) + "\n")
-            part.replace(folder / "summary.json")
+            _replace(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
         return summary
+
+    def report(self, ending: str) -> None:
+        """Write report.html of all that this run wrote, on rank 0; `ending`: how it ended."""
+        if self.comm.rank == 0 and self._begun:
+            from .results import report
+
+            out = self.args.out
+            runs = {part: (out / part / "summary.json", (out / part).glob("*.png")) for part in ("", *self._parts)}
+            description = " ".join((sys.modules["__main__"].__doc__ or "").split())
+            _replace(out / "report.html", report.page(runs, description, ending, out / "log.txt"))
 
     def _problem(self, fabric):
         """What a checkpoint must have been made with to be gone on from: all but solver and output options."""
@@ -360,6 +463,7 @@ class Study:
             "out",
             "every",
             "resume",
+            "overwrite",
             "no_pictures",
             "quick",
             "verbose",
@@ -379,36 +483,100 @@ class Study:
             folder / "maps.png",
             {self.name.replace("_", " "): read_last(folder)},
             ("log_eps_11", "log_eps_22", "shear_angle"),
+            outliers=0.005,  # cells at corners
         )
         curve = [r["displacement_mm"] for r in rows], [r["reaction_N"] for r in rows]
         pictures.curves(folder / "curve.png", {"": curve}, "displacement / mm", "reaction / N")
 
-    def extremes(self, values):
+    def extremes(self, values: np.ndarray) -> tuple[float, float]:
         """Smallest and largest of the arrays of all ranks."""
         low = self.comm.allreduce(values.min(initial=np.inf), MPI.MIN)
         return float(low), float(self.comm.allreduce(values.max(initial=-np.inf), MPI.MAX))
 
-    def mean(self, values, where):
+    def mean(self, values: np.ndarray, where: np.ndarray) -> float:
         """Mean of the values of all ranks at the True of `where`."""
         total, count = self.comm.allreduce(np.array([values[where].sum(), where.sum()], dtype=float), MPI.SUM)
         return float(total / count)
 
 
-def run(name, options, main):
+class _Console(logging.Handler):
+    """Results to standard output, warnings to standard error, neither into the progress bar."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        file = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
+        tqdm.write(self.format(record), file=file)
+        file.flush()
+
+
+class _Log(logging.FileHandler):
+    """log.txt, opened with the first message; it starts with the command."""
+
+    def __init__(self, path, mode, command):
+        super().__init__(path, mode, delay=True)
+        self.command = command
+        self.setFormatter(logging.Formatter("%(asctime)s  %(message)s", "%H:%M:%S"))
+
+    def _open(self):
+        file = super()._open()
+        file.write(f"{self.command}\n")
+        return file
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing: what a full disk does to the log ends no run."""
+
+
+class _Asked:
+    """Notes SIGINT and SIGTERM from its construction on; calling it tells on all ranks, in words, whether a rank got one.
+    A second one is not noted but ends the run at once."""
+
+    def __init__(self, comm):
+        self.comm, self._number = comm, 0
+        self._before = {each: signal.signal(each, self._note) for each in (signal.SIGINT, signal.SIGTERM)}
+
+    def _note(self, number, frame):
+        self._number = number
+        self.forget()
+
+    def __call__(self):
+        number = self.comm.allreduce(self._number, MPI.MAX)
+        return f"stopped by {signal.Signals(number).name}" if number else ""
+
+    def forget(self) -> None:
+        for each, handler in self._before.items():
+            signal.signal(each, handler)
+
+
+def _replace(path, text):
+    """Write a text file that is whole at any moment."""
+    unfinished = path.with_name(f".{path.name}.part")
+    unfinished.write_text(text)
+    unfinished.replace(path)
+
+
+def _end(number, frame):
+    raise KeyboardInterrupt
+
+
+def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
     """Run main(Study) and leave with the contract's exit status: 0 done, 2 bad input, 3 the solver gave up.
 
     All ranks leave together, rank 0 speaks; a rank that fails alone ends the others.
     """
-    comm = MPI.COMM_WORLD
+    comm, study = MPI.COMM_WORLD, None
+    signal.signal(signal.SIGTERM, _end)
     try:
-        main(Study(name, options))
+        study = Study(name, options)
+        main(study)
+        study.report("done")
         return
-    except (InputError, SolverFailure) as error:
+    except (InputError, SolverFailure, Interrupted) as error:
         status, text = exit_status(error)
+        if study and status == 3:
+            study.report(text)
     except OSError as error:
         status, text = (
             2,
-            f"error: {error.filename} can't be read or written ({error.strerror}); allowed is a file in a folder of this user",
+            f"error: {error.filename or (study.args.out if study else 'a file')} can't be read or written ({error.strerror}); allowed is a file in a folder of this user, with space left",
         )
     except KeyboardInterrupt:
         status, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"

@@ -2,14 +2,15 @@
 
 import time
 from collections import defaultdict
+from collections.abc import Iterator
 from contextlib import contextmanager
 
-seconds = defaultdict(float)  # by phase: setup, compile, assemble, linear_solve, output
-_open = []
+seconds: defaultdict[str, float] = defaultdict(float)  # by phase: setup, compile, assemble, linear_solve, output
+_open: list[list] = []
 
 
 @contextmanager
-def phase(name):
+def phase(name: str) -> Iterator[None]:
     """Charge the time within to `name`, and to nothing else that is open."""
     now = time.perf_counter()
     if _open:

@@ -11,9 +11,10 @@ from functools import cached_property
 from numbers import Real
 from pathlib import Path
 from reprlib import repr as shown
-from typing import NamedTuple
+from typing import ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from .errors import InputError
@@ -47,47 +48,79 @@ def _vector(name, value, unit=False):
     return vector / abs(vector).max() / np.linalg.norm(vector / abs(vector).max()) if unit else vector
 
 
-def _points(points):
+def _points(points: ArrayLike) -> np.ndarray:
     """`points` as an array of shape (n, 3); otherwise an InputError."""
     try:
-        points = np.asarray(points, dtype=float)
+        x = np.asarray(points, dtype=float)
     except (TypeError, ValueError):
         raise InputError(f"points are {shown(points)}, but they must be numbers of shape (n, 3)") from None
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"points have the shape {points.shape}, but it must be (n, 3)")
-    return points
+    if x.ndim != 2 or x.shape[1] != 3:
+        raise InputError(f"points have the shape {x.shape}, but it must be (n, 3)")
+    return x
 
 
 class Surface:
-    """Base of all surfaces: they give `_nearest(points, reach)` for finite points."""
+    """Base of all surfaces: they give `_nearest(points, reach)` for finite points (n, 3) [mm]."""
 
-    radii = (math.inf, math.inf)
+    radii: tuple[float, float] = (math.inf, math.inf)
     """Least radius of curvature [mm] as seen from inside the body and from outside: nearer than that to the surface the
     nearest point is unique, unless another part of the surface is as near. Infinite where unknown."""
 
-    def evaluate(self, points, reach=math.inf) -> Nearest:
+    def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
         """Gap, normal and curvature at `points` (n, 3) [mm]; rows are NaN where a point is not finite.
 
         reach [mm]: where |gap| surely exceeds it, the gap need only do so too, with the right sign, and normal and
         curvature need only be finite; so far points cost little.
         Raises InputError for points of another shape and for a reach below 0.
         """
-        points = _points(points)
+        x = _points(points)
         if not reach >= 0:
             raise InputError(f"reach is {reach}, but it must be at least 0")
-        finite = np.isfinite(points).all(1)
+        finite = np.isfinite(x).all(1)
         if finite.all():
-            return self._nearest(points, reach)
-        found = Nearest(*(np.full((len(points), *shape), np.nan) for shape in ((), (3,), (3, 3))))
-        for whole, part in zip(found, self._nearest(points[finite], reach)):
+            return self._nearest(x, reach)
+        found = Nearest(*(np.full((len(x), *shape), np.nan) for shape in ((), (3,), (3, 3))))
+        for whole, part in zip(found, self._nearest(x[finite], reach)):
             whole[finite] = part
         return found
 
+    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points (n, 3) [mm], unit normals (n, 3) and triangles (m, 3), anticlockwise as the normals see them, to draw
+        what lies between the corners low and high (3,) [mm]; edges are about `size` [mm] long. A surface of triangles
+        gives these, all of them."""
+        return self._mesh(np.asarray(low, dtype=float), np.asarray(high, dtype=float), size)
+
+    def _mesh(self, low, high, size):
+        import pyvista
+
+        cells = np.ceil((high - low) / size).astype(int)
+        grid = pyvista.ImageData(dimensions=cells + 1, spacing=(high - low) / cells, origin=low)
+        parts = np.array_split(np.asarray(grid.points, dtype=float), 1 + grid.n_points // 20000)  # fit the cache
+        gap = np.concatenate([self.evaluate(part, 2 * size).gap for part in parts])
+        contour = grid.contour([0.0], gap, compute_normals=False, method="flying_edges")
+        points, triangles = np.array(contour.points, dtype=float), np.array(contour.faces).reshape(-1, 4)[:, 1:]
+        for _ in range(2):  # on to the surface; the second finds what is left
+            gap, normals, _ = self.evaluate(points, 2 * size)
+            points = points - gap[:, None] * normals
+        # where the gap jumps or there is no nearest point, there is no surface
+        used, triangles = np.unique(triangles[(abs(gap) < 0.1 * size)[triangles].all(1)], return_inverse=True)
+        points, normals, triangles = points[used], normals[used], triangles.reshape(-1, 3)
+        p, q, r = points[triangles].swapaxes(0, 1)
+        turned = (np.cross(q - p, r - p) * normals[triangles[:, 0]]).sum(1) < 0
+        triangles[turned] = triangles[turned, ::-1]
+        return points, normals, triangles
+
+    def _nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        raise NotImplementedError
+
 
 class Plane(Surface):
-    """Plane through `point` [mm]; the body lies on the side from which `normal` (of any length) points away."""
+    """Plane through `point` [mm]; the body lies on the side from which `normal` (of any length) points away.
 
-    def __init__(self, point, normal):
+    Raises InputError unless both are three finite numbers, `normal` not all 0.
+    """
+
+    def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
         self.point, self.normal = _vector("point", point), _vector("normal", normal, unit=True)
 
     def _nearest(self, points, reach):
@@ -99,7 +132,10 @@ class Plane(Surface):
 class _Round(Surface):
     """Sphere or cylinder: distance from its centre in the space that `_across` (3, 3) projects on."""
 
-    def __init__(self, centre, radius):
+    _across: np.ndarray
+    _any: np.ndarray
+
+    def __init__(self, centre: np.ndarray, radius: float) -> None:
         self.centre, self.radius = centre, _number("radius", radius, "above 0", low=0)
         self.radii = (self.radius, math.inf)
 
@@ -115,18 +151,21 @@ class _Round(Surface):
 
 
 class Sphere(_Round):
-    """Ball of `radius` [mm] about `centre` [mm]."""
+    """Ball of `radius` [mm] about `centre` (3,) [mm]; InputError for a radius not above 0 or another centre."""
 
     _across, _any = np.eye(3), np.array([0.0, 0.0, 1.0])
 
-    def __init__(self, centre, radius):
+    def __init__(self, centre: ArrayLike, radius: float) -> None:
         super().__init__(_vector("centre", centre), radius)
 
 
 class Cylinder(_Round):
-    """Endless round bar of `radius` [mm] along `axis` (of any length) through `point` [mm]."""
+    """Endless round bar of `radius` [mm] along `axis` (3,), of any length, through `point` (3,) [mm].
 
-    def __init__(self, point, axis, radius):
+    Raises InputError for a radius not above 0, an axis that is all 0, or what is not three finite numbers.
+    """
+
+    def __init__(self, point: ArrayLike, axis: ArrayLike, radius: float) -> None:
         super().__init__(_vector("point", point), radius)
         self.axis = _vector("axis", axis, unit=True)
         self._across = np.eye(3) - np.outer(self.axis, self.axis)
@@ -165,11 +204,23 @@ def _hessian_of_gap(tangents, shape, gap):
 class ImplicitSurface(Surface):
     """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method on its Lagrangian.
 
-    A subclass gives `implicit(x)`: F (n,), gradient (3, n) and Hessian (3, 3, n) at x (3, n), `value(x)`: F alone, and
-    `bound(F, x)`: a lower bound of the distance. Gap, normal and curvature are exact at the point found, whose distance
-    from the surface and from the foot of the normal is below 1e-11 mm. Rows are NaN where none is found, which can
-    happen only further away than `radii`; there it can also be a point that is not the nearest of all.
+    A subclass gives `implicit`, `bound` and, where F alone is cheaper, `value`. Gap, normal and curvature are exact at
+    the point found, whose distance from the surface and from the foot of the normal is below 1e-11 mm. Rows are NaN
+    where none is found, which can happen only further away than `radii`; there it can also be a point that is not the
+    nearest of all.
     """
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        """F (n,) at x (3, n) [mm]."""
+        return self.implicit(x)[0]
+
+    def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (3, n) [mm]."""
+        raise NotImplementedError
+
+    def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What the distance from x (3, n) [mm], where `value` is F (n,), surely is not below, (n,) [mm]."""
+        raise NotImplementedError
 
     def _nearest(self, points, reach):
         x = np.ascontiguousarray(points.T)
@@ -256,8 +307,14 @@ class DoubleDome(ImplicitSurface):
     entry_radius: float = _dimension(15.0, "above 0", "of the fillet between wall and flange [mm]")
     saddle_depth: float = _dimension(15.0, "at least 0", "by which the middle lies lower [mm]", closed=True)
     saddle_length: float = _dimension(304.0, "above 0", "over which the top is lowered [mm]")
+    # what follows from them; each dome has its own, ClassVar only says that they are no fields
+    _waist_curvature: ClassVar[float]
+    _wall: ClassVar[np.ndarray]
+    _up: ClassVar[np.ndarray]
+    _top_centre: ClassVar[np.ndarray]
+    _entry_centre: ClassVar[np.ndarray]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for each in fields(self):
             object.__setattr__(self, each.name, _number(each.name, getattr(self, each.name), **each.metadata["limits"]))
         c, R, w, angle = self.dome_distance / 2, self.dome_radius, self.waist, math.radians(self.wall_angle)
@@ -311,7 +368,7 @@ class DoubleDome(ImplicitSurface):
             value = sum(getattr(self, name) for name in names.split(" + "))
             raise InputError(f"{names} is {value:g}, but it must be {allowed}")
 
-    def plan(self, x, y):
+    def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of its level lines."""
         c, w, k = self.dome_distance / 2, self.waist, self._waist_curvature
         u, v = abs(x), abs(y)
@@ -325,7 +382,7 @@ class DoubleDome(ImplicitSurface):
         dy = np.where(arc, (1 - k * (v - w)) / q, v / r)
         return d, np.array([np.where(x < 0, -dx, dx), np.where(y < 0, -dy, dy)]), np.where(arc, -k / q, 1 / r)
 
-    def height(self, x):
+    def height(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """H (n,) and its first and second derivative at x (n,) [mm]; H is 1 beyond the saddle."""
         half = self.saddle_length / 2
         s = np.clip(x / half, -1, 1)
@@ -355,10 +412,12 @@ class DoubleDome(ImplicitSurface):
         n = np.choose(part, [1.0, (z - z1) / r1, self._wall[1], (z2 - z) / r2, 1.0])
         return value, np.array([m, n]), np.choose(part, [0.0, 1 / r1, 0.0, -1 / r2, 0.0])
 
-    def value(self, x):
+    def value(self, x: np.ndarray) -> np.ndarray:
+        """F (n,) [mm] at x (3, n) [mm]."""
         return self._profile(self.plan(x[0], x[1])[0], x[2] / self.height(x[0])[0])[0]
 
-    def implicit(self, x):
+    def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F (n,) [mm], its gradient (3, n) and Hessian (3, 3, n) [1/mm] at x (3, n) [mm]."""
         d, plan, turn = self.plan(x[0], x[1])
         H, H1, H2 = self.height(x[0])
         z = x[2] / H
@@ -376,7 +435,8 @@ class DoubleDome(ImplicitSurface):
         hessian[2, 0] += n * zxz
         return F, gradient, hessian
 
-    def bound(self, F, x):
+    def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """As in `ImplicitSurface`."""
         # |F| is at most the distance times the largest gradient between the point and the surface, at any x.
         least = 1 - self.saddle_depth / self.depth
         steepest = 96 / (25 * math.sqrt(5)) * (1 - least) / self.saddle_length * 2
@@ -386,20 +446,20 @@ class DoubleDome(ImplicitSurface):
         return np.maximum(abs(F) / largest, np.maximum(x[2] - self.depth, -x[2]))
 
     @property
-    def foot(self):
+    def foot(self) -> float:
         """Distance [mm] from the outline at which the flange begins."""
         return float(self._entry_centre[0])
 
     @cached_property
-    def developed(self):
-        """Arc lengths [mm] along the profile where rounding, wall, fillet and flange begin, from the outline inwards
-        as in the plan on the flat top."""
+    def developed(self) -> np.ndarray:
+        """Arc lengths (4,) [mm] along the profile where rounding, wall, fillet and flange begin, from the outline
+        inwards as in the plan on the flat top."""
         turn = math.pi / 2 - math.radians(self.wall_angle)
         wall = (self._top_centre - self._entry_centre) @ self._up
         return self._top_centre[0] + np.cumsum([0, self.top_radius * turn, wall, self.entry_radius * turn])
 
-    def lift(self, x, y):
-        """Points (n, 3) [mm] on the surface from their places x, y (n,) in the developed plan.
+    def lift(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Points (n, 3) [mm] on the surface from their places x, y (n,) [mm] in the developed plan.
 
         There the arc length of the profile takes the place of the distance from the outline, so that walls are not seen
         edge-on; flat top and plan coincide.
@@ -422,7 +482,7 @@ class DoubleDome(ImplicitSurface):
         return np.column_stack([x, y + (d - s) * normal[1], z * self.height(x)[0]])
 
     @cached_property
-    def radii(self):
+    def radii(self) -> tuple[float, float]:  # type: ignore[override]
         """As in `Surface`, from the curvature at 150 x 150 places of a quarter."""
         ends = (self.dome_distance / 2 + self.dome_radius, self.dome_radius)
         x, y = np.meshgrid(*(np.linspace(0, end + self.developed[-1], 150) for end in ends))
@@ -447,28 +507,26 @@ class TriangulatedSurface(Surface):
     Raises InputError if no triangle has an area, or for points or triangles of a wrong shape or not finite.
     """
 
-    def __init__(self, points, triangles):
-        points, triangles = np.asarray(points, dtype=float), np.asarray(triangles)
-        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-            raise InputError(f"points of the surface have the shape {points.shape}, but it must be (n, 3), all finite")
-        if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
-            raise InputError(f"triangles have the shape {triangles.shape}, but it must be (m, 3), of integers")
-        if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(points):
-            raise InputError(
-                f"triangles name points {triangles.min()} to {triangles.max()}, but there are {len(points)}"
-            )
+    def __init__(self, points: ArrayLike, triangles: ArrayLike) -> None:
+        x, cells = np.asarray(points, dtype=float), np.asarray(triangles)
+        if x.ndim != 2 or x.shape[1] != 3 or not np.isfinite(x).all():
+            raise InputError(f"points of the surface have the shape {x.shape}, but it must be (n, 3), all finite")
+        if cells.ndim != 2 or cells.shape[1] != 3 or cells.dtype.kind not in "iu":
+            raise InputError(f"triangles have the shape {cells.shape}, but it must be (m, 3), of integers")
+        if cells.size and not 0 <= cells.min() <= cells.max() < len(x):
+            raise InputError(f"triangles name points {cells.min()} to {cells.max()}, but there are {len(x)}")
         # STL repeats its points
-        points, number = np.unique(points, axis=0, return_inverse=True)
-        triangles = number.reshape(-1)[triangles]
-        corners = points[triangles]
+        x, number = np.unique(x, axis=0, return_inverse=True)
+        cells = number.reshape(-1)[cells]
+        corners = x[cells]
         edges = np.roll(corners, -1, 1) - corners
         longest = (edges**2).sum(2).max(1, initial=0)
         flat = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) <= 1e-10 * longest
         if flat.all():
             raise InputError("the surface has no triangle with an area, but it must have one at least")
-        self.triangles = _agreeing(points, triangles[~flat])
-        used, self.triangles = np.unique(self.triangles, return_inverse=True)
-        self.points, self.triangles = points[used], self.triangles.reshape(-1, 3)
+        used, number = np.unique(_agreeing(x, cells[~flat]), return_inverse=True)
+        self.points: np.ndarray = x[used]
+        self.triangles: np.ndarray = number.reshape(-1, 3)
         self._corners = corners = self.points[self.triangles]
         edges = np.roll(corners, -1, 1) - corners
         square = (edges**2).sum(2)
@@ -477,13 +535,13 @@ class TriangulatedSurface(Surface):
         self._slopes = np.cross(area[:, None], np.roll(edges, -1, 1)) / (area**2).sum(1)[:, None, None]
         # Weights that give a polyhedron in a sphere the normals of the sphere: N. Max, J. Graphics Tools 4 (1999).
         weights = 1 / (square * np.roll(square, 1, 1))
-        self.normals = np.column_stack(
+        normals: np.ndarray = np.column_stack(
             [
                 np.bincount(self.triangles.ravel(), (weights * area[:, k, None]).ravel(), len(self.points))
                 for k in range(3)
             ]
         )
-        self.normals /= np.maximum(np.linalg.norm(self.normals, axis=1), 1e-300)[:, None]
+        self.normals = normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
         self._turn = np.einsum("mci,mcj->ijm", self.normals[self.triangles], self._slopes)
         self._longest = math.sqrt(square.max())
         self._vertices = cKDTree(self.points)
@@ -497,8 +555,11 @@ class TriangulatedSurface(Surface):
             members = np.flatnonzero(size == each)
             self._by_size.append((cKDTree(centre[members]), members, radius[members].max() * (1 + 1e-9)))
 
+    def _mesh(self, low, high, size):
+        return self.points, self.normals, self.triangles
+
     @classmethod
-    def read(cls, path):
+    def read(cls, path: Path | str) -> Self:
         """The surface in a file [mm]: STL, VTP, MSH, or any other that meshio or PyVista reads; quadrilaterals are cut.
 
         Raises InputError if it cannot be read or has no triangle.
@@ -627,7 +688,7 @@ class Offset(Surface):
     Raises InputError if a radius of the surface would shrink to 0, where that is known.
     """
 
-    def __init__(self, surface, distance):
+    def __init__(self, surface: Surface, distance: float) -> None:
         inside, outside = surface.radii
         allowed = f"above {-inside:g} and below {outside:g}, the radii of the surface"
         self.surface, self.distance = surface, _number("distance", distance, allowed, -inside, outside)
@@ -637,21 +698,30 @@ class Offset(Surface):
         gap, normal, curvature = self.surface._nearest(points, reach + abs(self.distance))
         return Nearest(gap - self.distance, normal, curvature)
 
+    def _mesh(self, low, high, size):
+        room = abs(self.distance)
+        points, normals, triangles = self.surface._mesh(low - room, high + room, size)
+        return points + self.distance * normals, normals, triangles
+
 
 class Reversed(Surface):
     """`surface` with the body on its other side: `Reversed(Offset(punch, clearance))` is the die of a punch."""
 
-    def __init__(self, surface):
+    def __init__(self, surface: Surface) -> None:
         self.surface, self.radii = surface, surface.radii[::-1]
 
     def _nearest(self, points, reach):
         return Nearest(*(-a for a in self.surface._nearest(points, reach)))
 
+    def _mesh(self, low, high, size):
+        points, normals, triangles = self.surface._mesh(low, high, size)
+        return points, -normals, triangles[:, ::-1]
+
 
 class Flipped(Surface):
     """`surface` upside down: mirrored in the plane z = 0, the normal still pointing out of the body."""
 
-    def __init__(self, surface):
+    def __init__(self, surface: Surface) -> None:
         self.surface, self.radii = surface, surface.radii
 
     def _nearest(self, points, reach):
@@ -659,21 +729,34 @@ class Flipped(Surface):
         gap, normal, curvature = self.surface._nearest(points * mirror, reach)
         return Nearest(gap, normal * mirror, curvature * np.outer(mirror, mirror))
 
+    def _mesh(self, low, high, size):
+        mirror = np.array([1.0, 1.0, -1.0])
+        low, high = low * mirror, high * mirror
+        points, normals, triangles = self.surface._mesh(np.minimum(low, high), np.maximum(low, high), size)
+        return points * mirror, normals * mirror, triangles[:, ::-1]
+
+
+# (3,) at full load, to which it grows in proportion, or a function of the load factor
+OfLoad = Callable[[float], ArrayLike]
+Way = ArrayLike | OfLoad
+
 
 class Tool:
     """A rigid body that moves without turning: along a path, or along a line by force.
 
-    name, surface   what to call it, and what bounds it
-    path            its displacement (3,) [mm] at full load, to which it grows in proportion, or a function of the load
-    force           if given: (3,) [N] at full load, or a function of the load to it, along one direction; the tool is
-                    moved on that line by `way` [mm], beyond the path, which its contact finds
-    displacement    (3,) [mm], where it is now; `at(load)` sets path and force
+    - name, surface: what to call it, and what bounds it
+    - path: its displacement (3,) [mm] at full load, to which it grows in proportion, or a function of the load
+    - force: if given, (3,) [N] at full load, or a function of the load to it, along one direction; the tool is moved on
+      that line by `way` [mm], beyond the path, which its contact finds
+    - displacement: (3,) [mm], where it is now; `at(load)` sets path and force
+
     Raises InputError for a path or force that does not give three finite numbers, or a force that turns.
     """
 
-    def __init__(self, name: str, surface: Surface, path=(0.0, 0.0, 0.0), force=None):
+    def __init__(self, name: str, surface: Surface, path: Way = (0.0, 0.0, 0.0), force: Way | None = None) -> None:
         self.name, self.surface = name, surface
-        self.path, self.force = _growing(f"path of {name}", path), force is not None and _growing(f"force of {name}", force)  # fmt: skip
+        self.path: OfLoad = _growing(f"path of {name}", path)
+        self.force: OfLoad | Literal[False] = force is not None and _growing(f"force of {name}", force)
         self.way, self.push = 0.0, 0.0
         self.direction = _vector(f"force of {name} at full load", self.force(1.0), unit=True) if self.force else np.zeros(3)  # fmt: skip
         self.at(0.0)
@@ -690,17 +773,18 @@ class Tool:
                 )
 
     @property
-    def displacement(self):
+    def displacement(self) -> np.ndarray:
+        """Where it is now, from where its surface was given, (3,) [mm]."""
         return self._place + self.way * self.direction
 
-    def evaluate(self, points, reach=math.inf) -> Nearest:
+    def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
         """As `Surface.evaluate`, where the tool is now."""
         return self.surface.evaluate(_points(points) - self.displacement, reach)
 
 
-def _growing(name, value):
+def _growing(name: str, value: Way) -> OfLoad:
     """`value` itself if it is a function of the load, else one that grows to that vector."""
-    if isinstance(value, Callable):
+    if callable(value):
         return value
     full = _vector(name, value)
     return lambda load: load * full

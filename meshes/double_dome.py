@@ -6,6 +6,7 @@ python3 meshes/double_dome.py --depth 60 --saddle-depth 15 --size 10 --turn 10 -
 import argparse
 import dataclasses
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +14,14 @@ from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.tools import DoubleDome
 
 
-def double_dome(dome=None, length=520.0, width=320.0, size=10.0, turn=10.0, quarter=False):
+def double_dome(
+    dome: DoubleDome | None = None,
+    length: float = 520.0,
+    width: float = 320.0,
+    size: float = 10.0,
+    turn: float = 10.0,
+    quarter: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) [mm] on the surface and triangles (m, 3), seen from above anticlockwise.
 
     dome: a `DoubleDome`, by default that of its defaults. length, width: of the flange's outline, along x and y [mm].
@@ -42,7 +50,8 @@ def double_dome(dome=None, length=520.0, width=320.0, size=10.0, turn=10.0, quar
             )
     points, triangles = _quarter(dome, length / 2, width / 2, size, math.radians(turn))
     if not quarter:
-        points, triangles = _mirrored(*_mirrored(points, triangles, 0), 1)
+        for axis in (0, 1):
+            points, triangles = _mirrored(points, triangles, axis)
     return points, triangles
 
 
@@ -101,8 +110,9 @@ def _mirrored(points, triangles, axis):
     return np.vstack([points, points[off] * mirror]), np.vstack([triangles, image[triangles][:, ::-1]])
 
 
-def write(path, points, triangles):
-    """Write the triangles to a file of any format that PyVista (VTP, STL, PLY) or meshio (MSH, VTU, INP, ...) writes.
+def write(path: Path | str, points: np.ndarray, triangles: np.ndarray) -> None:
+    """Write triangles (m, 3) over points (n, 3) [mm] to a file of any format that PyVista (VTP, STL, PLY) or meshio
+    (MSH, VTU, INP, ...) writes.
 
     Raises InputError where it cannot be written.
     """
@@ -122,8 +132,9 @@ def write(path, points, triangles):
         ) from None
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def main() -> None:
+    """What `python3 meshes/double_dome.py` does; exit status 2 for options that do not fit."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     dimensions = dataclasses.fields(DoubleDome)
     for each in dimensions:
         parser.add_argument(

@@ -5,21 +5,46 @@ python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern cr
 
 import argparse
 import math
+from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 
-PATTERNS = ("crossed", "left", "right", "unstructured", "yarns")
+from fabric_fenicsx.errors import InputError
+
+PATTERNS = ("crossed", "graded", "left", "right", "unstructured", "yarns")
+GRADING = 0.95  # by which cells of `graded` are shorter on the lines through the corners
 
 
-def specimen(length=200.0, width=50.0, nx=100, ny=25, pattern="crossed", cell="triangle", yarns=0.0):
+def specimen(
+    length: float = 200.0,
+    width: float = 50.0,
+    nx: int = 100,
+    ny: int = 25,
+    pattern: str = "crossed",
+    cell: str = "triangle",
+    yarns: float = 0.0,
+) -> tuple[np.ndarray, np.ndarray, str]:
     """Points (n, 3) [mm], cells (m, k) in gmsh's order and their kind, of the sheet [0, length] x [0, width].
 
     pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right` two by the
-    diagonal that rises to the right, `left` by the other; `unstructured` meshes with cells of about those sizes, and so
-    does `yarns`, but with edges along the yarns through the corners, across which the shear angle jumps.
+    diagonal that rises to the right, `left` by the other; `graded` is `crossed` with cells small across the lines at
+    45 deg through the corners, where a bias test's shear angle jumps; `unstructured` meshes with cells of about those
+    sizes, and so does `yarns`, but with edges along the yarns through the corners.
     cell: "triangle" or "quadrilateral" (nx x ny rectangles, or unstructured). yarns: angle of one family of yarns to
-    the length [rad], the other is perpendicular.
+    the length [rad], the other is perpendicular. Raises InputError for other patterns and cells, sizes or numbers that
+    are not above 0, and for `graded` if the length is not a multiple of the width.
     """
+    for name, value, allowed in (("pattern", pattern, PATTERNS), ("cell", cell, ("triangle", "quadrilateral"))):
+        if value not in allowed:
+            raise InputError(f"{name} is {value!r}; allowed are {', '.join(allowed)}")
+    for name, size in (("length", length), ("width", width), ("nx", nx), ("ny", ny)):
+        if not 0 < size < math.inf:
+            raise InputError(f"{name} is {size}; allowed is a finite value above 0")
+    if pattern == "graded" and not can_be_graded(length, width):
+        raise InputError(
+            f"a strip of {length:g} x {width:g} mm is asked in pattern graded; allowed is a length that is a multiple of the width"
+        )
     if pattern in ("unstructured", "yarns"):
         lines = yarns_through_corners(length, width, yarns) if pattern == "yarns" else ()
         return _unstructured(length, width, max(length / nx, width / ny), cell, lines)
@@ -28,6 +53,7 @@ def specimen(length=200.0, width=50.0, nx=100, ny=25, pattern="crossed", cell="t
     i, j = (k.ravel() for k in np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"))
     p00, p01 = i * (ny + 1) + j, i * (ny + 1) + j + 1
     p10, p11 = p00 + ny + 1, p01 + ny + 1
+    cells: list[tuple[np.ndarray, ...]]
     if cell == "quadrilateral":
         cells = [(p00, p10, p11, p01)]
     elif pattern == "right":
@@ -38,11 +64,26 @@ def specimen(length=200.0, width=50.0, nx=100, ny=25, pattern="crossed", cell="t
         centre = len(points) + np.arange(nx * ny)
         points = np.vstack([points, points[[p00, p10, p11, p01]].mean(0)])
         cells = [(p00, p10, centre), (p10, p11, centre), (p11, p01, centre), (p01, p00, centre)]
-    cells = np.stack([np.column_stack(c) for c in cells], 1).reshape(-1, len(cells[0]))
-    return np.column_stack([points, np.zeros(len(points))]), cells, "quad" if cell == "quadrilateral" else "triangle"
+    if pattern == "graded":
+        points = graded(points, width)
+    numbers = np.stack([np.column_stack(c) for c in cells], 1).reshape(-1, len(cells[0]))
+    return np.column_stack([points, np.zeros(len(points))]), numbers, "quad" if cell == "quadrilateral" else "triangle"
 
 
-def yarns_through_corners(length, width, angle):
+def can_be_graded(length: float, width: float) -> bool:
+    """Whether lines at 45 deg from the corners at both ends of a strip meet the others' ends on its edges."""
+    return abs(length / width - round(length / width)) <= 1e-9
+
+
+def graded(points: np.ndarray, width: float) -> np.ndarray:
+    """Points (n, 2) [mm] moved along both diagonals towards the lines at 45 deg through a strip's corners; its edges
+    stay, and so do the directions of edges at 45 deg."""
+    along = np.stack([points[:, 0] + points[:, 1], points[:, 0] - points[:, 1]])
+    along -= GRADING * width / (2 * np.pi) * np.sin(2 * np.pi * along / width)
+    return np.column_stack([along.sum(0) / 2, (along[0] - along[1]) / 2])
+
+
+def yarns_through_corners(length: float, width: float, angle: float) -> np.ndarray:
     """Segments (n, 2, 2) [mm] inside the sheet of the yarns that start at its corners, at `angle` [rad] and across it."""
     size, segments = np.array([length, width]), []
     for corner in np.array([(0, 0), (1, 0), (1, 1), (0, 1)]):
@@ -56,7 +97,9 @@ def yarns_through_corners(length, width, angle):
     return np.array(segments).reshape(-1, 2, 2)
 
 
-def _unstructured(length, width, size, cell, lines=()):
+def _unstructured(
+    length: float, width: float, size: float, cell: str, lines: Iterable[np.ndarray] = ()
+) -> tuple[np.ndarray, np.ndarray, str]:
     import gmsh
 
     gmsh.initialize(readConfigFiles=False)
@@ -90,8 +133,9 @@ def _unstructured(length, width, size, cell, lines=()):
         gmsh.finalize()
 
 
-def write(path, points, cells, kind):
-    """Write the sheet and its four edges as physical groups (sheet, left, right, bottom, top) to a .msh file."""
+def write(path: Path | str, points: np.ndarray, cells: np.ndarray, kind: str) -> None:
+    """Write what `specimen` gives, and its four edges, as physical groups (sheet, left, right, bottom, top) to a .msh
+    file."""
     import gmsh
 
     gmsh.initialize(readConfigFiles=False)
@@ -117,8 +161,9 @@ def write(path, points, cells, kind):
         gmsh.finalize()
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def main() -> None:
+    """What `python3 meshes/specimen.py` does; exit status 2 for options that are not allowed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--length", type=float, default=200.0, help="along x [mm]")
     parser.add_argument("--width", type=float, default=50.0, help="along y [mm]")
     parser.add_argument("--nx", type=int, default=100, help="rectangles along the length")
@@ -133,9 +178,11 @@ def main():
     for name in ("length", "width", "nx", "ny"):
         if not 0 < getattr(args, name) < float("inf"):
             parser.error(f"--{name} is {getattr(args, name)}; allowed is a finite value above 0")
-    points, cells, kind = specimen(
-        args.length, args.width, args.nx, args.ny, args.pattern, args.cell, math.radians(args.fibre_angle)
-    )
+    sizes = args.length, args.width, args.nx, args.ny
+    try:
+        points, cells, kind = specimen(*sizes, args.pattern, args.cell, math.radians(args.fibre_angle))
+    except InputError as error:
+        parser.error(str(error))
     try:
         open(args.out, "w").close()  # gmsh only logs that it could not write
     except OSError as error:

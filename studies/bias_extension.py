@@ -9,12 +9,15 @@ from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves
 from fabric_fenicsx.material.curves import bias_normalised
 from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.meshes.specimen import can_be_graded
 from fabric_fenicsx.scene import grips, pulled
 from fabric_fenicsx.study import parser, run
 
+GRADED = 0.2  # nominal strain up to which the mesh is graded by default
+
 
 def options():
-    p = parser("bias_extension", __doc__, fibre_angle=45.0)
+    p = parser("bias_extension", __doc__, fibre_angle=45.0, pattern=None)
     test = p.add_argument_group("test")
     test.add_argument("--length", type=POSITIVE, default=200.0, help="[mm]")
     test.add_argument("--width", type=POSITIVE, default=50.0, help="[mm]")
@@ -63,11 +66,12 @@ def along_the_axis(study, blank, result, low, length, width):
     """Shear angle of the cells along the strip's axis to axis.csv and, beside theory, to axis.png."""
     x, y = blank.midpoints() - low[:, None]
     near = np.abs(y - width / 2) <= width / 20
-    parts = study.comm.gather(np.column_stack([x[near], np.degrees(np.abs(result.fields["shear_angle"][near]))]))
+    gamma = np.degrees(np.abs(result.fields["shear_angle"]))
+    parts = study.comm.gather(np.column_stack([x, y, gamma])[near])
     if study.comm.rank != 0:
         return
     profile = np.concatenate(parts)
-    profile = profile[profile[:, 0].argsort()]
+    profile = profile[np.lexsort(np.round(profile[:, 1::-1].T, 6))][:, ::2]
     np.savetxt(
         result.folder / "axis.csv",
         profile,
@@ -97,10 +101,13 @@ def main(study):
             raise InputError(
                 f"--measured {args.measured} has no test with a column F_sh; allowed is one with gamma and F_sh"
             )
+    if args.pattern is None:  # thin cells would fold in deep shear
+        graded = args.strain <= GRADED and can_be_graded(args.length, args.width) and args.fibre_angle == 45
+        args.pattern = "graded" if graded else "crossed"
     blank = study.specimen(args.length, args.width)
     low, high = blank.extent()
     length, width = high - low
-    if length < 2 * width:
+    if length < 2 * width * (1 - 1e-9):
         raise InputError(
             f"the strip is {length:.6g} mm long and {width:.6g} mm wide; allowed is a length of 2 widths or more, for a zone of full shear"
         )

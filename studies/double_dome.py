@@ -1,8 +1,5 @@
 """Forming of a woven ply over a generic double dome: Figs 11 to 16 of Schäfer et al., for a single ply between rigid tools."""
 
-import shlex
-import sys
-
 from fabric_fenicsx.forming import Forming, forming_parser, pictures
 from fabric_fenicsx.material.parameters import coupling_variants
 from fabric_fenicsx.study import run
@@ -34,16 +31,7 @@ def sweep(study):
         usual, found = getattr(args, factor), []
         for value in values:
             setattr(args, factor, value)
-            s = Forming(study, study.fabric, f"{factor}_{value:g}").run().summary
-            q = s["quantities"]
-            found.append({
-                "factor": factor, "value": value, "cells": s["cells"], "steps": s["steps_accepted"], "rejected": s["steps_rejected"],
-                "iterations": s["newton_iterations"], "wall_s": s["wall_s"]["total"], "memory_mib": s["peak_memory_mib"],
-                "punch_force_N": q["punch_force_N"], "shear_angle_max_deg": q["shear_angle_max_deg"],
-                "draw_in_mm": q["draw_in"]["largest_mm"], "strain_energy_Nmm": s["energy"]["strain"],
-                "penetration_of_thickness": q["penetration_of_thickness"], "energy_imbalance": s["energy_imbalance"],
-                "viscous_of_strain_energy": q["viscous_of_strain_energy"],
-            })  # fmt: skip
+            found.append(study.once(f"{factor} {value:g}", lambda: swept(study, factor, value)))
         setattr(args, factor, usual)
         for row in found:
             for name in ("punch_force_N", "shear_angle_max_deg", "draw_in_mm", "strain_energy_Nmm"):
@@ -55,7 +43,21 @@ def sweep(study):
             )
         rows += found
     study.write_table(folder / "sweep.csv", rows)
-    study.summarise(folder, converged=True, stroke_reached=1.0, command=shlex.join(sys.argv), quantities={"rows": rows})
+    study.summarise(folder, converged=True, stroke_reached=1.0, quantities={"rows": rows})
+
+
+def swept(study, factor, value):
+    """The row of one run."""
+    s = Forming(study, study.fabric, f"{factor}_{value:g}").run().summary
+    q = s["quantities"]
+    return {
+        "factor": factor, "value": value, "cells": s["cells"], "steps": s["steps_accepted"], "rejected": s["steps_rejected"],
+        "iterations": s["newton_iterations"], "wall_s": s["wall_s"]["total"], "memory_mib": s["peak_memory_mib"],
+        "punch_force_N": q["punch_force_N"], "shear_angle_max_deg": q["shear_angle_max_deg"],
+        "draw_in_mm": q["draw_in"]["largest_mm"], "strain_energy_Nmm": s["energy"]["strain"],
+        "penetration_of_thickness": q["penetration_of_thickness"], "energy_imbalance": s["energy_imbalance"],
+        "viscous_of_strain_energy": q["viscous_of_strain_energy"],
+    }  # fmt: skip
 
 
 def main(study):

@@ -2,6 +2,7 @@
 
 import json
 import platform
+import shlex
 import sys
 import time
 from pathlib import Path
@@ -15,6 +16,7 @@ from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import curves, identify
 from fabric_fenicsx.material.parameters import WovenFabric
 from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.results import report as html
 
 
 def options():
@@ -38,6 +40,7 @@ def options():
         help="the material; report and pictures go beside it",
     )
     p.add_argument("--no-pictures", action="store_true")
+    p.add_argument("--overwrite", action="store_true", help="lose the material that --out is")
     synthetic = p.add_argument_group("synthetic data")
     synthetic.add_argument(
         "--synthesize", metavar="FILE|PRESET", help="first write the curves of this material to --data"
@@ -64,6 +67,8 @@ def options():
 def check(args):
     if args.out.suffix != ".toml":
         raise InputError(f"--out is {args.out}; allowed is a file that ends in .toml")
+    if args.out.exists() and not args.overwrite and args.coverage is None:
+        raise InputError(f"--out {args.out} is there already; allowed is another file, or --overwrite to lose it")
     if not 0 <= args.noise < 1 or args.seed < 0:
         raise InputError(
             f"--noise is {args.noise} and --seed {args.seed}; allowed is a noise from 0 to below 1 and a seed of 0 or more"
@@ -86,6 +91,10 @@ def write_report(args, path, report, started):
     report = (
         {"study": "identify", "converged": True}
         | report
+        | {
+            "command": shlex.join(["python3", *sys.argv]),
+            "options": {k: v if isinstance(v, (int, float)) else v and str(v) for k, v in vars(args).items()},
+        }
         | {"wall_s": {"total": round(time.perf_counter() - started, 3)}, "versions": versions}
     )
     try:
@@ -123,6 +132,10 @@ def main(args):
     result.fabric.to_toml(args.out)
     if not args.no_pictures:
         identify.draw(result, args.out.with_suffix(""))
+    page = html.page(
+        {"": (args.out.with_suffix(".json"), args.out.parent.glob(f"{args.out.stem}_*.png"))}, __doc__, "done"
+    )
+    args.out.with_suffix(".html").write_text(page)
     for name, p in result.determined.items():
         print(f"{name:12s} {p.value:12.6g} {p.unit:4s} 95 % interval {p.interval[0]:.6g} to {p.interval[1]:.6g}")
     for name, p in result.assumed.items():

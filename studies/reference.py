@@ -29,18 +29,16 @@ ORDERS = 0.5, 4.0  # of convergence that are believed
 
 @dataclass(frozen=True)
 class Discretisation:
-    """Element, number of rectangles along the length, pattern as of `specimen`, `grading` towards the lines at 45 deg
-    through the corners (below 1), degree of quadrature (None: the membrane's own)."""
+    """Element, number of rectangles along the length, pattern as of `specimen`, degree of quadrature (None: the
+    membrane's own)."""
 
     element: str
     nx: int
     pattern: str = "crossed"
-    grading: float = 0.0
     quadrature: int | None = None
 
     def __str__(self):
         words = [self.element, self.pattern, str(self.nx)]
-        words += [f"graded {self.grading:g}"] if self.grading else []
         return " ".join(words + ([f"degree {self.quadrature}"] if self.quadrature else []))
 
 
@@ -70,13 +68,13 @@ SCENES = {
     "bias10": Case(
         45.0,
         0.1,
-        tuple(Discretisation("P1", nx, grading=0.95) for nx in (24, 48, 96, 192, 384)),
-        (Discretisation("P2", 96, grading=0.95), Discretisation("P2", 96, grading=0.95, quadrature=4)),
+        tuple(Discretisation("P1", nx, "graded") for nx in (24, 48, 96, 192, 384)),
+        (Discretisation("P2", 96, "graded"), Discretisation("P2", 96, "graded", 4)),
     ),
     "bias30": Case(
         45.0,
         0.3,
-        tuple(Discretisation("P1", nx, grading=0.95) for nx in (24, 48, 96, 192)),
+        tuple(Discretisation("P1", nx, "graded") for nx in (24, 48, 96, 192)),
         (Discretisation("P2", 96), Discretisation("P2", 96, quadrature=4)),
     ),
 }
@@ -88,22 +86,13 @@ def options():
     return p
 
 
-def graded(points, grading):
-    """Points moved towards the lines at +-45 deg through the corners, along such lines: the edge stays, and so do the
-    directions of cells' edges along the yarns."""
-    along = np.stack([points[:, 0] + points[:, 1], points[:, 0] - points[:, 1]])
-    along -= grading * WIDTH / (2 * np.pi) * np.sin(2 * np.pi * along / WIDTH)
-    return np.column_stack([along.sum(0) / 2, (along[0] - along[1]) / 2, points[:, 2]])
-
-
 def scene_of(comm, fabric, case, how):
     """Scene of `case` in the `Discretisation` `how`."""
     arrays = (None, None, None)
     if comm.rank == 0:
         cell = "triangle" if how.element[0] == "P" else "quadrilateral"
         ny = max(1, round(how.nx * WIDTH / LENGTH))
-        points, *cells = specimen(LENGTH, WIDTH, how.nx, ny, how.pattern, cell, math.radians(case.angle))
-        arrays = graded(points, how.grading), *cells
+        arrays = specimen(LENGTH, WIDTH, how.nx, ny, how.pattern, cell, math.radians(case.angle))
     blank = Blank.from_arrays(comm, *arrays, a=math.radians(case.angle), degree=int(how.element[1]))
     return Scene(blank, [Membrane(blank, fabric, how.quadrature)], grips(blank, case.stroke))
 
@@ -185,7 +174,7 @@ def member(study, case, how):
         "wall_s": round(wall, 2),
         "values": measured(study, scene),
         "reactions_N": [curve[load] for load in LOADS],
-        "seen": seen(scene),
+        "seen": seen(scene).tolist(),
     }
 
 
@@ -210,7 +199,7 @@ def reference(study, name, folder):
     series, checks = (case.series[:2], ()) if study.args.quick else (case.series, case.checks)
     members = {}
     for how in (*series, *checks):
-        found = members[str(how)] = member(study, case, how)
+        found = members[str(how)] = study.once(f"{name} {how}", lambda how=how: member(study, case, how))
         study.say(
             f"{name}  {how!s:28s} {found['dofs']:7d} dofs {found['iterations']:4d} iterations {found['wall_s']:7.1f} s  reaction {found['values']['reaction_N']:.8g} N"
         )
@@ -224,8 +213,12 @@ def reference(study, name, folder):
         value, error, order = estimated(lambda found, quantity=quantity: found["values"][quantity])
         quantities[quantity] = {"value": value, "error": error, "order": order}
     curve = [estimated(lambda found, k=k: found["reactions_N"][k]) for k in range(len(LOADS))]
-    finest = members[str(series[-1])]["seen"]
-    fields = [field_distance(case, found["seen"], finest) for how, found in members.items() if how != str(series[-1])]
+    finest = np.array(members[str(series[-1])]["seen"])
+    fields = [
+        field_distance(case, np.array(found["seen"]), finest)
+        for how, found in members.items()
+        if how != str(series[-1])
+    ]
     # the finest of the series is the reference; how far the one before and the checks are from it bounds its error
     bars = dict(zip(("strain_l2", "shear_angle_rms_deg"), np.max(fields[len(series) - 2 :], axis=0).tolist()))
     if study.comm.rank == 0:
@@ -255,6 +248,26 @@ def reference(study, name, folder):
     return quantities
 
 
+def convergence(path, folder, found):
+    """Errors of the reaction of all discretisations over their unknowns, and the reference's own, for each scene of `found`."""
+    from fabric_fenicsx.results import pictures
+
+    series = {}
+    for k, (name, quantities) in enumerate(found.items()):
+        members, r = json.loads((folder / f"{name}.json").read_text())["members"], quantities["reaction_N"]
+        error = {how: abs(m["values"]["reaction_N"] / r["value"] - 1) for how, m in members.items()}
+        of_series = [how for how in map(str, SCENES[name].series) if how in members]
+        for label, hows, style in (
+            (name, of_series, f"C{k}o-"),
+            (f"{name}, checks", [h for h in members if h not in of_series], f"C{k}x"),
+        ):
+            if hows:
+                series[label] = [members[h]["dofs"] for h in hows], [error[h] for h in hows], style
+        ends = [min(m["dofs"] for m in members.values()), max(m["dofs"] for m in members.values())]
+        series[f"{name}, error bar"] = ends, [r["error"] / abs(r["value"])] * 2, f"C{k}:"
+    pictures.curves(path, series, "unknowns", "error of the reaction, relative", "log")
+
+
 def main(study):
     folder, found = study.folder(), {}
     for name in study.args.scenes:
@@ -264,6 +277,8 @@ def main(study):
             f"{folder}/{name}.json: reaction {r['value']:.6g} +- {r['error']:.2g} N, {'finest mesh' if r['order'] is None else 'order {:.2g}'.format(r['order'])}"
         )
     study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
+    if study.comm.rank == 0 and not study.args.no_pictures:
+        convergence(folder / "convergence.png", folder, found)
 
 
 if __name__ == "__main__":

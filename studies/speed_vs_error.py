@@ -5,7 +5,6 @@ import json
 import math
 import os
 import re
-import shlex
 import subprocess
 import sys
 import time
@@ -79,6 +78,10 @@ FULL = [
     *({"sweep": "pattern", "element": e, "pattern": p, "nx": nx} for p, sizes in (("left", (150, 76, 50)), ("unstructured", (133, 66, 42)), ("yarns", (133, 66, 42)))
       for e, nx in zip(("P1", "P2", "P3"), sizes)),
     *({"sweep": "pattern", "element": e, "pattern": p, "nx": nx} for p in ("unstructured", "yarns") for e, nx in (("P1", 66), ("P2", 33), ("P3", 21))),
+    *({"sweep": "graded", "pattern": "graded", "element": e, "nx": nx, "steps": n, "path_tolerance": t} for n, t, kinds in (
+        (20, 1e-3, (("P1", 24), ("P1", 48), ("P1", 96), ("P2", 24), ("P2", 48))), (15, 1e-2, (("P1", 48), ("P2", 24))),
+        (20, 1e-4, (("P2", 24), ("P2", 32), ("P2", 48))),
+    ) for e, nx in kinds),
     *({"sweep": "steps", "steps": n} for n in (1, 5, 10, 40)),
     *({"sweep": "tolerance", "tolerance": t} for t in (1e-2, 1e-11)),
     *({"sweep": "path", "path_tolerance": t} for t in (1e-2, 1e-3)),
@@ -87,7 +90,7 @@ FULL = [
     *({"sweep": "lean", "path_tolerance": t, "steps": n, "element": e, "nx": nx} for t, n, kinds in (
         (1e-2, 5, (("P1", 24), ("P2", 12))), (1e-3, 5, (("P1", 24), ("P2", 12), ("P2", 24))),
         (1e-3, 10, (("P1", 24), ("P2", 12), ("P2", 48), ("P3", 16))), (1e-2, 20, (("P1", 120), ("P2", 48))),
-        (1e-3, 20, (("P1", 24), ("P1", 120), ("P2", 12), ("P2", 24), ("P2", 48), ("P3", 16), ("P3", 32))), (1e-4, 20, (("P2", 12), ("P2", 24))),
+        (1e-3, 20, (("P1", 24), ("P1", 120), ("P2", 12), ("P2", 24), ("P2", 48), ("P3", 16), ("P3", 32))), (1e-4, 20, (("P2", 12), ("P2", 24), ("P2", 32))),
     ) for e, nx in kinds),
 ]  # fmt: skip
 
@@ -245,7 +248,7 @@ def sizes(study):
     args, folder = study.args, study.folder()
     base = Configuration("tensile", "size", steps=0)
     plan = [replace(base, **change) for change in (QUICK_SIZES if args.quick else SIZES)]
-    rows = [apart(study, c) for c in tqdm(plan, disable=None, leave=False)]
+    rows = [study.once(str(asdict(c)), lambda c=c: apart(study, c)) for c in tqdm(plan, disable=None, leave=False)]
     study.write_table(folder / "table.csv", rows)
     good, found = [r for r in rows if not r["reason"]], {}
     for solver in dict.fromkeys(r["linear_solver"] for r in good):
@@ -259,7 +262,7 @@ def sizes(study):
     for two in (r for r in good if r["ranks"] > 1):
         alone = next(r for r in good if r["ranks"] == 1 and all(r[k] == two[k] for k in ("nx", "linear_solver")))
         found[f"{two['ranks']} ranks, {two['cells']} cells"] = {f"gain_of_{k}": alone[k] / two[k] for k in ("tangent_s", "residual_s", "solve_s")}  # fmt: skip
-    study.summarise(folder, converged=True, stroke_reached=1.0, command=shlex.join(sys.argv), quantities=found)
+    study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
     study.say(table(rows, PRINTED_SIZES))
     for name, values in found.items():
         study.say(f"{name}: " + ", ".join(f"{k} {v:.3g}" for k, v in values.items()))
@@ -473,7 +476,7 @@ def main(study):
         base = Configuration(name, **scale)
         plan += [base, *(replace(base, **change) for change in changes)]
     for c in tqdm(plan, disable=None, leave=False):
-        row = apart(study, c)
+        row = study.once(str(asdict(c)), lambda c=c: apart(study, c))
         scenes.setdefault(c.scene, []).append(row)
         if row["reason"]:
             tqdm.write(f"{c}: {row['reason']}", file=sys.stderr)
@@ -488,7 +491,7 @@ def main(study):
     if not args.no_pictures:
         picture(folder / "front.png", scenes)
     study.summarise(
-        folder, converged=True, stroke_reached=1.0, material=study.fabric.name, command=shlex.join(sys.argv),
+        folder, converged=True, stroke_reached=1.0, material=study.fabric.name,
         quantities={
             name: {
                 "runs": len(found), "failed": sum(bool(r["reason"]) for r in found), "reference_error_bar": found[0]["error_bar"],

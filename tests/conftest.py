@@ -51,10 +51,10 @@ def random_states():
 def launch(tmp_path):
     """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status, output, results.
 
-    kill_at_row: kill it once its history has that many rows.
+    kill_at_row: kill it once its history has that many rows; overwrite: what an earlier launch left.
     """
 
-    def run(name, *options, ranks=1, out=True, timeout=300, kill_at_row=None):
+    def run(name, *options, ranks=1, out=True, timeout=300, kill_at_row=None, overwrite=True):
         environment = os.environ | {
             "OMPI_ALLOW_RUN_AS_ROOT": "1",
             "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
@@ -65,6 +65,7 @@ def launch(tmp_path):
         folder = tmp_path / "out"
         if out:
             command += ["--out", str(folder)]
+            command += ["--overwrite"] if overwrite and "--resume" not in options else []
         if ranks > 1:
             command = ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", str(ranks), *command]
         if kill_at_row:

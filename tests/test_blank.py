@@ -10,6 +10,8 @@ from mpi4py import MPI
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write, yarns_through_corners
 
 COMM = MPI.COMM_WORLD
@@ -52,6 +54,27 @@ def test_edges_follow_the_yarns_through_the_corners(angle, lines):
         off = np.abs((edges - start) @ [-direction[1], direction[0]]).max(1)
         on = edges[off < 1e-9]
         assert np.linalg.norm(on[:, 1] - on[:, 0], axis=1).sum() == pytest.approx(np.linalg.norm(end - start), rel=1e-9)
+
+
+def test_graded_cells_are_small_across_lines_from_the_corners():
+    crossed, cells, _ = specimen(200, 50, 48, 12)
+    points = specimen(200, 50, 48, 12, "graded")[0]
+    edges = np.isclose(crossed, 0), np.isclose(crossed, [200, 50, 0])
+    assert np.allclose(points[edges[0]], 0, atol=1e-12) and np.allclose(
+        (points - [200, 50, 0])[edges[1]], 0, atol=1e-12
+    )
+
+    def heights(x):  # of cells across the two directions at 45 deg
+        along = x[:, [0]] + x[:, [1]] * [1, -1]
+        return along, np.ptp(along[cells], axis=1).min(1)
+
+    along, height = heights(points)
+    before, even = heights(crossed)
+    lines = before % 50 == 0
+    assert np.allclose(along[lines], before[lines], atol=1e-12)
+    assert height.min() < 0.1 * even.min() and height.max() < 2 * even.max()
+    with pytest.raises(InputError, match="210 x 50 mm .* graded.* multiple of the width"):
+        specimen(210, 50, 48, 12, "graded")
 
 
 def test_crossed_cuts_each_rectangle_into_four():
@@ -168,3 +191,23 @@ def test_bad_meshes_are_named(points, cells, kind, words):
     arrays = (points, cells, kind) if COMM.rank == 0 else (None,) * 3
     with pytest.raises(InputError, match=words):
         Blank.from_arrays(COMM, *arrays, source="sheet.msh")
+
+
+@pytest.mark.parametrize(
+    "wrong, sentence",
+    [
+        ({"pattern": "foo"}, "pattern is 'foo'; allowed are crossed, graded"),
+        ({"cell": "quad"}, "cell is 'quad'; allowed are triangle, quadrilateral"),
+        ({"nx": 0}, "nx is 0; allowed is a finite value above 0"),
+        ({"width": math.nan}, "width is nan"),
+    ],
+)
+def test_what_a_specimen_cannot_be_is_named(wrong, sentence):
+    with pytest.raises(InputError, match=sentence):
+        specimen(**wrong)
+
+
+def test_an_element_that_is_not_there_is_named():
+    arrays = specimen(nx=4, ny=1, cell="quadrilateral")
+    with pytest.raises(InputError, match="of degree 3 on quadrilaterals; allowed is 1 on triangles"):
+        Membrane(Blank.from_arrays(COMM, *arrays, degree=3), load("komeili"))

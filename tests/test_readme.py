@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import pyvista
 
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.meshes.specimen import specimen, write
@@ -27,12 +28,14 @@ def test_the_material_file(tmp_path):
 
 def test_the_study_in_python(tmp_path):
     write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
+    (tmp_path / "fabric.toml").write_text(block("toml"))
+    pyvista.Sphere(radius=30, theta_resolution=60, phi_resolution=60).save(tmp_path / "ball.stl")
     done = subprocess.run(
         [sys.executable, "-c", block("python")], cwd=tmp_path, capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    reached, reaction, stress = map(float, done.stdout.split())
-    assert reached == 1 and reaction == pytest.approx(2560.05) and stress == pytest.approx(51.201)
+    reached, force, stress = map(float, done.stdout.split())
+    assert reached == 1 and 10 < force < 200 and stress > 1
 
 
 # run in the same way, or longer, by tests of their own
@@ -43,10 +46,12 @@ COMMANDS = [line for line in COMMANDS if not any(f"studies/{name}.py" in line fo
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_commands(tmp_path, command):
-    program, script, *options = command.split()
+    _, script, *options = command.split()
     write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
-    (tmp_path / "fabric.toml").write_text(block("toml"))
-    quick = [] if script.startswith("meshes/") or "identify" in script else ["--quick"]
+    for name in ("fabric.toml", "glass_pp.toml"):
+        if f"--out {name}" not in command:
+            (tmp_path / name).write_text(block("toml"))
+    quick = ["--quick"] if script.startswith("studies/") and "identify" not in script else []
     (tmp_path / "studies").symlink_to(ROOT / "studies")
     environment = os.environ | {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
@@ -54,7 +59,7 @@ def test_the_commands(tmp_path, command):
         "OMP_NUM_THREADS": "1",
     }
     done = subprocess.run(
-        [sys.executable, ROOT / script, *options, *quick],
+        [sys.executable, ROOT / script if script.endswith(".py") else script, *options, *quick],
         cwd=tmp_path,
         capture_output=True,
         text=True,
@@ -62,6 +67,8 @@ def test_the_commands(tmp_path, command):
         env=environment,
     )
     assert done.returncode == 0, done.stderr
+    if script.startswith("studies/"):
+        assert len([p for p in tmp_path.rglob("*.html") if "studies" not in p.parts]) == 1
 
 
 def test_readme_names_every_study_and_only_those():

@@ -7,6 +7,7 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.blank import Blank
+from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.bending import Bending
 from fabric_fenicsx.mechanics.load import DeadPressure
@@ -96,3 +97,12 @@ def test_yarns_stiff_in_their_plane_widen_the_zones_of_a_bias_test():
         assert not outcome.reason
         reactions.append(scene.reaction("moving grip")[0])
     assert reactions[0] < reactions[1]
+
+
+def test_what_a_scene_cannot_be_made_of_is_named():
+    blank = strip(40, 20, 6, 3)
+    with pytest.raises(InputError, match="no elastic term"):
+        Scene(blank, [])
+    scene = Scene(blank, [Membrane(blank, load("komeili"))], grips(blank, 0.1))
+    with pytest.raises(InputError, match="'grip' is not of this scene; allowed are fixed grip, moving grip"):
+        scene.reaction("grip")

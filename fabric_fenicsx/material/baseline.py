@@ -2,20 +2,23 @@
 
 import csv
 import math
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import tomli_w
+from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 from ufl import conditional, lt
+from ufl.core.expr import Expr
 
 from ..errors import InputError
-from .parameters import SHEET, check_complete, check_couplings, check_number, read_numbers
+from .parameters import SHEET, WovenFabric, check_complete, check_couplings, check_number, read_numbers
 
 MIN_POINTS = 3
 MAX_POINTS = 40  # in a file: compiling the form takes the square of their number, half a minute at 100
@@ -33,13 +36,14 @@ class Curve:
     Between the points a monotone cubic (Fritsch and Carlson 1980, SciPy's PCHIP): where the data rise so does the
     curve, its slope is continuous, so the energy is C2. Beyond the first and last point it goes on straight.
     Energy is counted from zero strain, where the curve must be free of stress.
+    Raises InputError, which names the point, for other points than these.
     """
 
     x: tuple[float, ...]
     y: tuple[float, ...]
     _c: np.ndarray = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
         for k in range(len(x)):
             if not (math.isfinite(x[k]) and math.isfinite(y[k])):
@@ -64,7 +68,7 @@ class Curve:
         """Where each piece's t is zero, (n + 1,): the first point for the tail before it, then each point."""
         return np.concatenate([self.x[:1], self.x])
 
-    def _pieces(self):
+    def _pieces(self) -> np.ndarray:
         """Coefficients of the energy (5, n + 1) in t, highest power first, continuous, zero at zero strain."""
         starts, c = self.starts, self._c
         W = np.vstack([c / np.array([4.0, 3.0, 2.0, 1.0])[:, None], np.zeros(c.shape[1])])
@@ -73,15 +77,15 @@ class Curve:
         W[4] -= np.polyval(W[:, self._piece(0.0)], 0.0 - starts[self._piece(0.0)])
         return W
 
-    def _piece(self, e):
+    def _piece(self, e: ArrayLike) -> np.ndarray:
         return np.searchsorted(self.x, e, side="right")
 
-    def __call__(self, e) -> np.ndarray:
-        """Stress at strains `e` (n,)."""
+    def __call__(self, e: ArrayLike) -> np.ndarray:
+        """Stress [MPa] at strains `e`, of their shape."""
         return self.derivatives(e)[1]
 
-    def derivatives(self, e):
-        """Energy, stress and tangent at strains `e` (n,)."""
+    def derivatives(self, e: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Energy, stress and tangent [MPa] at strains `e`, each of their shape."""
         e = np.asarray(e, float)
         k, W = self._piece(e), self._pieces()
         t = e - self.starts[k]
@@ -89,8 +93,8 @@ class Curve:
         energy = (((w4 * t + w3) * t + w2) * t + w1) * t + w0
         return energy, ((4 * w4 * t + 3 * w3) * t + 2 * w2) * t + w1, (12 * w4 * t + 6 * w3) * t + 2 * w2
 
-    def symbols(self, make: Callable[[float], Any]) -> Callable:
-        """The energy as a function of a UFL strain, its numbers v replaced by make(v)."""
+    def symbols(self, make: Callable[[float], Any]) -> Callable[[Expr], Expr]:
+        """The energy [MPa] as a function of a UFL strain, its numbers v replaced by make(v)."""
         columns = [[make(v) for v in column] for column in (self.starts, *self._pieces())]
 
         def energy(e):
@@ -115,6 +119,7 @@ class TabulatedFabric:
     mirror images, so that its table begins at 0), thickness [mm], density [g/cm3].
 
     It takes the place of a `WovenFabric` with every coupling off, in the forms and in the kernel.
+    Raises InputError for a shear table that begins below 0, and for a thickness or density not above 0.
     """
 
     warp: Curve
@@ -123,10 +128,10 @@ class TabulatedFabric:
     thickness: float = 1.0
     density: float = 0.75
     name: str = ""
-    couplings = frozenset()
+    couplings = frozenset[str]()
     biaxial = tension_shear = compression_shear = False
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for key in SHEET:
             object.__setattr__(self, key, check_number(key, getattr(self, key), key))
         if self.shear.x[0] < 0:
@@ -135,7 +140,7 @@ class TabulatedFabric:
             )
 
     @property
-    def curves(self):
+    def curves(self) -> tuple[Curve, Curve, Curve]:
         """Curves of eps_a, eps_b and gamma, the last in both senses."""
         x, y = np.array(self.shear.x), np.array(self.shear.y)
         both = Curve(tuple(np.concatenate([-x[:0:-1], x])), tuple(np.concatenate([-y[:0:-1], y])))
@@ -146,12 +151,12 @@ class TabulatedFabric:
         """Shear stiffness at rest [MPa]."""
         return float(self.curves[2].derivatives(0.0)[2])
 
-    def decoupled(self):
+    def decoupled(self) -> Self:
         """Itself: there is no coupling to turn off."""
         return self
 
-    def without(self, *names):
-        """Itself, after a check of the names."""
+    def without(self, *names: str) -> Self:
+        """Itself; InputError for an unknown name."""
         check_couplings(names, "without")
         return self
 
@@ -170,26 +175,29 @@ class TabulatedFabric:
         )
 
     @classmethod
-    def from_toml(cls, path, document):
+    def from_toml(cls, path: str | os.PathLike[str], document: dict[str, Any]) -> Self:
         """Read a material file with `model = "fabric"`; `document` is its parsed TOML.
 
         Top level: name, thickness, density as in any material file, and `warp`, `weft`, `shear`: CSV files beside it
         with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`. Raises InputError by file and row.
         """
         files = {key: document.pop(key, None) for key in ("warp", "weft", "shear")}
-        fields = {"name": document.pop("name", "")}
+        fields: dict[str, Any] = {"name": document.pop("name", "")}
         document.pop("model")
         units = document.pop("units", {})
-        numbers = read_numbers(document, SHEET, units, "", ("model", "name", *files))
+        fields |= (numbers := read_numbers(document, SHEET, units, "", ("model", "name", *files)))
         check_complete(numbers, SHEET, "", "at the top of the file")
         for key, name in files.items():
             if not isinstance(name, str):
                 raise InputError(f"{key} is {name!r}, but it must be the name of a CSV file beside this one")
             fields[key] = read_table(Path(path).parent / name, "shear" if key == "shear" else "yarn")
-        return cls(**fields, **numbers)
+        return cls(**fields)
 
 
-def read_table(path, kind) -> Curve:
+Fabric = WovenFabric | TabulatedFabric
+
+
+def read_table(path: str | os.PathLike[str], kind: str) -> Curve:
     """Curve from a CSV file with a header of names and units; kind: "yarn" or "shear". InputError by file and row."""
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:

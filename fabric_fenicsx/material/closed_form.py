@@ -1,9 +1,17 @@
 """Nominal stresses of homogeneous states, written straight from eqs (14)-(30): the curves that elements must hit."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import ArrayLike
+
+if TYPE_CHECKING:
+    from .baseline import Fabric
 
 
-def nominal_stresses(fabric, eps_a, eps_b, gamma):
+def nominal_stresses(
+    fabric: "Fabric", eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """sigma_a = dW/d(eps_a), sigma_b = dW/d(eps_b), tau = dW/d(gamma), arrays (n,) [MPa].
 
     eps_a, eps_b: nominal yarn strains, eq. (9) [-]; gamma: shear angle, eq. (8) [rad]; each (n,) or a number.
@@ -12,7 +20,8 @@ def nominal_stresses(fabric, eps_a, eps_b, gamma):
     """
     ea, eb, gamma = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in (eps_a, eps_b, gamma)))
     if fabric.curves:
-        return tuple(curve(v) for curve, v in zip(fabric.curves, (ea, eb, gamma)))
+        sigma_a, sigma_b, tau = (curve(v) for curve, v in zip(fabric.curves, (ea, eb, gamma)))
+        return sigma_a, sigma_b, tau
     g = np.abs(gamma)
 
     def tension(y, e):

@@ -9,18 +9,16 @@ A data set is a folder with one `sheet.toml` (the sheet) and one CSV file a test
     eps_a [%], sigma_a [MPa]
     0.1, 1.36
 
-==================  ======================================================  =========================================
-test                columns                                                 further keys
-==================  ======================================================  =========================================
-uniaxial_a          eps_a; sigma_a; if held also sigma_b, if free eps_b     lateral: held (eps_b = 0) or free (sigma_b = 0)
-uniaxial_b          the same with a and b exchanged
-biaxial             eps_a, eps_b; sigma_a and/or sigma_b
-compression_a       eps_a; sigma_a; optional gamma (sheared compression)
-compression_b       the same with a and b exchanged
-shear               gamma; tau or F_sh; optional eps_a, eps_b (pre-strain)
-picture_frame       gamma; F; optional eps_a, eps_b (pre-strain)            frame_length, fabric_length
-bias_extension      gamma; F                                                height, width
-==================  ======================================================  =========================================
+| test | columns | further keys |
+|---|---|---|
+| uniaxial_a | eps_a; sigma_a; if held also sigma_b, if free eps_b | lateral: held (eps_b = 0) or free (sigma_b = 0) |
+| uniaxial_b | the same with a and b exchanged | |
+| biaxial | eps_a, eps_b; sigma_a and/or sigma_b | |
+| compression_a | eps_a; sigma_a; optional gamma (sheared compression) | |
+| compression_b | the same with a and b exchanged | |
+| shear | gamma; tau or F_sh; optional eps_a, eps_b (pre-strain) | |
+| picture_frame | gamma; F; optional eps_a, eps_b (pre-strain) | frame_length, fabric_length |
+| bias_extension | gamma; F | height, width |
 
 Every file may state `noise` (standard deviation): `2 % of maximum` (of each column's largest value), `5 % of value`, or an
 absolute `0.2 MPa` if one column is measured. Stresses are nominal, conjugate to (eps_a, eps_b, gamma) per undeformed
@@ -40,13 +38,14 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import tomli_w
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .parameters import SHEAR, SHEET, UNITS, YARN, read_numbers, unknown_key
@@ -136,7 +135,7 @@ class Sheet:
     assumed: dict[str, float] = field(default_factory=dict)
 
 
-def read(folder) -> tuple[Sheet, tuple[Curve, ...]]:
+def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     """Sheet and curves of a data set; InputError by file, row and reason, also for two curves that contradict."""
     folder = Path(folder)
     if not folder.is_dir():
@@ -150,9 +149,9 @@ def read(folder) -> tuple[Sheet, tuple[Curve, ...]]:
     return sheet, curves
 
 
-def read_sheet(path) -> Sheet:
+def read_sheet(path: Path | str) -> Sheet:
     """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3, balanced, and optional [assumed], [assumed.warp],
-    [assumed.weft] with parameters as in a material file (d_MPa, p_min, ..)."""
+    [assumed.weft] with parameters as in a material file (d_MPa, p_min, ..). Raises InputError by file and key."""
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except tomllib.TOMLDecodeError as error:
@@ -176,7 +175,7 @@ def read_sheet(path) -> Sheet:
             raise InputError(
                 f"missing {', '.join(missing)}; allowed are thickness_mm and density_g_per_cm3, for example"
             )
-        values = {}
+        values: dict[str, float] = {}
         for yarn in ("warp", "weft"):
             table = assumed.pop(yarn, {})
             if balanced and table:
@@ -190,8 +189,9 @@ def read_sheet(path) -> Sheet:
         raise InputError(f"{path}: {error}") from None
 
 
-def read_curve(path, thickness) -> Curve:
-    """Read and check one CSV file; thickness [mm] of the sheet turns shear forces into stresses. Raises InputError."""
+def read_curve(path: Path | str, thickness: float) -> Curve:
+    """Read and check one CSV file; thickness [mm] of the sheet turns shear forces into stresses. InputError by file and
+    row."""
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
@@ -234,7 +234,7 @@ def _parse(file, lines, thickness):
             measured = (*measured, f"sigma_{across}")
         else:
             free, needed = "ab".index(name[-1]), (*needed, f"eps_{across}")
-    lengths = {key: _quantity(key, *value, _LENGTH) for key, value in keys.items()}
+    lengths = {key: _quantity(key, row, text, _LENGTH) for key, (row, text) in keys.items()}
     columns, rows = _columns(table, name, needed, test.optional, measured)
     found = [column for column in (*measured, *needed[len(test.strains) :]) if column in columns]
     if {"tau", "F_sh"} <= set(found):
@@ -303,7 +303,7 @@ def _columns(table, name, needed, optional, measured):
     line, text = table[0]
     delimiter = ";" if ";" in text else ","
     allowed = (*needed, *optional, *measured)
-    header = []
+    header: list[tuple[str, float]] = []
     for cell in next(csv.reader([text], delimiter=delimiter)):
         match = re.fullmatch(r"\s*(\w+)\s*(?:\[\s*(.+?)\s*\])?\s*", cell)
         column, unit = match.groups() if match else (cell.strip(), None)
@@ -356,8 +356,8 @@ def _columns(table, name, needed, optional, measured):
 def _quantity(key, row, text, units):
     match = re.fullmatch(r"\s*([-+.\deE]+)\s*(\S+)\s*", text)
     try:
-        value = float(match[1]) * units[match[2]]
-    except (TypeError, KeyError, ValueError):
+        value = float(match[1]) * units[match[2]] if match else math.nan
+    except (KeyError, ValueError):
         value = math.nan
     if not 0 < value < math.inf:
         raise _fail(row, f"{key} is {text!r}, but it must be a number above 0 with one of the units {', '.join(units)}")
@@ -397,7 +397,7 @@ def _response(column, values, gamma, test, lengths, t):
     return Response(column, next(iter(_UNIT[column])), values, gain, half)
 
 
-def bias_normalised(gamma, force, height, width):
+def bias_normalised(gamma: ArrayLike, force: ArrayLike, height: float, width: float) -> np.ndarray:
     """Normalised shear force F_sh (n,) [N/mm] of a bias test, by the formula of Cao et al. (2008).
 
     gamma: (n,) [rad], rising from above 0; force: (n,) [N]; height, width [mm] of the strip. F_sh(gamma/2) is interpolated
@@ -409,7 +409,7 @@ def bias_normalised(gamma, force, height, width):
     return np.linalg.solve(A, (H / W - 1) * np.asarray(force) * (np.cos(g / 2) - np.sin(g / 2)))
 
 
-def write(folder, sheet: Sheet, curves: Sequence[Curve], remarks=()):
+def write(folder: Path | str, sheet: Sheet, curves: Iterable[Curve], remarks: Iterable[str] = ()) -> None:
     """Write a data set that `read` reads back to 12 digits; remarks: comment lines for each CSV. Raises InputError."""
     folder = Path(folder)
     shown = {"eps_a": "%", "eps_b": "%", "gamma": "deg"}
@@ -450,7 +450,7 @@ def write(folder, sheet: Sheet, curves: Sequence[Curve], remarks=()):
         raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
 
 
-def check_contradictions(curves, balanced):
+def check_contradictions(curves: Sequence[Curve], balanced: bool) -> None:
     """InputError if two curves of the same states differ, as r.m.s. over their common range, by more than a quarter of
     the larger peak and 4 standard deviations of their stated noise. If `balanced`, warp is also compared with weft."""
     for i, one in enumerate(curves):

@@ -5,10 +5,17 @@ energies (25)-(27) take |gamma|, since a weave does not care which way it is she
 energy would be unbounded below), and the last case of (13) is read as I8 <= 1, as in (30).
 """
 
+from types import SimpleNamespace
+
 from ufl import atan, conditional, diff, exp, gt, sqrt, variable
+from ufl.core.expr import Expr
+
+from .parameters import WovenFabric
+
+Law = WovenFabric | SimpleNamespace  # the latter: the `symbols` of one, or of a `TabulatedFabric`
 
 
-def shear_angle(I4, I6, I8, cos_angle):
+def shear_angle(I4: Expr, I6: Expr, I8: Expr, cos_angle: Expr) -> Expr:
     """Invariant I10 = gamma [rad], eq. (8), signed; `cos_angle` is a0·b0.
 
     As arctan of I6 over the area of the fibre pair it stays smooth where the paper's arccos does not.
@@ -16,16 +23,16 @@ def shear_angle(I4, I6, I8, cos_angle):
     return atan(I6 / sqrt(I4 * I8 - I6**2)) - atan(cos_angle / sqrt(1 - cos_angle**2))
 
 
-def nominal_strain(I):
-    """sqrt(I) - 1, eq. (9), without its loss of digits near I = 1."""
+def nominal_strain(I: Expr) -> Expr:
+    """sqrt(I) - 1 [-], eq. (9), without its loss of digits near I = 1."""
     return (I - 1) / (sqrt(I) + 1)
 
 
-def energy_of_strains(eps_a, eps_b, gamma, fabric):
+def energy_of_strains(eps_a: Expr, eps_b: Expr, gamma: Expr, fabric: Law) -> Expr:
     """W_tot, eq. (30) [MPa = N mm per mm3 of undeformed fabric], as a UFL expression.
 
-    eps_a, eps_b: nominal strains of the yarns, gamma: shear angle, scalar UFL expressions; fabric: a `WovenFabric`, a
-    `TabulatedFabric` or the `symbols` of one. A coupling that is off leaves no trace in the expression.
+    eps_a, eps_b: nominal strains of the yarns, gamma: shear angle, scalar UFL expressions; fabric: a `WovenFabric`, or
+    the `symbols` of one or of a `TabulatedFabric`. A coupling that is off leaves no trace in the expression.
     The product form W_a + W_b + W_S k_SC,a k_SC,b equals the four cases of eq. (30).
     """
     if fabric.curves:  # the tabulated baseline: three energies of their own
@@ -51,20 +58,20 @@ def energy_of_strains(eps_a, eps_b, gamma, fabric):
     return W_TC(fabric.warp, eps_a, eps_b) + W_TC(fabric.weft, eps_b, eps_a) + W_S
 
 
-def energy_density(I4, I6, I8, cos_angle, fabric):
+def energy_density(I4: Expr, I6: Expr, I8: Expr, cos_angle: Expr, fabric: Law) -> Expr:
     """W_tot of the invariants of eqs (5)-(7), scalar UFL expressions; cos_angle: a0·b0 of the undeformed fabric, any
     but +-1; the rest as in `energy_of_strains`."""
     return energy_of_strains(nominal_strain(I4), nominal_strain(I8), shear_angle(I4, I6, I8, cos_angle), fabric)
 
 
-def derivatives(I4, I6, I8, cos_angle, fabric):
+def derivatives(I4: Expr, I6: Expr, I8: Expr, cos_angle: Expr, fabric: Law) -> tuple[list[Expr], list[list[Expr]]]:
     """First, [3], and second, [3][3], derivatives of `energy_density` in (I4, I6, I8), as UFL expressions.
 
     Those of eq. (30) in the strains are UFL's; the chain rule to the invariants is written out, as the compiled kernel
     then has a third of the operations that UFL's own makes.
     """
     q = [variable(e) for e in (nominal_strain(I4), nominal_strain(I8), shear_angle(I4, I6, I8, cos_angle))]
-    W = energy_of_strains(*q, fabric)
+    W = energy_of_strains(q[0], q[1], q[2], fabric)
     W1 = [diff(W, x) for x in q]
     W2 = [[diff(W1[min(i, j)], q[max(i, j)]) for j in range(3)] for i in range(3)]
     A = 1 / sqrt(I4 * I8 - I6**2)

@@ -14,6 +14,9 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, Literal, overload
 
 import numpy as np
 from scipy import stats
@@ -21,6 +24,7 @@ from scipy.optimize import least_squares
 
 from ..errors import InputError, SolverFailure
 from . import curves as data
+from .baseline import Fabric
 from .curves import Curve, Response, Sheet
 from .parameters import RULES, SHEAR, YARN, WovenFabric, Yarn
 from .pointwise import evaluate
@@ -35,7 +39,15 @@ NOISE = 0.01  # of each peak, at which the data must determine a parameter
 SOFTEST = 0.999  # tau' > 0 is kept by c1 > -SOFTEST sqrt(c0 c2), see _Problem._to_x
 
 
-def nominal(fabric, strains, tangent=False):
+@overload
+def nominal(fabric: Fabric | SimpleNamespace, strains: np.ndarray, tangent: Literal[False] = ...) -> np.ndarray: ...
+@overload
+def nominal(
+    fabric: Fabric | SimpleNamespace, strains: np.ndarray, tangent: Literal[True]
+) -> tuple[np.ndarray, np.ndarray]: ...
+def nominal(
+    fabric: Fabric | SimpleNamespace, strains: np.ndarray, tangent: bool = False
+) -> np.ndarray | tuple[np.ndarray, np.ndarray]:
     """Stresses (n, 3) [MPa] conjugate to strains (n, 3) = eps_a, eps_b, gamma, for yarns that start at right angles.
 
     From dW = S11 dI4/2 + S22 dI8/2 + S12 dI6: sigma_a = S11 la + S12 lb sin g (the nominal stress P = F S along yarn a),
@@ -51,10 +63,13 @@ def nominal(fabric, strains, tangent=False):
     if not tangent:
         return stress
     D = state.tangent
+    assert D is not None
     return stress, np.stack([S11 + la**2 * D[:, 0, 0], S22 + lb**2 * D[:, 1, 1], la * lb * D[:, 0, 1]], -1)
 
 
-def lateral_strain(fabric, along, strain, start=None):
+def lateral_strain(
+    fabric: Fabric | SimpleNamespace, along: int, strain: np.ndarray, start: np.ndarray | None = None
+) -> np.ndarray:
     """Strain (n,) across a tension of `strain` (n,) along yarn a (0) or b (1), where the stress across is zero.
 
     The stress across is convex and rises with the strain across, so Newton from any start comes down on the root
@@ -322,7 +337,7 @@ class Identification:
     convex_in_tension: bool | None  # of W in (eps_a, eps_b) at gamma = 0 over the measured tension
     warnings: list[str]
 
-    def report(self) -> dict:
+    def report(self) -> dict[str, Any]:
         """All of it for JSON, with the r.m.s. error of each curve."""
         names = list(self.determined)
         return {
@@ -503,12 +518,13 @@ def _physics(problem, fabric):
 
 
 # strains of synthetic tests: eps_a, eps_b [-], gamma [deg] at their end; the first and last are reached from 0 together
-_PAPER = {
+_Plan = dict[str, tuple[str, tuple[float | None, float | None, float | None]]]
+_PAPER: _Plan = {
     "uniaxial_a": ("uniaxial_a", (0.03, 0, 0)), "uniaxial_b": ("uniaxial_b", (0, 0.03, 0)),
     "biaxial_1_1": ("biaxial", (0.02, 0.02, 0)), "biaxial_1_2": ("biaxial", (0.01, 0.02, 0)), "biaxial_2_1": ("biaxial", (0.02, 0.01, 0)),
     "shear": ("shear", (0, 0, 45)), "shear_tension_a": ("shear", (0.005, 0, 45)), "shear_tension_b": ("shear", (0, 0.005, 45)),
 }  # fmt: skip
-_MORE = {
+_MORE: _Plan = {
     "free_a": ("uniaxial_a", (0.03, None, 0)), "free_b": ("uniaxial_b", (None, 0.03, 0)),
     "tension_compression_a": ("biaxial", (0.03, -0.06, 0)), "tension_compression_b": ("biaxial", (-0.06, 0.03, 0)),
     "compression_a": ("compression_a", (-0.1, 0, 0)), "compression_b": ("compression_b", (0, -0.1, 0)),
@@ -518,12 +534,18 @@ PLANS = {"paper": _PAPER, "all": _PAPER | _MORE}
 
 
 def synthesise(
-    fabric: WovenFabric, plan="all", noise=0.0, seed=1, points=30, balanced=None
+    fabric: WovenFabric,
+    plan: str = "all",
+    noise: float = 0.0,
+    seed: int = 1,
+    points: int = 30,
+    balanced: bool | None = None,
 ) -> tuple[Sheet, tuple[Curve, ...]]:
     """Sheet and curves that the law predicts for the tests of a plan: "paper" (held uniaxial, biaxial, pure and pre-tensioned
     shear) or "all" (also free tension, tension-compression, compression, sheared compression).
 
-    noise: standard deviation, normal, of each column's largest value; stated in the curves if above 0.
+    noise: standard deviation, normal, of each column's largest value; stated in the curves if above 0. points: of each
+    curve; balanced: what the sheet says, by default what the fabric is. Raises KeyError for another plan.
     """
     random = np.random.default_rng(seed)
     balanced = fabric.is_balanced if balanced is None else balanced
@@ -538,12 +560,12 @@ def synthesise(
         )
         strains[:, 2] = np.radians(strains[:, 2])
         exact = strains.copy()
-        if along is not None:
+        if free is not None and along is not None:
             exact[:, free] = lateral_strain(fabric, along, strains[:, along])
         stress = nominal(fabric, exact)
         measured = {"biaxial": ("sigma_a", "sigma_b"), "shear": ("tau",)}.get(test, (f"sigma_{test[-1]}",))
         values = {c: stress[:, ("sigma_a", "sigma_b", "tau").index(c)] for c in measured}
-        if along is not None:
+        if free is not None:
             values[data.STRAINS[free]] = exact[:, free]
         values = {c: v + noise * np.abs(v).max() * random.standard_normal(points) for c, v in values.items()}
         responses = tuple(
@@ -565,20 +587,27 @@ def synthesise(
     return Sheet(fabric.name, fabric.thickness, fabric.density, balanced), tuple(curves)
 
 
-def coverage(fabric: WovenFabric, plan="all", noise=0.02, seeds=range(1, 101), stated=True) -> dict:
+def coverage(
+    fabric: WovenFabric,
+    plan: str = "all",
+    noise: float = 0.02,
+    seeds: Sequence[int] = range(1, 101),
+    stated: bool = True,
+) -> dict[str, Any]:
     """Over synthetic data of each seed: how often each parameter was determined and its true value lay in its interval.
 
-    stated: whether the curves state their noise. Returns {"seeds", "inside": {name: n}, "determined": {name: n}}.
+    stated: whether the curves state their noise. Returns {"seeds": how many, "noise", "plan", "inside": {name: n},
+    "determined": {name: n}}.
     """
     truth = true_values(fabric, fabric.is_balanced)
     inside, determined = dict.fromkeys(truth, 0), dict.fromkeys(truth, 0)
     for seed in seeds:
         sheet, curves = synthesise(fabric, plan, noise, seed)
         if not stated:
-            curves = [dataclasses.replace(curve, noise=None) for curve in curves]
-        for name, found in identify(sheet, curves).determined.items():
+            curves = tuple(dataclasses.replace(curve, noise=None) for curve in curves)
+        for name, fitted in identify(sheet, curves).determined.items():
             determined[name] += 1
-            inside[name] += found.interval[0] <= truth[name] <= found.interval[1]
+            inside[name] += fitted.interval[0] <= truth[name] <= fitted.interval[1]
     found = {n: d for n, d in determined.items() if d}
     return {
         "seeds": len(seeds),
@@ -589,7 +618,7 @@ def coverage(fabric: WovenFabric, plan="all", noise=0.02, seeds=range(1, 101), s
     }
 
 
-def draw(result: Identification, stem) -> list[str]:
+def draw(result: Identification, stem: Path | str) -> list[str]:
     """Write stem_fit.png (measured and fitted curves), stem_residuals.png (in standard deviations) and stem_correlation.png;
     returns their names."""
     from matplotlib.figure import Figure

@@ -91,11 +91,11 @@ def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
 class Yarn:
     """The seven parameters of one yarn direction; raises InputError for a value out of its range.
 
-    a, b [MPa]   tension, cubic and quadratic term of the energy (eqs 15, 16)
-    d [MPa]      compression (eqs 22, 23)
-    p_min, c [-] biaxial coupling: its floor, 0 to 1, and its rate (eqs 17, 18)
-    s_T [MPa]    tension-shear coupling (eqs 26, 27)
-    s_C [-]      compression-shear coupling (eqs 28, 29)
+    - a, b [MPa]: tension, cubic and quadratic term of the energy (eqs 15, 16)
+    - d [MPa]: compression (eqs 22, 23)
+    - p_min, c [-]: biaxial coupling, its floor, 0 to 1, and its rate (eqs 17, 18)
+    - s_T [MPa]: tension-shear coupling (eqs 26, 27)
+    - s_C [-]: compression-shear coupling (eqs 28, 29)
     """
 
     a: float
@@ -115,10 +115,11 @@ class Yarn:
 class WovenFabric:
     """A woven fabric: 17 parameters, thickness, density and the couplings that are on.
 
-    warp, weft      yarns along a0 and b0 (`Yarn`)
-    s1, s2, s3      shear stress over shear angle [MPa] (eqs 24, 25)
-    thickness [mm], density [g/cm3]
-    couplings       any of COUPLINGS, spelled with "_", "-" or an en dash
+    - warp, weft: yarns along a0 and b0 (`Yarn`)
+    - s1, s2, s3: shear stress over shear angle [MPa] (eqs 24, 25)
+    - thickness [mm], density [g/cm3]
+    - couplings: any of `COUPLINGS`, spelled with "_", "-" or an en dash
+
     Raises InputError for a value out of its range.
     """
 
@@ -245,7 +246,7 @@ class WovenFabric:
         return read_toml(path, lambda document: cls(**from_document(document)))
 
 
-def coupling_variants(fabric):
+def coupling_variants(fabric: WovenFabric) -> dict[str, WovenFabric]:
     """{label: fabric} with all couplings, without some, and the decoupled baseline, as Figs 10 and 16 compare them."""
     return {
         "all couplings": fabric,
@@ -285,7 +286,7 @@ def from_document(document: dict[str, Any]) -> dict[str, Any]:
             raise unknown_key(kind, UNITS, f"units.{kind}")
         if unit not in list(UNITS[kind]):
             raise unknown_key(unit, UNITS[kind], f"units.{kind} {shown(unit)}")
-    fields = {key: document.pop(key) for key in ("name", "couplings") if key in document}
+    fields: dict[str, Any] = {key: document.pop(key) for key in ("name", "couplings") if key in document}
     fields |= read_numbers(document, SHEET, units, "", ("name", "couplings", *tables))
     fields |= read_numbers(tables["shear"], SHEAR, units, "shear.")
     check_complete(fields, SHEET, "", "at the top of the file")

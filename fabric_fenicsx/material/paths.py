@@ -1,10 +1,12 @@
 """Paths of homogeneous states: yarn strains and shear angle, their deformation gradient, and the stresses that do work on them."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-# name -> function of s in [0, 1] (n,) to eps_a, eps_b [-], gamma [rad]; panel of Fig. 7
 DEG = np.pi / 180
-PATHS = {
+# name -> function of s in [0, 1] (n,) to eps_a, eps_b [-], gamma [rad]; panel of Fig. 7
+PATHS: dict[str, Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]] = {
     "constrained uniaxial a": lambda s: (-0.20 + 0.23 * s, 0 * s, 0 * s),
     "constrained uniaxial b": lambda s: (0 * s, -0.20 + 0.23 * s, 0 * s),
     "equibiaxial": lambda s: (-0.20 + 0.23 * s, -0.20 + 0.23 * s, 0 * s),
@@ -25,15 +27,17 @@ PATHS = {
 }
 
 
-def gradient(eps_a, eps_b, gamma):
-    """F (n, 2, 2) for yarns a0 = e1, b0 = e2, turned towards each other by gamma/2 each."""
+def gradient(eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray) -> np.ndarray:
+    """F (n, 2, 2) of yarn strains [-] and shear angle [rad], (n,) each, for yarns a0 = e1, b0 = e2, turned towards each
+    other by gamma/2 each."""
     a = (1 + eps_a)[:, None] * np.stack([np.cos(gamma / 2), np.sin(gamma / 2)], -1)
     b = (1 + eps_b)[:, None] * np.stack([np.sin(gamma / 2), np.cos(gamma / 2)], -1)
     return np.stack([a, b], -1)
 
 
-def conjugate(P, F):
-    """Stresses conjugate to eps_a, eps_b, gamma, (n, 3), from first Piola-Kirchhoff stresses P (n, 2, 2) at `gradient` F.
+def conjugate(P: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Stresses conjugate to eps_a, eps_b, gamma, (n, 3) [MPa], from first Piola-Kirchhoff stresses P (n, 2, 2) at
+    `gradient` F.
 
     The rates of F are a/|a| e1 for eps_a, b/|b| e2 for eps_b, and both yarns turning towards each other for gamma.
     """

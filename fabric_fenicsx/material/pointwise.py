@@ -2,27 +2,31 @@
 
 Against Abaqus' VUMAT interface:
 
-=====================  ==========================================================================
-VUMAT                  here
-=====================  ==========================================================================
-``nblock``             n, any leading shape of the input
-``stretchNew``         `stretch`, U in the plane of the membrane, (n, 2, 2)
-``defgradNew``         `gradient`, F, (n, 2, 2), or (n, 3, 2) from tangent plane to space
-``props``              `fabric`, a `WovenFabric`
-``stressNew``          `State.cauchy`, corotational if U or C came in, in space if F came in [MPa]
-``enerInternNew``      `State.energy` / density; `State.energy` is per undeformed volume [N mm/mm3]
-``stateNew``           `State.invariants`, `State.energy_parts`, `State.strain_state`
-``charLength`` etc.    not needed: the law is elastic and has no rate
-=====================  ==========================================================================
+| VUMAT | here |
+|---|---|
+| `nblock` | n, any leading shape of the input |
+| `stretchNew` | `stretch`, U in the plane of the membrane, (n, 2, 2) |
+| `defgradNew` | `gradient`, F, (n, 2, 2), or (n, 3, 2) from tangent plane to space |
+| `props` | `fabric`, a `WovenFabric` |
+| `stressNew` | `State.cauchy`, corotational if U or C came in, in space if F came in [MPa] |
+| `enerInternNew` | `State.energy` / density; `State.energy` is per undeformed volume [N mm/mm3] |
+| `stateNew` | `State.invariants`, `State.energy_parts`, `State.strain_state` |
+| `charLength` etc. | not needed: the law is elastic and has no rate |
 
 The membrane keeps its thickness (lambda_3 = 1), so J of eq. (4) is the change of area.
 """
 
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+
+if TYPE_CHECKING:  # the kernel itself needs NumPy alone
+    from .baseline import Fabric
+    from .parameters import WovenFabric
 
 
 class State(NamedTuple):
@@ -37,17 +41,27 @@ class State(NamedTuple):
     tangent: np.ndarray | None  # (n, 3, 3) dS/dE on (11, 22, 12) with E in Voigt's (E11, E22, 2 E12) [MPa]
 
 
-def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=None, tangent=False) -> State:
+def evaluate(
+    fabric: "Fabric | SimpleNamespace",
+    *,
+    stretch: ArrayLike | None = None,
+    gradient: ArrayLike | None = None,
+    cauchy_green: ArrayLike | None = None,
+    fibres: tuple[ArrayLike, ArrayLike] | np.ndarray | None = None,
+    tangent: bool = False,
+) -> State:
     """Evaluate the law of eq. (30) from one of U `stretch`, F `gradient` or C `cauchy_green`.
 
     stretch, cauchy_green: (..., 2, 2), symmetric; gradient: (..., 2, 2) or (..., 3, 2); any memory layout.
-    fabric: `WovenFabric` or `TabulatedFabric`; fibres: pair of unit vectors a0, b0, each (2,) or (..., 2), not parallel; default the two base vectors.
-    Raises InputError if not exactly one measure is given, or if it is not finite or inverted at a point.
+    fabric: `WovenFabric`, `TabulatedFabric` or the `symbols` of one; fibres: pair of unit vectors a0, b0, each (2,) or
+    (..., 2), not parallel; default the two base vectors. tangent: whether to return it, too.
+    Raises InputError if not exactly one measure is given, if it is of another shape, not finite, inverted or not
+    symmetric at a point, and for fibres that are no unit vectors or parallel.
     """
-    given = [x for x in (stretch, gradient, cauchy_green) if x is not None]
-    if len(given) != 1:
-        raise InputError(f"evaluate takes one of stretch, gradient, cauchy_green; {len(given)} were given")
-    given = np.asarray(given[0], dtype=float)
+    measures = [x for x in (stretch, gradient, cauchy_green) if x is not None]
+    if len(measures) != 1:
+        raise InputError(f"evaluate takes one of stretch, gradient, cauchy_green; {len(measures)} were given")
+    given = np.asarray(measures[0], dtype=float)
     rows, columns = given.shape[-2:] if given.ndim >= 2 else (0, 0)
     if (rows, columns) not in ((2, 2), (3, 2)) or (rows == 3 and gradient is None):
         raise InputError(f"the strain measure has shape {given.shape}; allowed is (n, 2, 2), for F also (n, 3, 2)")
@@ -100,7 +114,7 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
     cauchy = np.einsum("nij,njk,nlk->nil", push, S, push) / np.sqrt(J2)[:, None, None]
 
     dSdE = None
-    if tangent:
+    if W2:
         a3 = area**3
         second = {  # d2(gamma)/dI dI
             "44": I6 / (2 * I4**2 * area) + I6 * I8 / (4 * I4 * a3), "48": I6 / (4 * a3), "46": -I8 / (2 * a3),
@@ -114,8 +128,9 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
         }  # fmt: skip
         M = {"4": M4, "6": M6, "8": M8}
         dSdE = np.zeros((len(C), 3, 3))
-        for (i, j), h in H.items():
-            pair = (4 * (h + Wg * second[i + j]))[:, None, None] * M[i][:, :, None] * M[j][:, None, :]
+        for ij, h in H.items():
+            i, j = ij[0], ij[1]
+            pair = (4 * (h + Wg * second[ij]))[:, None, None] * M[i][:, :, None] * M[j][:, None, :]
             dSdE += pair if i == j else pair + pair.swapaxes(1, 2)
 
     return State(
@@ -129,9 +144,11 @@ def evaluate(fabric, *, stretch=None, gradient=None, cauchy_green=None, fibres=N
     )
 
 
-def derivatives(fabric, I4, I8, gamma, hessian):
-    """W in parts, dW/d(I4, I8, gamma) and, if asked, its second derivatives (44, 48, 88, 4g, 8g, gg)."""
-    warp, weft = fabric.warp, fabric.weft
+def derivatives(
+    fabric: "Fabric | SimpleNamespace", I4: np.ndarray, I8: np.ndarray, gamma: np.ndarray, hessian: bool
+) -> tuple[np.ndarray, tuple[np.ndarray, ...], tuple[np.ndarray, ...] | None]:
+    """W in parts (n, 3), dW/d(I4, I8, gamma), 3 arrays (n,), and, if asked for the `hessian`, the second derivatives
+    (44, 48, 88, 4g, 8g, gg), 6 arrays (n,), all in MPa; I4, I8 [-] and gamma [rad]: (n,)."""
     la, lb = np.sqrt(I4), np.sqrt(I8)
     qa, qb = I4 - 1, I8 - 1
     ea, eb = qa / (la + 1), qb / (lb + 1)  # sqrt(I) - 1 without cancellation
@@ -142,7 +159,8 @@ def derivatives(fabric, I4, I8, gamma, hessian):
         zero = np.zeros_like(A)
         second = (A_aa / (4 * I4) - A_a / (4 * la**3), zero, B_bb / (4 * I8) - B_b / (4 * lb**3), zero, zero, H_gg)
         return np.stack([A, B, H], -1), (A_a / (2 * la), B_b / (2 * lb), H_g), second
-    g = np.abs(gamma)
+    fabric = cast("WovenFabric | SimpleNamespace", fabric)
+    warp, weft, g = fabric.warp, fabric.weft, np.abs(gamma)
 
     def normal(y, q, e, e_other):  # one direction's W_TC with its derivatives in (e, e_other)
         k0, k1, k2 = np.ones_like(e), 0.0 * e, 0.0 * e

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from ..errors import InputError
-from .baseline import TabulatedFabric
+from .baseline import Fabric, TabulatedFabric
 from .parameters import WovenFabric, from_document, read_toml, shown
 
 _KOMEILI = WovenFabric.balanced(  # Table 1
@@ -17,7 +17,7 @@ PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
 )
 
 
-def load(source: str | os.PathLike[str]):
+def load(source: str | os.PathLike[str]) -> Fabric:
     """The preset of this name, else the material in the TOML file at this path; InputError if neither exists.
 
     A `WovenFabric`, or with `model = "fabric"` in the file a `TabulatedFabric`.

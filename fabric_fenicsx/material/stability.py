@@ -11,11 +11,15 @@ already end ellipticity (yarns kink as they buckle); a Hessian that is indefinit
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .pointwise import derivatives
+
+if TYPE_CHECKING:
+    from .baseline import Fabric
 
 KINK = 1e-10  # |I - 1| up to which a yarn counts as unstrained: there the softer side is taken, compression (d << b)
 OUTER, INNER = 60, 4  # iterations of `_smallest`; most points end after 2 to 5 outer ones
@@ -34,47 +38,49 @@ class Stability(NamedTuple):
     out_of_plane: np.ndarray  # smallest principal S, the smallest N·S N [MPa]
 
 
-def invariants(eps_a, eps_b, gamma=0.0, angle=np.pi / 2):
+def invariants(eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike = 0.0, angle: ArrayLike = np.pi / 2) -> np.ndarray:
     """I4, I6, I8, I10 (..., 4) of eqs (5)-(8) from yarn strains [-], shear angle and initial angle between the yarns [rad]."""
-    ea, eb, gamma, angle = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma, angle)))
+    ea, eb, g, rest = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma, angle)))
     la, lb = 1 + ea, 1 + eb
-    return np.stack([la**2, la * lb * np.cos(angle - gamma), lb**2, gamma], -1)
+    return np.stack([la**2, la * lb * np.cos(rest - g), lb**2, g], -1)
 
 
-def convexity(fabric, eps_a, eps_b, gamma=0.0):
+def convexity(fabric: "Fabric", eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike = 0.0) -> np.ndarray:
     """Smallest eigenvalue of the Hessian of W in (eps_a, eps_b) at fixed gamma [MPa], in the broadcast shape of the strains [-, rad]."""
-    ea, eb, gamma = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma)))
-    W = _in_strains(fabric, (1 + ea.ravel()) ** 2, (1 + eb.ravel()) ** 2, gamma.ravel())
+    ea, eb, g = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma)))
+    W = _in_strains(fabric, (1 + ea.ravel()) ** 2, (1 + eb.ravel()) ** 2, g.ravel())
     return _hessian(W).reshape(ea.shape)
 
 
-def evaluate(fabric, invariants) -> Stability:
+def evaluate(fabric: "Fabric", invariants: ArrayLike) -> Stability:
     """Stability at states given by their invariants (..., 4) as in `pointwise.State`, which also tell the initial angle of the yarns.
 
     fabric: `WovenFabric` or `TabulatedFabric`; nothing else of a state is needed, as W has no other argument.
     A state that is not finite gives nan.
     """
-    invariants = np.asarray(invariants, float)
-    W, Q, out_of_plane = _second(fabric, invariants.reshape(-1, 4))
+    given = np.asarray(invariants, float)
+    W, Q, out_of_plane = _second(fabric, given.reshape(-1, 4))
     hessian, (acoustic, direction) = _hessian(W), _smallest(Q)
     rest = _hessian(_in_strains(fabric, np.ones(1), np.ones(1), np.zeros(1)))[0]
     values = hessian / (rest or 1.0), acoustic / (fabric.s1 or 1.0), hessian, acoustic, direction, out_of_plane
-    return Stability(*(v.reshape(invariants.shape[:-1]) for v in values))
+    return Stability(*(v.reshape(given.shape[:-1]) for v in values))
 
 
-def least_ellipticity(fabric, invariants) -> float:
+def least_ellipticity(fabric: "Fabric", invariants: ArrayLike) -> float:
     """The least of `evaluate`'s ellipticity indicators over all states, at about half the cost; inf without states."""
     _, Q, _ = _second(fabric, np.asarray(invariants, float).reshape(-1, 4))
     return float(_smallest(Q, only_least=True)[0].min(initial=np.inf)) / (fabric.s1 or 1.0)
 
 
-def first_loss(value: Callable, start, end, samples=500):
+def first_loss(
+    value: Callable[[np.ndarray], np.ndarray], start: ArrayLike, end: ArrayLike, samples: int = 500
+) -> np.ndarray:
     """First negative `value` on the way from `start` to `end`, (n,), nan where there is none.
 
     value: function of parameters (n, k) to values (n, k); start, end: (n,) or numbers. Bisected to rounding after a scan of `samples`.
     """
-    start, end = (np.atleast_1d(np.asarray(v, float))[:, None] for v in (start, end))
-    s = start + (end - start) * np.linspace(0, 1, samples)
+    first, last = (np.atleast_1d(np.asarray(v, float))[:, None] for v in (start, end))
+    s = first + (last - first) * np.linspace(0, 1, samples)
     lost = value(s) < 0
     k = lost.argmax(1)[:, None]
     low, high = np.take_along_axis(s, np.maximum(k - 1, 0), 1), np.take_along_axis(s, k, 1)
@@ -88,7 +94,9 @@ def first_loss(value: Callable, start, end, samples=500):
 def _in_strains(fabric, I4, I8, gamma):
     """dW/d(a, b, g) and d2W (aa, ab, bb, ag, bg, gg) in eps_a, eps_b, gamma, from the kernel's in I4, I8, gamma."""
     I4, I8 = (np.where(np.abs(I - 1) <= KINK, 1.0, I) for I in (I4, I8))
-    _, (W4, W8, Wg), (W44, W48, W88, W4g, W8g, Wgg) = derivatives(fabric, I4, I8, gamma, True)
+    _, (W4, W8, Wg), second = derivatives(fabric, I4, I8, gamma, True)
+    assert second
+    W44, W48, W88, W4g, W8g, Wgg = second
     la, lb = np.sqrt(I4), np.sqrt(I8)
     first = 2 * la * W4, 2 * lb * W8, Wg
     return *first, 2 * W4 + 4 * I4 * W44, 4 * la * lb * W48, 2 * W8 + 4 * I8 * W88, 2 * la * W4g, 2 * lb * W8g, Wgg

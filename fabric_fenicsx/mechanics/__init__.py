@@ -1,0 +1,1 @@
+"""Energies and loads that a scene is made of."""

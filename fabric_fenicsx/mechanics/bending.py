@@ -9,6 +9,8 @@ is exact on quadratic deflections but out of balance under constant moments, the
 tests, and only linear states are free of energy, as slopes are common to neighbours and Morley's triangle has no others.
 """
 
+from collections.abc import Callable, Sequence
+
 import dolfinx
 import numpy as np
 from mpi4py import MPI
@@ -16,14 +18,16 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from .. import dolfinx_compat as compat
+from ..blank import Blank
 from ..errors import InputError
 
+Where = Callable[[np.ndarray], np.ndarray]  # points (3, n) [mm] to a mask (n,)
 LAST_RESORT = 1e-8  # weight of a cell whose own quadratic is not known for a free edge, beside one that knows its own
 NO_STIFFNESS = 1e-9  # relative, against a free edge's slope
 NO_WORK = 1e-12  # coefficients, of a cell's largest, that are rounding: on regular meshes many vanish
 
 
-def plate_stiffness(modulus, thickness):
+def plate_stiffness(modulus: float, thickness: float) -> float:
     """Bending stiffness E t^3 / 12 [N mm] of a strip, per width, from its `modulus` [MPa] and `thickness` [mm]."""
     return modulus * thickness**3 / 12
 
@@ -48,7 +52,16 @@ class Bending:
     name = "bending"
     energy_kind = "bending"
 
-    def __init__(self, blank, D_a, D_b=None, D_t=0.0, in_plane=0.0, symmetric=(), clamped=()):
+    def __init__(
+        self,
+        blank: Blank,
+        D_a: float,
+        D_b: float | None = None,
+        D_t: float = 0.0,
+        in_plane: float = 0.0,
+        symmetric: Where | Sequence[Where] = (),
+        clamped: Where | Sequence[Where] = (),
+    ) -> None:
         self.blank, self.holds = blank, ("turn",) if clamped else ()
         self.stiffnesses = np.array([D_a, D_a if D_b is None else D_b, D_t], float)
         self.in_plane = float(in_plane)
@@ -68,7 +81,7 @@ class Bending:
 
     # -- what a scene calls
 
-    def accept(self):
+    def accept(self) -> None:
         """Take normals from the blank's displacement."""
         U, dim = self._displacement(), self._dim
         self._rest, self._normal, self._turning, self._origin = self._own_curvature, None, None, U
@@ -96,14 +109,14 @@ class Bending:
             blocks[at] = R.swapaxes(1, 2) @ blocks[at] if transposed else blocks[at] @ R
         self._values = blocks.ravel()
 
-    def stored(self):
+    def stored(self) -> float:
         """Energy of this rank's owned cells at the blank's displacement [N mm]."""
         U = self._displacement()
         bent = self._curvature(U) - self._rest
         energy = 0.5 * np.vdot(bent, self._moments(bent))
         return float(energy + (0 if self._turning is None else np.vdot(self._turning, U - self._origin)))
 
-    def add_forces(self, f):
+    def add_forces(self, f: np.ndarray) -> None:
         """Add the energy's derivative at the blank's displacement to f, of this rank's degrees of freedom [N]."""
         moments = self._moments(self._curvature(self._displacement()) - self._rest)
         forces = self._transposed @ moments.reshape(-1, self._dim)
@@ -116,15 +129,16 @@ class Bending:
         self._scatter.scatter(self._sent, self._sum, addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         f[: self._sum.local_size] += self._sum.array
 
-    def stiffness(self):
-        """Second derivative of this rank's owned cells' energy as triplets (rows, columns, values) [N/mm], to be summed.
+    def stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Second derivative of this rank's owned cells' energy as triplets (rows, columns, values), (k,) each [N/mm],
+        to be summed.
 
         Rows and columns are GLOBAL degrees of freedom, the same ones at every call: a cell reaches over two neighbours,
         further than a rank's ghosts.
         """
         return self._rows, self._cols, self._values
 
-    def curvatures(self):
+    def curvatures(self) -> np.ndarray:
         """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes, (cells, 3, gdim) [1/mm]."""
         return self._curvature(self._displacement())
 
@@ -371,7 +385,7 @@ class _Cells:
                 self.codes[:, new] = plane + np.where(image, self.plane[:, e] * self.planes, 0)
                 x[:, new] = their_opposite[other, source]
                 x[image, new] = self._reflected(x[:, new], e)[image]
-            np.add.at(bends, (own[:, None], e, place), -rest * theirs)
+            np.add.at(bends, (own[:, None], e, place), -rest * theirs)  # type: ignore[arg-type]
         first, second = np.divmod(self.codes, self.planes)
         self.codes[first == second] = 0
         out = self.out2

@@ -1,34 +1,46 @@
 """Contact of a sheet with rigid tools: a penalty at its nodes, and pressing without a tool."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import ufl
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
+from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
+from ..blank import Blank
 from ..errors import InputError
 from ..material import pointwise
+from ..material.baseline import Fabric
 from ..tools import Plane, Tool, _vector
+
+if TYPE_CHECKING:
+    from .friction import Friction
 
 STRAIN = 0.02  # of both yarns, whose pull over the tightest radius sets the default penalty
 PERMITTED = 0.0125  # of the thickness, the penetration under it
 
 
-def default_penalty(fabric, radius, permitted=None):
+def default_penalty(fabric: Fabric, radius: float, permitted: float | None = None) -> float:
     """Penalty [N/mm^3] under which yarns stretched by `STRAIN` over a tool's least `radius` [mm] press the sheet into it
-    by `permitted` [mm], by default `PERMITTED` of the thickness."""
+    by `permitted` [mm], by default `PERMITTED` of the thickness. It is 0 for a radius of inf."""
     stretched = pointwise.evaluate(fabric, gradient=[(1 + STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None])
     pull = float(np.trace(stretched.cauchy[0])) * fabric.thickness
     return pull / radius / (permitted or PERMITTED * fabric.thickness)
 
 
 class Nodes:
-    """This rank's owned nodes of a blank in space: undeformed places and areas, present positions, where forces go."""
+    """This rank's owned nodes of a blank in space, where forces of tools go.
 
-    def __init__(self, blank):
+    count: how many; places (count, 3) [mm] and areas (count,) [mm^2], undeformed; rows, cols (9 count,): global degrees
+    of freedom of each node's 3 x 3 block. Raises InputError for a blank in a plane, along turned axes or of other than
+    linear cells.
+    """
+
+    def __init__(self, blank: Blank) -> None:
         mesh = blank.mesh
         if mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
             raise InputError(
@@ -47,18 +59,18 @@ class Nodes:
         self.rows = np.repeat(dofs, 3, axis=1).ravel().astype(PETSc.IntType)
         self.cols = np.tile(dofs, 3).ravel().astype(PETSc.IntType)
 
-    def displacement(self):
-        """(nodes, 3) [mm]."""
+    def displacement(self) -> np.ndarray:
+        """(count, 3) [mm]."""
         return self.blank.u.x.array.reshape(-1, 3)[: self.count].copy()
 
-    def total(self, values):
-        """Sum over all ranks' nodes."""
+    def total(self, values: np.ndarray) -> np.ndarray:
+        """Sum over all ranks' nodes of values (count, ...)."""
         return self.comm.allreduce(values.sum(0), MPI.SUM)
 
 
 class Touch(NamedTuple):
-    """What a tool does to n nodes: gap (n,) [mm], normal (n, 3), forces (n, 3) [N], and the blocks (n, 3, 3) [N/mm] by
-    which these fall as the nodes move, the energy (n,) [N mm] and the tool's compliance to being pushed."""
+    """What a tool does to n nodes: gap (n,) [mm] between its surface and the ply's face, normal (n, 3), pressure (n,)
+    [MPa], forces (n, 3) [N], the blocks (n, 3, 3) [N/mm] by which these fall as nodes move, and energy (n,) [N mm]."""
 
     gap: np.ndarray
     normal: np.ndarray
@@ -84,7 +96,15 @@ class Contact:
     holds = ("move", "turn")
     prescribed = False  # are its forces
 
-    def __init__(self, blank, tool, thickness, penalty, smoothing=None, permitted=None):
+    def __init__(
+        self,
+        blank: Blank,
+        tool: Tool,
+        thickness: float,
+        penalty: float,
+        smoothing: float | None = None,
+        permitted: float | None = None,
+    ) -> None:
         smoothing = 0.3 * PERMITTED * thickness if smoothing is None else smoothing
         for name, value in (("thickness", thickness), ("penalty", penalty), ("smoothing", smoothing), ("permitted penetration", permitted)):  # fmt: skip
             if value is not None and not (np.isfinite(value) and value > 0):
@@ -94,53 +114,59 @@ class Contact:
         self.nodes = Nodes(blank)
         self._shift = self._accepted_shift = np.zeros(self.nodes.count)
         self._accepted_way = tool.way
-        self.rubs, self._seen = [], None  # friction with the tool, which takes part in the balance of its force
+        self.rubs: list[Friction] = []  # friction with the tool, which takes part in the balance of its force
+        self._seen: tuple[np.ndarray, Touch] | None = None
         self.accept()
 
     # -- what a scene calls
 
-    def at(self, load):
+    def at(self, load: float) -> None:
         """Move the tool, from where it was in the last accepted state, and forget shifts since."""
         self.tool.at(load)
         self.tool.way, self._shift, self._seen = self._accepted_way, self._accepted_shift, None
 
-    def accept(self):
+    def accept(self) -> None:
+        """Take the present place of the tool and shift of its surface as the last accepted ones."""
         self.touch()
         self._accepted_way, self._accepted_shift = self.tool.way, self._shift
         self._last = self.force(), self.tool.displacement.copy()
 
-    def work(self):
+    def work(self) -> float:
         """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
         force, place = self._last
         work = 0.5 * (force + self.force()) @ (self.tool.displacement - place)
         return float(work) if self.nodes.comm.rank == 0 else 0.0
 
-    def revise(self):
+    def revise(self) -> bool:
         """Shift the surface by what is penetrated, if that is more than permitted; whether it was."""
         if self.permitted is None or self.penetration() <= self.permitted:
             return False
         self._shift, self._seen = np.maximum(0.0, self._shift - self.touch().gap), None
         return True
 
-    def forget(self):
+    def forget(self) -> None:
         """Have the tool's force balanced anew, as friction with it has changed."""
         self._seen = None
 
-    def stored(self):
+    def stored(self) -> float:
+        """Energy of this rank's nodes [N mm]."""
         return float(self.touch().energy.sum())
 
-    def potential(self):
+    def potential(self) -> float:
         """That of the force which moves the tool, on rank 0 [N mm]."""
         self.touch()
         return -self.tool.push * self.tool.way if self.tool.force and self.nodes.comm.rank == 0 else 0.0
 
-    def add_forces(self, f):
+    def add_forces(self, f: np.ndarray) -> None:
+        """Add the energy's derivative to f, of this rank's degrees of freedom [N]."""
         f[: 3 * self.nodes.count] -= self.touch().forces.ravel()
 
-    def stiffness(self):
+    def stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The energy's second derivative as triplets (rows, columns, values), (9 nodes,) each [N/mm]; rows and columns
+        are global degrees of freedom."""
         return self.nodes.rows, self.nodes.cols, self.touch().blocks.ravel()
 
-    def compliance(self):
+    def compliance(self) -> tuple[np.ndarray, float] | None:
         """Of a tool moved by force: c (nodes, 3) [N/mm] and stiffness k [N/mm], by which it takes c c^T / k from the
         tangent; None of others."""
         if not self.tool.force:
@@ -148,18 +174,20 @@ class Contact:
         pushed = self._blocks(self.touch()) @ self.tool.direction
         return -pushed, float(self.nodes.total(pushed) @ self.tool.direction)
 
-    def pushes(self):
+    def pushes(self) -> np.ndarray:
         """Nodal forces (nodes, 3) [N] that a residual is to be small beside."""
         return self.touch().forces
 
-    def normals(self):
-        """(nodes, 3)."""
+    def normals(self) -> np.ndarray:
+        """Unit normals of the tool nearest to this rank's nodes, (nodes, 3)."""
         return self.touch().normal
 
-    def memory(self):
+    def memory(self) -> dict[str, np.ndarray]:
+        """Shift of the surface and way of the tool [mm] in the last accepted state, (nodes, 1) each."""
         return {"shift": self._accepted_shift[:, None], "way": np.full((self.nodes.count, 1), self._accepted_way)}
 
-    def recall(self, memory):
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """Take back what `memory` gave."""
         self._shift = memory["shift"][:, 0]
         self.tool.way = self.nodes.comm.allreduce(memory["way"].max(initial=-np.inf), MPI.MAX)
         u = self.nodes.displacement()  # not balanced, as what friction bore is forgotten
@@ -167,21 +195,21 @@ class Contact:
 
     # -- results
 
-    def force(self):
+    def force(self) -> np.ndarray:
         """Force of the tool on the ply, of all ranks (3,) [N]."""
         return self.nodes.total(self.touch().forces)
 
-    def tractions(self):
+    def tractions(self) -> np.ndarray:
         """Of the tool on this rank's nodes, (nodes, 3) [MPa]."""
         return self.touch().forces / self.nodes.areas[:, None]
 
-    def penetration(self):
+    def penetration(self) -> float:
         """Largest depth of the tool in the ply's face, of all ranks [mm]."""
         return self.nodes.comm.allreduce(-self.touch().gap.min(initial=0.0), MPI.MAX)
 
     # --
 
-    def touch(self):
+    def touch(self) -> Touch:
         """The `Touch` at the blank's present displacement."""
         u = self.nodes.displacement()
         if self._seen is None or not np.array_equal(u, self._seen[0]):
@@ -232,7 +260,7 @@ class Contact:
             free = max(comm.allreduce(touch.gap.min(initial=np.inf), MPI.MIN), 0.0)
             # without contact as far as no point is passed
             step = missing / stiffness if stiffness > 0 else free + self.smoothing
-            new = way + np.clip(step, -back, free + self.thickness / 4)
+            new = way + float(np.clip(step, -back, free + self.thickness / 4))
             back = back if high is None or low is not None else 2 * back
             if low is not None and high is not None and not low < new < high:
                 new = 0.5 * (low + high)
@@ -255,31 +283,44 @@ class Pressing:
     under: function of positions (n, 3) [mm] to the share of the nodes' areas, 0 to 1, asked at accepted states and, if
     more than `lag` of the sum would change, for the present ones; lag None: only at accepted ones.
     pressure: a number, there from the start, or a function of the load factor. What takes the pressure is a `Contact`.
-    tool: moves with the holder, for its friction; by default one at rest. Raises InputError for bad numbers.
+    tool: moves with the holder along a path, for its friction; by default one at rest. Raises InputError for a
+    direction or pressure that is not finite or below 0, and as `Nodes` does.
     """
 
     name, energy_kind, prescribed = "blank holder", None, True
 
-    def __init__(self, blank, pressure, direction, under, tool=None, lag=None):
+    def __init__(
+        self,
+        blank: Blank,
+        pressure: float | Callable[[float], float],
+        direction: ArrayLike,
+        under: Callable[[np.ndarray], np.ndarray],
+        tool: Tool | None = None,
+        lag: float | None = None,
+    ) -> None:
         self.blank, self.nodes, self.under, self.lag = blank, Nodes(blank), under, lag
         self._pressure = pressure if callable(pressure) else lambda load: pressure
         self.direction = _vector(f"direction of the {self.name}", direction, unit=True)
         self.tool = tool or Tool(self.name, Plane((0, 0, 0), self.direction))
+        if self.tool.force:
+            raise InputError(f"{self.tool.name} presses without contact and is moved by force; allowed is a path")
         self._accepted_areas = self._pressed()
         self.at(0.0)
         self.accept()
 
-    def at(self, load):
+    def at(self, load: float) -> None:
+        """Set the pressure; InputError if it is not a number from 0 there."""
         self.now, self._areas = float(self._pressure(load)), self._accepted_areas
         if not (np.isfinite(self.now) and self.now >= 0):
             raise InputError(f"pressure of the blank holder is {self.now} MPa; allowed is a number from 0")
 
-    def accept(self):
+    def accept(self) -> None:
+        """Count `work` from the present state, and press the areas that are under the holder now."""
         self._from, self._before = self.nodes.displacement(), self.now
         self._settled = self.nodes.total(self.forces)
         self._areas = self._accepted_areas = self._pressed()
 
-    def revise(self):
+    def revise(self) -> bool:
         """Press the areas under the holder now, if they differ by more than allowed; whether they did."""
         if self.lag is None:
             return False
@@ -295,26 +336,31 @@ class Pressing:
         return self.nodes.areas * np.clip(self.under(self.nodes.places + self.nodes.displacement()), 0, 1)
 
     @property
-    def forces(self):
-        """(nodes, 3) [N]."""
+    def forces(self) -> np.ndarray:
+        """On this rank's nodes, (nodes, 3) [N]."""
         return self.now * self._areas[:, None] * self.direction
 
-    def work(self):
+    def work(self) -> float:
+        """Done on this rank's nodes since the last accepted state, by the trapezoidal rule [N mm]."""
         moved = (self._areas[:, None] * (self.nodes.displacement() - self._from)).sum(0)
         return float(0.5 * (self._before + self.now) * (moved @ self.direction))
 
-    def potential(self):
+    def potential(self) -> float:
+        """Of this rank's nodes [N mm]."""
         return -float((self.forces * self.nodes.displacement()).sum())
 
-    def add_forces(self, f):
+    def add_forces(self, f: np.ndarray) -> None:
+        """Add the potential's derivative to f, of this rank's degrees of freedom [N]."""
         f[: 3 * self.nodes.count] -= self.forces.ravel()
 
-    def pushes(self):
+    def pushes(self) -> np.ndarray:
+        """`forces`, that a residual is to be small beside."""
         return self.forces
 
-    def normals(self):
+    def normals(self) -> np.ndarray:
+        """Directions of the pressure on this rank's nodes, (nodes, 3)."""
         return np.tile(self.direction, (self.nodes.count, 1))
 
-    def force(self):
+    def force(self) -> np.ndarray:
         """Of the holder on the ply, of all ranks (3,) [N], in the last accepted state."""
         return self._settled

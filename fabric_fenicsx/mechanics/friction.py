@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..errors import InputError
+from .contact import Contact, Pressing
 
 
 class Friction:
@@ -14,12 +15,13 @@ class Friction:
     what is elastic. Pressed nodes start from z = 0. In a scene it comes after what presses.
     lag: how much of the normal forces may differ from those that friction was reckoned with, of their sum, before the
     state is solved for anew with these; None: any, as they follow a step behind. Raises InputError for numbers out of
-    range.
+    range. settled: force of the tool on the ply (3,) [N] in the last accepted state, before normal forces were taken
+    anew.
     """
 
     energy_kind = "friction"
 
-    def __init__(self, pressing, mu, slip=0.1, lag=None):
+    def __init__(self, pressing: Contact | Pressing, mu: float, slip: float = 0.1, lag: float | None = None) -> None:
         for name, value, fits in (
             ("coefficient", mu, mu >= 0), ("slip", slip, slip > 0), ("lag", lag, lag is None or lag > 0)
         ):  # fmt: skip
@@ -30,6 +32,7 @@ class Friction:
         self.name = "friction"
         self.mu, self.slip, self.lag = mu, slip, lag
         if self.tool.force:
+            assert isinstance(pressing, Contact)
             pressing.rubs.append(self)
         self._taken = np.zeros(self.nodes.count)  # of energy at accepted states
         self._z, self._limit = np.zeros((self.nodes.count, 3)), np.zeros(self.nodes.count)
@@ -37,11 +40,11 @@ class Friction:
 
     # -- what a scene calls
 
-    def at(self, load):
+    def at(self, load: float) -> None:
         """Go back to the normal forces of the last accepted state, or take those that the load factor prescribes."""
         self._limit = self.mu * self._normal_forces()[0] if self.pressing.prescribed else self._accepted_limit
 
-    def accept(self):
+    def accept(self) -> None:
         """Keep what slip is elastic; what energy changes as normal forces do counts as taken."""
         z = self._slipped()
         self.settled = self.force()
@@ -51,12 +54,12 @@ class Friction:
         self._start()
         self._taken -= self._potential(self._z)
 
-    def work(self):
+    def work(self) -> float:
         """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
         work = 0.5 * (self._force + self.force()) @ (self.tool.displacement - self._tool)
         return float(work) if self.nodes.comm.rank == 0 else 0.0
 
-    def revise(self):
+    def revise(self) -> bool:
         """Take the present normal forces, if they differ by more than allowed; whether they did."""
         if self.lag is None:
             return False
@@ -66,39 +69,45 @@ class Friction:
             return False
         self._limit = self.mu * now
         if self.tool.force:
+            assert isinstance(self.pressing, Contact)
             self.pressing.forget()
         return True
 
-    def stored(self):
+    def stored(self) -> float:
         """Energy taken by this rank's nodes, elastic and dissipated [N mm]."""
         self.pressing.pushes()  # puts a tool moved by force where it is balanced, here and below
         return float((self._taken + self._potential(self._slipped())).sum())
 
-    def add_forces(self, f):
+    def add_forces(self, f: np.ndarray) -> None:
+        """Add the potential's derivative to f, of this rank's degrees of freedom [N]."""
         self.pressing.pushes()
         f[: 3 * self.nodes.count] -= self.forces().ravel()
 
-    def stiffness(self):
+    def stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The potential's second derivative as triplets (rows, columns, values), (9 nodes,) each [N/mm]; rows and
+        columns are global degrees of freedom."""
         self.pressing.pushes()
         return self.nodes.rows, self.nodes.cols, self.blocks().ravel()
 
-    def memory(self):
+    def memory(self) -> dict[str, np.ndarray]:
+        """Elastic slip (nodes, 3) [mm] and energy taken (nodes, 1) [N mm] in the last accepted state."""
         energy = self._taken + self._potential(self._z)
         return {"slip": self._z, "energy": energy[:, None]}
 
-    def recall(self, memory):
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """Take back what `memory` gave."""
         self._z, self._taken = memory["slip"], memory["energy"][:, 0]
         self._from, self._tool = self.nodes.displacement(), self.tool.displacement.copy()
         self._limit = np.zeros(self.nodes.count)  # until `accept`
 
-    # -- results: `settled` is the force (3,) [N] in the last accepted state, before normal forces were taken anew
+    # -- results
 
-    def forces(self):
+    def forces(self) -> np.ndarray:
         """Of the tool on this rank's nodes (nodes, 3) [N]."""
         z = self._slipped()
         return -(self._limit / np.maximum(np.linalg.norm(z, axis=1), self.slip))[:, None] * z
 
-    def blocks(self):
+    def blocks(self) -> np.ndarray:
         """By which forces fall as nodes move, (nodes, 3, 3) [N/mm]: mu P / max(|z|, s) times the tangent plane, less the
         direction of slip where it slides."""
         z = self._slipped()
@@ -109,7 +118,7 @@ class Friction:
         blocks[slides] -= along[:, :, None] * along[:, None]
         return blocks * (self._limit / np.maximum(length, self.slip))[:, None, None]
 
-    def force(self):
+    def force(self) -> np.ndarray:
         """Of the tool on the ply, of all ranks (3,) [N]."""
         return self.nodes.total(self.forces())
 

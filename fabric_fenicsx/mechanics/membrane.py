@@ -5,9 +5,13 @@ from itertools import count
 import numpy as np
 import ufl
 from dolfinx import fem
+from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
+from ..blank import Blank
+from ..errors import InputError
 from ..material import pointwise
+from ..material.baseline import Fabric
 from ..material.energy import derivatives, energy_density
 
 # Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that UFL estimates
@@ -21,15 +25,20 @@ class Membrane:
     """Strain energy W(I4, I6, I8) t of `fabric` over the undeformed `blank`, eq. (30) with eqs (5)-(7).
 
     Material values enter as constants of the form, so fabrics that differ only in numbers share one compiled form.
+    quadrature_degree: by default that of `QUADRATURE_DEGREE`. `energy`: the UFL form [N mm]. Raises InputError for an
+    element that is not listed there.
     """
 
     name = "membrane"
     energy_kind = "strain"
 
-    def __init__(self, blank, fabric, quadrature_degree=None):
+    def __init__(self, blank: Blank, fabric: Fabric, quadrature_degree: int | None = None) -> None:
         self.blank, self.fabric = blank, fabric
         mesh = blank.mesh
         cell = compat.cell_name(mesh)
+        if (cell, blank.degree) not in QUADRATURE_DEGREE:
+            allowed = ", ".join(f"{degree} on {kind}s" for kind, degree in QUADRATURE_DEGREE)
+            raise InputError(f"{blank.name} is of degree {blank.degree} on {cell}s; allowed is {allowed}")
         self.degree = quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
         law = self._law(mesh, fabric)
         self._a0, self._b0 = self._fibres()
@@ -39,9 +48,9 @@ class Membrane:
         self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
         self.energy = law.thickness * energy_density(*self._invariants, cosine, law) * self._dx
         self._ufl = law, fa, fb, cosine
-        self._points = None
+        self._points: compat.PointEvaluation | None = None
 
-    def variations(self, v, w):
+    def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
         """First variation of `energy` in `v` and second in `v` and `w` (UFL arguments in the space of `blank.u`)."""
         law, fa, fb, cosine = self._ufl
         (va, vb), (wa, wb) = self._stretched(v), self._stretched(w)
@@ -65,7 +74,8 @@ class Membrane:
     @staticmethod
     def _law(mesh, fabric):
         """`fabric` in entries of one vector constant: many would be ordered, and the form compiled, by their names."""
-        numbers, index = [], count()
+        numbers: list[float] = []
+        index = count()
         fabric.symbols(numbers.append)
         values = fem.Constant(mesh, numbers)
         return fabric.symbols(lambda _: values[next(index)])
@@ -80,8 +90,9 @@ class Membrane:
         tangent = [ufl.dot(project, f) for f in fibres]
         return [f / ufl.sqrt(ufl.dot(f, f)) for f in tangent]
 
-    def at_points(self):
-        """F (c, q, 3, 2) on the basis (a0, perpendicular), b0 (c, q, 2) and UFL's S (c, q, 3) at each point."""
+    def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and UFL's S as 11, 22,
+        12 (cells, points, 3) [MPa] at each quadrature point of the owned cells."""
         if self._points is None:
             law, fa, fb, cosine = self._ufl
             sine = ufl.sqrt(1 - cosine**2)
@@ -100,7 +111,7 @@ class Membrane:
         cosine = values[:, :, 2 * gdim]
         return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
 
-    def state(self):
+    def state(self) -> tuple[pointwise.State, np.ndarray, np.ndarray, float]:
         """`pointwise.State` at every quadrature point of the owned cells, arrays (cells, points, ...), with the
         deformed fibres fa, fb (cells, points, 3) and the kernel's mismatch on this rank.
 
@@ -121,6 +132,9 @@ class Membrane:
         return shaped, fa, fb, mismatch
 
     @property
-    def weights(self):
-        """Quadrature weights over the points of a cell, summing to one."""
+    def weights(self) -> np.ndarray:
+        """Quadrature weights over the points of a cell (points,), summing to one."""
+        if not self._points:
+            self.at_points()
+        assert self._points
         return self._points.weights / self._points.weights.sum()

@@ -8,9 +8,11 @@ or quarter of a symmetric ply, whose edges on x = 0 and y = 0 are not free.
 
 import csv
 import os
+import pathlib
 import subprocess
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import contextmanager
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pyvista
@@ -23,9 +25,11 @@ from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..errors import InputError
-from ..tools import TriangulatedSurface
+from ..tools import Tool, TriangulatedSurface
 from .pictures import SHOWN, colour_scale, plt
 
+File: TypeAlias = pathlib.Path | str
+Grid: TypeAlias = pyvista.UnstructuredGrid
 SAME = 1e-6  # mm within which places are the same
 STATES = {  # strain_state -> what it is, colour
     1: ("both in tension", "#3b6fb6"),
@@ -48,10 +52,10 @@ class _Ply(NamedTuple):
     planes: list
 
     @property
-    def formed(self):
+    def formed(self) -> np.ndarray:
         return self.x + self.u
 
-    def at_nodes(self, values):
+    def at_nodes(self, values: np.ndarray) -> np.ndarray:
         """Means (n,) of `values` (m,) over the cells that touch each node."""
         touched, n = self.triangles.ravel(), len(self.x)
         return np.bincount(touched, np.repeat(values, 3), n) / np.bincount(touched, minlength=n)
@@ -86,7 +90,7 @@ class Path(NamedTuple):
     shear_angle: np.ndarray
 
 
-def along_paths(grid, angles_deg=(0, 45, 90), spacing=5.0):
+def along_paths(grid: Grid, angles_deg: Sequence[float] = (0, 45, 90), spacing: float = 5.0) -> dict[float, Path]:
     """{angle: `Path`} from the origin to the ply's edge, straight on the flat ply, at `angles_deg` to x; a point each `spacing` [mm].
 
     A value is the mean over the cells around the node next to the point, as in Fig. 16 of the paper. On a plane of
@@ -119,7 +123,7 @@ def along_paths(grid, angles_deg=(0, 45, 90), spacing=5.0):
     return paths
 
 
-def write_paths(path, paths):
+def write_paths(path: File, paths: Mapping[float, Path]) -> None:
     """Write `along_paths` to a CSV file, a row a point."""
     with open(path, "w", newline="") as file:
         writer = csv.writer(file)
@@ -130,7 +134,7 @@ def write_paths(path, paths):
             writer.writerows([f"{angle:g}", *(f"{v:.8g}" for v in row)] for row in zip(*values))
 
 
-def paths_picture(path, runs, marks=None):
+def paths_picture(path: File, runs: Mapping[str, Mapping[float, Path]], marks: Mapping[str, Any] | None = None) -> None:  # fmt: skip
     """Strains and shear angle over the distance on the flat ply, a row a path, of runs {label: `along_paths`}.
 
     marks: {label: distances on the paths [mm], or one for all}, drawn as vertical lines; NaN for none.
@@ -153,7 +157,7 @@ def paths_picture(path, runs, marks=None):
             ax.grid(alpha=0.25)
             ax.margins(x=0)
         mine[1].set_title(
-            f"path along {'xy'[angle // 90]}" if angle in (0, 90) else f"path at {angle:g}°", fontsize="medium"
+            f"path along {'y' if angle else 'x'}" if angle in (0, 90) else f"path at {angle:g}°", fontsize="medium"
         )
     for ax in axes[-1]:
         ax.set_xlabel("distance on the flat ply / mm")
@@ -174,7 +178,7 @@ class Outline(NamedTuple):
     inwards: np.ndarray
 
 
-def outline(grid):
+def outline(grid: Grid) -> list[Outline]:
     """The free edges of the ply [list of `Outline`], without those on planes of symmetry."""
     ply = _ply(grid)
     sides = np.stack([ply.triangles, np.roll(ply.triangles, -1, 1)], 2).reshape(-1, 2)
@@ -199,7 +203,7 @@ def outline(grid):
     return edges
 
 
-def draw_in(grid):
+def draw_in(grid: Grid) -> dict[str, Any]:
     """How far the edge went inwards in plan [mm], as in `Outline`: {name: value} at the middle of the long and of the short
     side, at the corner, each the mean of those that the grid has, and the largest of all points of the edge."""
     edges = outline(grid)
@@ -214,7 +218,7 @@ def draw_in(grid):
     return found | {"largest_mm": float(inwards.max())}
 
 
-def outline_picture(path, runs):
+def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
     """The edges of the ply in plan, flat and formed, of runs {label: grid}."""
     figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
     for k, (label, grid) in enumerate(runs.items()):
@@ -231,7 +235,7 @@ def outline_picture(path, runs):
     plt.close(figure)
 
 
-def contrast(grid, name):
+def contrast(grid: Grid, name: str) -> float:
     """Root mean square of how far the cells' field `name` is from the mean about them: what bands one or two cells wide
     have and smooth fields do not, in the field's unit."""
     ply = _ply(grid)
@@ -239,7 +243,9 @@ def contrast(grid, name):
     return float(np.sqrt(np.mean((values - ply.at_nodes(values)[ply.triangles].mean(1)) ** 2)))
 
 
-def wrinkles(grid, tool, thickness=0.0, region=None):
+def wrinkles(
+    grid: Grid, tool: Tool, thickness: float = 0.0, region: Callable[[np.ndarray], np.ndarray] | None = None
+) -> dict[str, Any]:
     """How far the formed ply is from lying on `tool` (whose `evaluate` is that of `tools.Surface`): {name: value}.
 
     height [mm]: distance of the ply's mid-surface from the tool's surface, less half the `thickness`; 0 where it lies on
@@ -275,7 +281,7 @@ def wrinkles(grid, tool, thickness=0.0, region=None):
     return found
 
 
-def state_map(path, grid, formed=False):
+def state_map(path: File, grid: Grid, formed: bool = False) -> None:
     """Plan maps of the strain states of eq. (13) and of the shear angle, on the flat or the formed ply.
 
     The legend gives each state's share of the flat ply's area.
@@ -321,6 +327,7 @@ def _screen():
         )  # fmt: skip
     except FileNotFoundError:
         raise missing from None
+    assert server.stdout
     try:
         number = server.stdout.readline().strip()
         if not number:
@@ -352,8 +359,15 @@ def _surface(ply, full):
 
 
 def formed_picture(
-    path, grid, tool=None, fibre_angles_deg=(0, 90), spacing=10.0, full=True, limit=None, view=(0.4, -1.0, 0.75)
-):
+    path: File,
+    grid: Grid,
+    tool: pyvista.PolyData | None = None,
+    fibre_angles_deg: Sequence[float] = (0, 90),
+    spacing: float = 10.0,
+    full: bool = True,
+    limit: float | None = None,
+    view: Sequence[float] = (0.4, -1.0, 0.75),
+) -> None:
     """The formed ply coloured by the magnitude of the shear angle, with yarns, over the tool: 1600 x 1000 pixels.
 
     tool: its surface [pyvista.PolyData] where it is now. fibre_angles_deg: of the families of yarns to x on the flat ply; a
@@ -363,7 +377,7 @@ def formed_picture(
     """
     ply = _surface(_ply(grid), full)
     limit = limit or max(5.0, 5 * np.ceil(ply["shear_angle"].max() / 5))
-    view = np.array(view) / np.linalg.norm(view)
+    towards = np.array(view) / np.linalg.norm(view)
     with _screen():
         verbosity = vtkLogger.GetCurrentVerbosityCutoff()
         vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # VTK warns of no screen before it does without
@@ -381,9 +395,9 @@ def formed_picture(
         if tool is not None:
             # away from the camera, so that it looks the same but does not show through the ply
             plotter.add_mesh(
-                tool.translate(-3 * view), color="#d3d8e0", smooth_shading=True, ambient=0.35, diffuse=0.75
+                tool.translate(-3 * towards), color="#d3d8e0", smooth_shading=True, ambient=0.35, diffuse=0.75
             )
-        plotter.view_vector(view, viewup=(0, 0, 1))
+        plotter.view_vector(towards, viewup=(0, 0, 1))
         image = plotter.screenshot(None, return_img=True)
         plotter.close()
         vtkLogger.SetStderrVerbosity(verbosity)

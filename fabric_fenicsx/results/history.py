@@ -1,6 +1,13 @@
 """history.csv: one row an accepted step, written as it comes."""
 
 import csv
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from ..solve.stepping import Accepted
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
 COLUMNS = (
@@ -16,7 +23,7 @@ class History:
     rows: those of a run that is resumed.
     """
 
-    def __init__(self, path, comm, rows=()):
+    def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[dict[str, Any]] = ()) -> None:
         self.rows = list(rows)
         self._file = open(path, "w", newline="") if comm.rank == 0 else None
         if self._file:
@@ -25,7 +32,7 @@ class History:
             self._writer.writerows(self.rows)
             self._file.flush()
 
-    def add(self, accepted, displacement, reaction, min_stability):
+    def add(self, accepted: Accepted, displacement: float, reaction: float, min_stability: float) -> None:
         """Append an `Accepted` state at which the grips moved by `displacement` [mm] under `reaction` [N].
 
         min_stability: least ellipticity indicator of all points, see `material.stability`; a band is the material's only where it is negative.
@@ -43,6 +50,7 @@ class History:
             self._writer.writerow(row)
             self._file.flush()
 
-    def close(self):
+    def close(self) -> None:
+        """Close the file."""
         if self._file:
             self._file.close()

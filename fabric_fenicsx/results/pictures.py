@@ -1,5 +1,9 @@
 """Pictures that a person would look at first (matplotlib, from the written results)."""
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
 import matplotlib
 
 matplotlib.use("Agg")
@@ -19,7 +23,7 @@ SHOWN = {
 }
 
 
-def colour_scale(colours, low, high):
+def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
     """Colour map and its limits for values from `low` to `high`: `coolwarm` is kept for values of both signs, about 0."""
     if colours == "coolwarm" and min(-low, high) > 0.05 * max(-low, high):  # of both signs
         low, high = -max(-low, high), max(-low, high)
@@ -38,7 +42,7 @@ def _polygons(grid):
     return x[cells[:, :corners], :2]
 
 
-def maps(path, variants, names, outliers=0.0):
+def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers: float = 0.0) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour scale a field.
 
     One variant's maps stand below each other; several variants make a row each. outliers: share of all cells, at each end
@@ -87,9 +91,10 @@ def maps(path, variants, names, outliers=0.0):
     plt.close(figure)
 
 
-def curves(path, series, xlabel, ylabel):
-    """Curves of {label: (x, y)} or {label: (x, y, matplotlib format)} in one diagram."""
+def curves(path: Path, series: Mapping[str, Sequence], xlabel: str, ylabel: str, scale: str = "linear") -> None:
+    """Curves of {label: (x, y)} or {label: (x, y, matplotlib format)} in one diagram; scale: of both axes."""
     figure, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
+    ax.set(xscale=scale, yscale=scale)
     for label, (x, y, *style) in series.items():
         ax.plot(x, y, *(style or ["o-"]), markersize=3, label=label)
     ax.set_xlabel(xlabel)
@@ -101,14 +106,28 @@ def curves(path, series, xlabel, ylabel):
     plt.close(figure)
 
 
-def panels(path, series, labels):
+def bars(path: Path, values: Mapping[str, tuple[float, str, str]], xlabel: str) -> None:
+    """Horizontal bars of {label: (value, text behind it, colour)}, the first on top."""
+    figure, ax = plt.subplots(figsize=(8.0, 0.5 + 0.36 * len(values)), layout="constrained")
+    numbers, texts, colours = zip(*values.values())
+    drawn = ax.barh(list(values), numbers, color=colours)
+    ax.bar_label(drawn, texts, padding=3, fontsize="small")
+    ax.invert_yaxis()
+    ax.margins(x=0.2)
+    ax.set_xlabel(xlabel)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def panels(path: Path, series: Mapping[str, Mapping], labels: Mapping[str, tuple]) -> None:
     """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and {title: (x label, y label, x limits)}.
 
     Closed form is a line (the second model's dashed), the kernel a square, elements a dot.
     """
     figure, axes = plt.subplots(2, (len(series) + 1) // 2, figsize=(11, 8), squeeze=False, layout="constrained")
     for ax, (title, curves) in zip(axes.flat, series.items()):
-        colours, models = {}, []
+        colours: dict[str, str] = {}
+        models: list[str] = []
         for (label, model), (x, closed, kernel, elements) in curves.items():
             colour = colours.setdefault(label, f"C{len(colours)}")
             models += [] if model in models else [model]
@@ -129,7 +148,7 @@ def panels(path, series, labels):
     plt.close(figure)
 
 
-def regions(path, x, panels, xlabel, ylabel):
+def regions(path: Path, x: np.ndarray, panels: Mapping[tuple[str, str], tuple], xlabel: str, ylabel: str) -> None:
     """Where two indicators are negative, over a square grid: {(row, column): (convexity, ellipticity)}, each (n, n) with x (n,) along its last axis."""
     rows, columns = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
     kinds = {"stable": "#f2f2f2", "convexity lost": "#f4b942", "ellipticity lost": "#7fb2d9", "both lost": "#b0413e"}

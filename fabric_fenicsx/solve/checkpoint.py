@@ -1,19 +1,23 @@
 """Checkpoints: an accepted state in one file that any number of ranks can go on from."""
 
+import io
 import json
 import os
 import zipfile
 from dataclasses import asdict
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
+from ..blank import Blank
 from ..errors import InputError
 from .stepping import Progress, Viscosity
 
-SCALARS = ("load", "step", "last_step", "work")
+SCALARS = ("load", "step", "last_step", "work", "solver", "accepted", "rejected", "iterations")
 
 
 class Checkpoint:
@@ -22,14 +26,14 @@ class Checkpoint:
     problem: what defines the run, a dict that JSON can hold; a checkpoint of another problem is refused.
     """
 
-    def __init__(self, path, blank, problem):
+    def __init__(self, path: Path, blank: Blank, problem: dict[str, Any]) -> None:
         self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(problem))
         self.comm = blank.mesh.comm
         self.owned = blank.V.dofmap.index_map.size_local
         self._x = self.comm.gather(blank.coordinates()[: self.owned])
 
-    def save(self, progress, notes):
-        """Write a `Progress` and `notes` (for JSON); the file is whole at any moment."""
+    def save(self, progress: Progress, notes: dict[str, Any]) -> None:
+        """Write a `Progress` and `notes` (for JSON); the file is whole at any moment. Raises OSError where it can't be."""
         gdim = self.blank.mesh.geometry.dim
         parts = {}
         for name, vector in (("u", progress.x), ("previous", progress.previous)):
@@ -41,19 +45,21 @@ class Checkpoint:
         meta = {"problem": self.problem, "notes": notes, "viscosity": asdict(progress.viscosity)} | {
             k: getattr(progress, k) for k in SCALARS
         }
+        content = io.BytesIO()
+        arrays = {k: np.concatenate(v) for k, v in parts.items()}
+        np.savez(content, meta=json.dumps(meta), x=np.concatenate(self._x), **arrays)
         unfinished = self.path.with_name(self.path.name + ".part")
-        with open(unfinished, "wb") as file:
-            np.savez(
-                file,
-                meta=json.dumps(meta),
-                x=np.concatenate(self._x),
-                **{k: np.concatenate(v) for k, v in parts.items()},
-            )
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(unfinished, self.path)
+        try:
+            with open(unfinished, "wb") as file:
+                file.write(content.getbuffer())
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(unfinished, self.path)
+        except OSError as error:
+            unfinished.unlink(missing_ok=True)
+            raise OSError(error.errno, error.strerror, str(self.path)) from None
 
-    def load(self):
+    def load(self) -> tuple[Progress, dict[str, Any]]:
         """The saved `Progress` and notes; raises InputError, on all ranks, if there is none of this problem."""
         content = self.comm.bcast(self._read() if self.comm.rank == 0 else None)
         if isinstance(content, str):
@@ -69,7 +75,8 @@ class Checkpoint:
         for vector, values in zip(vectors, (u, previous)):
             vector.array[:] = values[node].ravel()
         memory = {name: values[node] for name, values in memory.items()}
-        return Progress(*(meta[k] for k in SCALARS), Viscosity(**meta["viscosity"]), *vectors, memory), meta["notes"]
+        state = {k: meta[k] for k in SCALARS} | {"viscosity": Viscosity(**meta["viscosity"]), "memory": memory}
+        return Progress(x=vectors[0], previous=vectors[1], **state), meta["notes"]
 
     def _read(self):
         """Content of the file, or what is wrong with it."""

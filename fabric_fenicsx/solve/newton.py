@@ -1,13 +1,17 @@
 """Newton's method on a scene's energy, run as a PETSc SNES."""
 
+import logging
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
 from ..errors import InputError
+from ..scene import Scene
 from ..timing import phase
 
+log = logging.getLogger(__name__)
 Reason = PETSc.SNES.ConvergedReason
 SNES_WORDS = {
     Reason.CONVERGED_FNORM_ABS: "converged: what force is left is rounding",
@@ -28,7 +32,7 @@ NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness ac
     getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name) for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
 }  # fmt: skip
 
-LINEAR_SOLVERS = {
+LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
     "mumps-cholesky": {"ksp_type": "preonly", "pc_type": "cholesky", "mat_mumps_icntl_24": 1},
     "mumps-lu": {"ksp_type": "preonly", "pc_type": "lu"},
     # flexible: their smoothers are not quite symmetric, and yarns 50 000 times stiffer than shear tell
@@ -50,7 +54,7 @@ class Report:
     cuts: int = 0
     negative_pivots: int | None = None
     scale: float = 0.0
-    residuals: list = field(default_factory=list)
+    residuals: list[float] = field(default_factory=list)
 
 
 class _Ended(Exception):
@@ -65,7 +69,8 @@ class Newton:
     with negative pivots is shifted along its diagonal until it has none, and a saddle is left along a direction of
     negative curvature. Forces or corrections at the rounding of displacements and positions end it too, as no tolerance
     can ask for more.
-    MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots.
+    MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots. Each iteration is logged
+    (`logging`, level DEBUG) on rank 0.
     """
 
     FLAT = 0.7  # slope left at the end of a line search, of the one at its start
@@ -75,10 +80,12 @@ class Newton:
     EASY = 5  # iterations
     SADDLES = 5  # to be left in one solve
 
-    def __init__(self, scene, tolerance=1e-8, max_iterations=100, linear_solver="mumps-cholesky", verbose=False):
+    def __init__(
+        self, scene: Scene, tolerance: float = 1e-8, max_iterations: int = 100, linear_solver: str = "mumps-cholesky"
+    ) -> None:
         if linear_solver not in LINEAR_SOLVERS:
             raise InputError(f"linear solver is {linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
-        self.scene, self.tolerance, self.max_iterations, self.verbose = scene, tolerance, max_iterations, verbose
+        self.scene, self.tolerance, self.max_iterations = scene, tolerance, max_iterations
         self.tells_inertia = linear_solver == "mumps-cholesky"
         self._smallest = self.RESOLUTION * np.subtract(*scene.blank.extent()[::-1]).max()
         self._noise, self._wary, self._shift = 0.0, False, 0.0  # wary once a tangent had a negative pivot
@@ -104,7 +111,7 @@ class Newton:
             if key != "mat_mumps_icntl_24":  # read only when the factor is made
                 options.delValue(key)
 
-    def solve_for(self, x, tolerance=None):
+    def solve_for(self, x: PETSc.Vec, tolerance: float | None = None) -> Report:
         """Solve from x, overwritten by the solution, to the solver's tolerance or a looser one; returns a `Report`."""
         self.report, self._allowed = Report(), max(self.tolerance, tolerance or 0.0)
         self.snes.solve(None, x)
@@ -115,13 +122,21 @@ class Newton:
             self.report.reason += f" ({KSP_WORDS.get(self.snes.ksp.getConvergedReason(), 'unknown reason')})"
         return self.report
 
-    def stiffness(self, x):
+    def memory(self) -> dict[str, Any]:
+        """What the next solve knows of those before it, for `recall` by another."""
+        return {"wary": self._wary, "shift": self._shift}
+
+    def recall(self, memory: dict[str, Any]) -> None:
+        """Know what another solver's `memory` tells."""
+        self._wary, self._shift = memory["wary"], memory["shift"]
+
+    def stiffness(self, x: PETSc.Vec) -> float:
         """Mean diagonal of the tangent at x [N/mm]."""
         self.scene.set(x)
         self.scene.tangent(self.A)
         return self.A.getDiagonal().sum() / self.A.size[0]
 
-    def tangent_predictor(self, x, change):
+    def tangent_predictor(self, x: PETSc.Vec, change: np.ndarray) -> None:
         """Linear response at x to a `change` (held dofs of this rank) [mm] of the support values, added to x."""
         scene, d, rhs = self.scene, self._d, self._trial
         scene.set(x)
@@ -149,7 +164,8 @@ class Newton:
     def _jacobian(self, snes, x, A, P):
         self.scene.tangent(A)
 
-    def solve(self, snes, b, x):
+    def solve(self, snes: PETSc.SNES, b: PETSc.Vec | None, x: PETSc.Vec) -> None:
+        """What SNES calls; use `solve_for`."""
         try:
             self._iterate(snes, x)
         except _Ended as end:
@@ -338,5 +354,5 @@ class Newton:
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
 
     def _tell(self, text):
-        if self.verbose and self.scene.comm.rank == 0:
-            print("    " + text, flush=True)
+        if self.scene.comm.rank == 0:
+            log.debug("    %s", text)

@@ -1,12 +1,15 @@
 """Load stepping: from the unloaded scene to the full load, in steps that adapt to how hard they are."""
 
 import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from petsc4py import PETSc
 
 from ..errors import InputError
-from .newton import Report
+from .newton import Newton, Report
 
 EASY = 5  # iterations up to which the next step may grow
 GROWTH, CUT = 1.5, 0.5
@@ -27,7 +30,7 @@ class Viscosity:
     easy: int = 0
     patience: int = 1
 
-    def strengthen(self):
+    def strengthen(self) -> bool:
         """One stage more; False if it is as strong as allowed."""
         if self.drag >= STRONG * self.stiffness:
             return False
@@ -36,7 +39,7 @@ class Viscosity:
         self.drag, self.easy = max(WEAK * self.stiffness, 10 * self.drag), 0
         return True
 
-    def passed(self, easy, resting):
+    def passed(self, easy: bool, resting: bool) -> None:
         """Note a step that passed, whether easily and whether without load."""
         self.easy = self.easy + 1 if easy else 0
         if self.easy >= (1 if resting else self.patience):
@@ -46,17 +49,21 @@ class Viscosity:
 @dataclass
 class Progress:
     """Where a march stands: load factor, size of the next step and of the last one (None before the first), work of
-    supports, loads and tools [N mm], displacement and the one before it (PETSc vectors, of the march itself), and the
-    scene's memory."""
+    supports, loads and tools [N mm], displacement and the one before it (PETSc vectors, of the march itself), the
+    memories of scene and solver, and what it cost so far."""
 
     load: float
     step: float
     last_step: float | None
     work: float
     viscosity: Viscosity
-    x: object
-    previous: object
-    memory: dict = field(default_factory=dict)
+    x: PETSc.Vec
+    previous: PETSc.Vec
+    memory: dict[str, np.ndarray] = field(default_factory=dict)
+    solver: dict[str, Any] = field(default_factory=dict)
+    accepted: int = 0
+    rejected: int = 0
+    iterations: int = 0
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,7 @@ class Accepted:
     [N mm], its solve's report and cost."""
 
     load: float
-    energies: dict
+    energies: dict[str, float]
     external_work: float
     report: Report
     cuts: int  # of the load step, before it was accepted
@@ -75,33 +82,37 @@ class Accepted:
 
 @dataclass
 class Outcome:
-    """How a march ended: `reached` in [0, 1] and, if that is below 1 or the state there is not at rest, why."""
+    """How a march ended: `reached` in [0, 1] and, if that is below 1 or the state there is not at rest, why; steps and
+    iterations, also of the march that this one went on from."""
 
-    reached: float = 0.0
-    reason: str = ""
-    accepted: int = 0
-    rejected: int = 0
-    iterations: int = 0
+    reached: float
+    reason: str
+    accepted: int
+    rejected: int
+    iterations: int
 
 
 def march(
-    newton,
-    steps=20,
-    max_step=None,
-    min_step=1e-5,
-    on_accept=None,
-    on_reject=None,
-    start=None,
-    milestones=(),
-    viscosity=True,
-    accuracy=None,
-    path_tolerance=None,
-):
+    newton: Newton,
+    steps: float = 20,
+    max_step: float | None = None,
+    min_step: float = 1e-5,
+    on_accept: Callable[[Accepted], Any] | None = None,
+    on_reject: Callable[[float, Report], Any] | None = None,
+    start: Progress | None = None,
+    milestones: Iterable[float] = (),
+    viscosity: bool = True,
+    accuracy: float | None = None,
+    path_tolerance: float | None = None,
+    stop: Callable[[], str] | None = None,
+) -> Outcome:
     """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`; an `Outcome`.
 
     steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is halved down to
     `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load 0 and at each accepted state,
-    with the scene in that state. Work of supports, loads and tools is summed by the trapezoidal rule.
+    with the scene in that state, on_reject(load, Report) after each failed step. stop() is asked after each step,
+    failed ones too, on all ranks; a text that it returns ends the march, with that reason. Work of supports, loads and
+    tools is summed by the trapezoidal rule.
     milestones: load factors to be hit exactly.
     viscosity: whether steps that halving does not mend get a drag on every node, strengthened until they pass; it
     fades in those that follow, at full load in steps without load, so the last state is in equilibrium without it.
@@ -123,7 +134,7 @@ def march(
     if at is None:
         at = Progress(0.0, min(1.0 / steps, max_step), None, 0.0, Viscosity(), scene.u.copy(), x.duplicate())
     at.step = min(at.step, max_step)
-    outcome = Outcome(reached=at.load)
+    reason = ""
 
     def back():
         scene.drag = 0.0
@@ -135,32 +146,37 @@ def march(
     scene.at(at.load)
     if at.memory:
         scene.recall(at.memory)
+    if at.solver:
+        newton.recall(at.solver)
     scene.accept()
     back()
     forces, cuts, rests, clock = scene.held_forces(), 0, 0, time.perf_counter()
     if on_accept and start is None:
         on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(converged=True), 0, 0.0, at))
     while at.load < 1 or at.viscosity.drag:
+        reason = stop() if stop else ""
+        if reason:
+            break
         load = at.load + at.step
         if abs(load * steps - round(load * steps)) < 1e-9:  # so that tenths are tenths
             load = round(load * steps) / steps
-        stop = min((m for m in milestones if m > at.load), default=1.0)
-        if load > stop - 1e-3 * at.step:  # nor is a sliver left before a stop
-            load = stop
+        goal = min((m for m in milestones if m > at.load), default=1.0)
+        if load > goal - 1e-3 * at.step:  # nor is a sliver left before it
+            load = goal
         taken = load - at.load
         values = scene.held_values(load)
         scene.at(load)
         _predict(newton, at, taken, values)
         x.copy(predicted)
         scene.drag, scene.origin = at.viscosity.drag, at.x
-        report = newton.solve_for(x, None if load == stop else path_tolerance)
-        outcome.iterations += report.iterations
+        report = newton.solve_for(x, None if load == goal else path_tolerance)
+        at.iterations += report.iterations
         for revision in range(REVISIONS):
             if not (report.converged and scene.revise()):
                 break
             before = report.iterations
-            report = newton.solve_for(x, None if load == stop else path_tolerance)
-            outcome.iterations += report.iterations
+            report = newton.solve_for(x, None if load == goal else path_tolerance)
+            at.iterations += report.iterations
             report.iterations = max(before, report.iterations)
             if revision == REVISIONS - 1:
                 report.converged, report.reason = False, f"contact was not settled by {REVISIONS} solutions"
@@ -168,7 +184,7 @@ def march(
         if report.converged and accuracy and error > 2 * accuracy:
             report.converged, report.reason = False, f"the path is not known to {accuracy:g}"
         if not report.converged:
-            outcome.rejected += 1
+            at.rejected += 1
             cuts += 1
             if on_reject:
                 on_reject(load, report)
@@ -180,9 +196,7 @@ def march(
             elif taken > 2 * min_step:
                 at.step = CUT * taken
             else:
-                outcome.reason = (
-                    f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
-                )
+                reason = f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
                 break
             continue
         at.viscosity.energy += 2 * scene.drag_energy()
@@ -192,30 +206,30 @@ def march(
         energies = _energies(scene, at)
         at.work += scene.work()
         scene.accept()
-        at.memory = scene.memory()
+        at.memory, at.solver = scene.memory(), newton.memory()
         at.work += scene.comm.allreduce(
             float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum())
         )
         forces = new_forces
-        at.load = outcome.reached = load
+        at.load = load
         at.last_step = taken or at.last_step
-        if error:
+        if accuracy and error:
             at.step = min(max(taken * np.clip(np.sqrt(accuracy / error), CUT, GROWTH), 2 * min_step), max_step)
         elif report.iterations <= EASY:
             at.step = min(GROWTH * at.step, max_step)
         if at.viscosity.drag:
             at.viscosity.passed(report.iterations <= 2 * EASY, resting=not taken)
-        outcome.accepted += 1
+        at.accepted += 1
         now = time.perf_counter()
         if on_accept:
             on_accept(Accepted(load, energies, at.work, report, cuts, now - clock, at))
         clock, cuts = now, 0
         rests += not taken
         if at.viscosity.drag and rests == RESTS:
-            outcome.reason = f"the state at full load still creeps after {RESTS} steps at rest"
+            reason = f"the state at full load still creeps after {RESTS} steps at rest"
             break
     scene.drag = 0.0
-    return outcome
+    return Outcome(at.load, reason, at.accepted, at.rejected, at.iterations)
 
 
 def _energies(scene, at):

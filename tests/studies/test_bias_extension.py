@@ -46,12 +46,12 @@ def test_three_zones_and_both_models(launch):
 
 
 @pytest.mark.parametrize("study, scene", [("tensile", "tensile"), ("bias_extension", "bias10")])
-def test_the_defaults_give_the_curve_to_a_percent(launch, study, scene):
+def test_the_defaults_give_the_curve_to_a_permille(launch, study, scene):
     done = launch(study, "--no-pictures")
     assert done.status == 0, done.err
     curve = np.loadtxt(done.folder / "history.csv", delimiter=",", skiprows=1, usecols=(1, 3)).T
     reference = np.loadtxt(REFERENCE / f"{scene}.csv", delimiter=",", skiprows=1, usecols=(0, 2)).T
-    assert curve_distance(curve, reference) <= 0.01
+    assert curve_distance(curve, reference) <= 0.001
 
 
 @pytest.mark.parametrize(

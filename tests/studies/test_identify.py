@@ -24,6 +24,7 @@ def test_from_curves_to_a_material(launch, tmp_path):
     assert {p.name for p in (tmp_path / "new").iterdir()} == {
         "glass.toml",
         "glass.json",
+        "glass.html",
         "glass_fit.png",
         "glass_residuals.png",
         "glass_correlation.png",
@@ -39,6 +40,9 @@ def test_synthetic_data_and_coverage(launch, tmp_path):
         4130, rel=1e-6
     )
     assert not list(tmp_path.glob("*.png"))
+    there = launch("identify", *options, "--data", tmp_path / "data", out=False)
+    assert there.status == 2 and "x.toml is there already; allowed is another file, or --overwrite" in there.err
+    options += ("--overwrite",)
     again = launch("identify", *options, "--data", tmp_path / "data", out=False)
     assert (
         again.status == 2

@@ -152,7 +152,7 @@ def test_resume_after_a_kill_on_other_ranks(launch):
     again = launch("tensile", *options, "--resume", ranks=2)
     assert again.status == 0 and again.summary["reaction_N"] == pytest.approx(whole.summary["reaction_N"], rel=1e-9)
     assert again.summary["energy"] == pytest.approx(whole.summary["energy"], rel=1e-9)
-    assert 0 < again.summary["steps_accepted"] < 40
+    assert again.summary["steps_accepted"] == 40
     assert curve(again.folder) == pytest.approx(expected, rel=1e-9, abs=1e-12)
     assert pyvista.PVDReader(again.folder / "fields.pvd").time_values == pytest.approx(np.linspace(0, 1, 9))
 

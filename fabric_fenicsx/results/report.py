@@ -1,0 +1,81 @@
+"""report.html: what a run was asked, what was on, what came out, how good that is and what it cost, in one file."""
+
+import base64
+import json
+from collections.abc import Iterable, Mapping
+from datetime import datetime
+from pathlib import Path
+
+import jinja2
+
+# picture -> what it shows
+CAPTIONS = {
+    "maps": "Logarithmic strains along both yarns and shear angle on the deformed sheet",
+    "curve": "Reaction over displacement",
+    "axis": "Shear angle along the strip's axis",
+    "measured": "Normalised shear force, simulated and measured",
+    "compare": "Variants of the couplings: strains and shear angle",
+    "compare_curves": "Variants of the couplings: reaction over displacement",
+    "formed": "The formed ply: shear angle and yarns",
+    "states": "Strain states: which yarns are in tension, which in compression",
+    "paths": "Strains and shear angle along paths from the centre",
+    "outline": "Outline of the formed ply over the flat one",
+    "front": "Error over cost; the line joins the runs that none beats in both",
+}
+GOOD = {"kernel_mismatch": 1e-10, "energy_imbalance": 0.02}  # up to which these are nothing to look at
+SHARED = "study", "converged", "command", "options", "wall_s", "versions"
+
+
+def page(
+    runs: Mapping[str, tuple[Path, Iterable[Path]]], description: str, ending: str, log: Path | None = None
+) -> str:
+    """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}; what is not there is left out.
+
+    description: of the study; ending: how it ended, in words; log: path of a text.
+    """
+    environment = jinja2.Environment(loader=jinja2.PackageLoader(__package__, "."), autoescape=True)
+    environment.filters |= {"number": _number, "words": lambda name: name.replace("_", " ")}
+    environment.tests |= {"rows": _are_rows, "grid": lambda value: len(value) > 1 and _are_rows(list(value.values()))}
+    environment.trim_blocks = environment.lstrip_blocks = True
+    shown = [_shown(name, *files) for name, files in runs.items()]
+    return environment.get_template("report.html.jinja").render(
+        description=description,
+        ending=ending,
+        runs=[run for run in shown if run["summary"] or run["pictures"]],
+        first=next((run["summary"] for run in shown if run["summary"]), {}),
+        good=GOOD,
+        log=log.read_text() if log and log.is_file() else "",
+        now=f"{datetime.now():%Y-%m-%d %H:%M}",
+    )
+
+
+def _shown(name, summary, pictures):
+    facts = json.loads(summary.read_text()) if summary.is_file() else {}
+    own = {k: v for k, v in facts.items() if k not in SHARED}
+    return {
+        "name": name,
+        "summary": facts and {"quantities": own} | facts,
+        "pictures": [
+            (CAPTIONS.get(file.stem, file.stem.replace("_", " ")), base64.b64encode(file.read_bytes()).decode())
+            for file in sorted(pictures)
+        ],
+    }
+
+
+def _are_rows(values):
+    """Whether a list is one of flat dicts that share their first's keys."""
+    if not (isinstance(values, list) and values and all(isinstance(row, dict) for row in values)):
+        return False
+    flat = not any(isinstance(each, dict) for row in values for each in row.values())
+    return flat and all(set(values[0]) <= set(row) for row in values)
+
+
+def _number(value):
+    """As a person would write it."""
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "-"}[value]
+    if isinstance(value, float):
+        return f"{value:.5g}"
+    if isinstance(value, list):
+        return ", ".join(map(_number, value)) or "-"
+    return str(value)

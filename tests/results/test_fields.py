@@ -1,0 +1,401 @@
+"""What ParaView gets, read back with VTK, against the solution it is of."""
+
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import pyvista
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonCore import vtkDataArray
+
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.blank import Blank
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.contact import Contact
+from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.results.fields import UNITS, FieldSeries, cell_fields, nodal_fields, read_last, yarn_coordinates
+from fabric_fenicsx.tools import (
+    Cylinder,
+    DoubleDome,
+    Flipped,
+    Offset,
+    Plane,
+    Reversed,
+    Sphere,
+    Tool,
+    TriangulatedSurface,
+)
+
+COMM = MPI.COMM_WORLD
+LENGTH, WIDTH = 60.0, 40.0
+VTK_CELL = {"P1": 5, "P2": 69, "P3": 69, "Q1": 9, "Q2": 70}  # VTK's numbers; 69, 70: Lagrange triangle, quadrilateral
+
+
+def sheet(element="P1", spatial=False, nx=6, shape=None, comm=COMM, **options):
+    """A sheet from the origin on, formed by `shape`, a function of its points (n, 3); its membrane."""
+    cell = "triangle" if element[0] == "P" else "quadrilateral"
+    points = cells = kind = None
+    if comm.rank == 0:
+        points, cells, kind = specimen(LENGTH, WIDTH, nx, nx * 2 // 3, cell=cell)
+        points = shape(points) if shape else points
+    options = {"a": 0.4, "degree": int(element[1]), "spatial": spatial} | options
+    blank = Blank.from_arrays(comm, points, cells, kind, **options)
+    return Membrane(blank, load("komeili"))
+
+
+def deform(blank, amount):
+    """A displacement that no element has exactly."""
+    x, y, z = blank.coordinates().T
+    u = amount * np.column_stack([0.02 * x + np.sin(y / 9), np.cos(x / 11), np.sin(x / 8) * y / 20])
+    blank.u.x.array[:] = u[:, : blank.mesh.geometry.dim].ravel()
+
+
+def states(path):
+    """{time: grids or surfaces} of a .pvd file, with names and places as they are in it."""
+    reader = pyvista.PVDReader(path)
+    found = {}
+    for at in reader.time_values:
+        reader.set_active_time_value(at)
+        found[at] = list(reader.read())
+    return found
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("spatial", [False, True])
+@pytest.mark.parametrize("element", VTK_CELL)
+def test_series_read_back(tmp_path, element, spatial):
+    folder = COMM.bcast(tmp_path)
+    membrane = sheet(element, spatial)
+    blank, gdim = membrane.blank, 3 if spatial else 2
+    inside = np.random.default_rng(0).uniform([1, 1, 0], [LENGTH - 1, WIDTH - 1, 0], (50, 3))
+    series, written = FieldSeries(folder, membrane), {}
+    for at in (0.0, 1 / 3, 1.0):
+        deform(blank, at)
+        fields = cell_fields(membrane)[0]
+        series.write(at, fields)
+        written[at] = COMM.gather((compat.values_at(blank.u, inside), fields))
+    if COMM.rank != 0:
+        return
+    read = states(folder / "fields.pvd")
+    assert list(read) == [0.0, 1 / 3, 1.0]
+    for at, parts in written.items():
+        u = np.nanmean([u for u, _ in parts], axis=0)
+        grid = pyvista.MultiBlock(read[at]).combine()
+        assert set(grid.celltypes) == {VTK_CELL[element]}
+        assert grid.point_data["u"].dtype == np.float64
+        # as VTK interpolates it in its own cells
+        sampled = pyvista.PolyData(inside).sample(grid, tolerance=1e-6, snap_to_closest_point=False)
+        assert sampled["vtkValidPointMask"].all()
+        np.testing.assert_allclose(sampled["u"][:, :gdim], u, atol=1e-9)
+        assert gdim == 3 or not grid["u"][:, 2].any()
+        across = np.column_stack([-np.sin(0.4) * inside[:, 0] + np.cos(0.4) * inside[:, 1], np.cos(0.4) * inside[:, 0] + np.sin(0.4) * inside[:, 1]])  # fmt: skip
+        for k, name in enumerate("ab"):
+            np.testing.assert_allclose(sampled[f"yarn_coordinate_{name}"], across[:, k], atol=1e-9)
+        assert grid.n_cells == sum(len(fields["eps_a"]) for _, fields in parts) == (96 if element[0] == "P" else 24)
+        for name, values in parts[0][1].items():
+            values = np.concatenate([fields[name] for _, fields in parts])
+            assert np.array_equal(grid.cell_data[name], values), name
+        assert len(set(grid.cell_data["rank"])) == COMM.size
+    assert read_last(folder).n_cells == grid.n_cells
+
+
+@pytest.mark.parametrize("element", VTK_CELL)
+def test_fibres_are_as_long_as_their_strain_says(tmp_path, element):
+    membrane = sheet(element, spatial=True)
+    x = membrane.blank.coordinates()
+    membrane.blank.u.x.array[:] = (x @ [[0.03, 0.01, 0], [0.05, -0.02, 0.1], [0, 0, 0]]).ravel()
+    FieldSeries(tmp_path, membrane).write(0.0, cell_fields(membrane)[0])
+    grid = read_last(tmp_path)
+    for name in "ab":
+        np.testing.assert_allclose(np.linalg.norm(grid[name], axis=1), 1 + grid[f"eps_{name}"], rtol=1e-12)
+    cosine = (grid["a"] * grid["b"]).sum(1) / (1 + grid["eps_a"]) / (1 + grid["eps_b"])
+    np.testing.assert_allclose(np.arcsin(cosine), grid["shear_angle"], atol=1e-12)
+
+
+def test_every_array_has_its_unit(tmp_path):
+    membrane = sheet(spatial=True)
+    contact = Contact(membrane.blank, Tool("ball", Sphere((30, 20, -9.9), 10.0)), 0.4, 100.0)
+    scene = SimpleNamespace(blank=membrane.blank, terms=[membrane, contact])
+    FieldSeries(tmp_path, membrane, terms=scene.terms).write(0.0, cell_fields(membrane)[0], nodal_fields(scene))
+    for path in (tmp_path / "fields" / "0000_0.vtu", tmp_path / "tools" / "0000_0.vtp"):
+        read = pyvista.read(path)
+        names = set()
+        for arrays in (read.point_data, read.cell_data):
+            for name in arrays:
+                key = arrays.VTKObject.GetAbstractArray(name).GetInformation().Get(vtkDataArray.UNITS_LABEL())
+                assert key == UNITS[name], name
+                names.add(f"{name} [{key}]")
+        assert set(read.field_data["units"]) == names
+    assert "u [mm]" in pyvista.read(tmp_path / "fields" / "0000_0.vtu").field_data["units"]
+
+
+# -- yarns
+
+
+def test_yarn_coordinates_of_straight_yarns_that_are_not_orthogonal():
+    a, b = np.array([1.0, 0.0]), np.array([np.cos(1.1), np.sin(1.1)])
+    blank = sheet("P2", a=0.0, b=1.1).blank
+    x = blank.coordinates()[:, :2]
+    across = x @ np.column_stack([[0.0, 1.0], (a - (a @ b) * b) / np.sin(1.1)])
+    np.testing.assert_allclose(yarn_coordinates(blank), across, atol=1e-12)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("spatial", [False, True])
+@pytest.mark.parametrize("element", ["P1", "P2", "Q2"])
+def test_yarn_coordinates_of_curved_yarns(element, spatial):
+    """Yarns a are circles about a point, b the rays from it; distances across the circles stay, between rays they don't."""
+    centre = np.array([-30.0, -20.0])
+
+    def rays(x):
+        return np.arctan2(x[1] - centre[1], x[0] - centre[0])
+
+    blank = sheet(element, spatial, nx=12, a=lambda x: rays(x) + np.pi / 2, b=rays).blank
+    x = blank.coordinates().T
+    found = yarn_coordinates(blank)
+    radius, angle = np.hypot(*(x[:2] - centre[:, None])), rays(x)
+    for values, exact, allowed in ((found[:, 0], radius, 0.1), (found[:, 1], -60 * angle, 0.4)):
+        values = values * np.sign(np.polyfit(exact, values, 1)[0])
+        # one value a yarn: what is left beside a smooth function of that yarn
+        smooth = np.polynomial.Polynomial.fit(exact, values, 5)
+        assert abs(values - smooth(exact)).max() < allowed
+        assert (smooth.deriv()(exact) > 0.3).all()
+
+
+def test_yarn_coordinates_of_a_sheet_that_is_not_flat():
+    """Rolled around an axis: arc lengths."""
+
+    def roll(x):
+        return np.column_stack([60 * np.sin(x[:, 0] / 60), x[:, 1], 60 * np.cos(x[:, 0] / 60)])
+
+    blank = sheet(nx=24, shape=roll, a=lambda x: np.array([x[2], 0 * x[0], -x[0]])).blank
+    x = blank.coordinates()
+    found = yarn_coordinates(blank)
+    arc = 60 * np.arctan2(x[:, 0], x[:, 2])
+    np.testing.assert_allclose(abs(found[:, 0] - found[:, 0].mean()), abs(x[:, 1] - x[:, 1].mean()), atol=2e-3)
+    np.testing.assert_allclose(abs(found[:, 1] - found[:, 1].mean()), abs(arc - arc.mean()), atol=0.03)
+
+
+# -- tools
+
+
+DOME = DoubleDome()
+BOX = np.array([-10.0, -5.0, -40.0]), np.array([LENGTH, WIDTH, 70.0])
+SURFACES = {
+    "plane": (Plane((0, 0, 3.3), (0.2, 0.1, 1)), BOX),
+    "sphere": (Sphere((20, 20, 0), 15.0), BOX),
+    "cylinder": (Cylinder((20, 20, 10), (1, 1, 0.2), 12.0), BOX),
+    "double dome": (DOME, ([-24, -14, -30], [259, 149, 90])),
+    "die": (Reversed(Offset(DOME, 1.2)), ([-24, -14, -30], [259, 149, 90])),
+    "upside down": (Flipped(DOME), ([-24, -14, -90], [259, 149, 30])),
+    "shrunk": (Offset(Sphere((20, 20, 0), 15.0), -5.0), BOX),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_triangles_of_a_surface(name):
+    surface, (low, high) = SURFACES[name]
+    size = np.subtract(high, low).max() / 100
+    points, normals, triangles = surface.mesh(low, high, size)
+    assert len(triangles) > 500
+    used = np.unique(triangles)
+    near = surface.evaluate(points[used])
+    assert abs(near.gap).max() < 1e-6
+    np.testing.assert_allclose(normals[used], near.normal, atol=1e-4)
+    p, q, r = points[triangles].swapaxes(0, 1)
+    area = np.cross(q - p, r - p)
+    assert ((area * normals[triangles].mean(1)).sum(1) >= -1e-12).all()
+    # a chord's distance from an arc of the least radius
+    allowed = size**2 / 2 / min(min(surface.radii), 1e3) + 1e-9
+    assert abs(surface.evaluate((p + q + r) / 3).gap).max() < allowed
+    if name == "sphere":
+        assert np.linalg.norm(area, axis=1).sum() / 2 == pytest.approx(4 * np.pi * 15**2, rel=5e-3)
+    margin = 2.5 if name == "die" else 5.1 if name == "shrunk" else 1e-2
+    assert (points[used] > np.subtract(low, margin)).all() and (points[used] < np.add(high, margin)).all()
+
+
+def test_triangles_of_a_triangulated_surface_are_its_own():
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    surface = TriangulatedSurface(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    points, normals, triangles = Flipped(Reversed(Offset(surface, 0.25))).mesh(*BOX, 1.0)
+    assert len(triangles) == 2 and points[:, 2] == pytest.approx([-0.25] * 4)
+    assert normals == pytest.approx(np.tile([0, 0, 1], (4, 1)))
+    p, q, r = points[triangles].swapaxes(0, 1)
+    assert (np.cross(q - p, r - p)[:, 2] > 0).all()
+
+
+@pytest.mark.mpi
+def test_contact_fields_and_tools_at_each_state(tmp_path):
+    folder, thickness = COMM.bcast(tmp_path), 0.4
+    membrane = sheet(spatial=True, nx=18)
+    blank = membrane.blank
+    ball = Tool("ball & chain", Sphere((30, 20, -20.0), 15.0), path=(0, 2, 6.0))
+    table = Tool("table", Plane((0, 0, 1.0), (0, 0, -1)))
+    contacts = [Contact(blank, tool, thickness, 100.0) for tool in (ball, table)]
+    scene = SimpleNamespace(blank=blank, terms=[membrane, *contacts])
+
+    def begin(kept=()):
+        return FieldSeries(folder, membrane, kept, scene.terms)
+
+    def go_on(series, *loads):
+        for at in loads:
+            blank.u.x.array[2::3] = 0.5 * at
+            for contact in contacts:
+                contact.at(at)
+            series.write(at, cell_fields(membrane)[0], nodal_fields(scene))
+
+    series = begin()
+    go_on(series, 0.0, 0.5, 0.75)
+    # as from a checkpoint that was made before the last state
+    series = begin([[at, list(ranks)] for at, ranks in series.states[:2]])
+    if COMM.rank == 0:
+        assert list(states(folder / "fields.pvd")) == list(states(folder / "tools.pvd")) == [0.0, 0.5]
+        assert not (folder / "tools" / "0002_0.vtp").exists()
+    go_on(series, 1.0)
+    traction = COMM.gather(sum(contact.tractions() for contact in contacts))
+    places = COMM.gather(blank.coordinates()[: contacts[0].nodes.count])
+    if COMM.rank != 0:
+        return
+    assert 'name="ball &amp; chain"' in (folder / "tools.pvd").read_text()
+    for at, (first, second) in states(folder / "tools.pvd").items():
+        assert [first.field_data["tool"][0], second.field_data["tool"][0]] == ["ball & chain", "table"]
+        centre = np.array([30, 20 + 2 * at, -20 + 6 * at])
+        np.testing.assert_allclose(np.linalg.norm(first.points - centre, axis=1), 15, atol=1e-4)
+        np.testing.assert_allclose(first["Normals"], (first.points - centre) / 15, atol=1e-4)
+        np.testing.assert_allclose(second.points[:, 2], 1.0, atol=1e-5)
+        assert second.bounds[0] < 0 and second.bounds[1] > LENGTH
+    for at, grids in states(folder / "fields.pvd").items():
+        grid = pyvista.MultiBlock(grids).combine()
+        centre = np.array([30, 20 + 2 * at, -20 + 6 * at])
+        x = grid.points + grid["u"]
+        gap = np.minimum(np.linalg.norm(x - centre, axis=1) - 15, 1 - x[:, 2]) - thickness / 2
+        np.testing.assert_allclose(grid["contact_gap"], gap, atol=1e-9)
+    assert gap.min() < -0.1
+    distance, node = cKDTree(np.concatenate(places)).query(grid.points)
+    assert distance.max() < 1e-9
+    traction = np.concatenate(traction)[node]
+    np.testing.assert_allclose(grid["contact_traction"], traction, atol=1e-12)
+    np.testing.assert_allclose(grid["contact_pressure"], np.linalg.norm(traction, axis=1), atol=1e-12)
+    assert traction.any()
+
+
+def test_a_scene_without_tools_leaves_none(tmp_path):
+    (tmp_path / "tools").mkdir()
+    (tmp_path / "tools" / "0000_0.vtp").touch()
+    (tmp_path / "tools.pvd").touch()
+    membrane = sheet()
+    FieldSeries(tmp_path, membrane).write(0.0, cell_fields(membrane)[0])
+    assert not (tmp_path / "tools.pvd").exists() and not list((tmp_path / "tools").iterdir())
+
+
+# -- what may happen to a series
+
+
+def test_a_later_state_at_the_same_load_takes_the_place_of_the_first(tmp_path):
+    membrane = sheet()
+    series = FieldSeries(tmp_path, membrane)
+    for at, amount in ((0.0, 0.0), (1.0, 0.5), (1.0, 1.0)):
+        deform(membrane.blank, amount)
+        series.write(at, cell_fields(membrane)[0])
+    assert [at for at, _ in series.states] == list(states(tmp_path / "fields.pvd")) == [0.0, 1.0]
+    u = membrane.blank.nodal_displacement()
+    assert np.array_equal(read_last(tmp_path)["u"][:, :2], u)
+
+
+def test_a_new_run_takes_the_series_of_another_away(tmp_path):
+    membrane = sheet()
+    series = FieldSeries(tmp_path, membrane)
+    for at in (0.0, 0.5):
+        series.write(at, cell_fields(membrane)[0])
+    (tmp_path / "fields" / "0000_0.vtu.part").touch()
+    FieldSeries(tmp_path, membrane)
+    assert not (tmp_path / "fields.pvd").exists() and not list((tmp_path / "fields").iterdir())
+
+
+WRITER = """
+import sys, pathlib
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+sys.path.insert(0, sys.argv[2])
+from test_fields import FieldSeries, cell_fields, sheet
+membrane = sheet(nx=30)
+series, fields = FieldSeries(pathlib.Path(sys.argv[1]), membrane), cell_fields(membrane)[0]
+for at in range(3000):
+    series.write(at / 3000, fields)
+"""
+
+
+def test_a_run_that_is_killed_leaves_a_series_that_opens(tmp_path):
+    process = subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path), os.path.dirname(__file__)])
+    while not (tmp_path / "fields" / "0009_0.vtu").exists():
+        assert process.poll() is None
+        time.sleep(0.003)
+    process.kill()
+    process.wait()
+    (tmp_path / "fields" / "9999_0.vtu.part").write_text("<VTK")  # at worst
+    read = states(tmp_path / "fields.pvd")
+    assert len(read) >= 9
+    assert all(grid.n_cells == 2400 for grids in read.values() for grid in grids)
+
+
+@pytest.mark.parametrize("file", ["fields/0001_0.vtu", "fields.pvd"])
+def test_a_full_disk_is_an_error_that_names_the_file(tmp_path, file):
+    membrane = sheet()
+    series, fields = FieldSeries(tmp_path, membrane), cell_fields(membrane)[0]
+    series.write(0.0, fields)
+    if file == "fields.pvd":
+        (tmp_path / "fields.pvd.part").mkdir()
+        with pytest.raises(OSError) as caught:
+            series.write(1.0, fields)
+    else:
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, limits[1]))
+        try:
+            with pytest.raises(OSError) as caught:
+                series.write(1.0, fields)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert caught.value.strerror == "File too large"
+        assert [path.name for path in (tmp_path / "fields").iterdir()] == ["0000_0.vtu"]
+    assert caught.value.filename == str(tmp_path / file) and caught.value.errno
+    assert list(states(tmp_path / "fields.pvd")) == [0.0]
+
+
+def test_a_folder_that_is_removed_is_an_error_that_names_the_file(tmp_path):
+    membrane = sheet()
+    series, fields = FieldSeries(tmp_path, membrane), cell_fields(membrane)[0]
+    shutil.rmtree(tmp_path / "fields")
+    with pytest.raises(FileNotFoundError) as caught:
+        series.write(0.0, fields)
+    assert caught.value.filename == str(tmp_path / "fields" / "0000_0.vtu")
+
+
+@pytest.mark.mpi
+def test_all_ranks_learn_of_the_file_that_one_cannot_write(tmp_path):
+    folder, last = COMM.bcast(tmp_path), COMM.size - 1
+    membrane = sheet()
+    series = FieldSeries(folder, membrane)
+    if COMM.rank == 0:
+        (folder / "fields" / f"0000_{last}.vtu.part").mkdir()
+    COMM.barrier()
+    with pytest.raises(IsADirectoryError) as caught:
+        series.write(0.0, cell_fields(membrane)[0])
+    assert caught.value.filename == str(folder / "fields" / f"0000_{last}.vtu")
+
+
+def test_show_needs_results(tmp_path):
+    """What of it can be seen without ParaView."""
+    show = [sys.executable, Path(__file__).parents[2] / "studies" / "paraview" / "show.py"]
+    done = subprocess.run([*show, tmp_path], capture_output=True, text=True)
+    assert (
+        done.returncode == 2 and done.stderr.count("\n") == 1 and f"{tmp_path}/fields.pvd is not there" in done.stderr
+    )

@@ -1,0 +1,236 @@
+"""What a user lives with: runs that end early and go on, results that are not lost, the log and the report."""
+
+import csv
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.results.fields import read_last
+
+ROOT = Path(__file__).parents[2]
+OPTIONS = "--quick", "--steps", 60, "--no-pictures"
+KEPT = "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "external_work_Nmm", "min_stability"
+KILLS = int(os.environ.get("KILLS", 5))
+
+
+def history(folder):
+    with open(folder / "history.csv") as file:
+        return list(csv.DictReader(file))
+
+
+def same_curve(folder, other, rel=1e-9):
+    rows, others = history(folder), history(other)
+    for name in ("load", "reaction_N", "strain_energy_Nmm", "external_work_Nmm", "iterations"):
+        values, known = (np.array([float(row[name]) for row in table]) for table in (rows, others))
+        assert values == pytest.approx(known, rel=rel, abs=1e-9 * abs(known).max()), name
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Folder of an uninterrupted run."""
+    folder = tmp_path_factory.mktemp("whole") / "out"
+    subprocess.run(command("--out", folder), check=True, capture_output=True)
+    return folder
+
+
+def command(*options):
+    return [sys.executable, str(ROOT / "studies" / "tensile.py"), *map(str, (*OPTIONS, *options))]
+
+
+def begun(folder, *options):
+    return subprocess.Popen(
+        command("--out", folder, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def rows_written(folder):
+    return (folder / "history.csv").read_text().count("\n") - 1 if (folder / "history.csv").exists() else 0
+
+
+def wait_for_rows(process, folder, rows=5):
+    while rows_written(folder) < rows:
+        assert process.poll() is None
+        time.sleep(0.002)
+
+
+def test_results_are_lost_only_if_that_is_asked(launch):
+    done = launch("tensile", "--quick")
+    assert done.status == 0
+    before = {file: file.read_bytes() for file in done.folder.rglob("*") if file.is_file()}
+    again = launch("tensile", "--quick", "--strain", 0.01, overwrite=False)
+    assert again.status == 2 and "--overwrite" in again.err and "--resume" in again.err and again.err.count("\n") == 1
+    assert {file: file.read_bytes() for file in done.folder.rglob("*") if file.is_file()} == before
+    both = launch("tensile", "--quick", "--resume", "--overwrite")
+    assert both.status == 2 and "one of them" in both.err
+    lost = launch("tensile", "--quick", "--strain", 0.01, "--no-pictures")
+    assert lost.status == 0 and lost.summary["options"]["strain"] == 0.01
+    assert not list(lost.folder.glob("*.png"))
+    parts = launch(
+        "tensile", "--quick", "--compare", ranks=2, overwrite=False
+    )  # results in the folder itself, to be in its subfolders
+    assert parts.status == 2 and "--overwrite" in parts.err
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ends_after_its_step_if_asked_and_goes_on(tmp_path, whole, number):
+    process = begun(tmp_path / "out")
+    wait_for_rows(process, tmp_path / "out")
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 3
+    assert re.fullmatch(
+        rf"studies/tensile.py: stopped: stopped by {number.name} at load factor [\d.]+; --resume goes on from there\n",
+        err,
+    )
+    assert 5 <= rows_written(tmp_path / "out") < 61
+    subprocess.run(command("--out", tmp_path / "out", "--resume"), check=True, capture_output=True)
+    same_curve(tmp_path / "out", whole)
+
+
+def test_ranks_end_together_if_asked(launch, tmp_path):
+    folder = tmp_path / "out"
+    ranks = ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", "2"]
+    allowed = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen(
+        [*ranks, *command("--out", folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | allowed,
+    )
+    wait_for_rows(process, folder)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    assert process.returncode != 0
+    done = launch("tensile", *OPTIONS, "--resume")
+    assert done.status == 0 and len(history(folder)) == 61
+
+
+def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
+    """Killed again and again; each run leaves a state that the next goes on from, or none yet."""
+    chance, folder, killed = random.Random(1), tmp_path / "out", 0
+
+    def more():
+        return "--resume" if (folder / "checkpoint.npz").exists() else "--overwrite"
+
+    while killed < KILLS:
+        process = begun(folder, more())
+        time.sleep(chance.uniform(0.3, 1.2))
+        ended = process.poll()
+        process.kill()
+        _, err = process.communicate()
+        assert ended in (None, 0), err
+        killed += ended is None
+        if ended == 0:
+            same_curve(folder, whole)
+            subprocess.run(["rm", "-r", folder], check=True)
+    subprocess.run(command("--out", folder, more()), check=True, capture_output=True)
+    same_curve(folder, whole)
+
+
+SMALL_DISK = """
+import resource, runpy, sys
+from mpi4py import MPI  # whose own files may be larger
+sys.path.insert(0, sys.argv[1].rpartition("/")[0])
+limit, sys.argv = int(sys.argv[2]), sys.argv[1:2] + sys.argv[3:]
+resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
+@pytest.mark.parametrize("limit", [1_000, 5_000, 62_000])
+def test_full_disk(tmp_path, whole, limit):
+    """As far as files of a limited size tell: one sentence, and what was there goes on once there is space."""
+    folder = tmp_path / "out"
+    python, script, *options = command("--out", folder)
+    done = subprocess.run([python, "-c", SMALL_DISK, script, str(limit), *options], capture_output=True, text=True)
+    assert done.returncode == 2, done.stderr
+    assert re.fullmatch(r"studies/tensile.py: error: \S+ can't be .*\(File too large\); allowed is .*\n", done.stderr)
+    assert not list(folder.glob("*.part"))
+    if (folder / "checkpoint.npz").exists():
+        subprocess.run(command("--out", folder, "--resume"), check=True, capture_output=True)
+        same_curve(folder, whole)
+
+
+def flat(values, name=""):
+    """{path: number} of nested summaries."""
+    if isinstance(values, dict):
+        return {k: v for key, each in values.items() for k, v in flat(each, f"{name}/{key}").items()}
+    if isinstance(values, list):
+        return {k: v for key, each in enumerate(values) for k, v in flat(each, f"{name}/{key}").items()}
+    return {name: values} if isinstance(values, (int, float)) else {}
+
+
+def test_every_output_is_that_of_any_number_of_ranks(launch):
+    outputs = []
+    for ranks in (1, 2, 3):
+        # to the solver's tolerance along the whole path, as that is what is compared
+        done = launch("bias_extension", "--quick", "--path-tolerance", 1e-10, "--tolerance", 1e-10, ranks=ranks)
+        assert done.status == 0, done.err
+        summary = {
+            k: done.summary[k] for k in ("dofs", "cells", "steps_accepted", "energy", "reaction_N", "quantities")
+        }
+        rows = [{k: float(v) for k, v in row.items() if k in KEPT} for row in history(done.folder)]
+        grid = read_last(done.folder)
+        order = np.lexsort(np.round(grid.cell_centers().points.T, 6))
+        fields = {k: np.asarray(v)[order] for k, v in grid.cell_data.items() if k != "rank"}
+        nodes = np.unique(np.round(np.column_stack([grid.points[:, :2], grid.point_data["u"][:, :2]]), 6), axis=0)
+        axis = np.loadtxt(done.folder / "axis.csv", delimiter=",", skiprows=1)
+        pictures = sorted(file.name for file in done.folder.glob("*.png"))
+        outputs.append((flat(summary) | flat(rows, "row"), fields | {"axis": axis, "nodes": nodes}, pictures))
+    (numbers, arrays, pictures), *others = outputs
+    for mine, fields, seen in others:
+        assert mine == pytest.approx(numbers, rel=1e-6, abs=1e-9)
+        assert seen == pictures and fields.keys() == arrays.keys()
+        for name, values in fields.items():
+            assert values == pytest.approx(arrays[name], rel=1e-6, abs=1e-6), name
+
+
+def test_log_and_quiet(launch):
+    done = launch("tensile", "--quick", "--no-pictures")
+    log = (done.folder / "log.txt").read_text()
+    assert done.err == "" and done.out.count("\n") == 1  # the result
+    assert done.out.strip() in log and log.count("load ") >= 6 and "residual" in log
+    told = launch("tensile", "--quick", "--no-pictures", "--verbose", ranks=2)
+    assert told.out.count("iteration  0") == 5
+
+
+def test_report(launch):
+    done = launch("bias_extension", "--quick", "--strain", 0.05)
+    text = (done.folder / "report.html").read_text()
+    assert "Done" in text and f"{done.summary['reaction_N']:.5g}" in text
+    for word in ("--strain 0.05", "kernel", "s_T = 1467.6", "petsc4py", "Newton iterations", "centre shear angle deg"):
+        assert word in text, word
+    assert text.count("data:image/png;base64,") == len(list(done.folder.glob("*.png"))) >= 3
+    assert set(re.findall(r"(?:src|href)=\"(\w+):", text)) == {"data"} and "<script" not in text
+
+
+def test_report_of_a_run_that_gave_up(launch):
+    done = launch("bias_extension", "--quick", "--strain", 0.9, "--no-pictures")
+    assert done.status == 3
+    text = (done.folder / "report.html").read_text()
+    assert "gave up" in text and "Done" not in text
+
+
+def test_report_of_several_runs(launch):
+    done = launch("tensile", "--quick", "--compare")
+    text = (done.folder / "report.html").read_text()
+    for part in done.summary["variants"]:
+        assert f"<h2>{part}</h2>" in text
+
+
+def test_studies_of_many_runs_go_on(launch):
+    first = launch("hard_cases", "--only", "ln")
+    assert first.status == 0
+    again = launch("hard_cases", "--only", "ln", "--resume")
+    assert again.status == 0
+    assert again.summary["quantities"] == first.summary["quantities"]  # to the hundredth of a second
+    assert again.summary["wall_s"]["total"] < 0.5 * first.summary["wall_s"]["total"]
