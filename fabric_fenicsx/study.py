@@ -448,7 +448,7 @@ class Study:
             out = self.args.out
             runs = {part: (out / part / "summary.json", (out / part).glob("*.png")) for part in ("", *self._parts)}
             description = " ".join((sys.modules["__main__"].__doc__ or "").split())
-            _replace(out / "report.html", report.page(runs, description, ending, out / "log.txt"))
+            _replace(out / "report.html", report.page(self.name, runs, description, ending, out / "log.txt"))
 
     def _problem(self, fabric):
         """What a checkpoint must have been made with to be gone on from: all but solver and output options."""
@@ -472,7 +472,7 @@ class Study:
             "without",
             "compare",
         }
-        options = {k: v for k, v in vars(self.args).items() if k not in free}
+        options = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self.args).items() if k not in free}
         return {"study": self.name} | options | {"material": fabric.dumps()}
 
     def _pictures(self, folder, rows):

@@ -27,7 +27,11 @@ SHARED = "study", "converged", "command", "options", "wall_s", "versions"
 
 
 def page(
-    runs: Mapping[str, tuple[Path, Iterable[Path]]], description: str, ending: str, log: Path | None = None
+    title: str,
+    runs: Mapping[str, tuple[Path, Iterable[Path]]],
+    description: str,
+    ending: str,
+    log: Path | None = None,
 ) -> str:
     """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}; what is not there is left out.
 
@@ -39,6 +43,7 @@ def page(
     environment.trim_blocks = environment.lstrip_blocks = True
     shown = [_shown(name, *files) for name, files in runs.items()]
     return environment.get_template("report.html.jinja").render(
+        title=title.replace("_", " "),
         description=description,
         ending=ending,
         runs=[run for run in shown if run["summary"] or run["pictures"]],
