@@ -132,9 +132,8 @@ def main(args):
     result.fabric.to_toml(args.out)
     if not args.no_pictures:
         identify.draw(result, args.out.with_suffix(""))
-    page = html.page(
-        {"": (args.out.with_suffix(".json"), args.out.parent.glob(f"{args.out.stem}_*.png"))}, __doc__, "done"
-    )
+    files = args.out.with_suffix(".json"), args.out.parent.glob(f"{args.out.stem}_*.png")
+    page = html.page("identify", {"": files}, __doc__, "done")
     args.out.with_suffix(".html").write_text(page)
     for name, p in result.determined.items():
         print(f"{name:12s} {p.value:12.6g} {p.unit:4s} 95 % interval {p.interval[0]:.6g} to {p.interval[1]:.6g}")
