@@ -10,7 +10,7 @@ TEST_TIMEOUT ?= 3600
 PACKAGES := python3-dolfinx-real python3-petsc4py python3-mpi4py python3-gmsh python3-meshio python3-scipy python3-matplotlib python3-jinja2 \
   python3-pip python3-setuptools gcc g++ libc6-dev python3-dev openmpi-bin libopenblas0-serial
 PACKAGES_12 := libegl1
-PACKAGES_13 := python3-pyvista xvfb xauth python3-pytest python3-mpmath python3-tomli-w python3-tqdm
+PACKAGES_13 := python3-pyvista xvfb xauth python3-pytest python3-pytest-xdist python3-mpmath python3-tomli-w python3-tqdm
 ifeq ($(shell . /etc/os-release && echo $$VERSION_ID),12)
 NEEDS := $(PACKAGES) $(PACKAGES_12)
 # numpy stays the one that dolfinx was built with.
@@ -51,7 +51,7 @@ study: .venv/installed
 	$(SCREEN) $(MPIRUN) $(PYTHON) studies/tensile.py $(or $(ARGS),--overwrite)
 
 test: .venv/installed
-	$(SCREEN) $(PYTHON) -m pytest tests
+	$(SCREEN) $(PYTHON) -m pytest -n 2 tests
 	$(SCREEN) $(MPIRUN) --timeout $(TEST_TIMEOUT) $(PYTHON) .ci/pytest_on_ranks.py tests -m mpi -xq --color=no -p no:cacheprovider
 
 lint: .venv/installed-lint

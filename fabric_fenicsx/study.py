@@ -317,7 +317,7 @@ class Study:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
         history = History(folder / "history.csv", self.comm, notes["rows"])
         with timing.phase("output"):
-            series = FieldSeries(folder, membrane, notes["states"])
+            series = FieldSeries(folder, membrane, notes["states"], scene.terms)
         bar = tqdm(
             total=1.0,
             initial=start.load if start else 0.0,
@@ -374,7 +374,7 @@ class Study:
             history.close()
         with timing.phase("output"):
             fields, mismatch = cell_fields(membrane)
-            if series.states[-1][0] != outcome.reached:
+            if (len(history.rows) - 1) % args.every:
                 series.write(outcome.reached, fields, nodal_fields(scene))
         mesh = membrane.blank.mesh
         energies = scene.energies() | {"viscous": history.rows[-1]["viscous_energy_Nmm"]}
