@@ -78,12 +78,12 @@ def mesh(cell, pattern, nx, level):
     if COMM.rank > 0:
         return None, None, None
     if pattern == "unstructured":
-        points, cells, kind = specimen(LENGTH, WIDTH, nx, nx * 3 // 5, pattern, cell)
+        points, cells, kind = specimen(LENGTH, WIDTH, nx, nx * 3 // 5, pattern or "crossed", cell)
         for _ in range(level):  # gmsh's own finer mesh would not be similar, and rates between the two noise
             points, cells = halved(points, cells)
         return points, cells, kind
     nx *= 2**level
-    points, cells, kind = specimen(LENGTH, WIDTH, nx, nx * 3 // 5, pattern, cell)
+    points, cells, kind = specimen(LENGTH, WIDTH, nx, nx * 3 // 5, pattern or "crossed", cell)
     bulge = np.sin(np.pi * points[:, 0] / LENGTH) * np.sin(np.pi * points[:, 1] / WIDTH)
     points[:, :2] += bulge[:, None] * [5.0, -3.0]  # no cell stays a rectangle, the edge stays
     return points, cells, kind

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.results.fields import read_last
 
 ROOT = Path(__file__).parents[2]
@@ -213,8 +214,9 @@ def test_report(launch):
     assert set(re.findall(r"(?:src|href)=\"(\w+):", text)) == {"data"} and "<script" not in text
 
 
-def test_report_of_a_run_that_gave_up(launch):
-    done = launch("bias_extension", "--quick", "--strain", 0.9, "--no-pictures")
+def test_report_of_a_run_that_gave_up(launch, tmp_path):
+    (tmp_path / "m.toml").write_text(PRESETS["komeili"].dumps().replace("a = 4130.0", "a = 1e308"))
+    done = launch("tensile", "--quick", "--material", "m.toml", "--no-pictures")
     assert done.status == 3
     text = (done.folder / "report.html").read_text()
     assert "gave up" in text and "Done" not in text
