@@ -4,6 +4,7 @@ import csv
 import os
 import random
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -116,15 +117,20 @@ def test_ranks_end_together_if_asked(launch, tmp_path):
 
 
 def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
-    """Killed again and again; each run leaves a state that the next goes on from, or none yet."""
+    """Killed again and again, in a step, between steps or before the first; what is left is gone on from."""
     chance, folder, killed = random.Random(1), tmp_path / "out", 0
 
     def more():
         return "--resume" if (folder / "checkpoint.npz").exists() else "--overwrite"
 
     while killed < KILLS:
-        process = begun(folder, more())
-        time.sleep(chance.uniform(0.3, 1.2))
+        process, before = begun(folder, more()), rows_written(folder)
+        further, patience = chance.choice([0, 1, 5, 20]), time.monotonic() + chance.uniform(0.2, 1.0)
+        while process.poll() is None and (
+            rows_written(folder) < before + further if further else time.monotonic() < patience
+        ):
+            time.sleep(0.001)
+        time.sleep(chance.uniform(0, 0.03))  # about a step
         ended = process.poll()
         process.kill()
         _, err = process.communicate()
@@ -132,7 +138,7 @@ def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
         killed += ended is None
         if ended == 0:
             same_curve(folder, whole)
-            subprocess.run(["rm", "-r", folder], check=True)
+            shutil.rmtree(folder)
     subprocess.run(command("--out", folder, more()), check=True, capture_output=True)
     same_curve(folder, whole)
 
