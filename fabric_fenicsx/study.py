@@ -34,6 +34,7 @@ from .material.presets import load
 from .mechanics.membrane import Membrane
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import ENERGIES, History
+from .running import Asked, Console, LogFile, replace
 from .scene import Scene, Support
 from .solve.checkpoint import Checkpoint
 from .solve.newton import LINEAR_SOLVERS, Newton
@@ -165,7 +166,7 @@ class Study:
         log.setLevel(logging.DEBUG)
         log.propagate = False
         if self.comm.rank == 0:
-            log.addHandler(_Console(logging.DEBUG if args.verbose else logging.INFO))
+            log.addHandler(Console(logging.DEBUG if args.verbose else logging.INFO))
 
     def say(self, text: str) -> None:
         """Print on rank 0, and to log.txt."""
@@ -185,7 +186,7 @@ class Study:
         if key not in self._done["done"]:
             self._done["done"][key] = make()
             if self.comm.rank == 0:
-                _replace(self.args.out / "done.json", json.dumps(self._done))
+                replace(self.args.out / "done.json", json.dumps(self._done))
         return self._done["done"][key]
 
     def _read_done(self):
@@ -237,7 +238,7 @@ class Study:
                 if args.overwrite:
                     for file in (*old, *out.glob("*.png"), out / "report.html"):
                         file.unlink(missing_ok=True)
-                log.addHandler(_Log(out / "log.txt", "a" if args.resume else "w", self.command))
+                log.addHandler(LogFile(out / "log.txt", "a" if args.resume else "w", self.command))
         except OSError as e:
             return f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
         return None
@@ -354,7 +355,7 @@ class Study:
                     "step to load %.6g rejected after %d iterations: %s", load, report.iterations, report.reason
                 )
 
-        asked = _Asked(self.comm)
+        asked = Asked(self.comm)
         try:
             outcome = march(
                 newton,
@@ -404,8 +405,8 @@ class Study:
             energy_imbalance=imbalance,
             quantities=quantities(fields, history.rows),
         )
-        if asked():
-            raise Interrupted(f"{outcome.reason} at load factor {outcome.reached:.6g}; --resume goes on from there")
+        if words := asked():
+            raise Interrupted(f"{words} at load factor {outcome.reached:.6g}; --resume goes on from there")
         if self.comm.rank == 0 and not args.no_pictures:
             self._pictures(folder, history.rows)
         self.comm.barrier()
@@ -424,7 +425,7 @@ class Study:
             "command": self.command,
             "options": asked,
             "fabric": self.fabric.dumps(),
-            "warnings": self._warnings,
+            "warnings": self._warnings,  # since the last summary
             "wall_s": wall | {"total": round(total, 4)},
             "peak_memory_mib": round(self.comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024), 1),
             "versions": {
@@ -436,8 +437,9 @@ class Study:
                 "python": platform.python_version(),
             },
         }
+        self._warnings = []
         if self.comm.rank == 0:
-            _replace(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
+            replace(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
         return summary
 
     def report(self, ending: str) -> None:
@@ -448,7 +450,7 @@ class Study:
             out = self.args.out
             runs = {part: (out / part / "summary.json", (out / part).glob("*.png")) for part in ("", *self._parts)}
             description = " ".join((sys.modules["__main__"].__doc__ or "").split())
-            _replace(out / "report.html", report.page(self.name, runs, description, ending, out / "log.txt"))
+            replace(out / "report.html", report.page(self.name, runs, description, ending, out / "log.txt"))
 
     def _problem(self, fabric):
         """What a checkpoint must have been made with to be gone on from: all but solver and output options."""
@@ -497,60 +499,6 @@ class Study:
         """Mean of the values of all ranks at the True of `where`."""
         total, count = self.comm.allreduce(np.array([values[where].sum(), where.sum()], dtype=float), MPI.SUM)
         return float(total / count)
-
-
-class _Console(logging.Handler):
-    """Results to standard output, warnings to standard error, neither into the progress bar."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        file = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
-        tqdm.write(self.format(record), file=file)
-        file.flush()
-
-
-class _Log(logging.FileHandler):
-    """log.txt, opened with the first message; it starts with the command."""
-
-    def __init__(self, path, mode, command):
-        super().__init__(path, mode, delay=True)
-        self.command = command
-        self.setFormatter(logging.Formatter("%(asctime)s  %(message)s", "%H:%M:%S"))
-
-    def _open(self):
-        file = super()._open()
-        file.write(f"{self.command}\n")
-        return file
-
-    def handleError(self, record: logging.LogRecord) -> None:
-        """Nothing: what a full disk does to the log ends no run."""
-
-
-class _Asked:
-    """Notes SIGINT and SIGTERM from its construction on; calling it tells on all ranks, in words, whether a rank got one.
-    A second one is not noted but ends the run at once."""
-
-    def __init__(self, comm):
-        self.comm, self._number = comm, 0
-        self._before = {each: signal.signal(each, self._note) for each in (signal.SIGINT, signal.SIGTERM)}
-
-    def _note(self, number, frame):
-        self._number = number
-        self.forget()
-
-    def __call__(self):
-        number = self.comm.allreduce(self._number, MPI.MAX)
-        return f"stopped by {signal.Signals(number).name}" if number else ""
-
-    def forget(self) -> None:
-        for each, handler in self._before.items():
-            signal.signal(each, handler)
-
-
-def _replace(path, text):
-    """Write a text file that is whole at any moment."""
-    unfinished = path.with_name(f".{path.name}.part")
-    unfinished.write_text(text)
-    unfinished.replace(path)
 
 
 def _end(number, frame):

@@ -1,0 +1,66 @@
+"""What a running program says and hears: messages, its log, signals, files that are whole at any moment."""
+
+import logging
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+
+from mpi4py import MPI
+from tqdm import tqdm
+
+
+class Console(logging.Handler):
+    """Results to standard output, warnings to standard error, neither into the progress bar."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print at once."""
+        file = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
+        tqdm.write(self.format(record), file=file)
+        file.flush()
+
+
+class LogFile(logging.FileHandler):
+    """log.txt, opened with the first message; it starts with the command."""
+
+    def __init__(self, path: Path, mode: str, command: str) -> None:
+        super().__init__(path, mode, delay=True)
+        self.command = command
+        self.setFormatter(logging.Formatter("%(asctime)s  %(message)s", "%H:%M:%S"))
+
+    def _open(self):
+        file = super()._open()
+        file.write(f"{self.command}\n")
+        return file
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing: what a full disk does to the log ends no run."""
+
+
+class Asked:
+    """Notes SIGINT and SIGTERM, of which a second one is not noted but ends the run at once."""
+
+    def __init__(self, comm: MPI.Comm) -> None:
+        self.comm, self._number = comm, 0
+        self._before = {each: signal.signal(each, self._note) for each in (signal.SIGINT, signal.SIGTERM)}
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._number = number
+        self.forget()
+
+    def __call__(self) -> str:
+        """On all ranks, what one of them got, in words; "" for nothing."""
+        number = self.comm.allreduce(self._number, MPI.MAX)
+        return f"stopped by {signal.Signals(number).name}" if number else ""
+
+    def forget(self) -> None:
+        """Leave signals to what they did before."""
+        for each, handler in self._before.items():
+            signal.signal(each, handler)
+
+
+def replace(path: Path, text: str) -> None:
+    """Write a text file that is whole at any moment."""
+    unfinished = path.with_name(f".{path.name}.part")
+    unfinished.write_text(text)
+    unfinished.replace(path)
