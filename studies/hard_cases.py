@@ -1,6 +1,7 @@
 """Hard cases of the solver: each must end in a true local minimum of the energy, or in a plain reason."""
 
 import math
+import textwrap
 import time
 
 import numpy as np
@@ -385,7 +386,7 @@ def main(study):
         from fabric_fenicsx.results import pictures
 
         effort = {
-            f"{r['case']}  {r['must_hold'].split(';')[0].split(':')[0][:60]}": (
+            f"{r['case']}  {textwrap.shorten(r['must_hold'].split(':')[0], 60, placeholder=' ...')}": (
                 r["iterations"], f"{r['steps']} steps, {r['wall_s']:.0f} s", "#5aa469" if r["holds"] else "#b83a3a",
             )
             for r in rows

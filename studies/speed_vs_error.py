@@ -451,7 +451,7 @@ def picture(path, scenes):
     keys = [plt.Line2D([], [], color="k", lw=1, label="front"), plt.Rectangle((0, 0), 1, 1, color="0.9", label="not resolved")]  # fmt: skip
     keys += [plt.Line2D([], [], ls="", marker=markers[e], color="0.4", label=e) for e in sorted(used)]
     keys += [plt.Line2D([], [], ls="", marker="o", color=colour, label=shape) for shape, colour in patterns.items()]
-    figure.get_layout_engine().set(rect=(0, 0.1, 1, 0.9))
+    figure.get_layout_engine().set(rect=(0, 0.13, 1, 0.87))
     figure.legend(handles=keys, loc="lower center", ncols=6, fontsize="small")
     figure.savefig(path, dpi=130)
     plt.close(figure)

@@ -100,7 +100,10 @@ def curves(path: Path, series: Mapping[str, Sequence], xlabel: str, ylabel: str,
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
     ax.grid(alpha=0.3)
-    if len(series) > 1:
+    if len(series) > 5:  # beside the curves, not over them
+        figure.set_figwidth(8.0)
+        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), fontsize="small")
+    elif len(series) > 1:
         ax.legend()
     figure.savefig(path, dpi=150)
     plt.close(figure)
@@ -113,7 +116,7 @@ def bars(path: Path, values: Mapping[str, tuple[float, str, str]], xlabel: str) 
     drawn = ax.barh(list(values), numbers, color=colours)
     ax.bar_label(drawn, texts, padding=3, fontsize="small")
     ax.invert_yaxis()
-    ax.margins(x=0.2)
+    ax.margins(x=0.35)
     ax.set_xlabel(xlabel)
     figure.savefig(path, dpi=130)
     plt.close(figure)
