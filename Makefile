@@ -1,5 +1,6 @@
 # Every target installs what is missing first: Debian's own packages by apt-get, the rest into .venv. `make help` lists them.
 RANKS ?= 2
+STUDY ?= tensile
 ARGS ?=
 DEBIAN13_ROOT ?= .debian13/root
 TEST_TIMEOUT ?= 3600
@@ -37,7 +38,7 @@ PYTHON := .venv/bin/python
 .PHONY: help install study test lint docs debian13-root test-debian13 clean
 
 help:
-	@echo "make study          the tensile study on RANKS=$(RANKS) ranks; options in ARGS=\"...\""
+	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
 	@echo "make test           the whole test suite: serial, then the tests marked mpi on RANKS=$(RANKS) ranks"
 	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo)"
 	@echo "make lint           ruff and mypy, as CI runs them first"
@@ -48,7 +49,7 @@ help:
 install: .venv/installed
 
 study: .venv/installed
-	$(SCREEN) $(MPIRUN) $(PYTHON) studies/tensile.py $(or $(ARGS),--overwrite)
+	$(SCREEN) $(MPIRUN) $(PYTHON) studies/$(STUDY).py $(or $(ARGS),--overwrite)
 
 test: .venv/installed
 	$(SCREEN) $(PYTHON) -m pytest -n 2 tests

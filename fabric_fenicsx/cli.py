@@ -5,12 +5,14 @@ import math
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from .errors import InputError
+from .errors import InputError, Interrupted
 
 
 def exit_status(error: Exception) -> tuple[int, str]:
-    """Status and words with which a program leaves for an InputError (2) or a SolverFailure (3)."""
-    return (2, f"error: {error}") if isinstance(error, InputError) else (3, f"stopped: {error}")
+    """Status and words with which a program leaves for an InputError (2), SolverFailure or Interrupted (3)."""
+    if isinstance(error, InputError):
+        return 2, f"error: {error}"
+    return 3, str(error) if isinstance(error, Interrupted) else f"stopped: {error}"
 
 
 def number(allowed: str, test: Callable[[Any], bool], kind: type = float) -> Callable[[str], Any]:
@@ -29,6 +31,7 @@ def number(allowed: str, test: Callable[[Any], bool], kind: type = float) -> Cal
     return convert
 
 
+FRACTION = number("a fraction above 0 and up to 1, where 0.1 is 10 %", lambda v: 0 < v <= 1)
 COUNT = number("a whole number of 1 or more", lambda v: v >= 1, int)
 POSITIVE = number("a number above 0", lambda v: v > 0)
 ANY = number("a finite number", lambda v: True)

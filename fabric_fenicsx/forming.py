@@ -116,7 +116,6 @@ class Forming:
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         self.frictions = [Friction(k, args.friction, args.slip, args.lag) for k in self.pressing if args.friction]
         self.terms += self.frictions
-        self.largest = 0.0
 
     def _contact(self, tool):
         return Contact(self.blank, tool, self.thickness, self.penalty, permitted=self.args.permitted)
@@ -185,8 +184,7 @@ class Forming:
         ]
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
-        """Way [mm] and force [N] of the punch, of a quarter if that is modelled; notes the deepest penetration."""
-        self.largest = max(self.largest, *(contact.penetration() for contact in self.contacts))
+        """Way [mm] and force [N] of the punch, of a quarter if that is modelled."""
         forces = [contact.force() for contact in self.contacts if contact.tool is self.punch]
         forces += [friction.settled for friction in self.frictions if friction.tool is self.punch]
         return load * self.stroke, float(sum(forces, np.zeros(3))[2])
@@ -205,7 +203,7 @@ class Forming:
         gamma = np.degrees(np.abs(fields["shear_angle"]))
         total = sum((k.force() for k in self.pressing), np.zeros(3))
         total = total + sum((k.settled for k in self.frictions), np.zeros(3))
-        strain = rows[-1]["strain_energy_Nmm"]
+        strain, deepest = rows[-1]["strain_energy_Nmm"], max(k.deepest() for k in self.contacts)
         return {
             "punch_force_N": rows[-1]["reaction_N"],
             "punch_force_of_whole_ply_N": rows[-1]["reaction_N"] * (1 if self.args.full else 4),
@@ -213,8 +211,8 @@ class Forming:
             "unbalanced_force_N": float(abs(total[2])),
             "penalty_N_per_mm3": self.penalty,
             "penetration_mm": max(k.penetration() for k in self.contacts),
-            "penetration_largest_mm": self.largest,
-            "penetration_of_thickness": self.largest / self.thickness,
+            "penetration_largest_mm": deepest,
+            "penetration_of_thickness": deepest / self.thickness,
             "sticking_slip_mm": self.args.slip if self.args.friction else None,
             "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / strain if strain else 0.0,
             "shear_angle_max_deg": study.extremes(gamma)[1],

@@ -29,7 +29,7 @@ from . import dolfinx_compat as compat
 from .blank import Blank
 from .cli import ANY, COUNT, POSITIVE, Help, Parser, exit_status, number
 from .errors import InputError, Interrupted, SolverFailure
-from .material.parameters import COUPLINGS
+from .material.parameters import COUPLINGS, WovenFabric
 from .material.presets import load
 from .mechanics.membrane import Membrane
 from .meshes.specimen import PATTERNS, specimen
@@ -168,6 +168,9 @@ class Study:
         if self.comm.rank == 0:
             log.addHandler(Console(logging.DEBUG if args.verbose else logging.INFO))
 
+        for doubt in fabric.doubts() if isinstance(fabric, WovenFabric) else ():
+            self.warn(doubt)
+
     def say(self, text: str) -> None:
         """Print on rank 0, and to log.txt."""
         if self.comm.rank == 0:
@@ -245,9 +248,13 @@ class Study:
 
     @property
     def command(self) -> str:
-        """What was typed to start this run."""
+        """What starts this run anew."""
         ranks = f"mpirun -n {self.comm.size} " if self.comm.size > 1 else ""
-        return ranks + shlex.join(["python3", *sys.argv])
+        here = Path(sys.executable)
+        python = here.relative_to(Path.cwd()) if here.is_relative_to(Path.cwd()) else here
+        return ranks + shlex.join(
+            [str(python), *(word for word in sys.argv if word not in ("--resume", "--overwrite"))]
+        )
 
     def specimen(
         self, length: float, width: float, turned: float = 0.0, spatial: bool = False, centred: bool = False
@@ -313,6 +320,14 @@ class Study:
         # a part of several that was not begun yet has none
         resumed = args.resume and not (part and not self.comm.bcast(checkpoint.path.exists()))
         start, notes = checkpoint.load() if resumed else (None, {"rows": [], "states": []})
+        if start and start.load == 1 and not start.viscosity.drag:
+            known = self.comm.bcast(_converged(folder / "summary.json") if self.comm.rank == 0 else None)
+            if known:
+                if self.comm.rank == 0:
+                    log.warning("%s: full load was reached before, nothing is left to do", folder)
+                scene.set(start.x)
+                scene.at(1.0)
+                return Result(known, notes["rows"], cell_fields(membrane)[0], folder)
         if self.comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
@@ -499,6 +514,12 @@ class Study:
         """Mean of the values of all ranks at the True of `where`."""
         total, count = self.comm.allreduce(np.array([values[where].sum(), where.sum()], dtype=float), MPI.SUM)
         return float(total / count)
+
+
+def _converged(path: Path) -> dict[str, Any] | None:
+    """The summary in `path`, if it is one of a run that reached its end."""
+    summary = json.loads(path.read_text()) if path.is_file() else {}
+    return summary if summary.get("converged") else None
 
 
 def _end(number, frame):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fabric_fenicsx.cli import POSITIVE
+from fabric_fenicsx.cli import FRACTION, POSITIVE
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves
 from fabric_fenicsx.material.curves import bias_normalised
@@ -21,7 +21,7 @@ def options():
     test = p.add_argument_group("test")
     test.add_argument("--length", type=POSITIVE, default=200.0, help="[mm]")
     test.add_argument("--width", type=POSITIVE, default=50.0, help="[mm]")
-    test.add_argument("--strain", type=POSITIVE, default=0.10, help="nominal, of the length")
+    test.add_argument("--strain", type=FRACTION, default=0.10, help="nominal, of the length: 0.1 is 10 %%")
     test.add_argument(
         "--measured",
         metavar="DIR",

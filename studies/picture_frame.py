@@ -13,7 +13,7 @@ from fabric_fenicsx.study import parser, run
 
 
 def options():
-    p = parser("picture_frame", __doc__, nx=20, element="P1")  # the state is homogeneous
+    p = parser("picture_frame", __doc__, {"nx": 20, "steps": 40}, element="P1")  # the state is homogeneous
     test = p.add_argument_group("test")
     test.add_argument("--side", type=POSITIVE, default=200.0, help="of the square [mm]")
     test.add_argument(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from fabric_fenicsx.cli import ANY, POSITIVE
+from fabric_fenicsx.cli import ANY, FRACTION, POSITIVE
 from fabric_fenicsx.material.parameters import coupling_variants
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import grips, pulled
@@ -16,7 +16,7 @@ def options():
     test = p.add_argument_group("test")
     test.add_argument("--length", type=POSITIVE, default=200.0, help="[mm]")
     test.add_argument("--width", type=POSITIVE, default=50.0, help="[mm]")
-    test.add_argument("--strain", type=POSITIVE, default=0.03, help="nominal, of the length")
+    test.add_argument("--strain", type=FRACTION, default=0.03, help="nominal, of the length: 0.1 is 10 %%")
     test.add_argument("--grips", choices=("clamped", "rollers"), default="clamped", help="rollers: a homogeneous state")
     test.add_argument("--turned", type=ANY, default=0.0, metavar="DEG", help="angle of the whole test in the plane")
     test.add_argument("--compare", action="store_true", help="run all variants of the couplings, side by side")

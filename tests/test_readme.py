@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -27,7 +28,7 @@ def test_the_material_file(tmp_path):
 
 
 def test_the_study_in_python(tmp_path):
-    write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
+    write(tmp_path / "strip.msh", *specimen(nx=20, ny=5))
     (tmp_path / "fabric.toml").write_text(block("toml"))
     pyvista.Sphere(radius=30, theta_resolution=60, phi_resolution=60).save(tmp_path / "ball.stl")
     done = subprocess.run(
@@ -35,7 +36,7 @@ def test_the_study_in_python(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     reached, force, stress = map(float, done.stdout.split())
-    assert reached == 1 and 10 < force < 200 and stress > 1
+    assert reached == 1 and 40 < force < 50 and 5 < stress < 25
 
 
 # run in the same way, or longer, by tests of their own
@@ -46,7 +47,7 @@ COMMANDS = [line for line in COMMANDS if not any(f"studies/{name}.py" in line fo
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_commands(tmp_path, command):
-    _, script, *options = command.split()
+    _, script, *options = shlex.split(command)
     write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
     for name in ("fabric.toml", "glass_pp.toml"):
         if f"--out {name}" not in command:

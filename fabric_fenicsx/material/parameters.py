@@ -41,6 +41,8 @@ RULES = {
     "thickness": _Rule("length", "above 0", lambda v: v > 0),
     "density": _Rule("density", "above 0", lambda v: v > 0),
 }
+# what fabrics have, widely taken; beyond it a unit is probably wrong
+PLAUSIBLE = {"b": (1.0, 1e5, "MPa"), "s1": (1e-4, 10.0, "MPa"), "thickness": (0.01, 20.0, "mm")}
 YARN = ("a", "b", "d", "p_min", "c", "s_T", "s_C")
 SHEAR = ("s1", "s2", "s3")
 SHEET = ("thickness", "density")
@@ -183,6 +185,15 @@ class WovenFabric:
     def compression_shear(self) -> bool:
         """Whether k_SC acts (eqs 28, 29)."""
         return "compression_shear" in self.couplings
+
+    def doubts(self) -> list[str]:
+        """Sentences on values outside of `PLAUSIBLE`, which may be in a wrong unit."""
+        values = [("b", self.warp.b), ("s1", self.s1), ("thickness", self.thickness)]
+        values += [("b", self.weft.b)] if self.weft.b != self.warp.b else []
+        return [
+            f"{name} of material {self.name} is {value:g} {unit}, fabrics have {low:g} to {high:g}; look at its unit"
+            for name, value in values for low, high, unit in [PLAUSIBLE[name]] if not low <= value <= high
+        ]  # fmt: skip
 
     def without(self, *names: str) -> Self:
         """A copy with these couplings off; InputError for an unknown name."""

@@ -114,6 +114,7 @@ class Contact:
         self.nodes = Nodes(blank)
         self._shift = self._accepted_shift = np.zeros(self.nodes.count)
         self._accepted_way = tool.way
+        self._depth = np.zeros(self.nodes.count)  # deepest penetration of each node in accepted states
         self.rubs: list[Friction] = []  # friction with the tool, which takes part in the balance of its force
         self._seen: tuple[np.ndarray, Touch] | None = None
         self.accept()
@@ -130,6 +131,7 @@ class Contact:
         self.touch()
         self._accepted_way, self._accepted_shift = self.tool.way, self._shift
         self._last = self.force(), self.tool.displacement.copy()
+        self._depth = np.fmax(self._depth, -self.touch().gap)
 
     def work(self) -> float:
         """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
@@ -184,11 +186,12 @@ class Contact:
 
     def memory(self) -> dict[str, np.ndarray]:
         """Shift of the surface and way of the tool [mm] in the last accepted state, (nodes, 1) each."""
-        return {"shift": self._accepted_shift[:, None], "way": np.full((self.nodes.count, 1), self._accepted_way)}
+        way = np.full((self.nodes.count, 1), self._accepted_way)
+        return {"shift": self._accepted_shift[:, None], "way": way, "depth": self._depth[:, None]}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Take back what `memory` gave."""
-        self._shift = memory["shift"][:, 0]
+        self._shift, self._depth = memory["shift"][:, 0], memory["depth"][:, 0]
         self.tool.way = self.nodes.comm.allreduce(memory["way"].max(initial=-np.inf), MPI.MAX)
         u = self.nodes.displacement()  # not balanced, as what friction bore is forgotten
         self._seen = u, self._touch(self.nodes.places + u)
@@ -206,6 +209,10 @@ class Contact:
     def penetration(self) -> float:
         """Largest depth of the tool in the ply's face, of all ranks [mm]."""
         return self.nodes.comm.allreduce(-self.touch().gap.min(initial=0.0), MPI.MAX)
+
+    def deepest(self) -> float:
+        """Largest penetration of all accepted states, of all ranks [mm]."""
+        return self.nodes.comm.allreduce(float(self._depth.max(initial=0.0)), MPI.MAX)
 
     # --
 

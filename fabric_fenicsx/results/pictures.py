@@ -36,7 +36,8 @@ def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, flo
 
 def _polygons(grid):
     """Deformed corner polygons (cells, k, 2) of a plane sheet."""
-    ((kind, cells),) = grid.cells_dict.items()
+    # not cells_dict, which before PyVista 0.45 gives every higher-order cell as many nodes as its linear one
+    kind, cells = grid.celltypes[0], grid.cells.reshape(grid.n_cells, -1)[:, 1:]
     corners = 3 if kind in (pyvista.CellType.TRIANGLE, pyvista.CellType.LAGRANGE_TRIANGLE) else 4
     x = np.asarray(grid.points) + grid.point_data["u"]
     return x[cells[:, :corners], :2]
@@ -87,7 +88,7 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
         ax.set_xlabel("x / mm")
     for ax in axes[:, 0]:
         ax.set_ylabel("y / mm")
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=130, bbox_inches="tight")  # wide sheets push labels out
     plt.close(figure)
 
 

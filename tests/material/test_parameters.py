@@ -244,3 +244,12 @@ def test_files_that_cannot_be_read_or_written(tmp_path):
 
 def test_presets():
     assert load("komeili") is KOMEILI and load("fabric").name == "fabric"
+
+
+def test_values_of_a_wrong_unit_are_doubted():
+    fabric = PRESETS["komeili"]
+    assert fabric.doubts() == []
+    (thin,) = fabric.replace(thickness=4e-4).doubts()
+    assert thin.startswith("thickness of material komeili is 0.0004 mm, fabrics have 0.01 to 20")
+    in_gpa = fabric.replace(b=667.5e3)
+    assert [doubt.split()[0] for doubt in in_gpa.doubts()] == ["b"]

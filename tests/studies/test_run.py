@@ -89,7 +89,7 @@ def test_ends_after_its_step_if_asked_and_goes_on(tmp_path, whole, number):
     _, err = process.communicate(timeout=60)
     assert process.returncode == 3
     assert re.fullmatch(
-        rf"studies/tensile.py: stopped: stopped by {number.name} at load factor [\d.]+; --resume goes on from there\n",
+        rf"studies/tensile.py: stopped by {number.name} at load factor [\d.]+; --resume goes on from there\n",
         err,
     )
     assert 5 <= rows_written(tmp_path / "out") < 61
@@ -114,6 +114,14 @@ def test_ranks_end_together_if_asked(launch, tmp_path):
     assert process.returncode != 0
     done = launch("tensile", *OPTIONS, "--resume")
     assert done.status == 0 and len(history(folder)) == 61
+
+
+def test_a_finished_run_is_left_as_it_is(launch):
+    done = launch("double_dome", "--quick", "--stroke", 10, "--no-pictures")
+    assert done.status == 0, done.err
+    again = launch("double_dome", "--quick", "--stroke", 10, "--no-pictures", "--resume", ranks=2)
+    assert again.status == 0 and "nothing is left to do" in again.err
+    assert again.summary == done.summary and again.out == done.out
 
 
 def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
