@@ -315,7 +315,6 @@ class Study:
         args, folder = self.args, self.folder(part)
         with timing.phase("setup"):
             scene = Scene(membrane.blank, [membrane, *terms], supports)
-            newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver)
         checkpoint = Checkpoint(folder / "checkpoint.npz", membrane.blank, self._problem(membrane.fabric))
         # a part of several that was not begun yet has none
         resumed = args.resume and not (part and not self.comm.bcast(checkpoint.path.exists()))
@@ -328,6 +327,7 @@ class Study:
                 scene.set(start.x)
                 scene.at(1.0)
                 return Result(known, notes["rows"], cell_fields(membrane)[0], folder)
+        newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver)
         if self.comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one

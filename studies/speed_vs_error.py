@@ -295,7 +295,7 @@ def apart(study, c):
     command += [word for coupling in args.without for word in ("--without", coupling)]
     if c.ranks > 1:
         command = [*MPIRUN.split(), str(c.ranks), *command]
-    # timeout also ends what mpirun started
+    # timeout also ends what mpirun started, and itself where it must kill
     done = subprocess.run(
         ["timeout", "-k", "5", f"{args.limit:g}", *command],
         capture_output=True,
@@ -307,7 +307,7 @@ def apart(study, c):
     if done.returncode == 0:
         return row | json.loads(done.stdout.splitlines()[-1])
     said = [line for line in done.stderr.splitlines() if line.strip()] or [f"ended with status {done.returncode}"]
-    return row | {"reason": f"not done within {args.limit:g} s" if done.returncode == 124 else said[-1].strip()}
+    return row | {"reason": f"not done within {args.limit:g} s" if done.returncode in (124, -9) else said[-1].strip()}
 
 
 def reference_grid(study, name):
