@@ -1,8 +1,10 @@
 """What a running program says and hears: messages, its log, signals, files that are whole at any moment."""
 
 import logging
+import os
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 
@@ -59,8 +61,20 @@ class Asked:
             signal.signal(each, handler)
 
 
-def replace(path: Path, text: str) -> None:
-    """Write a text file that is whole at any moment."""
-    unfinished = path.with_name(f".{path.name}.part")
-    unfinished.write_text(text)
-    unfinished.replace(path)
+def replace(path: Path, content: str | bytes, lasting: bool = False) -> None:
+    """Make `content` that of the file `path`, at once; lasting: on the disk before this returns.
+
+    Raises OSError, naming the file, where it can't be written; it then is what it was.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        with open(part, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            if lasting:
+                os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink()
+        raise OSError(error.errno, error.strerror, str(path)) from None

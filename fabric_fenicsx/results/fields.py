@@ -1,8 +1,6 @@
 """Fields of a membrane, as means over its cells, and their time series for ParaView."""
 
-import os
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -22,6 +20,7 @@ from ..blank import Blank
 from ..material import stability
 from ..mechanics.contact import Contact
 from ..mechanics.membrane import Membrane
+from ..running import replace
 from ..scene import Scene
 
 UNITS = {
@@ -240,7 +239,7 @@ class FieldSeries:
             if entries:
                 lines = "\n".join(f"<DataSet {entry}/>" for entry in entries)
                 text = f'<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n<Collection>\n{lines}\n</Collection>\n</VTKFile>\n'
-                _replace(self.directory / name, text.encode())
+                replace(self.directory / name, text.encode())
             else:
                 (self.directory / name).unlink(missing_ok=True)
 
@@ -274,19 +273,7 @@ def _save(path, data):
     # to memory first, as VTK does not say what error it met with a file
     writer.WriteToOutputStringOn()
     writer.Write()
-    _replace(path, writer.GetOutputString().encode())
-
-
-def _replace(path, content):
-    """Make `content` that of the file `path`, at once."""
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_bytes(content)
-        os.replace(part, path)
-    except OSError as error:
-        with suppress(OSError):
-            part.unlink()
-        raise OSError(error.errno, error.strerror, str(path)) from None
+    replace(path, writer.GetOutputString().encode())
 
 
 def read_last(directory: Path) -> pyvista.UnstructuredGrid:

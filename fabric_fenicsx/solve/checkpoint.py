@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import zipfile
 from dataclasses import asdict
 from pathlib import Path
@@ -15,6 +14,7 @@ from scipy.spatial import cKDTree
 from .. import dolfinx_compat as compat
 from ..blank import Blank
 from ..errors import InputError
+from ..running import replace
 from .stepping import Progress, Viscosity
 
 SCALARS = ("load", "step", "last_step", "work", "solver", "accepted", "rejected", "iterations")
@@ -48,16 +48,7 @@ class Checkpoint:
         content = io.BytesIO()
         arrays = {k: np.concatenate(v) for k, v in parts.items()}
         np.savez(content, meta=json.dumps(meta), x=np.concatenate(self._x), **arrays)
-        unfinished = self.path.with_name(self.path.name + ".part")
-        try:
-            with open(unfinished, "wb") as file:
-                file.write(content.getbuffer())
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(unfinished, self.path)
-        except OSError as error:
-            unfinished.unlink(missing_ok=True)
-            raise OSError(error.errno, error.strerror, str(self.path)) from None
+        replace(self.path, content.getvalue(), lasting=True)
 
     def load(self) -> tuple[Progress, dict[str, Any]]:
         """The saved `Progress` and notes; raises InputError, on all ranks, if there is none of this problem."""
