@@ -304,6 +304,26 @@ def test_run_that_is_resumed(tmp_path, permitted):
 
 
 @pytest.mark.mpi
+def test_what_is_known_of_a_march_is_known_to_the_next(tmp_path):
+    """What it cost, what its solver met and how deep nodes once were, which no displacement tells."""
+    tmp_path = COMM.bcast(tmp_path)
+    scene, contact = pushed_ball()
+    checkpoint, newton = Checkpoint(tmp_path / "c.npz", scene.blank, {}), Newton(scene)
+    known = {"wary": True, "shift": 0.125}
+    newton.recall(known)
+    first = march(newton, 8, max_step=0.5, on_accept=lambda s: checkpoint.save(s.progress, {}), milestones=[0.5])
+    again, contact_again = pushed_ball()
+    progress, _ = Checkpoint(tmp_path / "c.npz", again.blank, {}).load()
+    (depth,) = [name for name in progress.memory if name.endswith("depth")]
+    progress.memory[depth] = progress.memory[depth] + 7.0
+    newton = Newton(again)
+    second = march(newton, 8, start=progress)
+    assert (second.accepted, second.rejected, second.iterations) == (first.accepted, first.rejected, first.iterations)
+    assert newton.memory()["wary"] and (newton.memory()["shift"] > 0)
+    assert contact_again.deepest() == pytest.approx(contact.deepest() + 7.0) and contact.deepest() > 0
+
+
+@pytest.mark.mpi
 def test_same_on_any_number_of_ranks():
     """On one rank and on all; contact and friction together bear the force that pushes the ball."""
     found = []
