@@ -72,6 +72,7 @@ def test_graded_cells_are_small_across_lines_from_the_corners():
     before, even = heights(crossed)
     lines = before % 50 == 0
     assert np.allclose(along[lines], before[lines], atol=1e-12)
+    assert (along[np.isclose(before % 50, 50 / 12)] % 50 < 0.5).all()  # the nodes next to them
     assert height.min() < 0.1 * even.min() and height.max() < 2 * even.max()
     with pytest.raises(InputError, match="210 x 50 mm .* graded.* multiple of the width"):
         specimen(210, 50, 48, 12, "graded")
