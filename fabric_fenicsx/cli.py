@@ -2,7 +2,10 @@
 
 import argparse
 import math
+import shlex
+import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn
 
 from .errors import InputError, Interrupted
@@ -13,6 +16,14 @@ def exit_status(error: Exception) -> tuple[int, str]:
     if isinstance(error, InputError):
         return 2, f"error: {error}"
     return 3, str(error) if isinstance(error, Interrupted) else f"stopped: {error}"
+
+
+def command(ranks: int = 1) -> str:
+    """What starts this program anew, as it was started but for --resume and --overwrite."""
+    here, python = Path.cwd(), Path(sys.executable)
+    words = [str(python.relative_to(here) if python.is_relative_to(here) else python)]
+    words += [word for word in sys.argv if word not in ("--resume", "--overwrite")]
+    return (f"mpirun -n {ranks} " if ranks > 1 else "") + shlex.join(words)
 
 
 def number(allowed: str, test: Callable[[Any], bool], kind: type = float) -> Callable[[str], Any]:

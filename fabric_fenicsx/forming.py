@@ -263,7 +263,6 @@ def pictures(study: Study, runs: Mapping[str, tuple[Forming, Result]]) -> None:
         see.write_paths(folder / "paths.csv", paths[label])
         see.state_map(folder / "states.png", grid)
         punch = forming.punch_mesh()
-        punch.save(folder / "punch.vtp")
         try:
             see.formed_picture(folder / "formed.png", grid, punch, (angle, angle + 90))
         except InputError as error:  # nothing to draw with, which is no reason to lose a run

@@ -6,7 +6,6 @@ import logging
 import math
 import platform
 import resource
-import shlex
 import signal
 import sys
 import tempfile
@@ -27,7 +26,7 @@ from tqdm import tqdm
 from . import __version__, timing
 from . import dolfinx_compat as compat
 from .blank import Blank
-from .cli import ANY, COUNT, POSITIVE, Help, Parser, exit_status, number
+from .cli import ANY, COUNT, POSITIVE, Help, Parser, command, exit_status, number
 from .errors import InputError, Interrupted, SolverFailure
 from .material.parameters import COUPLINGS, WovenFabric
 from .material.presets import load
@@ -241,20 +240,10 @@ class Study:
                 if args.overwrite:
                     for file in (*old, *out.glob("*.png"), out / "report.html"):
                         file.unlink(missing_ok=True)
-                log.addHandler(LogFile(out / "log.txt", "a" if args.resume else "w", self.command))
+                log.addHandler(LogFile(out / "log.txt", "a" if args.resume else "w", command(self.comm.size)))
         except OSError as e:
             return f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
         return None
-
-    @property
-    def command(self) -> str:
-        """What starts this run anew."""
-        ranks = f"mpirun -n {self.comm.size} " if self.comm.size > 1 else ""
-        here = Path(sys.executable)
-        python = here.relative_to(Path.cwd()) if here.is_relative_to(Path.cwd()) else here
-        return ranks + shlex.join(
-            [str(python), *(word for word in sys.argv if word not in ("--resume", "--overwrite"))]
-        )
 
     def specimen(
         self, length: float, width: float, turned: float = 0.0, spatial: bool = False, centred: bool = False
@@ -326,6 +315,8 @@ class Study:
                     log.warning("%s: full load was reached before, nothing is left to do", folder)
                 scene.set(start.x)
                 scene.at(1.0)
+                if self.comm.rank == 0 and not args.no_pictures and not (folder / "maps.png").exists():
+                    self._pictures(folder, notes["rows"])  # it ended before they were drawn
                 return Result(known, notes["rows"], cell_fields(membrane)[0], folder)
         newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver)
         if self.comm.rank == 0:
@@ -437,7 +428,7 @@ class Study:
         summary = {"study": self.name, "ranks": self.comm.size, "element": self.args.element} | facts
         asked = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self.args).items()}
         summary |= {
-            "command": self.command,
+            "command": command(self.comm.size),
             "options": asked,
             "fabric": self.fabric.dumps(),
             "warnings": self._warnings,  # since the last summary

@@ -2,7 +2,6 @@
 
 import json
 import platform
-import shlex
 import sys
 import time
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 import scipy
 
 from fabric_fenicsx import __version__
-from fabric_fenicsx.cli import Help, Parser, exit_status
+from fabric_fenicsx.cli import Help, Parser, command, exit_status
 from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import curves, identify
 from fabric_fenicsx.material.parameters import WovenFabric
@@ -92,7 +91,7 @@ def write_report(args, path, report, started):
         {"study": "identify", "converged": True}
         | report
         | {
-            "command": shlex.join(["python3", *sys.argv]),
+            "command": command(),
             "options": {k: v if isinstance(v, (int, float)) else v and str(v) for k, v in vars(args).items()},
         }
         | {"wall_s": {"total": round(time.perf_counter() - started, 3)}, "versions": versions}

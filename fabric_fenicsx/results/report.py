@@ -22,7 +22,7 @@ CAPTIONS = {
     "outline": "Outline of the formed ply over the flat one",
     "front": "Error over cost; the line joins the runs that none beats in both",
 }
-GOOD = {"kernel_mismatch": 1e-10, "energy_imbalance": 0.02}  # up to which these are nothing to look at
+MISMATCH = 1e-10  # of UFL and kernel, up to which it is rounding
 SHARED = "study", "converged", "command", "options", "wall_s", "versions"
 
 
@@ -48,7 +48,7 @@ def page(
         ending=ending,
         runs=[run for run in shown if run["summary"] or run["pictures"]],
         first=next((run["summary"] for run in shown if run["summary"]), {}),
-        good=GOOD,
+        rounding=MISMATCH,
         log=log.read_text() if log and log.is_file() else "",
         now=f"{datetime.now():%Y-%m-%d %H:%M}",
     )

@@ -124,6 +124,20 @@ def test_a_finished_run_is_left_as_it_is(launch):
     assert again.summary == done.summary and again.out == done.out
 
 
+def test_pictures_that_a_finished_run_lacks_are_drawn(launch):
+    done = launch("bias_extension", "--quick", "--no-pictures")
+    again = launch("bias_extension", "--quick", "--resume")
+    assert again.status == 0 and again.summary == done.summary
+    assert {"maps.png", "curve.png", "axis.png"} <= {file.name for file in done.folder.glob("*.png")}
+
+
+def test_the_command_of_a_summary_repeats_the_run(launch, tmp_path):
+    done = launch("tensile", "--quick", "--strain", 0.02, "--no-pictures")
+    shutil.move(done.folder, tmp_path / "first")
+    subprocess.run(done.summary["command"], shell=True, check=True, capture_output=True, cwd=tmp_path)
+    same_curve(done.folder, tmp_path / "first")
+
+
 def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
     """Killed again and again, in a step, between steps or before the first; what is left is gone on from."""
     chance, folder, killed = random.Random(1), tmp_path / "out", 0
