@@ -28,7 +28,8 @@ CELLS = {
 
 
 class Blank:
-    """A woven sheet: mesh, fibre fields `a0`, `b0` and the unknown `u`.
+    """A woven sheet: mesh, fibre fields `a0`, `b0` and the unknown `u`. `straight` has the two directions if each is one
+    all over, `orthogonal` tells whether they are so in every point.
 
     mesh: DOLFINx mesh of triangles or quadrilaterals in R^2 or R^3 [mm]. a, b, up: see `fibre_fields`.
     degree: of the displacement, 1 or 2, on triangles also 3. frame: (gdim, gdim) orthonormal rows; `u` holds the
@@ -50,6 +51,8 @@ class Blank:
         gdim = mesh.geometry.dim
         self.mesh, self.name = mesh, name
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
+        self.straight = _common(self.a0, self.b0)
+        self.orthogonal = b is None and (self.straight is not None or compat.is_affine(mesh))
         self.V = compat.vector_space(mesh, "Lagrange", degree, gdim)
         self.u = fem.Function(self.V, name="u")
         self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
@@ -86,12 +89,7 @@ class Blank:
 
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest undeformed coordinates along the frame's axes, two arrays (gdim,) [mm]."""
-        x, comm = self.along(self.mesh.geometry.x.T), self.mesh.comm
-        low, high = x.min(1, initial=np.inf), x.max(1, initial=-np.inf)
-        lows, highs = np.empty_like(low), np.empty_like(high)
-        comm.Allreduce(low, lows, MPI.MIN)
-        comm.Allreduce(high, highs, MPI.MAX)
-        return lows, highs
+        return _bounds(self.mesh.comm, self.along(self.mesh.geometry.x.T))
 
     def midpoints(self) -> np.ndarray:
         """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
@@ -133,6 +131,23 @@ class Blank:
 
 
 _Arrays = tuple[np.ndarray, np.ndarray, str]  # points, cells, kind
+
+
+def _common(*fields: fem.Function) -> list[list[float]] | None:
+    """The vectors that the fields have in all cells of all ranks, None if one differs."""
+    mesh = fields[0].function_space.mesh
+    values = np.vstack([field.x.array.reshape(-1, mesh.geometry.dim).T for field in fields])
+    low, high = _bounds(mesh.comm, values)
+    return high.reshape(len(fields), -1).tolist() if (high - low).max() <= 1e-15 else None
+
+
+def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest of `values` (k, n) over n on all ranks, two arrays (k,)."""
+    low, high = values.min(1, initial=np.inf), values.max(1, initial=-np.inf)
+    lows, highs = np.empty_like(low), np.empty_like(high)
+    comm.Allreduce(low, lows, MPI.MIN)
+    comm.Allreduce(high, highs, MPI.MAX)
+    return lows, highs
 
 
 def _on_root(comm: MPI.Comm, make: Callable[[], _Arrays]) -> _Arrays:

@@ -1,6 +1,6 @@
 """The membrane: in-plane strain energy of a blank."""
 
-from itertools import count
+from itertools import combinations_with_replacement, count
 
 import numpy as np
 import ufl
@@ -43,7 +43,7 @@ class Membrane:
         law = self._law(mesh, fabric)
         self._a0, self._b0 = self._fibres()
         fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
-        cosine = ufl.dot(self._a0, self._b0)
+        cosine = ufl.dot(self._a0, self._b0) if not blank.orthogonal else ufl.as_ufl(0.0)
         self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
         self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
         self.energy = law.thickness * energy_density(*self._invariants, cosine, law) * self._dx
@@ -53,18 +53,20 @@ class Membrane:
     def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
         """First variation of `energy` in `v` and second in `v` and `w` (UFL arguments in the space of `blank.u`)."""
         law, fa, fb, cosine = self._ufl
-        (va, vb), (wa, wb) = self._stretched(v), self._stretched(w)
         first, second = derivatives(*self._invariants, cosine, law)
-
-        def change(da, db):  # of the invariants
-            return 2 * ufl.dot(fa, da), ufl.dot(fa, db) + ufl.dot(fb, da), 2 * ufl.dot(fb, db)
-
-        dv, dw = change(va, vb), change(wa, wb)
-        material = sum(x * sum(D * y for D, y in zip(row, dw)) for x, row in zip(dv, second))
-        S4, S6, S8 = first
-        geometric = ufl.dot(va, 2 * S4 * wa + S6 * wb) + ufl.dot(vb, S6 * wa + 2 * S8 * wb)
-        t, dx = law.thickness, self._dx
-        return t * sum(S * x for S, x in zip(first, dv)) * dx, t * (material + geometric) * dx
+        (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
+        gdim = len(fa)
+        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [[0, fa[i], 2 * fb[i]] for i in range(gdim)]
+        forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
+        pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
+        stiffness = [[None] * 2 * gdim for _ in range(2 * gdim)]
+        for i, j in combinations_with_replacement(range(2 * gdim), 2):
+            same = i % gdim == j % gdim
+            geometric = [2 * S4, S6, 2 * S8][i // gdim + j // gdim] if same else 0
+            stiffness[i][j] = stiffness[j][i] = sum(c * D for c, D in zip(moved[j], pulled[i])) + geometric
+        dv, dw = ([yarn[i] for yarn in self._stretched(x) for i in range(gdim)] for x in (v, w))
+        answers = (sum(k * y for k, y in zip(row, dw)) for row in stiffness)
+        return sum(f * x for f, x in zip(forces, dv)) * self._dx, sum(x * y for x, y in zip(dv, answers)) * self._dx
 
     def _stretched(self, u):
         """What displacement `u` adds to the yarns' vectors a0, b0."""
@@ -81,9 +83,11 @@ class Membrane:
         return fabric.symbols(lambda _: values[next(index)])
 
     def _fibres(self):
-        """a0, b0, on cells without one tangent plane projected anew at each point."""
-        fibres = self.blank.a0, self.blank.b0
+        """a0, b0: constants where they are, on cells without one tangent plane projected anew at each point."""
         mesh = self.blank.mesh
+        if self.blank.straight:
+            return [fem.Constant(mesh, direction) for direction in self.blank.straight]
+        fibres = self.blank.a0, self.blank.b0
         if mesh.geometry.dim == 2 or compat.is_affine(mesh):
             return fibres
         project = ufl.dot(ufl.Jacobian(mesh), ufl.JacobianInverse(mesh))
