@@ -17,7 +17,6 @@ from .mechanics.bending import Bending, plate_stiffness
 from .mechanics.contact import Contact, Pressing, default_penalty
 from .mechanics.friction import Friction
 from .mechanics.load import EdgeTension
-from .mechanics.membrane import Membrane
 from .scene import Scene, Support
 from .study import Result, Study, parser
 from .tools import DoubleDome, Offset, Plane, Reversed, Tool, TriangulatedSurface
@@ -110,7 +109,7 @@ class Forming:
         self.die = Tool("die", Reversed(Offset(surface, clearance)), lambda load: (0.0, 0.0, t / 2 - clearance))
         radius = min(*self.punch.surface.radii, *self.die.surface.radii)
         self.penalty = args.penalty or default_penalty(fabric, radius if math.isfinite(radius) else 10 * t)
-        self.membrane = Membrane(self.blank, fabric)
+        self.membrane = study.membrane(self.blank, fabric)
         self.terms = [*self._bending(), self._contact(self.die), self._contact(self.punch), *self._holder()]
         self.pressing = [term for term in self.terms if isinstance(term, (Contact, Pressing))]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]

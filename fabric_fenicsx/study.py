@@ -28,9 +28,10 @@ from . import dolfinx_compat as compat
 from .blank import Blank
 from .cli import ANY, COUNT, POSITIVE, Help, Parser, command, exit_status, number
 from .errors import InputError, Interrupted, SolverFailure
+from .material.baseline import Fabric
 from .material.parameters import COUPLINGS, WovenFabric
 from .material.presets import load
-from .mechanics.membrane import Membrane
+from .mechanics.membrane import INTEGRATION, Membrane
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import ENERGIES, History
 from .running import Asked, Console, LogFile, replace
@@ -71,6 +72,12 @@ def parser(
     )
     mesh.add_argument(
         "--element", choices=("P1", "P2", "P3", "Q1", "Q2"), default="P2", help="P: triangles, Q: quadrilaterals"
+    )
+    mesh.add_argument(
+        "--integration",
+        choices=INTEGRATION,
+        default="full",
+        help="reduced: on P2 triangles the law at their centres, for cells that don't follow the yarns (full; in bias tests as the cells do)",
     )
     mesh.add_argument("--fibre-angle", type=ANY, metavar="DEG", default=0.0, help="of yarns a from the length")
     material = p.add_argument_group("material")
@@ -279,6 +286,10 @@ class Study:
                 points[:, :2] = (points[:, :2] - (np.array([length, width]) / 2 if centred else 0.0)) @ axes
             return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", spatial=spatial, **options)
 
+    def membrane(self, blank: Blank, fabric: Fabric | None = None) -> Membrane:
+        """Membrane of `blank` and `fabric`, by default the options', with their integration."""
+        return Membrane(blank, fabric or self.fabric, integration=self.args.integration)
+
     def march(
         self,
         membrane: Membrane,
@@ -399,6 +410,7 @@ class Study:
             reason=outcome.reason or "full load reached",
             dofs=membrane.blank.V.dofmap.index_map.size_global * mesh.geometry.dim,
             cells=mesh.topology.index_map(mesh.topology.dim).size_global,
+            integration=membrane.integration,
             terms=[term.name for term in scene.terms],
             couplings=sorted(membrane.fabric.couplings),
             material=membrane.fabric.name,

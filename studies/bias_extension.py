@@ -8,16 +8,16 @@ from fabric_fenicsx.cli import FRACTION, POSITIVE
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves
 from fabric_fenicsx.material.curves import bias_normalised
-from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import can_be_graded
 from fabric_fenicsx.scene import grips, pulled
 from fabric_fenicsx.study import parser, run
 
+ALONG = "crossed", "graded"  # patterns whose cells have edges at 45 deg
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
 
 
 def options():
-    p = parser("bias_extension", __doc__, fibre_angle=45.0, pattern=None)
+    p = parser("bias_extension", __doc__, fibre_angle=45.0, pattern=None, integration=None)
     test = p.add_argument_group("test")
     test.add_argument("--length", type=POSITIVE, default=200.0, help="[mm]")
     test.add_argument("--width", type=POSITIVE, default=50.0, help="[mm]")
@@ -105,6 +105,9 @@ def main(study):
         graded = args.strain <= GRADED and can_be_graded(args.length, args.width) and args.fibre_angle == 45
         args.pattern = "graded" if graded else "crossed"
     blank = study.specimen(args.length, args.width)
+    if args.integration is None:
+        follow = args.mesh or args.pattern == "yarns" or (args.pattern in ALONG and args.fibre_angle == 45)
+        args.integration = "full" if follow or args.element != "P2" else "reduced"
     low, high = blank.extent()
     length, width = high - low
     if length < 2 * width * (1 - 1e-9):
@@ -112,7 +115,7 @@ def main(study):
             f"the strip is {length:.6g} mm long and {width:.6g} mm wide; allowed is a length of 2 widths or more, for a zone of full shear"
         )
     stroke = args.strain * length
-    membrane = Membrane(blank, study.fabric)
+    membrane = study.membrane(blank)
 
     def quantities(fields, rows):
         distance = np.linalg.norm(blank.midpoints() - ((low + high) / 2)[:, None], axis=0)

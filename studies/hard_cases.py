@@ -12,7 +12,6 @@ from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import stability
 from fabric_fenicsx.mechanics.load import DeadPressure
-from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene, Support, edge_of, framed, grips
 from fabric_fenicsx.solve.newton import Newton
@@ -82,7 +81,7 @@ def blank_of(study, length=200.0, width=50.0, nx=40, ny=None, angle=0.0, pattern
 def pull(study, strain=0.03, fabric=None, angle=0.0, clamped=True, steps=20, march_options=None, **shape):
     blank = blank_of(study, angle=angle, **shape)
     low, high = blank.extent()
-    scene = Scene(blank, [Membrane(blank, fabric or study.fabric)], grips(blank, strain * (high - low)[0], clamped))
+    scene = Scene(blank, [study.membrane(blank, fabric)], grips(blank, strain * (high - low)[0], clamped))
     return Run(scene, steps, **(march_options or {}))
 
 
@@ -125,7 +124,7 @@ def squeezed(study, fabric, largest, nx):
                 first[0] = min(first[0], deformation(accepted.load)[0, 0] - 1)
 
     blank = blank_of(study, 50, 50, nx)
-    run = Watched(Scene(blank, [Membrane(blank, fabric)], framed(blank, deformation)), 30, milestones=(0.1,))
+    run = Watched(Scene(blank, [study.membrane(blank, fabric)], framed(blank, deformation)), 30, milestones=(0.1,))
     eps_b = strains_of(run)[:, :, 1].mean(1)
     in_band = eps_b < (SQUEEZE - run.largest(eps_b)) / 2
     area = study.mean(np.ones(len(eps_b)) * in_band, np.ones(len(eps_b), bool)) * 50**2
@@ -171,7 +170,7 @@ def c_biaxial_beyond_convexity(study):
         blank = blank_of(study, 50, 50, 20)
         scene = Scene(
             blank,
-            [Membrane(blank, study.fabric.replace(p_min=p_min))],
+            [study.membrane(blank, study.fabric.replace(p_min=p_min))],
             framed(blank, lambda s: np.eye(2) * (1 + 0.08 * s)),
         )
         runs.append(Run(scene, 16))
@@ -204,7 +203,7 @@ def e_compression_and_shear(study):
     runs = []
     for s_C in (10.0, 100.0, 1000.0):
         blank = blank_of(study, 50, 50, 16)
-        runs.append(Run(Scene(blank, [Membrane(blank, study.fabric.replace(s_C=s_C))], framed(blank, sheared))))
+        runs.append(Run(Scene(blank, [study.membrane(blank, study.fabric.replace(s_C=s_C))], framed(blank, sheared))))
     return (
         runs,
         all(run.reached or run.outcome.reason for run in runs),
@@ -227,7 +226,7 @@ def g_perturbed_start(study):
     """start from a random perturbation of 10 % of the cell size: the same state to 1e-6"""
     plain = pull(study)
     blank = blank_of(study)
-    scene = Scene(blank, [Membrane(blank, study.fabric)], grips(blank, 6.0))
+    scene = Scene(blank, [study.membrane(blank)], grips(blank, 6.0))
     blank.u.x.array[:] = np.random.default_rng(study.comm.rank).uniform(-0.5, 0.5, len(blank.u.x.array))
     scene.u.array[scene.held] = 0
     scene.set(scene.u.copy())
@@ -249,7 +248,7 @@ def i_slack_membrane(study):
     blank = blank_of(study, 100, 100, 12, warp=lambda x: x @ TILT.T, frame=TILT.T, up=TILT[:, 2])
     scene = Scene(
         blank,
-        [Membrane(blank, study.fabric), DeadPressure(blank, 0.01, TILT[:, 2])],
+        [study.membrane(blank), DeadPressure(blank, 0.01, TILT[:, 2])],
         [Support("edge", edge_of(blank), (0, 1, 2))],
     )
     run = Run(scene, 10)
@@ -260,7 +259,7 @@ def i_slack_membrane(study):
 def j_compressed_strip_in_space(study):
     """a 3D strip shortened by 1 %: it leaves its plane, or a plain reason"""
     blank = blank_of(study, 100, 25, 16, warp=lambda x: x @ TILT.T, frame=TILT.T, up=TILT[:, 2])
-    scene = Scene(blank, [Membrane(blank, study.fabric)], grips(blank, -1.0))
+    scene = Scene(blank, [study.membrane(blank)], grips(blank, -1.0))
     run = Run(scene, 10)
     out = run.largest(blank.u.x.array.reshape(-1, 3)[:, 2])
     return (
@@ -309,7 +308,7 @@ def m_load_and_unload(study):
             moving.components,
             lambda x, s, d=stroke: np.outer([d * min(2 * s, 2 - 2 * s), 0], np.ones(x.shape[1])),
         )
-        runs.append(Run(Scene(blank, [Membrane(blank, study.fabric)], [fixed, cycle]), 40))
+        runs.append(Run(Scene(blank, [study.membrane(blank)], [fixed, cycle]), 40))
         ends.append(runs[-1].largest(runs[-1].u) / 200)
     return runs, all(run.reached for run in runs) and max(ends) < 1e-8, f"left over {max(ends):.1e} of the length"
 
@@ -324,7 +323,7 @@ def n_reversed_shear(study):
             Support("bottom", lambda x, at=low[1]: np.abs(x[1] - at) < 1e-6, (0, 1)),
             Support("top", lambda x, at=high[1]: np.abs(x[1] - at) < 1e-6, (0, 1), (sign * 15.0, 0.0)),
         ]
-        runs.append(Run(Scene(blank, [Membrane(blank, study.fabric)], supports), 20, tolerance=1e-11))
+        runs.append(Run(Scene(blank, [study.membrane(blank)], supports), 20, tolerance=1e-11))
     energies = abs(runs[0].energy / runs[1].energy - 1)
     mirrored = []
     for run, sign in zip(runs, (1, -1)):

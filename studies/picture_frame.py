@@ -7,7 +7,6 @@ import numpy as np
 from fabric_fenicsx.cli import POSITIVE, number
 from fabric_fenicsx.material.closed_form import nominal_stresses
 from fabric_fenicsx.material.paths import conjugate, gradient
-from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import framed
 from fabric_fenicsx.study import parser, run
 
@@ -79,7 +78,7 @@ def main(study):
             "eps_b": study.extremes(fields["eps_b"]),
         }
 
-    result = study.march(Membrane(blank, study.fabric), framed(blank, deformation), measure, quantities)
+    result = study.march(study.membrane(blank), framed(blank, deformation), measure, quantities)
     q = result.summary["quantities"]
     if study.comm.rank == 0 and not args.no_pictures:
         from fabric_fenicsx.results import pictures

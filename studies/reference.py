@@ -30,12 +30,13 @@ ORDERS = 0.5, 4.0  # of convergence that are believed
 @dataclass(frozen=True)
 class Discretisation:
     """Element, number of rectangles along the length, pattern as of `specimen`, degree of quadrature (None: the
-    membrane's own)."""
+    membrane's own) and its integration."""
 
     element: str
     nx: int
     pattern: str = "crossed"
     quadrature: int | None = None
+    integration: str = "full"
 
     def __str__(self):
         words = [self.element, self.pattern, str(self.nx)]
@@ -94,7 +95,7 @@ def scene_of(comm, fabric, case, how):
         ny = max(1, round(how.nx * WIDTH / LENGTH))
         arrays = specimen(LENGTH, WIDTH, how.nx, ny, how.pattern, cell, math.radians(case.angle))
     blank = Blank.from_arrays(comm, *arrays, a=math.radians(case.angle), degree=int(how.element[1]))
-    return Scene(blank, [Membrane(blank, fabric, how.quadrature)], grips(blank, case.stroke))
+    return Scene(blank, [Membrane(blank, fabric, how.quadrature, how.integration)], grips(blank, case.stroke))
 
 
 def measured(study, scene):

@@ -10,7 +10,6 @@ from fabric_fenicsx.errors import SolverFailure
 from fabric_fenicsx.material import pointwise
 from fabric_fenicsx.material.closed_form import nominal_stresses
 from fabric_fenicsx.material.paths import PATHS, conjugate, gradient
-from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene, grips
 from fabric_fenicsx.solve.newton import Newton
@@ -39,7 +38,7 @@ def element(study, fabric):
     points, cells, kind = specimen(
         1.0, 1.0, 1, 1, "crossed", "triangle" if study.args.element[0] == "P" else "quadrilateral"
     )
-    return Membrane(Blank.from_arrays(study.comm, points, cells, kind, degree=int(study.args.element[1])), fabric)
+    return study.membrane(Blank.from_arrays(study.comm, points, cells, kind, degree=int(study.args.element[1])), fabric)
 
 
 def prescribed(membrane, strains):

@@ -18,9 +18,11 @@ from petsc4py import PETSc
 from reference import SCENES, Discretisation, field_distance, grid, measured, scene_of, seen
 from tqdm import tqdm
 
+from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx import timing
 from fabric_fenicsx.cli import POSITIVE
 from fabric_fenicsx.errors import InputError, SolverFailure
+from fabric_fenicsx.mechanics.membrane import QUADRATURE_DEGREE
 from fabric_fenicsx.scene import Scene, pulled
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
@@ -39,7 +41,7 @@ ENVIRONMENT = {
 }
 # column of the printed table -> its format
 PRINTED = {
-    "scene": "s", "sweep": "s", "element": "s", "pattern": "s", "nx": "d", "steps": "d", "tolerance": ".0e", "path_tolerance": ".0e",
+    "scene": "s", "sweep": "s", "element": "s", "pattern": "s", "integration": "s", "nx": "d", "steps": "d", "tolerance": ".0e", "path_tolerance": ".0e",
     "linear_solver": "s", "ranks": "d", "dofs": "d", "iterations": "d", "wall_s": ".3g", "own_solves": ".3g", "cost": ".3g",
     "tangent_ratio": ".2f", "memory_mib": ".0f", "error_curve": ".2%", "error_reaction": ".2%", "error_energy": ".2%", "error_strain": ".2%",
     "error_shear_deg": ".3f", "error_centre_shear_deg": ".3f", "error_centre_eps_b": ".2%", "yarn_strain_max": ".1e", "on_front": "d", "reason": "s",
@@ -55,6 +57,7 @@ class Configuration:
     element: str = "P1"
     pattern: str = "crossed"
     nx: int = 96
+    integration: str = "full"
     steps: int = 20
     tolerance: float = 1e-8
     path_tolerance: float = 1e-5
@@ -82,6 +85,10 @@ FULL = [
         (20, 1e-3, (("P1", 24), ("P1", 48), ("P1", 96), ("P2", 24), ("P2", 48))), (15, 1e-2, (("P1", 48), ("P2", 24))),
         (20, 1e-4, (("P2", 24), ("P2", 32), ("P2", 48))),
     ) for e, nx in kinds),
+    *({"sweep": "integration", "element": "P2", "integration": "reduced", "pattern": p, "nx": nx}
+      for p, nx in (("left", 76), ("unstructured", 33), ("unstructured", 66), ("crossed", 48), ("graded", 32))),
+    *({"sweep": "integration", "element": "P2", "integration": "reduced", "pattern": "unstructured", "nx": nx, "steps": n, "path_tolerance": t}
+      for nx, n, t in ((33, 15, 1e-2), (50, 15, 1e-2), (50, 20, 1e-3))),
     *({"sweep": "steps", "steps": n} for n in (1, 5, 10, 40)),
     *({"sweep": "tolerance", "tolerance": t} for t in (1e-2, 1e-11)),
     *({"sweep": "path", "path_tolerance": t} for t in (1e-2, 1e-3)),
@@ -126,7 +133,9 @@ class LinearElasticity:
 
     def __init__(self, membrane):
         self._u = membrane.blank.u
-        self._dx = ufl.Measure("dx", membrane.blank.mesh, metadata={"quadrature_degree": membrane.degree})
+        mesh = membrane.blank.mesh
+        degree = QUADRATURE_DEGREE[compat.cell_name(mesh), membrane.blank.degree]
+        self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
         self.energy = 0.5 * self._work(self._u, self._u)
 
     def _work(self, u, v, E=1000.0, nu=0.3):
@@ -159,7 +168,7 @@ def resident_mib(comm, key):
 def one(study, c):
     """Run the `Configuration` c in this process; returns its row of the table without errors."""
     comm, case = study.comm, SCENES[c.scene]
-    scene = scene_of(comm, study.fabric, case, Discretisation(c.element, c.nx, c.pattern))
+    scene = scene_of(comm, study.fabric, case, Discretisation(c.element, c.nx, c.pattern, integration=c.integration))
     before = resident_mib(comm, "VmRSS")
     compiled, best, total = timing.seconds["compile"], None, 0.0
     while best is None or (total < SHORT and best["repeats"] < 3):
@@ -211,7 +220,9 @@ def one_solution(study, c):
     """Assembly and one solution with the tangent of the strip uniformly stretched by 1 % (its width -6.66 %): the row
     of `Configuration` c. The error is that of a known solution, in the tangent's energy norm."""
     comm = study.comm
-    scene = scene_of(comm, study.fabric, SCENES[c.scene], Discretisation(c.element, c.nx, c.pattern))
+    scene = scene_of(
+        comm, study.fabric, SCENES[c.scene], Discretisation(c.element, c.nx, c.pattern, integration=c.integration)
+    )
     before = resident_mib(comm, "VmRSS")
     newton = Newton(scene, linear_solver=c.linear_solver)
     x = newton.x

@@ -6,7 +6,6 @@ import numpy as np
 
 from fabric_fenicsx.cli import ANY, FRACTION, POSITIVE
 from fabric_fenicsx.material.parameters import coupling_variants
-from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import grips, pulled
 from fabric_fenicsx.study import parser, run
 
@@ -26,7 +25,7 @@ def options():
 def pull(study, fabric, part=""):
     args = study.args
     blank = study.specimen(args.length, args.width, math.radians(args.turned))
-    membrane = Membrane(blank, fabric)
+    membrane = study.membrane(blank, fabric)
     low, high = blank.extent()
     stroke = args.strain * (high - low)[0]
 

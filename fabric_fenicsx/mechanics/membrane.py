@@ -12,7 +12,7 @@ from ..blank import Blank
 from ..errors import InputError
 from ..material import pointwise
 from ..material.baseline import Fabric
-from ..material.energy import derivatives, energy_density
+from ..material.energy import derivatives, energy_density, nominal_strain, shear_angle
 
 # Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that UFL estimates
 # for this energy would take thousands of points.
@@ -21,19 +21,35 @@ QUADRATURE_DEGREE = {
 }  # fmt: skip
 
 
+INTEGRATION = "full", "reduced"
+GRADIENTS = 0.0125  # of the yarns' stiffness, that holds their strain's gradients where it is taken at one point
+STRAIN = 1e-3  # at which that stiffness is taken
+
+
 class Membrane:
     """Strain energy W(I4, I6, I8) t of `fabric` over the undeformed `blank`, eq. (30) with eqs (5)-(7).
 
     Material values enter as constants of the form, so fabrics that differ only in numbers share one compiled form.
-    quadrature_degree: by default that of `QUADRATURE_DEGREE`. `energy`: the UFL form [N mm]. Raises InputError for an
-    element that is not listed there.
+    quadrature_degree: by default that of `QUADRATURE_DEGREE`. `energy`: the UFL form [N mm].
+
+    integration: `reduced`, on plane quadratic triangles with straight sides, takes the law at the centre of each: two yarns
+    that hardly stretch then are two constraints on a cell's four degrees of freedom, so cells that do not follow the yarns
+    do not lock (reduced integration as projected strains: Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978;
+    locking of fibres: ten Thije and Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites B 53, 2013). What the
+    centre does not see, gradients of strains and shear angle, is held by `GRADIENTS` of the yarns' stiffness and by the
+    shear stiffness at rest (as Liu, Ong and Uras, Comput. Methods Appl. Mech. Eng. 53, 1985, hold hourglasses), so that no
+    mode of a cell is free. Points and states are then those at the centres.
+
+    Raises InputError for an element that is not listed in `QUADRATURE_DEGREE`, or that `reduced` is not for.
     """
 
     name = "membrane"
     energy_kind = "strain"
 
-    def __init__(self, blank: Blank, fabric: Fabric, quadrature_degree: int | None = None) -> None:
-        self.blank, self.fabric = blank, fabric
+    def __init__(
+        self, blank: Blank, fabric: Fabric, quadrature_degree: int | None = None, integration: str = "full"
+    ) -> None:
+        self.blank, self.fabric, self.integration = blank, fabric, integration
         mesh = blank.mesh
         cell = compat.cell_name(mesh)
         if (cell, blank.degree) not in QUADRATURE_DEGREE:
@@ -45,10 +61,45 @@ class Membrane:
         fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
         cosine = ufl.dot(self._a0, self._b0) if not blank.orthogonal else ufl.as_ufl(0.0)
         self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
-        self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
-        self.energy = law.thickness * energy_density(*self._invariants, cosine, law) * self._dx
         self._ufl = law, fa, fb, cosine
+        if integration != "full":
+            self._check_reduced(cell)
+            self.degree = 1
+        self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
+        self._gradients = self._held_gradients() * self._dx if integration == "reduced" else None
+        self.energy = law.thickness * energy_density(*self._invariants, cosine, law) * self._dx
+        if self._gradients:
+            self.energy += self._gradients
         self._points: compat.PointEvaluation | None = None
+
+    def _check_reduced(self, cell):
+        blank = self.blank
+        if self.integration not in INTEGRATION:
+            raise InputError(f"integration is {self.integration!r}; allowed are {', '.join(INTEGRATION)}")
+        if (cell, blank.degree) != ("triangle", 2) or not compat.is_affine(blank.mesh) or blank.mesh.geometry.dim == 3:
+            raise InputError(
+                f"integration is reduced and {blank.name} of degree {blank.degree} on {cell}s; allowed is a plane sheet of quadratic displacements (P2) on triangles with straight sides"
+            )
+
+    def _held_gradients(self):
+        """Energy density of the gradients of strains and shear angle, as stiffness times their variance in the cell."""
+        mesh, (law, fa, fb, cosine) = self.blank.mesh, self._ufl
+        pulled = (1 + STRAIN) * np.eye(3)[:, :2]
+        state = pointwise.evaluate(self.fabric.decoupled(), gradient=[pulled], fibres=np.eye(2)[:, None])
+        yarns = GRADIENTS * state.energy_parts[0, :2] / STRAIN**2
+        stiffness = fem.Constant(mesh, [*yarns, self.fabric.s1 / 2])
+        curved = ufl.grad(ufl.grad(self.blank.displacement))
+        i, j, k = ufl.indices(3)
+        bent = [ufl.as_tensor(curved[i, j, k] * f[j], (i, k)) for f in (self._a0, self._b0)]  # gradients of fa and fb
+        I4, I6, I8 = invariants = [ufl.variable(I) for I in self._invariants]
+        slopes = 2 * ufl.dot(fa, bent[0]), ufl.dot(fa, bent[1]) + ufl.dot(fb, bent[0]), 2 * ufl.dot(fb, bent[1])
+        J = ufl.Jacobian(mesh)
+        spread = ufl.dot(J, ufl.dot(ufl.as_matrix([[2.0, -1.0], [-1.0, 2.0]]) / 36, J.T))  # mean of (x - x_c) (x - x_c)
+        energy = 0
+        for n, q in enumerate((nominal_strain(I4), nominal_strain(I8), shear_angle(I4, I6, I8, cosine))):
+            slope = sum(ufl.diff(q, I) * dI for I, dI in zip(invariants, slopes))
+            energy += stiffness[n] * ufl.dot(slope, ufl.dot(spread, slope))
+        return law.thickness * energy
 
     def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
         """First variation of `energy` in `v` and second in `v` and `w` (UFL arguments in the space of `blank.u`)."""
@@ -56,17 +107,23 @@ class Membrane:
         first, second = derivatives(*self._invariants, cosine, law)
         (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
         gdim = len(fa)
-        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [[0, fa[i], 2 * fb[i]] for i in range(gdim)]
+        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [
+            [0, fa[i], 2 * fb[i]] for i in range(gdim)
+        ]  # invariants
         forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
         pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
         stiffness = [[None] * 2 * gdim for _ in range(2 * gdim)]
         for i, j in combinations_with_replacement(range(2 * gdim), 2):
-            same = i % gdim == j % gdim
-            geometric = [2 * S4, S6, 2 * S8][i // gdim + j // gdim] if same else 0
+            geometric = [2 * S4, S6, 2 * S8][i // gdim + j // gdim] if i % gdim == j % gdim else 0
             stiffness[i][j] = stiffness[j][i] = sum(c * D for c, D in zip(moved[j], pulled[i])) + geometric
         dv, dw = ([yarn[i] for yarn in self._stretched(x) for i in range(gdim)] for x in (v, w))
         answers = (sum(k * y for k, y in zip(row, dw)) for row in stiffness)
-        return sum(f * x for f, x in zip(forces, dv)) * self._dx, sum(x * y for x, y in zip(dv, answers)) * self._dx
+        residual = sum(f * x for f, x in zip(forces, dv)) * self._dx
+        tangent = sum(x * y for x, y in zip(dv, answers)) * self._dx
+        if self._gradients:
+            slope = ufl.derivative(self._gradients, self.blank.u, v)
+            residual, tangent = residual + slope, tangent + ufl.derivative(slope, self.blank.u, w)
+        return residual, tangent
 
     def _stretched(self, u):
         """What displacement `u` adds to the yarns' vectors a0, b0."""

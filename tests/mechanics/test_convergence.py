@@ -89,11 +89,11 @@ def mesh(cell, pattern, nx, level):
     return points, cells, kind
 
 
-def errors(arrays, degree, fabric, state, quadrature_degree=None):
+def errors(arrays, degree, fabric, state, quadrature_degree=None, integration="full"):
     """Norm in L2 and seminorm in H1 of the solution's error."""
     blank = Blank.from_arrays(COMM, *arrays, degree=degree, a=ANGLES[0], b=ANGLES[1])
     edge = Support("edge", edge_of(blank), (0, 1), lambda x, load: load * np.array(sought(state, x)))
-    terms = [Membrane(blank, fabric, quadrature_degree), Source(blank, fabric, state)]
+    terms = [Membrane(blank, fabric, quadrature_degree, integration), Source(blank, fabric, state)]
     outcome = march(Newton(Scene(blank, terms, [edge]), tolerance=1e-10), steps=2)
     assert outcome.reached == 1 and outcome.rejected == 0, outcome.reason
     numbers = tuple(fem.Constant(blank.mesh, state))  # one form for all states, like the source's
@@ -136,3 +136,12 @@ def test_errors_fall_at_the_rates_of_theory(unbalanced, cell, degree, pattern, n
     found = np.array([errors(mesh(cell, pattern, nx, level), degree, unbalanced, state) for level in range(3)])
     rates = np.log2(found[:-1] / found[1:])
     assert rates[-1, 0] >= degree + 0.85 and rates[-1, 1] >= degree - 0.05, f"errors {found}, rates {rates}"
+
+
+@pytest.mark.parametrize("pattern, state", [("right", TENSION), ("unstructured", TENSION), ("right", COMPRESSION)])
+def test_reduced_integration_costs_an_order(unbalanced, pattern, state):
+    found = np.array(
+        [errors(mesh("triangle", pattern, 5, level), 2, unbalanced, state, integration="reduced") for level in range(4)]
+    )
+    rates = np.log2(found[:-1] / found[1:])
+    assert rates[-1, 0] >= 1.85 and rates[-1, 1] >= 0.95, f"errors {found}, rates {rates}"

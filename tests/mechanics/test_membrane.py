@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from scipy.optimize import brentq
 
 from fabric_fenicsx.blank import Blank
+from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import pointwise
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.mechanics.membrane import Membrane
@@ -214,12 +215,14 @@ def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
 
 
 @pytest.mark.parametrize("gamma", [0.0, 0.35])
-@pytest.mark.parametrize("cell, degree", ELEMENTS)
-def test_spectrum_of_a_patch(cell, degree, gamma):
+@pytest.mark.parametrize(
+    "cell, degree, integration", [*((*element, "full") for element in ELEMENTS), ("triangle", 2, "reduced")]
+)
+def test_spectrum_of_a_patch(cell, degree, integration, gamma):
     """At rest and sheared only rigid motions are free: nothing is far softer than the fabric in shear. With yarns in
     tension linear elements keep one soft mode, homogeneous shear: they lock. Others keep more."""
     blank = Blank.from_arrays(MPI.COMM_WORLD, *specimen(40.0, 40.0, 4, 4, "left", cell), a=0.5, degree=degree)
-    scene = Scene(blank, [Membrane(blank, KOMEILI)])
+    scene = Scene(blank, [Membrane(blank, KOMEILI, integration=integration)])
     x, A = scene.u.duplicate(), scene.create_matrix()
     yarns = np.array([[math.cos(0.5), math.sin(0.5)], [-math.sin(0.5), math.cos(0.5)]])
     F = yarns.T @ np.array([[1, math.sin(gamma)], [0, math.cos(gamma)]]) @ yarns  # both keep their lengths
@@ -232,3 +235,39 @@ def test_spectrum_of_a_patch(cell, degree, gamma):
     assert stiffness[3] > 0.05
     if gamma:
         assert stiffness[5] < 3 if degree > 1 else stiffness[4] > 100
+
+
+def test_reduced_integration_is_for_plane_quadratic_triangles():
+    for options, words in (
+        ({"degree": 1}, "degree 1 on triangles"),
+        ({"degree": 2, "spatial": True}, "a plane sheet"),
+        ({"degree": 2, "cell": "quadrilateral"}, "degree 2 on quadrilaterals"),
+    ):
+        arrays = specimen(40.0, 40.0, 4, 4, "left", options.pop("cell", "triangle"))
+        with pytest.raises(InputError, match=words):
+            Membrane(Blank.from_arrays(MPI.COMM_WORLD, *arrays, **options), KOMEILI, integration="reduced")
+    with pytest.raises(InputError, match="'selective'; allowed are full, reduced"):
+        Membrane(strip("triangle", 2), KOMEILI, integration="selective")
+
+
+def test_reduced_integration_is_as_good_where_strains_are_even(unbalanced):
+    """Energy, state and derivatives; a homogeneous deformation leaves nothing to hold."""
+    blank = strip("triangle", 2, a=0.4, b=1.5)
+    full, reduced = Membrane(blank, unbalanced), Membrane(blank, unbalanced, integration="reduced")
+    scenes = Scene(blank, [full]), Scene(blank, [reduced])
+    x = scenes[0].u.duplicate()
+    x.array[:] = (blank.along(blank.coordinates().T).T @ [[0.02, 0.1], [0.05, -0.03]]).ravel()
+    for scene in scenes:
+        scene.set(x)
+    assert scenes[1].energy() == pytest.approx(scenes[0].energy(), rel=1e-12)
+    assert reduced.state()[0].cauchy[:, 0] == pytest.approx(full.state()[0].cauchy[:, 0], rel=1e-9)
+    x.array[:] = wavy(blank.along(blank.coordinates().T)).T.ravel()
+    plain = Scene(blank, [_Plain(reduced)])
+    r, A = [x.duplicate(), x.duplicate()], [plain.create_matrix(), plain.create_matrix()]
+    for scene, vector, matrix in zip((scenes[1], plain), r, A):
+        scene.set(x)
+        scene.residual(vector)
+        scene.tangent(matrix)
+    for mine, theirs in (r, A):
+        mine.axpy(-1, theirs)
+        assert mine.norm() <= 1e-13 * theirs.norm()

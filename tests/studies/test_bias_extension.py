@@ -55,11 +55,11 @@ def test_the_defaults_give_the_curve_to_a_permille(launch, study, scene):
 
 
 @pytest.mark.parametrize(
-    "element, nx, pattern, oscillation",
-    [("P3", 42, "unstructured", 2e-3), ("P3", 42, "yarns", 1e-3), (None, 68, "unstructured", 8e-3)],
-)
-def test_cells_that_do_not_follow_the_yarns_do_not_lock(launch, element, nx, pattern, oscillation):
-    """At most 12 000 unknowns against studies/reference; yarn strains more than a cell off the corners' yarns, near
+    "element, nx, pattern, cells, oscillation",
+    [("P3", 42, "unstructured", 1, 2e-3), ("P3", 42, "yarns", 1, 1e-3), (None, 68, "unstructured", 3, 1e-4), (None, 76, "left", 4, 1e-3)],
+)  # fmt: skip
+def test_cells_that_do_not_follow_the_yarns_do_not_lock(launch, element, nx, pattern, cells, oscillation):
+    """At most 12 000 unknowns against studies/reference; yarn strains more than some cells off the corners' yarns, near
     which the reference's own are not bounded."""
     done = launch(
         "bias_extension",
@@ -83,7 +83,8 @@ def test_cells_that_do_not_follow_the_yarns_do_not_lock(launch, element, nx, pat
     x = np.asarray(grid.cell_centers().points)[:, :2]
     _, distance = yarns_held(*x.T, 200, 50)
     strain = np.maximum(np.abs(grid.cell_data["eps_a"]), np.abs(grid.cell_data["eps_b"]))
-    assert strain[distance > 200 / nx].max() <= oscillation
+    assert strain[distance > cells * 200 / nx].max() <= oscillation
+    assert done.summary["integration"] == ("full" if element else "reduced")
 
 
 def test_against_measured_shear_forces(launch, tmp_path):
