@@ -5,6 +5,7 @@ import math
 import meshio
 import numpy as np
 import pytest
+from dolfinx import fem
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
@@ -159,6 +160,30 @@ BAD_FIBRES = [
     ({"a": 0.3, "b": 0.3 + math.pi}, "parallel"),
     ({"a": 0.0, "frame": [[1, 0], [1, 1]]}, "frame of the blank"),
 ]
+
+
+@pytest.mark.mpi
+def test_straight_and_orthogonal_yarns_are_known_as_such():
+    def blank(**options):
+        return Blank.from_arrays(COMM, *specimen(40, 40, 4, 4), **options)
+
+    straight = blank(a=0.3)
+    c, s = math.cos(0.3), math.sin(0.3)
+    assert np.allclose(straight.straight, [[c, s], [-s, c]], atol=1e-15) and straight.orthogonal
+    assert blank(a=lambda x: 0.01 * x[0]).straight is None
+    assert blank(a=lambda x: 0.01 * x[0]).orthogonal and not blank(a=0.3, b=1.8).orthogonal
+
+
+@pytest.mark.mpi
+def test_one_energy_of_yarns_in_constants_and_in_fields():
+    energies = []
+    for turned in (0.0, 1e-9):  # too little to tell, but for the form
+        blank = Blank.from_arrays(COMM, *specimen(40, 40, 4, 4), a=lambda x: 0.3 + turned * x[0])
+        blank.u.interpolate(lambda x: [0.02 * x[0] + 0.1 * x[1], 0.05 * x[0] - 0.03 * x[1]])
+        energy = compat.form(Membrane(blank, load("komeili")).energy)
+        energies.append(COMM.allreduce(fem.assemble_scalar(energy)))
+        assert (blank.straight is None) == bool(turned)
+    assert energies[1] == pytest.approx(energies[0], rel=1e-6)
 
 
 @pytest.mark.mpi

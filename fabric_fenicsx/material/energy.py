@@ -37,10 +37,10 @@ def tension_and_compression(eps: Expr) -> tuple[Expr, Expr]:
 def energy_of_strains(eps_a: Expr, eps_b: Expr, gamma: Expr, fabric: Law) -> Expr:
     """W_tot, eq. (30) [MPa = N mm per mm3 of undeformed fabric], as a UFL expression.
 
-    eps_a, eps_b: nominal strains of the yarns, gamma: magnitude of the shear angle, scalar UFL expressions; fabric: a `WovenFabric`, or
-    the `symbols` of one or of a `TabulatedFabric`. A coupling that is off leaves no trace in the expression.
-    The product form W_a + W_b + W_S k_SC,a k_SC,b equals the four cases of eq. (30), as each factor is 1 and each term 0
-    in the cases that lack it.
+    eps_a, eps_b: nominal strains of the yarns, gamma: magnitude of the shear angle, scalar UFL expressions; fabric: a
+    `WovenFabric`, or the `symbols` of one or of a `TabulatedFabric`. A coupling that is off leaves no trace in the
+    expression. The product form W_a + W_b + W_S k_SC,a k_SC,b equals the four cases of eq. (30), as each factor is 1 and
+    each term 0 in the cases that lack it.
     """
     if fabric.curves:  # the tabulated baseline: three energies of their own
         return sum(W(e) for W, e in zip(fabric.curves, (eps_a, eps_b, gamma)))
@@ -73,16 +73,12 @@ def derivatives(I4: Expr, I6: Expr, I8: Expr, cos_angle: Expr, fabric: Law) -> t
     Those of eq. (30) in the strains are UFL's; the chain rule to the invariants is written out, as the compiled kernel
     then has a third of the operations that UFL's own makes.
     """
-    gamma = shear_angle(I4, I6, I8, cos_angle)
-    sense = conditional(lt(gamma, 0), -1.0, 1.0)
-    q = [variable(e) for e in (nominal_strain(I4), nominal_strain(I8), sense * gamma)]
-    W = energy_of_strains(q[0], q[1], q[2], fabric)
+    q = [variable(e) for e in (nominal_strain(I4), nominal_strain(I8), shear_angle(I4, I6, I8, cos_angle))]
+    W = energy_of_strains(q[0], q[1], conditional(lt(q[2], 0), -1.0, 1.0) * q[2], fabric)  # cheaper than abs
     W1 = [diff(W, x) for x in q]
     W2 = [[diff(W1[min(i, j)], q[max(i, j)]) for j in range(3)] for i in range(3)]
     A = 1 / sqrt(I4 * I8 - I6**2)
     a, b, g = 1 / sqrt(I4), 1 / sqrt(I8), I6 * A / 2
-    W1[2] *= sense
-    W2[0][2], W2[1][2], W2[2][0], W2[2][1] = (sense * W2[k][2] for k in (0, 1, 0, 1))
     J = [[a / 2, 0, 0], [0, 0, b / 2], [-g * a**2, A, -g * b**2]]  # dq/dI
     A3 = A**2 * A
     g44, g48, g88 = g * a**2 * (a**2 + I8 * A**2 / 2), g * A**2 / 2, g * b**2 * (b**2 + I4 * A**2 / 2)

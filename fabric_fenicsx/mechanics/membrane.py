@@ -35,7 +35,7 @@ class Membrane:
     integration: `reduced`, on plane quadratic triangles with straight sides, takes the law at the centre of each: two yarns
     that hardly stretch then are two constraints on a cell's four degrees of freedom, so cells that do not follow the yarns
     do not lock (reduced integration as projected strains: Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978;
-    locking of fibres: ten Thije and Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites B 53, 2013). What the
+    locking of fibres: ten Thije and Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). What the
     centre does not see, gradients of strains and shear angle, is held by `GRADIENTS` of the yarns' stiffness and by the
     shear stiffness at rest (as Liu, Ong and Uras, Comput. Methods Appl. Mech. Eng. 53, 1985, hold hourglasses), so that no
     mode of a cell is free. Points and states are then those at the centres.
@@ -107,9 +107,8 @@ class Membrane:
         first, second = derivatives(*self._invariants, cosine, law)
         (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
         gdim = len(fa)
-        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [
-            [0, fa[i], 2 * fb[i]] for i in range(gdim)
-        ]  # invariants
+        # how each component of fa and fb moves the invariants
+        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [[0, fa[i], 2 * fb[i]] for i in range(gdim)]
         forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
         pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
         stiffness = [[None] * 2 * gdim for _ in range(2 * gdim)]

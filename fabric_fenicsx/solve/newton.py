@@ -68,7 +68,7 @@ class Newton:
     energy falls along it; where the energy's differences drown in rounding, as far as the residual falls. A tangent
     with negative pivots is shifted along its diagonal until it has none, and a saddle is left along a direction of
     negative curvature. Forces or corrections at the rounding of displacements and positions end it too, as no tolerance
-    can ask for more.
+    can ask for more. Near the state sought corrections keep the last tangent's factors, as long as these gain digits.
     MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots. Each iteration is logged
     (`logging`, level DEBUG) on rank 0.
     """
@@ -78,6 +78,7 @@ class Newton:
     DIGIT = 2.0**-52  # of the displacements: the forces that it makes through the tangent are noise
     RESOLUTION = 1e-14  # of the blank's size, below which displacements are noise
     EASY = 5  # iterations
+    NEAR, SMALL = 300.0, 3e-3  # residuals, over the tolerance and over the forces of supports, that take no new tangent
     SADDLES = 5  # to be left in one solve
 
     def __init__(
@@ -174,7 +175,7 @@ class Newton:
     def _iterate(self, snes, x):
         report, r, d = self.report, self._r, self._d
         snes.computeFunction(x, r)
-        energy, saddles = self.scene.energy(), 0
+        energy, saddles, kept = self.scene.energy(), 0, False
         if energy == self.scene.INVERTED:
             raise _Ended(Reason.DIVERGED_FUNCTION_DOMAIN)
         while True:
@@ -183,12 +184,18 @@ class Newton:
             if not reason:
                 if report.iterations == self.max_iterations:
                     raise _Ended(Reason.DIVERGED_MAX_IT)
-                snes.computeJacobian(x, self.A)
-                stiffness = self.A.getDiagonal().norm()
-                if not np.isfinite(stiffness):
-                    raise _Ended(Reason.DIVERGED_FNORM_NAN)
-                self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * stiffness
-                self._linear_solve(r, d)
+                if kept := self._nearly_there(kept):
+                    self._tell("              with the last tangent's factors")
+                    with phase("linear_solve"):
+                        snes.ksp.solve(r, d)
+                        kept = snes.ksp.getConvergedReason() > 0 and self._comply(d)
+                if not kept:
+                    snes.computeJacobian(x, self.A)
+                    stiffness = self.A.getDiagonal().norm()
+                    if not np.isfinite(stiffness):
+                        raise _Ended(Reason.DIVERGED_FNORM_NAN)
+                    self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * stiffness
+                    self._linear_solve(r, d)
                 d.scale(-1)
                 if report.shifts == shifts and d.norm(PETSc.NormType.NORM_INFINITY) <= self._smallest:
                     reason = Reason.CONVERGED_SNORM_RELATIVE
@@ -202,6 +209,16 @@ class Newton:
             else:
                 energy = self._line_search(x, energy, shifted=report.shifts > shifts)
             report.iterations += 1
+
+    def _nearly_there(self, kept):
+        """Whether a correction with the last tangent's factors will do: the state is near the one sought, and so far they
+        gain digits; `kept`: the iteration before had no tangent of its own either."""
+        report = self.report
+        if report.iterations == 0 or report.shifts or report.cuts:
+            return False
+        before, now = report.residuals[-2:]
+        near = min(self.NEAR * self._allowed, self.SMALL) * report.scale
+        return now <= near and now <= (0.2 if kept else 0.5) * before
 
     def _converged(self, snes, energy):
         """A reason to stop, from the residual at the present state; 0 to go on."""

@@ -49,6 +49,26 @@ def test_strips_with_yarns_at_every_angle(angle, shape):
 
 
 @pytest.mark.mpi
+@pytest.mark.parametrize("angle, steps", [(0, 5), (45, 20)])
+def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch, angle, steps):
+    """The same states, to the tolerance, for fewer tangents; without that, Newton's method is quadratic."""
+    found, tangents = [], []
+    tangent = Scene.tangent
+    monkeypatch.setattr(Scene, "tangent", lambda *args, **kw: (tangents.append(1), tangent(*args, **kw)))
+    for near in (Newton.NEAR, 0.0):
+        monkeypatch.setattr(Newton, "NEAR", near)
+        tangents.clear()
+        scene = strip(angle, nx=32)
+        newton = Newton(scene, tolerance=1e-9)
+        assert march(newton, steps, path_tolerance=1e-5).reached == 1
+        found.append((scene.energy(), scene.reaction("moving grip")[0], len(tangents)))
+    assert found[0][:2] == pytest.approx(found[1][:2], rel=1e-8)
+    assert found[0][2] < found[1][2]
+    r = np.log(newton.report.residuals)
+    assert (r[-1] - r[-2]) / (r[-2] - r[-3]) > 1.5
+
+
+@pytest.mark.mpi
 @pytest.mark.parametrize("solver", LINEAR_SOLVERS)
 def test_linear_solvers_agree(solver):
     found = []
