@@ -68,7 +68,7 @@ class Newton:
     energy falls along it; where the energy's differences drown in rounding, as far as the residual falls. A tangent
     with negative pivots is shifted along its diagonal until it has none, and a saddle is left along a direction of
     negative curvature. Forces or corrections at the rounding of displacements and positions end it too, as no tolerance
-    can ask for more. Near the state sought corrections keep the last tangent's factors, as long as these gain digits.
+    can ask for more. Where a looser tolerance is asked, corrections near the state sought keep the last tangent's factors.
     MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots. Each iteration is logged
     (`logging`, level DEBUG) on rank 0.
     """
@@ -211,10 +211,10 @@ class Newton:
             report.iterations += 1
 
     def _nearly_there(self, kept):
-        """Whether a correction with the last tangent's factors will do: the state is near the one sought, and so far they
-        gain digits; `kept`: the iteration before had no tangent of its own either."""
+        """Whether a correction with the last tangent's factors will do: for a state on the way, when it is near, and as long
+        as they gain digits; `kept`: the iteration before had no tangent of its own either."""
         report = self.report
-        if report.iterations == 0 or report.shifts or report.cuts:
+        if self._allowed <= self.tolerance or report.iterations == 0 or report.shifts or report.cuts:
             return False
         before, now = report.residuals[-2:]
         near = min(self.NEAR * self._allowed, self.SMALL) * report.scale

@@ -323,9 +323,8 @@ def rates(report):
 
 
 @pytest.mark.mpi
-def test_ball_pushed_by_force_into_a_clamped_membrane(monkeypatch):
+def test_ball_pushed_by_force_into_a_clamped_membrane():
     """Contact and rim bear the force, however far the ball has to go for it."""
-    monkeypatch.setattr(Newton, "NEAR", 0.0)  # each iteration with its own tangent
     force, blank = 20.0, disc(10, 50.0)
     ball = Tool("ball", Sphere((0, 0, -10 - T / 2), 10.0), force=(0, 0, force))
     contact = Contact(blank, ball, T, K)
@@ -355,9 +354,8 @@ def test_plane_pressing_a_patch_by_force():
 
 
 @pytest.mark.mpi
-def test_two_balls_pushed_by_force(monkeypatch):
+def test_two_balls_pushed_by_force():
     """Each gives way, so that the tangent loses a matrix of rank two."""
-    monkeypatch.setattr(Newton, "NEAR", 0.0)  # each iteration with its own tangent
     blank = sheet(40, 20, 16, 8)
     balls = [Tool(f"ball {x}", Sphere((x, 10, -5 - T / 2), 5.0), force=(0, 0, 10.0 + x)) for x in (13, 26)]
     contacts = [Contact(blank, ball, T, K) for ball in balls]

@@ -16,7 +16,7 @@ from speed_vs_error import curve_distance  # noqa: E402
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 SCENES = "tensile", "bias10", "bias30"
-WORDS = "scene", "sweep", "element", "pattern", "linear_solver", "on_front", "reason"
+WORDS = "scene", "sweep", "element", "pattern", "integration", "linear_solver", "on_front", "reason"
 
 
 def committed(scene):
