@@ -447,11 +447,13 @@ def picture(path, scenes):
     markers, patterns = {"P1": "^", "P2": "v", "P3": "<", "Q1": "s", "Q2": "D"}, {}
     for ax, (name, rows) in zip(axes[0], scenes.items()):
         good = [r for r in rows if not r["reason"]]
-        for element, pattern in dict.fromkeys((r["element"], r["pattern"]) for r in good):
-            mine = [r for r in good if (r["element"], r["pattern"]) == (element, pattern)]
+        kinds = [(r["element"], r["pattern"], r["integration"]) for r in good]
+        for element, pattern, integration in dict.fromkeys(kinds):
+            mine = [r for r, kind in zip(good, kinds) if kind == (element, pattern, integration)]
             shape = "rectangles" if element[0] == "Q" and pattern == "crossed" else pattern
             colour = patterns.setdefault(shape, f"C{len(patterns)}")
-            ax.plot([r["cost"] for r in mine], [r["error_curve"] for r in mine], markers[element], color=colour, ms=5)  # fmt: skip
+            fill = {"mfc": "none"} if integration == "reduced" else {}
+            ax.plot([r["cost"] for r in mine], [r["error_curve"] for r in mine], markers[element], color=colour, ms=5, **fill)  # fmt: skip
         front = sorted((r["cost"], resolved(r)) for r in good if r["on_front"])
         ax.step(*zip(*front), where="post", color="k", lw=1)
         ax.axhspan(0, rows[0]["error_bar"], color="0.9")
@@ -461,6 +463,8 @@ def picture(path, scenes):
     used = dict.fromkeys(r["element"] for rows in scenes.values() for r in rows if not r["reason"])
     keys = [plt.Line2D([], [], color="k", lw=1, label="front"), plt.Rectangle((0, 0), 1, 1, color="0.9", label="not resolved")]  # fmt: skip
     keys += [plt.Line2D([], [], ls="", marker=markers[e], color="0.4", label=e) for e in sorted(used)]
+    if any(r["integration"] == "reduced" for rows in scenes.values() for r in rows):
+        keys.append(plt.Line2D([], [], ls="", marker="v", color="0.4", mfc="none", label="reduced"))
     keys += [plt.Line2D([], [], ls="", marker="o", color=colour, label=shape) for shape, colour in patterns.items()]
     figure.get_layout_engine().set(rect=(0, 0.13, 1, 0.87))
     figure.legend(handles=keys, loc="lower center", ncols=6, fontsize="small")
