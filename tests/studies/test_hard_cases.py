@@ -7,7 +7,7 @@ import pytest
 
 @pytest.mark.parametrize("ranks, cases", [(1, "cfgilmn"), (2, "acfgijklmn")])
 def test_hard_cases(launch, ranks, cases):
-    done = launch("hard_cases", "--only", cases, ranks=ranks)
+    done = launch("hard_cases", "--quick", "--only", cases, ranks=ranks)
     assert done.status == 0, done.out + done.err
     with open(done.folder / "cases.csv") as file:
         rows = list(csv.DictReader(file))
