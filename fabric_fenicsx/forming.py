@@ -32,7 +32,7 @@ RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it t
 
 def forming_parser(name: str, description: str, full: dict[str, int], quick: dict[str, int]) -> Parser:
     """The parser of a study that forms plies: what all studies share and the options of this scene; see `study.parser`."""
-    p = parser(name, description, full, quick, element="P1", tolerance=1e-6, path_tolerance=1e-2, every=10)
+    p = parser(name, description, full, quick, element="P1", tolerance=1e-6, path_tolerance=1e-3, every=10)
     ply = p.add_argument_group("ply")
     ply.add_argument("--length", type=POSITIVE, default=470.0, help="along x [mm]")
     ply.add_argument("--width", type=POSITIVE, default=270.0, help="along y [mm]")
@@ -130,21 +130,18 @@ class Forming:
     def _holder(self):
         args, t, up = self.args, self.thickness, np.array([0.0, 0.0, 1.0])
 
-        def closed(size):  # before the punch moves
-            return lambda load: size * (load > 0)
-
         def side(axis, place):
             return lambda x: abs(x[axis] - place) < 1e-6
 
         if args.holder == "pressure":
-            return [Pressing(self.blank, closed(args.holder_pressure), up, self._on_flange, lag=args.lag)]
+            return [Pressing(self.blank, args.holder_pressure, up, self._on_flange, lag=args.lag)]
         if args.holder == "grippers":
             low, high = self.blank.extent()
             edges = []
             for axis in (0, 1):
                 for place, sign in ((low[axis], -1.0), (high[axis], 1.0)):
                     if sign > 0 or args.full:
-                        edges.append(EdgeTension(self.blank, closed(args.gripper_tension), sign * np.eye(3)[axis], side(axis, place)))  # fmt: skip
+                        edges.append(EdgeTension(self.blank, args.gripper_tension, sign * np.eye(3)[axis], side(axis, place)))  # fmt: skip
             return edges
         gap = args.holder_gap or 1.1 * t
         if args.holder == "gap":

@@ -159,6 +159,7 @@ class Scene:
     """
 
     INVERTED = 1e30  # the energy told where a cell is turned inside out
+    PINCH = 1e-4  # of forces that cancel in a node, by which residuals of an unloaded sheet are measured
 
     def __init__(self, blank: Blank, terms: Iterable[Term], supports: Iterable[Support] = ()) -> None:
         self.blank, self.terms, self.supports = blank, list(terms), list(supports)
@@ -390,9 +391,15 @@ class Scene:
         return self._f.array[self.held].copy()
 
     def force_scale(self) -> float:
-        """Norm of the forces of supports and tools after `residual`, what a residual is measured by [N]."""
-        squares = sum(float((term.pushes() ** 2).sum()) for term in self._having("pushes"))
-        return np.sqrt(self.comm.allreduce(float((self._f.array[self.held] ** 2).sum()) + squares))
+        """Norm of the nodal forces that the sheet bears from supports, loads and tools after `residual`, what a residual is
+        measured by [N]. Forces that meet in a node, as under a blank holder, cancel, but for `PINCH` of them."""
+        net, pinch = np.zeros(self._f.local_size), 0.0
+        for term in self._having("pushes"):
+            given = term.pushes().ravel()
+            net[: given.size] += given
+            pinch += float((given**2).sum())
+        net[self.held] = self._f.array[self.held]
+        return np.sqrt(self.comm.allreduce(float(net @ net) + self.PINCH**2 * pinch))
 
     def compliances(self) -> list[tuple[PETSc.Vec, float]]:
         """Vectors c and numbers k [N/mm] of what tools moved by force take from the tangent, c c^T / k each."""

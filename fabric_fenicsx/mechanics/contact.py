@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..material import pointwise
 from ..material.baseline import Fabric
 from ..tools import Plane, Tool, _vector
+from .work import Work
 
 if TYPE_CHECKING:
     from .friction import Friction
@@ -62,6 +63,10 @@ class Nodes:
     def displacement(self) -> np.ndarray:
         """(count, 3) [mm]."""
         return self.blank.u.x.array.reshape(-1, 3)[: self.count].copy()
+
+    def common(self, rows: np.ndarray) -> np.ndarray:
+        """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""
+        return next(row for row in self.comm.allgather(rows[0] if len(rows) else None) if row is not None)
 
     def total(self, values: np.ndarray) -> np.ndarray:
         """Sum over all ranks' nodes of values (count, ...)."""
@@ -117,12 +122,14 @@ class Contact:
         self._depth = np.zeros(self.nodes.count)  # deepest penetration of each node in accepted states
         self.rubs: list[Friction] = []  # friction with the tool, which takes part in the balance of its force
         self._seen: tuple[np.ndarray, Touch] | None = None
+        self._load, self._work = 0.0, Work()
         self.accept()
 
     # -- what a scene calls
 
     def at(self, load: float) -> None:
         """Move the tool, from where it was in the last accepted state, and forget shifts since."""
+        self._load = load
         self.tool.at(load)
         self.tool.way, self._shift, self._seen = self._accepted_way, self._accepted_shift, None
 
@@ -130,14 +137,13 @@ class Contact:
         """Take the present place of the tool and shift of its surface as the last accepted ones."""
         self.touch()
         self._accepted_way, self._accepted_shift = self.tool.way, self._shift
-        self._last = self.force(), self.tool.displacement.copy()
+        self._work.accept(self._load, self.force(), self.tool.displacement)
         self._depth = np.fmax(self._depth, -self.touch().gap)
 
     def work(self) -> float:
         """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
-        force, place = self._last
-        work = 0.5 * (force + self.force()) @ (self.tool.displacement - place)
-        return float(work) if self.nodes.comm.rank == 0 else 0.0
+        work = self._work.since(self._load, self.force(), self.tool.displacement)
+        return work if self.nodes.comm.rank == 0 else 0.0
 
     def revise(self) -> bool:
         """Shift the surface by what is penetrated, if that is more than permitted; whether it was."""
@@ -185,14 +191,16 @@ class Contact:
         return self.touch().normal
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Shift of the surface and way of the tool [mm] in the last accepted state, (nodes, 1) each."""
-        way = np.full((self.nodes.count, 1), self._accepted_way)
-        return {"shift": self._accepted_shift[:, None], "way": way, "depth": self._depth[:, None]}
+        """Of the last accepted state: shift of the surface, way of the tool and depths [mm], (nodes, 1) each, and what its
+        work is reckoned from (nodes, 8)."""
+        way, work = (np.tile(row, (self.nodes.count, 1)) for row in (self._accepted_way, self._work.memory()))
+        return {"shift": self._accepted_shift[:, None], "way": way, "depth": self._depth[:, None], "work": work}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Take back what `memory` gave."""
         self._shift, self._depth = memory["shift"][:, 0], memory["depth"][:, 0]
-        self.tool.way = self.nodes.comm.allreduce(memory["way"].max(initial=-np.inf), MPI.MAX)
+        self.tool.way = float(self.nodes.common(memory["way"])[0])
+        self._work.recall(self.nodes.common(memory["work"]))
         u = self.nodes.displacement()  # not balanced, as what friction bore is forgotten
         self._seen = u, self._touch(self.nodes.places + u)
 

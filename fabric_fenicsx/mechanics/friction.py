@@ -83,6 +83,10 @@ class Friction:
         self.pressing.pushes()
         f[: 3 * self.nodes.count] -= self.forces().ravel()
 
+    def pushes(self) -> np.ndarray:
+        """Nodal forces (nodes, 3) [N] that a residual is to be small beside."""
+        return self.forces()
+
     def stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The potential's second derivative as triplets (rows, columns, values), (9 nodes,) each [N/mm]; rows and
         columns are global degrees of freedom."""

@@ -45,7 +45,7 @@ LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
 class Report:
     """How a solve ended: `residuals` are norms over the free degrees of freedom [N], one before each iteration and
     one at the end, `scale` the force [N] they are measured by; `negative_pivots` those of the last tangent (None
-    for solvers that do not tell)."""
+    for solvers that do not tell); `saddles` those that were left: there the path branches."""
 
     converged: bool = False
     reason: str = ""
@@ -53,6 +53,7 @@ class Report:
     shifts: int = 0
     cuts: int = 0
     negative_pivots: int | None = None
+    saddles: int = 0
     scale: float = 0.0
     residuals: list[float] = field(default_factory=list)
 
@@ -66,8 +67,8 @@ class Newton:
 
     tolerance: of the residual's norm over that of the support forces. Each step is the tangent's, taken as far as the
     energy falls along it; where the energy's differences drown in rounding, as far as the residual falls. A tangent
-    with negative pivots is shifted along its diagonal until it has none, and a saddle is left along a direction of
-    negative curvature. Forces or corrections at the rounding of displacements and positions end it too, as no tolerance
+    with negative pivots is shifted along its diagonal until it has none, and a saddle, known to the full tolerance, is left
+    along a direction of negative curvature that depends on neither the ranks nor chance. Forces or corrections at the rounding of displacements and positions end it too, as no tolerance
     can ask for more. Where a looser tolerance is asked, corrections near the state sought keep the last tangent's factors.
     MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots. Each iteration is logged
     (`logging`, level DEBUG) on rank 0.
@@ -78,6 +79,7 @@ class Newton:
     DIGIT = 2.0**-52  # of the displacements: the forces that it makes through the tangent are noise
     RESOLUTION = 1e-14  # of the blank's size, below which displacements are noise
     EASY = 5  # iterations
+    LONGEST = 0.1  # of the blank's size, to which a correction is cut: soft modes would send the sheet to infinity
     NEAR, SMALL = 300.0, 3e-3  # residuals, over the tolerance and over the forces of supports, that take no new tangent
     SADDLES = 5  # to be left in one solve
 
@@ -88,7 +90,8 @@ class Newton:
             raise InputError(f"linear solver is {linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
         self.scene, self.tolerance, self.max_iterations = scene, tolerance, max_iterations
         self.tells_inertia = linear_solver == "mumps-cholesky"
-        self._smallest = self.RESOLUTION * np.subtract(*scene.blank.extent()[::-1]).max()
+        self._size = np.subtract(*scene.blank.extent()[::-1]).max()
+        self._smallest = self.RESOLUTION * self._size
         self._noise, self._wary, self._shift = 0.0, False, 0.0  # wary once a tangent had a negative pivot
         self.x = scene.u.duplicate()
         self._r, self._d, self._trial = (self.x.duplicate() for _ in range(3))
@@ -137,6 +140,13 @@ class Newton:
         self.scene.tangent(self.A)
         return self.A.getDiagonal().sum() / self.A.size[0]
 
+    def is_at_rest(self, x: PETSc.Vec) -> bool:
+        """Whether the scene is in equilibrium at x, but for forces that its stiffness turns into the rounding of positions."""
+        self.scene.set(x)
+        self.scene.residual(self._r)
+        force = self._r.norm()
+        return force == 0 or force <= self._smallest * self.stiffness(x)
+
     def tangent_predictor(self, x: PETSc.Vec, change: np.ndarray) -> None:
         """Linear response at x to a `change` (held dofs of this rank) [mm] of the support values, added to x."""
         scene, d, rhs = self.scene, self._d, self._trial
@@ -175,7 +185,7 @@ class Newton:
     def _iterate(self, snes, x):
         report, r, d = self.report, self._r, self._d
         snes.computeFunction(x, r)
-        energy, saddles, kept = self.scene.energy(), 0, False
+        energy, kept = self.scene.energy(), False
         if energy == self.scene.INVERTED:
             raise _Ended(Reason.DIVERGED_FUNCTION_DOMAIN)
         while True:
@@ -202,8 +212,11 @@ class Newton:
             if reason:
                 if not self._is_saddle(snes, x):
                     raise _Ended(reason)
-                saddles += 1
-                if saddles > self.SADDLES:
+                if self._allowed > self.tolerance:  # a loose state tells nothing of what is near it
+                    self._allowed = self.tolerance
+                    continue
+                report.saddles += 1
+                if report.saddles > self.SADDLES:
                     raise _Ended(Reason.DIVERGED_LOCAL_MIN)
                 energy = self._leave_saddle(x, energy)
             else:
@@ -242,6 +255,9 @@ class Newton:
         the residual along d, is continuous. Leaves residual and scene at the new x.
         """
         r, d, trial, snes, report = self._r, self._d, self._trial, self.snes, self.report
+        longest = d.norm(PETSc.NormType.NORM_INFINITY)
+        if longest > self.LONGEST * self._size:
+            d.scale(self.LONGEST * self._size / longest)
         norm, slope = r.norm(), r.dot(d)
         self._tell(f"              step of {np.sqrt(abs(slope)):9.3e} in the energy norm / sqrt(N mm)")
         walled = False
@@ -345,7 +361,7 @@ class Newton:
     def _leave_saddle(self, x, energy):
         """Go downhill from the saddle x along its softest direction, found by inverse iteration; returns the energy."""
         d, trial, r, negative = self._d, self._trial, self._r, self.report.negative_pivots
-        d.array[:] = np.random.default_rng(self.scene.comm.rank).standard_normal(len(d.array))
+        d.array[:] = self._any_field()
         d.array[self.scene.held] = 0
         shift, curvature = 0.0, np.inf
         for _ in range(50):
@@ -369,6 +385,15 @@ class Newton:
                     return there
             d.scale(0.5)
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
+
+    def _any_field(self):
+        """A displacement of this rank's nodes that no mode is orthogonal to: a function of their place in the blank, so that
+        neither ranks nor their numbering matter."""
+        blank = self.scene.blank
+        owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
+        x = (blank.along(blank.coordinates()[:owned].T).T - blank.extent()[0]) / self._size
+        waves = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0])[: gdim**2].reshape(gdim, gdim)
+        return (np.cos(3 * x @ waves) + np.sin(17 * x @ waves.T)).ravel()
 
     def _tell(self, text):
         if self.scene.comm.rank == 0:

@@ -108,6 +108,9 @@ def march(
 ) -> Outcome:
     """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`; an `Outcome`.
 
+    A scene that is not in equilibrium at load 0, as under a blank holder's dead pressure, is first brought to it there:
+    what it then stores counts as work done.
+
     steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is halved down to
     `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load 0 and at each accepted state,
     with the scene in that state, on_reject(load, Report) after each failed step. stop() is asked after each step,
@@ -151,17 +154,18 @@ def march(
     scene.accept()
     back()
     forces, cuts, rests, clock = scene.held_forces(), 0, 0, time.perf_counter()
-    if on_accept and start is None:
+    settled = start is not None or newton.is_at_rest(at.x)
+    if on_accept and start is None and settled:
         on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(converged=True), 0, 0.0, at))
-    while at.load < 1 or at.viscosity.drag:
+    while at.load < 1 or at.viscosity.drag or not settled:
         reason = stop() if stop else ""
         if reason:
             break
-        load = at.load + at.step
+        load = at.load + at.step if settled else at.load
         if abs(load * steps - round(load * steps)) < 1e-9:  # so that tenths are tenths
             load = round(load * steps) / steps
         goal = min((m for m in milestones if m > at.load), default=1.0)
-        if load > goal - 1e-3 * at.step:  # nor is a sliver left before it
+        if settled and load > goal - 1e-3 * at.step:  # nor is a sliver left before it
             load = goal
         taken = load - at.load
         values = scene.held_values(load)
@@ -169,13 +173,14 @@ def march(
         _predict(newton, at, taken, values)
         x.copy(predicted)
         scene.drag, scene.origin = at.viscosity.drag, at.x
-        report = newton.solve_for(x, None if load == goal else path_tolerance)
+        allowed = None if load == goal or not settled else path_tolerance
+        report = newton.solve_for(x, allowed)
         at.iterations += report.iterations
         for revision in range(REVISIONS):
             if not (report.converged and scene.revise()):
                 break
             before = report.iterations
-            report = newton.solve_for(x, None if load == goal else path_tolerance)
+            report = newton.solve_for(x, allowed)
             at.iterations += report.iterations
             report.iterations = max(before, report.iterations)
             if revision == REVISIONS - 1:
@@ -190,6 +195,9 @@ def march(
                 on_reject(load, report)
             back()
             at.viscosity.stiffness = at.viscosity.stiffness or newton.stiffness(at.x)
+            if not np.isfinite(at.viscosity.stiffness):
+                reason = f"gave up at load factor {at.load:.6g}: the tangent of the state there is not a number"
+                break
             hard = viscosity and taken <= HARD * max_step
             if hard and at.viscosity.strengthen():
                 pass
@@ -211,6 +219,8 @@ def march(
             float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum())
         )
         forces = new_forces
+        if not settled:
+            settled, at.work = True, sum(energies.values())
         at.load = load
         at.last_step = taken or at.last_step
         if accuracy and error:
@@ -224,7 +234,7 @@ def march(
         if on_accept:
             on_accept(Accepted(load, energies, at.work, report, cuts, now - clock, at))
         clock, cuts = now, 0
-        rests += not taken
+        rests += load == 1 and not taken
         if at.viscosity.drag and rests == RESTS:
             reason = f"the state at full load still creeps after {RESTS} steps at rest"
             break
