@@ -45,6 +45,8 @@ def number(allowed: str, test: Callable[[Any], bool], kind: type = float) -> Cal
 FRACTION = number("a fraction above 0 and up to 1, where 0.1 is 10 %", lambda v: 0 < v <= 1)
 COUNT = number("a whole number of 1 or more", lambda v: v >= 1, int)
 POSITIVE = number("a number above 0", lambda v: v > 0)
+FROM_ZERO = number("a number from 0", lambda v: v >= 0)
+BETWEEN_YARNS = number("an angle above 0 and below 180 deg", lambda v: 0 < v < 180)
 ANY = number("a finite number", lambda v: True)
 
 

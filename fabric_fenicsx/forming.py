@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from .cli import ANY, POSITIVE, Parser, number
+from .cli import ANY, FROM_ZERO, POSITIVE, Parser
 from .errors import InputError
 from .material.baseline import Fabric
 from .mechanics.bending import Bending, plate_stiffness
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 ANGLES = 0, 45, 90  # of the paths to x [deg]
 HOLDERS = ("pressure", "force", "gap", "grippers")
-FROM_ZERO = number("a number from 0", lambda v: v >= 0)
 RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it to be held
 
 

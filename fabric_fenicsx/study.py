@@ -26,7 +26,7 @@ from tqdm import tqdm
 from . import __version__, timing
 from . import dolfinx_compat as compat
 from .blank import Blank
-from .cli import ANY, COUNT, POSITIVE, Help, Parser, command, exit_status, number
+from .cli import ANY, BETWEEN_YARNS, COUNT, POSITIVE, Help, Parser, command, exit_status, number
 from .errors import InputError, Interrupted, SolverFailure
 from .material.baseline import Fabric
 from .material.parameters import COUPLINGS, WovenFabric
@@ -126,8 +126,26 @@ def parser(
     output.add_argument("--no-pictures", action="store_true")
     output.add_argument("--quick", action="store_true", help="coarse mesh and few steps")
     output.add_argument("--verbose", action="store_true", help="print each Newton iteration, as log.txt has them")
-    p.set_defaults(_sizes={False: full, True: quick}, **defaults)
+    p.set_defaults(_sizes={False: full, True: quick}, **{"yarn_angle": 90.0, "weave_angle": None} | defaults)
     return p
+
+
+def add_weave_options(p: Parser) -> None:
+    """Add the options for yarns that are not orthogonal and for shear that counts from the weave's own angle."""
+    weave = p.add_argument_group("weave")
+    weave.add_argument(
+        "--yarn-angle",
+        type=BETWEEN_YARNS,
+        metavar="DEG",
+        default=90.0,
+        help="from yarns a to yarns b as the ply lies",
+    )
+    weave.add_argument(
+        "--weave-angle",
+        type=BETWEEN_YARNS,
+        metavar="DEG",
+        help="between the yarns of the weave without shear (that in which the ply lies)",
+    )
 
 
 @dataclass
@@ -266,6 +284,8 @@ class Study:
         axes = np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
         if turned:
             options["frame"] = axes
+        if args.yarn_angle != 90:
+            options["b"] = options["a"] + math.radians(args.yarn_angle)
         with timing.phase("setup"):
             if args.mesh:
                 blank = Blank.read(self.comm, args.mesh, spatial=spatial, **options)
@@ -288,7 +308,9 @@ class Study:
 
     def membrane(self, blank: Blank, fabric: Fabric | None = None) -> Membrane:
         """Membrane of `blank` and `fabric`, by default the options', with their integration."""
-        return Membrane(blank, fabric or self.fabric, integration=self.args.integration)
+        args = self.args
+        weave = None if args.weave_angle is None else math.radians(args.weave_angle)
+        return Membrane(blank, fabric or self.fabric, integration=args.integration, weave_angle=weave)
 
     def march(
         self,
@@ -372,6 +394,8 @@ class Study:
                     "step to load %.6g rejected after %d iterations: %s", load, report.iterations, report.reason
                 )
 
+        if start is None and membrane.weave_angle is not None:
+            self._let_rest(newton)
         asked = Asked(self.comm)
         try:
             outcome = march(
@@ -397,7 +421,7 @@ class Study:
         mesh = membrane.blank.mesh
         energies = scene.energies() | {"viscous": history.rows[-1]["viscous_energy_Nmm"]}
         work = history.rows[-1]["external_work_Nmm"]
-        stored = sum(energies.values())
+        stored = sum(energies.values()) - history.rows[0]["strain_energy_Nmm"]  # of a pre-sheared ply at rest
         imbalance = abs(work - stored) / max(abs(stored), 1e-300)
         if imbalance > UNBALANCED:
             self.warn(
@@ -431,6 +455,27 @@ class Study:
         if not summary["converged"]:
             raise SolverFailure(f"{outcome.reason}; the results up to there are in {folder}")
         return Result(summary, history.rows, fields, folder)
+
+    def _let_rest(self, newton):
+        """Bring a ply whose weave is sheared as it lies to rest in its supports at load 0, and say what that changed."""
+        scene, x = newton.scene, newton.x
+        scene.at(0.0)
+        scene.u.copy(x)
+        x.array[scene.held] = scene.held_values(0.0)
+        scene.set(x)
+        before, report = scene.energy(), newton.solve_for(x)
+        if report.converged:
+            scene.set(x)
+            moved = x.norm(PETSc.NormType.NORM_INFINITY)
+            self.say(
+                f"the ply's weave is sheared as it lies: at rest in its supports, before load, points have moved by up to {moved:.3g} mm, and its energy has fallen from {before:.5g} to {scene.energy():.5g} N mm"
+            )
+            return
+        x.set(0.0)
+        scene.set(x)
+        self.warn(
+            f"the ply's weave is sheared as it lies, and no state at rest was found before load ({report.reason}); the first step starts out of equilibrium"
+        )
 
     def summarise(self, folder: Path, **facts: Any) -> dict[str, Any]:
         """Write `facts` with the costs so far and the versions to summary.json, and return it all."""

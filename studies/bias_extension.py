@@ -4,55 +4,51 @@ import math
 
 import numpy as np
 
-from fabric_fenicsx.cli import FRACTION, POSITIVE
+from fabric_fenicsx.cli import FRACTION, FROM_ZERO, POSITIVE
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves
 from fabric_fenicsx.material.curves import bias_normalised
+from fabric_fenicsx.mechanics.bending import Bending, plate_stiffness
 from fabric_fenicsx.meshes.specimen import can_be_graded
+from fabric_fenicsx.pin_jointed import PinJointedStrip
+from fabric_fenicsx.results import measures
 from fabric_fenicsx.scene import grips, pulled
-from fabric_fenicsx.study import parser, run
+from fabric_fenicsx.study import add_weave_options, parser, run
 
 ALONG = "crossed", "graded"  # patterns whose cells have edges at 45 deg
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
+RISE = 0.1, 0.9  # of the turn of a yarn, between which its transition zone is measured
 
 
 def options():
-    p = parser("bias_extension", __doc__, fibre_angle=45.0, pattern=None, integration=None)
+    p = parser("bias_extension", __doc__, fibre_angle=45.0, pattern=None, integration=None, element=None)
     test = p.add_argument_group("test")
     test.add_argument("--length", type=POSITIVE, default=200.0, help="[mm]")
     test.add_argument("--width", type=POSITIVE, default=50.0, help="[mm]")
     test.add_argument("--strain", type=FRACTION, default=0.10, help="nominal, of the length: 0.1 is 10 %%")
+    test.add_argument("--bending-modulus", type=FROM_ZERO, default=100.0, help="E_b of both yarns [MPa]")
+    test.add_argument(
+        "--in-plane-bending",
+        type=FROM_ZERO,
+        default=0.0,
+        help="stiffness of yarns in the ply, of that out of it; cells are P1 then, otherwise P2",
+    )
     test.add_argument(
         "--measured",
         metavar="DIR",
         help="test data with a normalised shear force F_sh, as studies/identify.py reads them, to compare with",
     )
+    add_weave_options(p)
     return p
 
 
-def shear_angle_of_theory(length, width, displacement):
-    """Shear angle of the central zone with inextensible yarns at +-45 deg [rad]; NaN beyond their reach."""
-    free = length - width
-    cosine = (free + displacement) / (math.sqrt(2) * free)
-    return math.pi / 2 - 2 * math.acos(cosine) if cosine <= 1 else math.nan
-
-
-def yarns_held(x, y, length, width):
-    """How many of the two yarns at +-45 deg through points (x, y) of the strip are held by a clamp, 0 to 2, and the
-    points' distance to the lines where that changes [mm]."""
-    x = np.minimum(x, length - x)
-    ends = y - x, y + x  # where the yarns meet the line of the nearer clamp
-    held = sum((end >= 0) & (end <= width) for end in ends)
-    return held, np.min([np.abs(end - edge) for end in ends for edge in (0, width)], 0) / math.sqrt(2)
-
-
-def shear_forces(length, width, rows):
-    """Shear angle of theory [rad] and normalised shear force [N/mm] of a test's rows, as an experiment derives them."""
-    gamma = np.array([shear_angle_of_theory(length, width, row["displacement_mm"]) for row in rows])
-    reach = np.isfinite(gamma) & (gamma >= 0)
-    return gamma[reach], bias_normalised(
-        gamma[reach], np.array([row["reaction_N"] for row in rows])[reach], length, width
-    )
+def shear_forces(strip, rest, rows):
+    """Magnitude of theory's shear angle [rad] and normalised shear force [N/mm] of a test's rows, as an experiment
+    derives them."""
+    gamma = np.array([abs(strip.shear_angle(row["displacement_mm"], rest)) for row in rows])
+    reach = np.isfinite(gamma)
+    reaction = np.array([row["reaction_N"] for row in rows])[reach]
+    return gamma[reach], bias_normalised(gamma[reach], reaction, strip.length, strip.width)
 
 
 def compared(measured, gamma, force):
@@ -62,8 +58,38 @@ def compared(measured, gamma, force):
     return angles[there], measured.responses[0].values[there], np.interp(angles[there], gamma, force)
 
 
-def along_the_axis(study, blank, result, low, length, width):
-    """Shear angle of the cells along the strip's axis to axis.csv and, beside theory, to axis.png."""
+def transition_width(comm, strip, x, y, gamma):
+    """Width [mm] of the zones beside the clamps in which a yarn's turn rises from 10 to 90 %; None where there is none.
+
+    Of cells at x, y with shear angles `gamma` (n,), all ranks'. Both yarns and ends are averaged. The profile across a line
+    is that of means over groups of cells at about the same distance from it, its ends the means of its outer fifths.
+    """
+    widths = []
+    for counts, into in strip.beside_clamps(x, y):
+        parts = comm.allgather(np.stack([into[counts], gamma[counts]]))
+        s, g = np.concatenate(parts, 1).round(12)
+        if len(s) < 20:
+            return None
+        order = np.lexsort((g, s))
+        groups = np.array_split(order, math.ceil(math.sqrt(2 * len(s))))
+        s, g = (np.array([values[group].mean() for group in groups]) for values in (s, g))
+        fifth = max(1, len(s) // 5)
+        g = (g - g[:fifth].mean()) / (g[-fifth:].mean() - g[:fifth].mean())
+        first, last = (np.flatnonzero(g >= level)[0] for level in RISE)
+        if first == 0 or last == 0:
+            return None
+        ends = [
+            s[k - 1] + (s[k] - s[k - 1]) * (level - g[k - 1]) / (g[k] - g[k - 1])
+            for k, level in zip((first, last), RISE)
+        ]
+        widths.append(ends[1] - ends[0])
+    return float(np.mean(widths)) if widths else None
+
+
+def along_the_axis(study, blank, result, strip, rest):
+    """Magnitude of the shear angle of the cells along the strip's axis to axis.csv and, beside theory, to axis.png."""
+    low, high = blank.extent()
+    length, width = high - low
     x, y = blank.midpoints() - low[:, None]
     near = np.abs(y - width / 2) <= width / 20
     gamma = np.degrees(np.abs(result.fields["shear_angle"]))
@@ -85,15 +111,31 @@ def along_the_axis(study, blank, result, low, length, width):
     from fabric_fenicsx.results import pictures
 
     series = {"simulated": (*profile.T, ".")}
-    theory = math.degrees(shear_angle_of_theory(length, width, result.rows[-1]["displacement_mm"]))
-    if math.isfinite(theory):
-        free = [0, width / 2, width / 2, length - width / 2, length - width / 2, length]
-        series["inextensible yarns"] = (free, [0, 0, theory, theory, 0, 0], "-")
-    pictures.curves(result.folder / "axis.png", series, "position along the axis / mm", "shear angle / deg")
+    if strip:
+        x = np.linspace(0, length, 2001)
+        theory = strip.shear_angles(x, np.full_like(x, width / 2), result.rows[-1]["displacement_mm"], rest)
+        if np.isfinite(theory).any():
+            series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
+    pictures.curves(
+        result.folder / "axis.png", series, "position along the axis / mm", "magnitude of the shear angle / deg"
+    )
+
+
+def no_theory(strip, full):
+    """Why the kinematics of inextensible yarns say nothing of this strip; empty if they do."""
+    if not full:
+        return "the sheet is not the whole rectangle"
+    return strip.locked
 
 
 def main(study):
     args = study.args
+    if args.element is None:
+        args.element = "P1" if args.in_plane_bending else "P2"
+    if args.in_plane_bending and args.element != "P1":
+        raise InputError(
+            f"--in-plane-bending {args.in_plane_bending:g} is given with --element {args.element}; allowed is P1, for which bending is"
+        )
     measured = None
     if args.measured:
         measured = [curve for curve in curves.read(args.measured)[1] if curve.responses[0].column == "F_sh"]
@@ -103,10 +145,11 @@ def main(study):
             )
     if args.pattern is None:  # thin cells would fold in deep shear
         graded = args.strain <= GRADED and can_be_graded(args.length, args.width) and args.fibre_angle == 45
-        args.pattern = "graded" if graded else "crossed"
+        args.pattern = "graded" if graded and args.yarn_angle == 90 else "crossed"
     blank = study.specimen(args.length, args.width)
     if args.integration is None:
-        follow = args.mesh or args.pattern == "yarns" or (args.pattern in ALONG and args.fibre_angle == 45)
+        at_45 = args.pattern in ALONG and args.fibre_angle == 45 and args.yarn_angle == 90
+        follow = args.mesh or args.pattern == "yarns" or at_45
         args.integration = "full" if follow or args.element != "P2" else "reduced"
     low, high = blank.extent()
     length, width = high - low
@@ -116,39 +159,67 @@ def main(study):
         )
     stroke = args.strain * length
     membrane = study.membrane(blank)
+    area = measures.areas(blank)
+    full = abs(study.comm.allreduce(area.sum()) / (length * width) - 1) < 1e-6
+    a, rest = math.radians(args.fibre_angle), membrane.weave_angle
+    strip = PinJointedStrip(length, width, a, a + math.radians(args.yarn_angle))
+    reason = no_theory(strip, full)
+    at_45 = not reason and args.yarn_angle == 90 and args.fibre_angle % 90 == 45 and rest is None
+    if measured and not at_45:
+        raise InputError(
+            f"--measured {args.measured} has a normalised shear force, which is known of a whole rectangle with yarns at +-45 deg; allowed is --fibre-angle 45 with neither --yarn-angle nor --weave-angle nor a hole in --mesh"
+        )
+    has_centre = measures.covers(blank, ((low + high) / 2)[:2])
+    if not has_centre:
+        study.warn("the sheet has a hole at its centre, so there is no shear angle at the centre")
+    bending = []
+    if stiffness := args.in_plane_bending and plate_stiffness(args.bending_modulus, study.fabric.thickness):
+        ends = [lambda x, at=at: abs(blank.along(x)[0] - at) < 1e-6 * length for at in (low[0], high[0])]
+        bending.append(Bending(blank, stiffness, in_plane=args.in_plane_bending, clamped=ends))
 
     def quantities(fields, rows):
-        distance = np.linalg.norm(blank.midpoints() - ((low + high) / 2)[:, None], axis=0)
+        x, y = blank.midpoints() - low[:, None]
+        distance = np.hypot(x - length / 2, y - width / 2)
         centre = distance <= max(width / 8, study.extremes(distance)[0])
-        gamma = np.abs(fields["shear_angle"])
-        theory = shear_angle_of_theory(length, width, rows[-1]["displacement_mm"])
+        signed, displacement = fields["shear_angle"], rows[-1]["displacement_mm"]
+        gamma = np.abs(signed)
+        theory = math.nan if reason else abs(float(strip.shear_angle(displacement, rest)))
         found = {}
-        if args.fibre_angle == 45:
-            x, y = blank.midpoints() - low[:, None]
-            held, distance = yarns_held(x, y, length, width)
+        if not reason:
+            (a_held, b_held), distance = strip.held(x, y)
             for name, count in (("free", 0), ("half", 1), ("clamped", 2)):
-                inside = (held == count) & (distance > width / 10)
+                inside = (a_held * 1 + b_held == count) & (distance > width / 10)
                 if study.comm.allreduce(int(inside.sum())):
                     found[f"{name}_zone_shear_angle_deg"] = math.degrees(study.mean(gamma, inside))
-        if math.isfinite(theory) and theory > 0:
-            found["normalised_shear_force_N_per_mm"] = float(shear_forces(length, width, rows[-1:])[1][0])
+            found["transition_width_mm"] = transition_width(study.comm, strip, x, y, signed)
+        if at_45 and math.isfinite(theory) and theory > 0:
+            found["normalised_shear_force_N_per_mm"] = float(shear_forces(strip, rest, rows[-1:])[1][0])
         if measured:
-            _, mine, predicted = compared(measured[0], *shear_forces(length, width, rows))
+            _, mine, predicted = compared(measured[0], *shear_forces(strip, rest, rows))
             found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
             found["measured_rms_relative"] = float(np.sqrt(np.mean((predicted / mine - 1) ** 2)))
-        return found | {
-            "centre_shear_angle_deg": math.degrees(study.mean(gamma, centre)),
+        found |= {
+            "centre_shear_angle_deg": math.degrees(study.mean(gamma, centre)) if has_centre else None,
             "theory_shear_angle_deg": math.degrees(theory) if math.isfinite(theory) else None,
+        }
+        if not math.isfinite(theory):
+            found["no_theory_because"] = reason or "the clamps are further apart than inextensible yarns let them"
+        degrees, comm = np.degrees(signed), study.comm
+        return found | {
+            "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
+            "eps_a_98_percent": measures.bulk(comm, fields["eps_a"], area),
+            "eps_b_98_percent": measures.bulk(comm, fields["eps_b"], area),
+            "shear_angle_deg": study.extremes(degrees),
             "shear_angle_max_deg": math.degrees(study.extremes(gamma)[1]),
             "eps_a": study.extremes(fields["eps_a"]),
             "eps_b": study.extremes(fields["eps_b"]),
         }
 
-    result = study.march(membrane, grips(blank, stroke), pulled(stroke), quantities)
+    result = study.march(membrane, grips(blank, stroke), pulled(stroke), quantities, terms=bending)
     q = result.summary["quantities"]
-    along_the_axis(study, blank, result, low, length, width)
+    along_the_axis(study, blank, result, None if reason else strip, rest)
     if measured:
-        gamma, force = shear_forces(length, width, result.rows)
+        gamma, force = shear_forces(strip, rest, result.rows)
         angles, mine, _ = compared(measured[0], gamma, force)
         if study.comm.rank == 0 and not args.no_pictures:
             from fabric_fenicsx.results import pictures
@@ -163,10 +234,10 @@ def main(study):
         study.say(
             f"measured and simulated shear force differ by {q['measured_rms_N_per_mm']:.3g} N/mm ({100 * q['measured_rms_relative']:.3g} %) r.m.s."
         )
-    study.say(
-        f"{result.folder}: reaction {result.summary['reaction_N']:.6g} N, centre shear angle "
-        f"{q['centre_shear_angle_deg']:.2f} deg (theory {q['theory_shear_angle_deg'] or math.nan:.2f} deg)"
-    )
+    centre = f"centre shear angle {q['centre_shear_angle_deg']:.2f} deg" if has_centre else "no cell at the centre"
+    theory = q["theory_shear_angle_deg"]
+    beside = f"no theory: {q['no_theory_because']}" if theory is None else f"theory {theory:.2f} deg"
+    study.say(f"{result.folder}: reaction {result.summary['reaction_N']:.6g} N, {centre} ({beside})")
 
 
 if __name__ == "__main__":

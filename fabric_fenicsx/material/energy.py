@@ -16,7 +16,8 @@ Law = WovenFabric | SimpleNamespace  # the latter: the `symbols` of one, or of a
 
 
 def shear_angle(I4: Expr, I6: Expr, I8: Expr, cos_angle: Expr) -> Expr:
-    """Invariant I10 = gamma [rad], eq. (8), signed; `cos_angle` is a0·b0.
+    """Invariant I10 = gamma [rad], eq. (8), signed; `cos_angle` is a0·b0, or the cosine of the weave's own angle if
+    shear counts from that.
 
     As arctan of I6 over the area of the fibre pair it stays smooth where the paper's arccos does not.
     """
@@ -61,7 +62,7 @@ def energy_of_strains(eps_a: Expr, eps_b: Expr, gamma: Expr, fabric: Law) -> Exp
 
 
 def energy_density(I4: Expr, I6: Expr, I8: Expr, cos_angle: Expr, fabric: Law) -> Expr:
-    """W_tot of the invariants of eqs (5)-(7), scalar UFL expressions; cos_angle: a0·b0 of the undeformed fabric, any
+    """W_tot of the invariants of eqs (5)-(7), scalar UFL expressions; cos_angle: as in `shear_angle`, any
     but +-1; the rest as in `energy_of_strains`."""
     gamma = shear_angle(I4, I6, I8, cos_angle)
     return energy_of_strains(nominal_strain(I4), nominal_strain(I8), abs(gamma), fabric)

@@ -41,6 +41,13 @@ class State(NamedTuple):
     tangent: np.ndarray | None  # (n, 3, 3) dS/dE on (11, 22, 12) with E in Voigt's (E11, E22, 2 E12) [MPa]
 
 
+def check_weave_angle(angle: float) -> float:
+    """`angle` between the yarns of a weave without shear [rad]; InputError unless it is above 0 and below pi."""
+    if not 0 < angle < np.pi:
+        raise InputError(f"the weave's angle is {angle!r} rad; allowed is one between yarns, above 0 and below pi")
+    return float(angle)
+
+
 def evaluate(
     fabric: "Fabric | SimpleNamespace",
     *,
@@ -49,14 +56,16 @@ def evaluate(
     cauchy_green: ArrayLike | None = None,
     fibres: tuple[ArrayLike, ArrayLike] | np.ndarray | None = None,
     tangent: bool = False,
+    weave_angle: float | None = None,
 ) -> State:
     """Evaluate the law of eq. (30) from one of U `stretch`, F `gradient` or C `cauchy_green`.
 
     stretch, cauchy_green: (..., 2, 2), symmetric; gradient: (..., 2, 2) or (..., 3, 2); any memory layout.
     fabric: `WovenFabric`, `TabulatedFabric` or the `symbols` of one; fibres: pair of unit vectors a0, b0, each (2,) or
-    (..., 2), not parallel; default the two base vectors. tangent: whether to return it, too.
+    (..., 2), not parallel; default the two base vectors. tangent: whether to return it, too. weave_angle: angle between
+    the yarns from which gamma counts [rad], by default the initial one as in eq. (8).
     Raises InputError if not exactly one measure is given, if it is of another shape, not finite, inverted or not
-    symmetric at a point, and for fibres that are no unit vectors or parallel.
+    symmetric at a point, for fibres that are no unit vectors or parallel, and as `check_weave_angle` does.
     """
     measures = [x for x in (stretch, gradient, cauchy_green) if x is not None]
     if len(measures) != 1:
@@ -94,7 +103,11 @@ def evaluate(
     I4 = a1 * (C11 * a1 + C12 * a2) + a2 * (C12 * a1 + C22 * a2)
     I6, I8 = a1 * Cb1 + a2 * Cb2, b1 * Cb1 + b2 * Cb2
     area = np.sqrt(J2) * np.abs(a1 * b2 - a2 * b1)
-    gamma = np.arctan2(I6, area) - np.arctan2(a1 * b1 + a2 * b2, np.abs(a1 * b2 - a2 * b1))
+    gamma = np.arctan2(I6, area)
+    if weave_angle is None:
+        gamma -= np.arctan2(a1 * b1 + a2 * b2, np.abs(a1 * b2 - a2 * b1))
+    else:
+        gamma -= np.pi / 2 - check_weave_angle(weave_angle)
 
     parts, W1, W2 = derivatives(fabric, I4, I8, gamma, tangent)
     g4, g6, g8 = -I6 / (2 * I4 * area), 1 / area, -I6 / (2 * I8 * area)  # d(gamma)/d(I4, I6, I8)

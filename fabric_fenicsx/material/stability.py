@@ -53,7 +53,8 @@ def convexity(fabric: "Fabric", eps_a: ArrayLike, eps_b: ArrayLike, gamma: Array
 
 
 def evaluate(fabric: "Fabric", invariants: ArrayLike) -> Stability:
-    """Stability at states given by their invariants (..., 4) as in `pointwise.State`, which also tell the initial angle of the yarns.
+    """Stability at states given by their invariants (..., 4) as in `pointwise.State`, which also tell the initial angle of the yarns
+    (or the weave's, if shear counts from that; signs do not depend on it).
 
     fabric: `WovenFabric` or `TabulatedFabric`; nothing else of a state is needed, as W has no other argument.
     A state that is not finite gives nan.

@@ -40,14 +40,23 @@ class Membrane:
     shear stiffness at rest (as Liu, Ong and Uras, Comput. Methods Appl. Mech. Eng. 53, 1985, hold hourglasses), so that no
     mode of a cell is free. Points and states are then those at the centres.
 
-    Raises InputError for an element that is not listed in `QUADRATURE_DEGREE`, or that `reduced` is not for.
+    weave_angle: angle between the yarns of the weave without shear [rad], from which the shear angle counts; by default
+    the initial one of the blank, as in eq. (8). With another the blank is not free of stress as it lies.
+
+    Raises InputError for an element that is not listed in `QUADRATURE_DEGREE`, or that `reduced` is not for, and for a
+    weave_angle that is not above 0 and below pi.
     """
 
     name = "membrane"
     energy_kind = "strain"
 
     def __init__(
-        self, blank: Blank, fabric: Fabric, quadrature_degree: int | None = None, integration: str = "full"
+        self,
+        blank: Blank,
+        fabric: Fabric,
+        quadrature_degree: int | None = None,
+        integration: str = "full",
+        weave_angle: float | None = None,
     ) -> None:
         self.blank, self.fabric, self.integration = blank, fabric, integration
         mesh = blank.mesh
@@ -60,14 +69,17 @@ class Membrane:
         self._a0, self._b0 = self._fibres()
         fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
         cosine = ufl.dot(self._a0, self._b0) if not blank.orthogonal else ufl.as_ufl(0.0)
+        self.weave_angle, rest = weave_angle, cosine
+        if weave_angle is not None:
+            rest = fem.Constant(mesh, np.cos(pointwise.check_weave_angle(weave_angle)))
         self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
-        self._ufl = law, fa, fb, cosine
+        self._ufl = law, fa, fb, cosine, rest
         if integration != "full":
             self._check_reduced(cell)
             self.degree = 1
         self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
         self._gradients = self._held_gradients() * self._dx if integration == "reduced" else None
-        self.energy = law.thickness * energy_density(*self._invariants, cosine, law) * self._dx
+        self.energy = law.thickness * energy_density(*self._invariants, rest, law) * self._dx
         if self._gradients:
             self.energy += self._gradients
         self._points: compat.PointEvaluation | None = None
@@ -83,7 +95,7 @@ class Membrane:
 
     def _held_gradients(self):
         """Energy density of the gradients of strains and shear angle, as stiffness times their variance in the cell."""
-        mesh, (law, fa, fb, cosine) = self.blank.mesh, self._ufl
+        mesh, (law, fa, fb, _, rest) = self.blank.mesh, self._ufl
         pulled = (1 + STRAIN) * np.eye(3)[:, :2]
         state = pointwise.evaluate(self.fabric.decoupled(), gradient=[pulled], fibres=np.eye(2)[:, None])
         yarns = GRADIENTS * state.energy_parts[0, :2] / STRAIN**2
@@ -96,15 +108,15 @@ class Membrane:
         J = ufl.Jacobian(mesh)
         spread = ufl.dot(J, ufl.dot(ufl.as_matrix([[2.0, -1.0], [-1.0, 2.0]]) / 36, J.T))  # mean of (x - x_c) (x - x_c)
         energy = 0
-        for n, q in enumerate((nominal_strain(I4), nominal_strain(I8), shear_angle(I4, I6, I8, cosine))):
+        for n, q in enumerate((nominal_strain(I4), nominal_strain(I8), shear_angle(I4, I6, I8, rest))):
             slope = sum(ufl.diff(q, I) * dI for I, dI in zip(invariants, slopes))
             energy += stiffness[n] * ufl.dot(slope, ufl.dot(spread, slope))
         return law.thickness * energy
 
     def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
         """First variation of `energy` in `v` and second in `v` and `w` (UFL arguments in the space of `blank.u`)."""
-        law, fa, fb, cosine = self._ufl
-        first, second = derivatives(*self._invariants, cosine, law)
+        law, fa, fb, _, rest = self._ufl
+        first, second = derivatives(*self._invariants, rest, law)
         (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
         gdim = len(fa)
         # how each component of fa and fb moves the invariants
@@ -154,12 +166,12 @@ class Membrane:
         """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and UFL's S as 11, 22,
         12 (cells, points, 3) [MPa] at each quadrature point of the owned cells."""
         if self._points is None:
-            law, fa, fb, cosine = self._ufl
+            law, fa, fb, cosine, rest = self._ufl
             sine = ufl.sqrt(1 - cosine**2)
             f1, f2 = fa, (fb - cosine * fa) / sine
             C = ufl.variable(ufl.as_matrix([[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]))
             b = ufl.as_vector([cosine, sine])
-            W = energy_density(C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b)), cosine, law)
+            W = energy_density(C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b)), rest, law)
             S = 2 * ufl.diff(W, C)
             flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
             values = ufl.as_vector([*flat, cosine, S[0, 0], S[1, 1], S[0, 1]])
@@ -180,7 +192,12 @@ class Membrane:
         F, b, S_ufl = self.at_points()
         cells, points = F.shape[:2]
         b = b.reshape(-1, 2)
-        state = pointwise.evaluate(self.fabric, gradient=F.reshape(-1, 3, 2), fibres=([1.0, 0.0], b))
+        state = pointwise.evaluate(
+            self.fabric,
+            gradient=F.reshape(-1, 3, 2),
+            fibres=([1.0, 0.0], b),
+            weave_angle=self.weave_angle,
+        )
         S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
         difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
         mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), self.fabric.s1)).max(initial=0.0)

@@ -69,7 +69,11 @@ def least_stability(membrane: Membrane) -> float:
     F, b, _ = membrane.at_points()
     fa, fb = F[..., 0], F[..., 0] * b[..., :1] + F[..., 1] * b[..., 1:]
     I4, I6, I8 = (np.einsum("cqi,cqi->cq", x, y) for x, y in ((fa, fa), (fa, fb), (fb, fb)))
-    gamma = np.arctan2(I6, np.sqrt(I4 * I8 - I6 * I6)) - np.arctan2(b[..., 0], b[..., 1])
+    gamma = np.arctan2(I6, np.sqrt(I4 * I8 - I6 * I6))
+    if membrane.weave_angle is None:
+        gamma -= np.arctan2(b[..., 0], b[..., 1])
+    else:
+        gamma -= np.pi / 2 - membrane.weave_angle
     return stability.least_ellipticity(membrane.fabric, np.stack([I4, I6, I8, gamma], -1))
 
 
