@@ -31,7 +31,7 @@ RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it t
 
 def forming_parser(name: str, description: str, full: dict[str, int], quick: dict[str, int]) -> Parser:
     """The parser of a study that forms plies: what all studies share and the options of this scene; see `study.parser`."""
-    p = parser(name, description, full, quick, element="P1", tolerance=1e-6, path_tolerance=1e-3, every=10)
+    p = parser(name, description, full, quick, element="P1", tolerance=1e-6, path_tolerance=1e-6, every=10)
     ply = p.add_argument_group("ply")
     ply.add_argument("--length", type=POSITIVE, default=470.0, help="along x [mm]")
     ply.add_argument("--width", type=POSITIVE, default=270.0, help="along y [mm]")

@@ -232,6 +232,10 @@ class Scene:
     def _having(self, method: str) -> list[Any]:
         return [term for term in self.terms if hasattr(term, method)]
 
+    def contacts(self) -> list[Any]:
+        """The terms that tell how deep a tool reaches into the sheet."""
+        return self._having("deepest")
+
     def at(self, load: float) -> None:
         """Set the load factor of the terms that depend on it, and take them back to the last accepted state."""
         for term in self._having("at"):

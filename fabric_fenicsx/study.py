@@ -1,6 +1,7 @@
 """What every study script shares: its options, its run from a scene to results, and how it ends."""
 
 import csv
+import dataclasses
 import json
 import logging
 import math
@@ -34,16 +35,18 @@ from .material.presets import load
 from .mechanics.membrane import INTEGRATION, Membrane
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import ENERGIES, History
+from .results.measures import areas, quantiles
 from .running import Asked, Console, LogFile, replace
 from .scene import Scene, Support
 from .solve.checkpoint import Checkpoint
+from .solve.limits import EDGES, Limits
 from .solve.newton import LINEAR_SOLVERS, Newton
 from .solve.stepping import march
 
 log = logging.getLogger(__package__)
 RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"  # by which a folder is known to hold a run's
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
-UNBALANCED = 0.02  # of the stored energy, above which a run warns that its work does not match
+UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
 QUICK = {"nx": 20, "steps": 5}
 # with P2 and --path-tolerance 1e-4 the cheapest of studies/speed_vs_error.py with curves right to 0.1 %, in tension and bias
@@ -115,6 +118,9 @@ def parser(
         type=POSITIVE,
         help="largest distance of a state from its extrapolation, of the displacement; limits steps where the path matters",
     )
+    believed = p.add_argument_group("limits, beyond which a result is not believed (exit status 3)")
+    for each in dataclasses.fields(Limits):
+        believed.add_argument(f"--max-{each.name}", type=POSITIVE, default=each.default, help=each.metadata["help"])
     solver.add_argument("--linear-solver", choices=tuple(LINEAR_SOLVERS), default="mumps-cholesky")
     output = p.add_argument_group("output")
     output.add_argument("--out", metavar="DIR", type=Path, default=Path("results") / name)
@@ -394,8 +400,6 @@ class Study:
                     "step to load %.6g rejected after %d iterations: %s", load, report.iterations, report.reason
                 )
 
-        if start is None and membrane.weave_angle is not None:
-            self._let_rest(newton)
         asked = Asked(self.comm)
         try:
             outcome = march(
@@ -421,17 +425,24 @@ class Study:
         mesh = membrane.blank.mesh
         energies = scene.energies() | {"viscous": history.rows[-1]["viscous_energy_Nmm"]}
         work = history.rows[-1]["external_work_Nmm"]
-        stored = sum(energies.values()) - history.rows[0]["strain_energy_Nmm"]  # of a pre-sheared ply at rest
+        stored = sum(energies.values())
         imbalance = abs(work - stored) / max(abs(stored), 1e-300)
+        worst = max(history.rows[1:] or history.rows, key=lambda row: row["energy_imbalance"])
+        branches = [row["load"] for row in history.rows if row["saddles"]]
+        if branches:
+            self.warn(
+                f"the path branches at load {', '.join(f'{load:.6g}' for load in branches)}: the equilibrium there was a saddle, and one of the ways down was taken; others may lead to other results"
+            )
         if imbalance > UNBALANCED:
             self.warn(
                 f"work of supports and tools and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
             )
+        wrong = outcome.reason or self._not_believed(scene, fields, energies, imbalance)
         summary = self.summarise(
             folder,
-            converged=not outcome.reason,
+            converged=not wrong,
             stroke_reached=outcome.reached,
-            reason=outcome.reason or "full load reached",
+            reason=wrong or "full load reached",
             dofs=membrane.blank.V.dofmap.index_map.size_global * mesh.geometry.dim,
             cells=mesh.topology.index_map(mesh.topology.dim).size_global,
             integration=membrane.integration,
@@ -445,6 +456,8 @@ class Study:
             reaction_N=history.rows[-1]["reaction_N"],
             kernel_mismatch=self.comm.allreduce(mismatch, MPI.MAX),
             energy_imbalance=imbalance,
+            energy_imbalance_largest={"value": worst["energy_imbalance"], "load": worst["load"]},
+            branches=branches,
             quantities=quantities(fields, history.rows),
         )
         if words := asked():
@@ -453,29 +466,20 @@ class Study:
             self._pictures(folder, history.rows)
         self.comm.barrier()
         if not summary["converged"]:
-            raise SolverFailure(f"{outcome.reason}; the results up to there are in {folder}")
+            raise SolverFailure(f"{wrong}; the results up to there are in {folder}")
         return Result(summary, history.rows, fields, folder)
 
-    def _let_rest(self, newton):
-        """Bring a ply whose weave is sheared as it lies to rest in its supports at load 0, and say what that changed."""
-        scene, x = newton.scene, newton.x
-        scene.at(0.0)
-        scene.u.copy(x)
-        x.array[scene.held] = scene.held_values(0.0)
-        scene.set(x)
-        before, report = scene.energy(), newton.solve_for(x)
-        if report.converged:
-            scene.set(x)
-            moved = x.norm(PETSc.NormType.NORM_INFINITY)
-            self.say(
-                f"the ply's weave is sheared as it lies: at rest in its supports, before load, points have moved by up to {moved:.3g} mm, and its energy has fallen from {before:.5g} to {scene.energy():.5g} N mm"
-            )
-            return
-        x.set(0.0)
-        scene.set(x)
-        self.warn(
-            f"the ply's weave is sheared as it lies, and no state at rest was found before load ({report.reason}); the first step starts out of equilibrium"
-        )
+    def _not_believed(self, scene, fields, energies, imbalance):
+        """Why the result at full load is not to be believed; "" if it is."""
+        stretched = np.maximum(fields["eps_a"], fields["eps_b"])
+        found = {
+            "imbalance": imbalance,
+            "viscous": energies["viscous"] / max(abs(energies["strain"]), 1e-300),
+            "penetration": max((k.deepest() / k.thickness for k in scene.contacts()), default=0.0),
+            "strain": quantiles(self.comm, stretched, areas(scene.blank), [1 - EDGES])[0],
+        }
+        limits = Limits(*(getattr(self.args, f"max_{name}") for name in found))
+        return "the result is not to be believed: " * bool(wrong := limits.exceeded(found)) + "; ".join(wrong)
 
     def summarise(self, folder: Path, **facts: Any) -> dict[str, Any]:
         """Write `facts` with the costs so far and the versions to summary.json, and return it all."""
@@ -536,6 +540,7 @@ class Study:
             "model",
             "without",
             "compare",
+            *(f"max_{each.name}" for each in dataclasses.fields(Limits)),
         }
         options = {k: str(v) if isinstance(v, Path) else v for k, v in vars(self.args).items() if k not in free}
         return {"study": self.name} | options | {"material": fabric.dumps()}

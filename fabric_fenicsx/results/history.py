@@ -12,8 +12,8 @@ from ..solve.stepping import Accepted
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
 COLUMNS = (
     "step", "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "bending_energy_Nmm", "contact_energy_Nmm",
-    "friction_energy_Nmm", "viscous_energy_Nmm", "external_work_Nmm", "iterations",
-    "shifts", "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "min_stability", "wall_s",
+    "friction_energy_Nmm", "viscous_energy_Nmm", "external_work_Nmm", "energy_imbalance", "iterations",
+    "saddles", "shifts", "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "min_stability", "wall_s",
 )  # fmt: skip
 
 
@@ -38,10 +38,12 @@ class History:
         min_stability: least ellipticity indicator of all points, see `material.stability`; a band is the material's only where it is negative.
         """
         report = accepted.report
+        stored = sum(accepted.energies.values())
         row = {
             "step": len(self.rows), "load": accepted.load, "displacement_mm": displacement, "reaction_N": reaction,
             "external_work_Nmm": accepted.external_work,
-            "iterations": report.iterations, "shifts": report.shifts, "line_search_cuts": report.cuts, "cuts": accepted.cuts,
+            "energy_imbalance": abs(accepted.external_work - stored) / max(abs(stored), 1e-300) if accepted.load else 0.0,
+            "saddles": report.saddles, "iterations": report.iterations, "shifts": report.shifts, "line_search_cuts": report.cuts, "cuts": accepted.cuts,
             "negative_pivots": report.negative_pivots, "residual_N": report.residuals[-1] if report.residuals else 0.0,
             "force_scale_N": report.scale, "min_stability": min_stability, "wall_s": round(accepted.wall, 4),
         } | {f"{kind}_energy_Nmm": accepted.energies.get(kind, 0.0) for kind in ENERGIES}  # fmt: skip
