@@ -39,6 +39,7 @@ LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
     "cg-gamg": {"ksp_type": "fcg", "pc_type": "gamg", "pc_gamg_agg_nsmooths": 0, "ksp_rtol": 1e-8, "ksp_max_it": 2000},
     "cg-hypre": {"ksp_type": "fcg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
 }
+MUMPS_ROOM = 14  # its option for how much more than estimated it may take [%]
 
 
 @dataclass
@@ -303,6 +304,9 @@ class Newton:
             with phase("linear_solve"):
                 ksp.setOperators(self.A)
                 ksp.solve(rhs, d)
+                while not self._factors_fit():
+                    ksp.setOperators(self.A)
+                    ksp.solve(rhs, d)
                 reason = ksp.getConvergedReason()
                 negative, zero = self._pivots() if reason > 0 else (None, None)
             if attempt == 0:
@@ -322,6 +326,20 @@ class Newton:
             self.A.shift(larger - shift)
             shift = larger
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
+
+    def _factors_fit(self):
+        """False if MUMPS ran out of the room that its analysis foresaw, as where many pivots were zero then and are not now.
+        It then starts anew, with more: after an error it would never factor again."""
+        pc = self.snes.ksp.pc
+        if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
+            return True
+        factor = pc.getFactorMatrix()
+        room = factor.getMumpsIcntl(MUMPS_ROOM)
+        if factor.getMumpsInfog(1) >= 0 or room > 10_000:
+            return True
+        PETSc.Options("fabric_")[f"mat_mumps_icntl_{MUMPS_ROOM}"] = 5 * room
+        pc.reset()
+        return False
 
     def _comply(self, d):
         """Let d know of tools that give way (Woodbury); False if the tangent then is not positive definite."""
