@@ -12,7 +12,7 @@ import scipy
 from fabric_fenicsx import __version__
 from fabric_fenicsx.cli import Help, Parser, command, exit_status
 from fabric_fenicsx.errors import InputError, SolverFailure
-from fabric_fenicsx.material import curves, identify
+from fabric_fenicsx.material import curves, identification
 from fabric_fenicsx.material.parameters import WovenFabric
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.results import report as html
@@ -29,7 +29,7 @@ def options():
         "--data",
         metavar="DIR",
         type=Path,
-        help="folder with sheet.toml and a CSV file a test; see fabric_fenicsx/material/curves.py",
+        help="folder with sheet.toml and a CSV file a test; see fabric_fenicsx/material/curves",
     )
     p.add_argument(
         "--out",
@@ -46,7 +46,7 @@ def options():
     )
     synthetic.add_argument(
         "--tests",
-        choices=tuple(identify.PLANS),
+        choices=tuple(identification.PLANS),
         default="all",
         help="paper: what the paper had, which leaves 3 of 10 parameters assumed",
     )
@@ -114,7 +114,7 @@ def main(args):
             f"--synthesize {args.synthesize} is a fabric of tabulated curves; allowed is one with parameters"
         )
     if args.coverage is not None:
-        found = identify.coverage(fabric, args.tests, args.noise, range(args.seed, args.seed + args.coverage))
+        found = identification.coverage(fabric, args.tests, args.noise, range(args.seed, args.seed + args.coverage))
         write_report(args, args.out.with_name(args.out.stem + "_coverage.json"), found, started)
         for name, inside in found["inside"].items():
             print(
@@ -122,26 +122,28 @@ def main(args):
             )
         return
     if fabric:
-        sheet, tests = identify.synthesise(fabric, args.tests, args.noise, args.seed)
+        sheet, tests = identification.synthesise(fabric, args.tests, args.noise, args.seed)
         remark = f"synthetic, from {args.synthesize} with seed {args.seed} and normal noise of {100 * args.noise:g} % of each column's largest value"
         curves.write(args.data, sheet, tests, [remark])
-    result = identify.identify(*curves.read(args.data))
+    result = identification.identify(*curves.read(args.data))
     report = {"data": str(args.data)} | result.report()
     write_report(args, args.out.with_suffix(".json"), report, started)
-    result.fabric.to_toml(args.out)
+    result.fabric.to_toml(args.out, result.remarks())
     if not args.no_pictures:
-        identify.draw(result, args.out.with_suffix(""))
+        identification.draw(result, args.out.with_suffix(""))
     files = args.out.with_suffix(".json"), args.out.parent.glob(f"{args.out.stem}_*.png")
     page = html.page("identify", {"": files}, __doc__, "done")
     args.out.with_suffix(".html").write_text(page)
     for name, p in result.determined.items():
         print(f"{name:12s} {p.value:12.6g} {p.unit:4s} 95 % interval {p.interval[0]:.6g} to {p.interval[1]:.6g}")
     for name, p in result.assumed.items():
-        print(f"{name:12s} {p.value:12.6g} {p.unit:4s} assumed ({p.source}), as {p.reason}")
+        print(f"{name:12s} {p.value:12.6g} {p.unit:4s} {p}")
     for curve in report["curves"]:
         print(
             f"{curve['file']}: r.m.s. error of {curve['column']} {curve['rms_error']:.4g} {curve['unit']}, {100 * curve['rms_error_of_peak']:.2g} % of its peak"
         )
+    if result.areal_weight is not None:
+        print(f"density {result.fabric.density:.4g} g/cm3 = areal weight {result.areal_weight:g} g/m2 / thickness")
     for warning in result.warnings:
         print(f"warning: {warning}")
     print(

@@ -6,6 +6,7 @@ from scipy.optimize import brentq
 from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import pointwise, stability
 from fabric_fenicsx.material.closed_form import nominal_stresses
+from fabric_fenicsx.material.homogeneous import lateral_strain
 from fabric_fenicsx.material.parameters import WovenFabric
 from fabric_fenicsx.material.paths import conjugate, gradient
 from fabric_fenicsx.material.presets import PRESETS
@@ -71,9 +72,8 @@ def tension_tension(fabric, largest=0.3):
 def free_uniaxial(fabric, indicator, n=60):
     """First eps_a of free uniaxial tension along a, up to `EPS_A`, at which the indicator is lost, or None."""
     eps_a = np.linspace(0.0005, EPS_A, n)
-    low = -0.999
-    eps_b = [brentq(lambda e: nominal_stresses(fabric, x, e, 0)[1][0], low, 0.0, xtol=1e-14) for x in eps_a]
-    lost = getattr(stability.evaluate(fabric, stability.invariants(eps_a, np.array(eps_b))), indicator) < 0
+    eps_b = lateral_strain(fabric, 0, eps_a)
+    lost = getattr(stability.evaluate(fabric, stability.invariants(eps_a, eps_b)), indicator) < 0
     return float(eps_a[lost.argmax()]) if lost.any() else None
 
 

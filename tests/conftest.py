@@ -12,6 +12,27 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
+# Seconds after which what a test started counts as hung: far more than the slowest takes on a machine with other work.
+HANG = 3600
+
+
+@pytest.fixture(scope="session")
+def hang():
+    """Time limit [s] for whatever a test starts; for hangs alone, so no test sets one of its own."""
+    return HANG
+
+
+@pytest.fixture(scope="session")
+def by_position():
+    """Function that gathers rows of owned nodes or cells on all ranks, in the order of their places: by_position(comm,
+    places, *rows). Two meshes of the same sheet may be shared out differently, so rows of a rank must not be compared."""
+
+    def gather(comm, places, *rows):
+        places, *rows = (np.concatenate(comm.allgather(np.asarray(part))) for part in (places, *rows))
+        order = np.lexsort((places.round(6) + 0.0).T)
+        return [part[order] for part in (places, *rows)]
+
+    return gather
 
 
 @pytest.fixture(scope="session")
@@ -54,7 +75,7 @@ def launch(tmp_path):
     kill_at_row: kill it once its history has that many rows; overwrite: what an earlier launch left.
     """
 
-    def run(name, *options, ranks=1, out=True, timeout=300, kill_at_row=None, overwrite=True):
+    def run(name, *options, ranks=1, out=True, kill_at_row=None, overwrite=True):
         environment = os.environ | {
             "OMPI_ALLOW_RUN_AS_ROOT": "1",
             "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
@@ -76,7 +97,7 @@ def launch(tmp_path):
             process.kill()
             process.wait()
             return None
-        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=timeout)
+        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=HANG)
         summary = folder / "summary.json"
         return SimpleNamespace(
             status=done.returncode,

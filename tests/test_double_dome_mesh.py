@@ -54,9 +54,9 @@ def test_bad_dimensions(options, words):
         double_dome(**options)
 
 
-def test_by_itself(tmp_path):
+def test_by_itself(tmp_path, hang):
     command = [sys.executable, SCRIPT, "--size", "20", "--turn", "20", "--quarter", "--depth", "50"]
-    done = subprocess.run([*command, "--out", tmp_path / "tool.vtp"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*command, "--out", tmp_path / "tool.vtp"], capture_output=True, text=True, timeout=hang)
     assert done.returncode == 0, done.stderr
     assert "triangles" in done.stdout
     assert TriangulatedSurface.read(tmp_path / "tool.vtp").points[:, 2].max() == pytest.approx(50)

@@ -27,12 +27,12 @@ def test_the_material_file(tmp_path):
     assert fabric.thickness == 0.4 and fabric.density == 0.75 and fabric.warp == fabric.weft == load("komeili").warp
 
 
-def test_the_study_in_python(tmp_path):
+def test_the_study_in_python(tmp_path, hang):
     write(tmp_path / "strip.msh", *specimen(nx=20, ny=5))
     (tmp_path / "fabric.toml").write_text(block("toml"))
     pyvista.Sphere(radius=30, theta_resolution=60, phi_resolution=60).save(tmp_path / "ball.stl")
     done = subprocess.run(
-        [sys.executable, "-c", block("python")], cwd=tmp_path, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", block("python")], cwd=tmp_path, capture_output=True, text=True, timeout=hang
     )
     assert done.returncode == 0, done.stderr
     reached, force, stress = map(float, done.stdout.split())
@@ -46,7 +46,7 @@ COMMANDS = [line for line in COMMANDS if not any(f"studies/{name}.py" in line fo
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_the_commands(tmp_path, command):
+def test_the_commands(tmp_path, command, hang):
     _, script, *options = shlex.split(command)
     write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
     for name in ("fabric.toml", "glass_pp.toml"):
@@ -64,7 +64,7 @@ def test_the_commands(tmp_path, command):
         cwd=tmp_path,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=hang,
         env=environment,
     )
     assert done.returncode == 0, done.stderr

@@ -18,7 +18,7 @@ from ufl import conditional, lt
 from ufl.core.expr import Expr
 
 from ..errors import InputError
-from .parameters import SHEET, WovenFabric, check_complete, check_couplings, check_number, read_numbers
+from .parameters import SHEET, WovenFabric, check_complete, check_couplings, check_number, read_sheet_numbers
 
 MIN_POINTS = 3
 MAX_POINTS = 40  # in a file: compiling the form takes the square of their number, half a minute at 100
@@ -185,7 +185,7 @@ class TabulatedFabric:
         fields: dict[str, Any] = {"name": document.pop("name", "")}
         document.pop("model")
         units = document.pop("units", {})
-        fields |= (numbers := read_numbers(document, SHEET, units, "", ("model", "name", *files)))
+        fields |= (numbers := read_sheet_numbers(document, units, ("model", "name", *files))[0])
         check_complete(numbers, SHEET, "", "at the top of the file")
         for key, name in files.items():
             if not isinstance(name, str):

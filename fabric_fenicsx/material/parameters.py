@@ -40,9 +40,15 @@ RULES = {
     "s3": _Rule("stress", "at least 0", lambda v: v >= 0),
     "thickness": _Rule("length", "above 0", lambda v: v > 0),
     "density": _Rule("density", "above 0", lambda v: v > 0),
+    "areal_weight": _Rule("areal_weight", "above 0", lambda v: v > 0),
 }
 # what fabrics have, widely taken; beyond it a unit is probably wrong
-PLAUSIBLE = {"b": (1.0, 1e5, "MPa"), "s1": (1e-4, 10.0, "MPa"), "thickness": (0.01, 20.0, "mm")}
+PLAUSIBLE = {
+    "b": (1.0, 1e5, "MPa"),
+    "s1": (1e-4, 10.0, "MPa"),
+    "thickness": (0.01, 20.0, "mm"),
+    "density": (0.05, 10.0, "g/cm3"),
+}
 YARN = ("a", "b", "d", "p_min", "c", "s_T", "s_C")
 SHEAR = ("s1", "s2", "s3")
 SHEET = ("thickness", "density")
@@ -52,6 +58,7 @@ UNITS = {
     "stress": {"MPa": 0, "kPa": -3, "Pa": -6, "GPa": 3},
     "length": {"mm": 0, "cm": 1, "m": 3, "um": -3},
     "density": {"g/cm3": 0, "kg/m3": -3},
+    "areal_weight": {"g/m2": 0, "kg/m2": 3},
 }
 
 
@@ -189,6 +196,7 @@ class WovenFabric:
     def doubts(self) -> list[str]:
         """Sentences on values outside of `PLAUSIBLE`, which may be in a wrong unit."""
         values = [("b", self.warp.b), ("s1", self.s1), ("thickness", self.thickness)]
+        values += [("density", self.density)]
         values += [("b", self.weft.b)] if self.weft.b != self.warp.b else []
         return [
             f"{name} of material {self.name} is {value:g} {unit}, fabrics have {low:g} to {high:g}; look at its unit"
@@ -228,23 +236,23 @@ class WovenFabric:
             warp=warp, weft=weft, curves=None, **numbers, **{name: getattr(self, name) for name in COUPLINGS}
         )
 
-    def dumps(self) -> str:
-        """The TOML text, which reads back as an equal object."""
+    def dumps(self, remarks: Iterable[str] = ()) -> str:
+        """The TOML text, which reads back as an equal object; remarks: comment lines at its top."""
         table: dict[str, Any] = {"name": self.name, "thickness": self.thickness, "density": self.density}
         table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
-        table["units"] = {kind: next(iter(units)) for kind, units in UNITS.items()}
+        table["units"] = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
         yarns = {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
         table |= {key: dataclasses.asdict(yarn) for key, yarn in yarns.items()}
         table["shear"] = {name: getattr(self, name) for name in SHEAR}
-        return tomli_w.dumps(table)
+        return "".join(f"# {line}\n" for line in remarks) + tomli_w.dumps(table)
 
-    def to_toml(self, path: str | os.PathLike[str]) -> None:
-        """Write the file whole or not at all; InputError where it cannot be written."""
+    def to_toml(self, path: str | os.PathLike[str], remarks: Iterable[str] = ()) -> None:
+        """Write the file whole or not at all, with `remarks` as comments; InputError where it cannot be written."""
         path = Path(path)
         part = path.parent / f".{path.name}.{os.getpid()}.part"
         try:
             try:
-                part.write_text(self.dumps(), encoding="utf-8")
+                part.write_text(self.dumps(remarks), encoding="utf-8")
                 os.replace(part, path)
             finally:
                 part.unlink(missing_ok=True)
@@ -298,7 +306,7 @@ def from_document(document: dict[str, Any]) -> dict[str, Any]:
         if unit not in list(UNITS[kind]):
             raise unknown_key(unit, UNITS[kind], f"units.{kind} {shown(unit)}")
     fields: dict[str, Any] = {key: document.pop(key) for key in ("name", "couplings") if key in document}
-    fields |= read_numbers(document, SHEET, units, "", ("name", "couplings", *tables))
+    fields |= read_sheet_numbers(document, units, ("name", "couplings", *tables))[0]
     fields |= read_numbers(tables["shear"], SHEAR, units, "shear.")
     check_complete(fields, SHEET, "", "at the top of the file")
     check_complete(fields, SHEAR, "shear.", "in [shear]")
@@ -313,6 +321,21 @@ def check_complete(found: Iterable[str], names: Iterable[str], where: str, place
     """InputError if a name is missing."""
     if missing := [where + name for name in names if name not in found]:
         raise InputError(f"missing {', '.join(missing)}, which must be given {place}")
+
+
+def read_sheet_numbers(
+    table: Mapping[str, Any], units: Mapping[str, str], also: tuple[str, ...] = ()
+) -> tuple[dict[str, float], float | None]:
+    """Those of thickness [mm] and density [g/cm3] that a table has, and the areal weight [g/m2] if the density is from
+    one: areal weight / thickness. InputError by key; also: keys that belong to others."""
+    numbers = read_numbers(table, (*SHEET, "areal_weight"), units, "", also)
+    weight = numbers.pop("areal_weight", None)
+    if weight is not None and "thickness" in numbers:
+        if "density" in numbers:
+            raise InputError("density and areal_weight are both given; allowed is one, as each follows from the other")
+        # of g/(m2 mm), to the rounding of a number typed by hand
+        numbers["density"] = float(f"{1e-3 * weight / numbers['thickness']:.15g}")
+    return numbers, weight
 
 
 def read_numbers(

@@ -397,7 +397,7 @@ def test_forces_and_stiffness_are_derivatives(in_plane):
 
 
 @pytest.mark.mpi
-def test_same_on_any_number_of_ranks_and_turned_in_space():
+def test_same_on_any_number_of_ranks_and_turned_in_space(by_position):
     """The sheet on one rank, on all, and turned with its frame on all: energy, forces, stiffness."""
     a, b, R = np.array([1.0, 0.4, 0]), np.array([0.1, 1.0, 0]), rotation()
     found = []
@@ -420,10 +420,8 @@ def test_same_on_any_number_of_ranks_and_turned_in_space():
         d[start : start + f.size] = np.sin(where[: len(f)] * [0.3, 0.5, 1.0] + 1).ravel()
         d = comm.allreduce(d, MPI.SUM)
         product = comm.allreduce(np.bincount(rows, values * d[columns], minlength=len(d)), MPI.SUM)
-        parts = comm.allgather((where[: len(f)], f, product[start : start + f.size].reshape(-1, 3)))
-        where, f, product = (np.concatenate(part) for part in zip(*parts))
-        order = np.lexsort(where[:, :2].round(6).T)
-        found.append((energy(bending), f[order], product[order]))
+        _, f, product = by_position(comm, where[: len(f), :2], f, product[start : start + f.size].reshape(-1, 3))
+        found.append((energy(bending), f, product))
     for other in found[1:]:
         for mine, theirs in zip(found[0], other):
             assert np.abs(np.asarray(theirs) - mine).max() <= 1e-12 * np.abs(mine).max()
@@ -431,7 +429,7 @@ def test_same_on_any_number_of_ranks_and_turned_in_space():
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("pattern", PATTERNS)
-def test_quarter_of_a_symmetric_sheet(pattern):
+def test_quarter_of_a_symmetric_sheet(by_position, pattern):
     """With its mirror images a quarter is the whole sheet, also at the corner where both planes meet."""
 
     def field(x):
@@ -452,11 +450,8 @@ def test_quarter_of_a_symmetric_sheet(pattern):
         displace(blank, field)
         bending.accept()
         f = forces(bending)
-        where = np.concatenate(COMM.allgather(blank.coordinates()[: len(f)]))
-        f = np.concatenate(COMM.allgather(f))
-        kept = (where[:, :2] > 0.1).all(1)
-        order = np.lexsort(where[kept, :2].round(6).T)
-        found.append((energy(bending) / len(signs), f[kept][order]))
+        where, f = by_position(COMM, blank.coordinates()[: len(f), :2], f)
+        found.append((energy(bending) / len(signs), f[(where > 0.1).all(1)]))
     (quarter, f), (whole, f_whole) = found
     assert quarter == pytest.approx(whole, rel=1e-12)
     assert np.abs(f - f_whole).max() <= 1e-12 * np.abs(f).max()

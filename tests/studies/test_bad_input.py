@@ -74,7 +74,7 @@ def test_bad_input(launch, tmp_path, case, ranks):
     earlier = tmp_path / "out" / "summary.json"
     earlier.parent.mkdir()
     earlier.write_text("{}")
-    done = launch("tensile", "--quick", *options, ranks=ranks, out="--out" not in options, timeout=60)
+    done = launch("tensile", "--quick", *options, ranks=ranks, out="--out" not in options)
     assert done.status == 2, done.err
     spoken = [line for line in done.err.splitlines() if line.startswith("studies/tensile.py: error: ")]
     assert len(spoken) == 1 and "Traceback" not in done.err

@@ -6,9 +6,11 @@ import sys
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from fabric_fenicsx.material import identify
+from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
+from fabric_fenicsx.material.identification import problem
 from fabric_fenicsx.material.presets import load
 
 DATA = Path(__file__).parents[2] / "studies" / "data"
@@ -53,6 +55,48 @@ def test_synthetic_data_and_coverage(launch, tmp_path):
     assert json.loads((tmp_path / "x_coverage.json").read_text())["determined"]["s_T"] == 3
 
 
+STRIP = "# test: uniaxial_a\n# lateral: free\n# noise: 1 % of maximum\neps_a [%],sigma_a [N/mm]\n"
+SHEET = 'name = "strip"\nthickness_mm = 0.5\nareal_weight_g_per_m2 = 300\nbalanced = true\n'
+
+
+@pytest.fixture
+def strip_data(tmp_path):
+    """Folder with the force over the width of a strip of Table 1's fabric, 0.5 mm thick, its sides free."""
+    strain = np.linspace(0.001, 0.03, 30)
+    strains = np.stack([strain, lateral_strain(load("komeili"), 0, strain), 0 * strain], -1)
+    force = 0.5 * nominal(load("komeili"), strains)[:, 0]
+    folder = tmp_path / "data"
+    folder.mkdir()
+    (folder / "sheet.toml").write_text(SHEET)
+    (folder / "strip.csv").write_text(STRIP + "".join(f"{100 * e},{f}\n" for e, f in zip(strain, force)))
+    return folder
+
+
+def test_a_strip_with_free_sides_in_newtons_per_width(launch, strip_data, tmp_path):
+    done = launch("identify", "--data", strip_data, "--out", tmp_path / "x.toml", "--no-pictures", out=False)
+    assert done.status == 0, done.err
+    fabric, text = load(tmp_path / "x.toml"), (tmp_path / "x.toml").read_text()
+    assert (fabric.thickness, fabric.density) == (0.5, 0.6) and fabric.warp.b == pytest.approx(667.5, rel=1e-6)
+    assert text.startswith("# density = areal weight 300 g/m2 / thickness 0.5 mm\n")
+    assert "# d = 0.65 MPa is assumed (Table 1" in text and "# s1 = 0.02506 MPa is assumed (Table 1" in text
+    assert "density 0.6 g/cm3 = areal weight 300 g/m2 / thickness" in done.out
+    assert json.loads((tmp_path / "x.json").read_text())["areal_weight_g_per_m2"] == 300
+
+
+def test_a_weft_of_which_nothing_is_known_is_refused(launch, strip_data, tmp_path):
+    (strip_data / "sheet.toml").write_text(SHEET.replace("true", "false"))
+    options = "--data", strip_data, "--out", tmp_path / "x.toml", "--no-pictures"
+    done = launch("identify", *options, out=False)
+    assert done.status == 2 and done.err.count("\n") == 1 and not (tmp_path / "x.toml").exists()
+    assert "balanced is false, but no test tells the weft's a and b; allowed is a test uniaxial_b" in done.err
+    (strip_data / "sheet.toml").write_text(SHEET.replace("true", "false") + "[assumed.weft]\na_MPa = 0\nb_MPa = 300\n")
+    done = launch("identify", *options, out=False)
+    assert done.status == 0, done.err
+    assert load(tmp_path / "x.toml").weft.b == 300
+    assert "# weft.b = 300 MPa is assumed (sheet.toml): no test excites it" in (tmp_path / "x.toml").read_text()
+    assert "weft.b" in done.out and "assumed (sheet.toml)" in done.out
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
@@ -74,8 +118,10 @@ def test_bad_input(launch, options, sentence):
 
 
 def test_a_fit_that_gives_up(monkeypatch, tmp_path, capsys):
-    failed = SimpleNamespace(status=0, nfev=300)
-    monkeypatch.setattr(identify, "least_squares", lambda *a, **k: failed)
+    def failed(_, x, **__):
+        return SimpleNamespace(status=0, nfev=300, x=x)
+
+    monkeypatch.setattr(problem, "least_squares", failed)
     options = ["--data", str(DATA / "glass_pp_115x230"), "--out", str(tmp_path / "x.toml")]
     monkeypatch.setattr(sys, "argv", ["identify.py", *options])
     with pytest.raises(SystemExit) as left:

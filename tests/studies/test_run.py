@@ -82,11 +82,11 @@ def test_results_are_lost_only_if_that_is_asked(launch):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_ends_after_its_step_if_asked_and_goes_on(tmp_path, whole, number):
+def test_ends_after_its_step_if_asked_and_goes_on(tmp_path, whole, number, hang):
     process = begun(tmp_path / "out")
     wait_for_rows(process, tmp_path / "out")
     process.send_signal(number)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=hang)
     assert process.returncode == 3
     assert re.fullmatch(
         rf"studies/tensile.py: stopped by {number.name} at load factor [\d.]+; --resume goes on from there\n",
@@ -97,7 +97,7 @@ def test_ends_after_its_step_if_asked_and_goes_on(tmp_path, whole, number):
     same_curve(tmp_path / "out", whole)
 
 
-def test_ranks_end_together_if_asked(launch, tmp_path):
+def test_ranks_end_together_if_asked(launch, tmp_path, hang):
     folder = tmp_path / "out"
     ranks = ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", "2"]
     allowed = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
@@ -110,7 +110,7 @@ def test_ranks_end_together_if_asked(launch, tmp_path):
     )
     wait_for_rows(process, folder)
     process.send_signal(signal.SIGTERM)
-    process.communicate(timeout=60)
+    process.communicate(timeout=hang)
     assert process.returncode != 0
     done = launch("tensile", *OPTIONS, "--resume")
     assert done.status == 0 and len(history(folder)) == 61
@@ -211,7 +211,9 @@ def test_every_output_is_that_of_any_number_of_ranks(launch):
         grid = read_last(done.folder)
         order = np.lexsort(np.round(grid.cell_centers().points.T, 6))
         fields = {k: np.asarray(v)[order] for k, v in grid.cell_data.items() if k != "rank"}
-        nodes = np.unique(np.round(np.column_stack([grid.points[:, :2], grid.point_data["u"][:, :2]]), 6), axis=0)
+        x = np.round(grid.points[:, :2], 6) + 0.0
+        x, once = np.unique(x, axis=0, return_index=True)  # nodes that ranks share are there twice
+        nodes = np.column_stack([x, grid.point_data["u"][once, :2]])
         axis = np.loadtxt(done.folder / "axis.csv", delimiter=",", skiprows=1)
         pictures = sorted(file.name for file in done.folder.glob("*.png"))
         outputs.append((flat(summary) | flat(rows, "row"), fields | {"axis": axis, "nodes": nodes}, pictures))
@@ -262,5 +264,4 @@ def test_studies_of_many_runs_go_on(launch):
     assert first.status == 0
     again = launch("hard_cases", "--only", "ln", "--resume")
     assert again.status == 0
-    assert again.summary["quantities"] == first.summary["quantities"]  # to the hundredth of a second
-    assert again.summary["wall_s"]["total"] < 0.5 * first.summary["wall_s"]["total"]
+    assert again.summary["quantities"] == first.summary["quantities"]  # to the hundredth of a second: not run again

@@ -1,6 +1,5 @@
 """Test curves: files, units, what wrong files say, and the power balances behind shear forces."""
 
-import math
 import re
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves as data
-from fabric_fenicsx.material.identify import nominal, synthesise
+from fabric_fenicsx.material.identification import synthesise
 from fabric_fenicsx.material.presets import PRESETS
 
 KOMEILI = PRESETS["komeili"]
@@ -25,6 +24,17 @@ eps_a [%],sigma_a [MPa]
 2,31.6
 2.5,41.1
 """
+FREE = UNIAXIAL.replace("held", "free")
+# values that are fractions, and radians
+PERCENT = "# test: uniaxial_a\n# lateral: free\neps_a [%],sigma_a [MPa]\n" + "".join(
+    f"{i / 200},{i}\n" for i in (1, 2, 3, 4, 6)
+)
+PERCENT = PERCENT.replace("0.005,1\n", "0.002,0.5\n0.005,1\n").replace("0.03,6", "0.03,6")
+RADIANS = "# test: shear\ngamma [deg],tau [MPa]\n0.1,1\n0.2,2\n0.4,4\n0.6,6\n0.8,9\n"
+WIDENED = "# test: uniaxial_b\n# lateral: free\neps_b [%],sigma_b [MPa],eps_a [%]\n" + "".join(
+    f"{i},{i},{i * 2}\n" for i in range(1, 6)
+)
+FRAME = "# test: picture_frame\n# frame_length: 140 mm\n# fabric_length: 20 cm\ngamma [deg],F [N]\n10,1\n20,2\n30,3\n35,4\n40,5\n"
 SHEAR = "# test: shear\ngamma [deg],F_sh [N/mm]\n10,0.016\n20,0.035\n30,0.056\n35,0.078\n40,0.110\n"
 BIAS = "# test: bias_extension\n# height: 230 mm\n# width: 11.5 cm\ngamma [deg],F [N]\n10,1\n20,2\n30,3\n35,4\n40,5\n"
 
@@ -87,7 +97,20 @@ def test_written_data_read_back(tmp_path, unbalanced):
         (UNIAXIAL, "uniaxial_a", "uniaxal_a", "row 2: test 'uniaxal_a' is unknown (did you mean uniaxial_a?); allowed are"),
         (UNIAXIAL, "# lateral: held", "", "the test uniaxial_a needs a line for lateral; allowed is `# lateral: held`"),
         (UNIAXIAL, "held", "clamped", "row 3: lateral is 'clamped'; allowed is held or free"),
-        (UNIAXIAL, "held", "free", "row 5: the column eps_b is missing, which the test uniaxial_a needs"),
+        (UNIAXIAL, "sigma_a [MPa]", "eps_b [%]", "row 5: lateral: held says that eps_b is 0, but there is a column eps_b; allowed is `# lateral: free`"),
+        (FREE, "sigma_a [MPa]", "sigma_b [MPa]", "row 5: lateral: free says that sigma_b is 0, but there is a column sigma_b; allowed is `# lateral: held`"),
+        (FREE, "sigma_a [MPa]", "F [N]", "row 5: the column F needs the strip's width; allowed is the force over the width, sigma_a [N/mm]"),
+        (FREE, "sigma_a [MPa]", "sigma_a [N]", "row 5: unit [N] of column sigma_a is unknown"),
+        (FREE, "22.8", "-inf", "row 9: sigma_a is '-inf', but it must be a finite number"),
+        (FREE, "41.1", "-410.1", "row 11: sigma_a is -410.1 MPa; allowed is at least 0, of the test uniaxial_a (is its sign turned?)"),
+        (FREE, "41.1", "4.1", "row 11: sigma_a has fallen to 13 % of its value in row 10; allowed is 50 % or more (keep the rows before yarns break)"),
+        (FREE, "0.5,6.9", "0,9", "row 6: sigma_a is 9 MPa before anything is strained; allowed is up to 20 % of its peak there (take the offset off)"),
+        (PERCENT, "", "", "row 9: eps_a reaches 0.03 % only; allowed is 0.05 % or more (is the unit - rather than %?)"),
+        (RADIANS, "", "", "row 7: gamma reaches 0.8 deg only; allowed is 1.6 deg or more (is the unit rad rather than deg?)"),
+        (WIDENED, "", "", "row 8: eps_a is 0.1; allowed is at most 0, free sides narrow (is its sign turned?)"),
+        (UNIAXIAL, "2 % of maximum", "150 % of value", "row 4: noise is '150 % of value', which leaves nothing measured; allowed is below 100 %"),
+        (UNIAXIAL, "2 % of maximum", "-1 N/mm", "row 4: noise is '-1 N/mm', but it must be a number above 0 with one of the units"),
+        (FRAME, "", "", "fabric_length is 200 mm and frame_length 140 mm; allowed is a fabric up to as large as its frame"),
         (UNIAXIAL, "# noise:", "# nosie:", "row 4: the key nosie is unknown (did you mean noise?)"),
         (UNIAXIAL, "# noise:", "# height:", "row 4: the key height does not belong to the test uniaxial_a; allowed are noise, lateral"),
         (UNIAXIAL, "2 % of maximum", "2 %", "row 4: noise is '2 %'; allowed is `2 % of maximum` or `2 % of value`"),
@@ -133,7 +156,28 @@ def test_bad_files(tmp_path, text, old, new, sentence):
     ("old", "new", "sentence"),
     [
         ("balanced = true", "", "balanced is None; allowed is true (warp and weft are equal) or false"),
-        ("thickness_mm = 1.2", "", "missing thickness"),
+        (
+            "thickness_mm = 1.2",
+            "",
+            "missing thickness; allowed is thickness_mm = 1.2, for example: by it a force per width",
+        ),
+        ("density_g_per_cm3 = 0.6", "", "missing density; allowed is density_g_per_cm3 or areal_weight_g_per_m2"),
+        (
+            "balanced",
+            "areal_weight_g_per_m2 = 700\nbalanced",
+            "density and areal_weight are both given; allowed is one",
+        ),
+        ("density_g_per_cm3 = 0.6", "areal_weight = 700", "areal_weight has no unit; write areal_weight_g_per_m2 or"),
+        (
+            "density_g_per_cm3 = 0.6",
+            "areal_weight_g_per_cm3 = 7",
+            "areal_weight_g_per_cm3: areal_weight unit 'g_per_cm3'",
+        ),
+        (
+            "density_g_per_cm3 = 0.6",
+            "areal_weight_g_per_m2 = nan",
+            "areal_weight_g_per_m2 is nan, but it must be a finite",
+        ),
         ("thickness_mm = 1.2", "thickness_inch = 1", "thickness_inch: length unit 'inch' is unknown"),
         ("thickness_mm = 1.2", "thickness_mm = -1", "thickness_mm is -1, but it must be a finite number, above 0"),
         (
@@ -167,6 +211,58 @@ def test_bad_folders(tmp_path):
         data.read(tmp_path)
 
 
+def test_areal_weight_is_a_density(tmp_path):
+    text = SHEET.replace("density_g_per_cm3 = 0.6", "areal_weight_g_per_m2 = 743")
+    sheet = data.read_sheet(folder(tmp_path, text) / "sheet.toml")
+    assert sheet.density == pytest.approx(0.743 / 1.2, rel=1e-14) and sheet.areal_weight == 743
+    text = text.replace("_g_per_m2 = 743", " = 0.743") + '[units]\nareal_weight = "kg/m2"\n'
+    assert data.read_sheet(folder(tmp_path, text) / "sheet.toml") == sheet
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "unit", "factor"),
+    [
+        (FREE, "sigma_a", "N/mm", 1.2),
+        (UNIAXIAL, "sigma_a", "kN/m", 1.2),
+        (SHEAR.replace("F_sh [N/mm]", "tau [MPa]"), "tau", "N/m", 1200.0),
+    ],
+)
+def test_forces_per_width_are_divided_by_the_thickness(tmp_path, text, column, unit, factor):
+    text = text.replace("2 % of maximum", "0.3 MPa")
+    first, second = (tmp_path / name for name in ("first.csv", "second.csv"))
+    first.write_text(text)
+    per_width = scaled(text, factor).replace(f"{column} [MPa]", f"{column} [{unit}]")
+    second.write_text(per_width.replace("0.3 MPa", f"{0.3 * factor} {unit}"))
+    one, two = (data.read_curve(path, 1.2) for path in (first, second))
+    assert two.responses[0].values == pytest.approx(one.responses[0].values, rel=1e-5)
+    assert two.responses[0].unit == "MPa"
+    assert (one.noise is None) == (two.noise is None)
+    assert one.noise is None or two.noise[1] == pytest.approx(one.noise[1])
+
+
+def test_a_strip_with_free_sides_needs_no_width(tmp_path):
+    _, (curve,) = data.read(folder(tmp_path, strip=FREE))
+    assert curve.free == 0 and [r.column for r in curve.responses] == ["sigma_a"]
+    with_width = "\n".join(line + ",-2" if line[:1].isdigit() else line for line in FREE.splitlines())
+    (tmp_path / "strip.csv").write_text(with_width.replace("sigma_a [MPa]", "sigma_a [MPa],eps_b [%]"))
+    (curve,) = data.read(tmp_path)[1]
+    assert curve.free == 0 and [r.column for r in curve.responses] == ["sigma_a", "eps_b"]
+
+
+def test_files_end_in_csv_of_any_case(tmp_path):
+    folder(tmp_path, warp=UNIAXIAL)
+    (tmp_path / "SHEAR.CSV").write_text(SHEAR)
+    assert [curve.file for curve in data.read(tmp_path)[1]] == ["SHEAR.CSV", "warp.csv"]
+
+
+def test_long_strains_are_doubted(tmp_path):
+    text = UNIAXIAL.replace("eps_a [%]", "eps_a [-]").replace("1.5,22", "0.2,22").replace("0.5,6.9", "0.1,6.9")
+    text = text.replace("1,14.5", "0.15,14.5").replace("2,31.6", "0.25,31.6").replace("2.5,41.1", "0.4,41.1")
+    _, curves = data.read(folder(tmp_path, warp=text.replace("0.0.25", "0.25")))
+    (doubt,) = data.doubts(curves)
+    assert doubt.startswith("warp.csv: a yarn is stretched by 40 %, where fabrics have up to 20 %")
+
+
 def test_assumed_values(tmp_path):
     text = SHEET.replace("true", "false") + "[assumed]\nd_kPa = 900\nc = 20\n[assumed.weft]\nd_MPa = 2\n"
     assert data.read_sheet(folder(tmp_path, text) / "sheet.toml").assumed == {"d": 0.9, "c": 20.0, "weft.d": 2.0}
@@ -190,6 +286,27 @@ def test_contradictions(tmp_path):
     assert len(data.read(tmp_path)[1]) == 2
 
 
+def test_a_copy_is_no_second_test(tmp_path):
+    with pytest.raises(
+        InputError, match=r"warp2.csv has the values of warp.csv, row by row; allowed is each test once"
+    ):
+        data.read(folder(tmp_path, warp=UNIAXIAL, warp2=UNIAXIAL))
+    (tmp_path / "warp2.csv").write_text(FREE)  # nor one of another kind
+    with pytest.raises(InputError, match=r"warp2.csv has the values of warp.csv"):
+        data.read(tmp_path)
+
+
+def test_free_sides_make_no_fabric_stiffer(tmp_path):
+    folder(tmp_path, held=UNIAXIAL, strip=scaled(FREE, 2))
+    with pytest.raises(
+        InputError,
+        match=r"held.csv, row \d+: with lateral: held sigma_a is \d+ % of the peak .* of strip.csv .* exchanged\?",
+    ):
+        data.read(tmp_path)
+    (tmp_path / "strip.csv").write_text(scaled(FREE, 0.6))
+    assert len(data.read(tmp_path)[1]) == 2
+
+
 def test_warp_and_weft_of_a_balanced_fabric_contradict(tmp_path):
     weft = (
         scaled(UNIAXIAL, 0.4)
@@ -206,47 +323,3 @@ def test_other_states_do_not_contradict(unbalanced):
     for fabric in (KOMEILI, unbalanced):
         sheet, curves = synthesise(fabric, "all", 0.02)
         data.check_contradictions(curves, sheet.balanced)
-
-
-def test_shear_force_is_the_part_of_the_traction_along_the_yarn():
-    """F_sh / t = S12 of the kernel at unstrained yarns, so tau t = F_sh cos(gamma)."""
-    from fabric_fenicsx.material.pointwise import evaluate
-
-    g = np.linspace(0.1, 1.2, 12)
-    C = np.stack([np.ones(12), np.sin(g), np.sin(g), np.ones(12)], -1).reshape(-1, 2, 2)
-    tau = nominal(KOMEILI, np.outer(g, [0, 0, 1]))[:, 2]
-    response = data._response("F_sh", tau, g, "shear", {}, 1.2)
-    assert response.gain * tau / 1.2 == pytest.approx(evaluate(KOMEILI, cauchy_green=C).S[:, 0, 1], rel=1e-12)
-    assert tau == pytest.approx((0.02506 - 0.18679 * g + 0.56239 * g**2) * g, rel=1e-12)
-
-
-def test_forces_do_the_work_that_the_fabric_stores():
-    """The integral of the crosshead force over its way is the energy of all zones of the specimen."""
-    g = np.linspace(0, math.radians(50), 20001)
-    t, W, H, frame, fabric = 1.2, 115.0, 230.0, 200.0, 140.0
-
-    def tau(g):
-        return (0.02506 - 0.18679 * g + 0.56239 * g**2) * g
-
-    def energy(g):
-        return 0.02506 * g**2 / 2 - 0.18679 * g**3 / 3 + 0.56239 * g**4 / 4
-
-    bias = data._response("F", g, g, "bias_extension", {"height": H, "width": W}, t)
-    force = bias.gain * tau(g) + bias.half * tau(g / 2)
-    way = (H - W) * (np.cos(g / 2) + np.sin(g / 2) - 1)
-    stored = t * (W * (2 * H - 3 * W) / 2 * energy(g[-1]) + W**2 * energy(g[-1] / 2))
-    assert np.trapz(force, way) == pytest.approx(stored, rel=1e-7)
-    picture = data._response("F", g, g, "picture_frame", {"frame_length": frame, "fabric_length": fabric}, t)
-    way = 2 * frame * np.cos(math.pi / 4 - g / 2)
-    assert np.trapz(picture.gain * tau(g), way) == pytest.approx(t * fabric**2 * energy(g[-1]), rel=1e-7)
-
-
-def test_normalisation_of_a_bias_test():
-    """The formula of Cao et al. gives back F_sh = tau t / cos(gamma) from the force that the law predicts."""
-    g = np.linspace(0.01, math.radians(50), 400)
-    tau = lambda g: (0.02506 - 0.18679 * g + 0.56239 * g**2) * g  # noqa: E731
-    for H, W in ((230.0, 115.0), (450.0, 150.0)):
-        bias = data._response("F", g, g, "bias_extension", {"height": H, "width": W}, 1.2)
-        found = data.bias_normalised(g, bias.gain * tau(g) + bias.half * tau(g / 2), H, W)
-        # what is left is the interpolation at gamma / 2
-        assert found == pytest.approx(1.2 * tau(g) / np.cos(g), rel=2e-4, abs=5e-5 * tau(g[-1]))

@@ -1,0 +1,108 @@
+"""What a test is, what it measured, and the sheet that was tested."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+MIN_POINTS = 5
+STRAINS = ("eps_a", "eps_b", "gamma")
+
+_STRESS = {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6, "GPa": 1e3, "N/mm2": 1.0}
+_PER_WIDTH = {"N/mm": 1.0, "N/m": 1e-3, "kN/m": 1.0}
+_UNIT = {  # first unit of each: the one used inside
+    "eps_a": {"-": 1.0, "%": 0.01}, "eps_b": {"-": 1.0, "%": 0.01}, "gamma": {"rad": 1.0, "deg": math.pi / 180},
+    "sigma_a": _STRESS, "sigma_b": _STRESS, "tau": _STRESS, "F_sh": _PER_WIDTH, "F": {"N": 1.0, "kN": 1e3},
+}  # fmt: skip
+COLUMNS = tuple(_UNIT)
+
+
+def units(column: str, thickness: float = math.nan) -> Mapping[str, float]:
+    """Factor from each unit that a column may have to the first, which is used inside. A stress may also be a force per
+    width, which is divided by `thickness` [mm]."""
+    if _UNIT[column] is not _STRESS:
+        return _UNIT[column]
+    return _STRESS | {unit: factor / thickness for unit, factor in _PER_WIDTH.items()}
+
+
+def unit_inside(column: str) -> str:
+    """The unit in which values of a column are kept."""
+    return next(iter(_UNIT[column]))
+
+
+class Kind(NamedTuple):
+    """The columns and keys of a kind of test."""
+
+    strains: tuple[str, ...]  # columns that must be there
+    optional: tuple[str, ...]  # strains that are 0 if their column is not there
+    measured: tuple[str, ...]  # one of these at least
+    keys: tuple[str, ...] = ()
+    sign: int = 0  # of the first strain, and of what is measured
+
+
+TESTS = {
+    "uniaxial_a": Kind(("eps_a",), (), ("sigma_a",), ("lateral",), 1),
+    "uniaxial_b": Kind(("eps_b",), (), ("sigma_b",), ("lateral",), 1),
+    "biaxial": Kind(("eps_a", "eps_b"), (), ("sigma_a", "sigma_b")),
+    "compression_a": Kind(("eps_a",), ("gamma",), ("sigma_a",), sign=-1),
+    "compression_b": Kind(("eps_b",), ("gamma",), ("sigma_b",), sign=-1),
+    "shear": Kind(("gamma",), ("eps_a", "eps_b"), ("tau", "F_sh"), sign=1),
+    "picture_frame": Kind(("gamma",), ("eps_a", "eps_b"), ("F",), ("frame_length", "fabric_length"), 1),
+    "bias_extension": Kind(("gamma",), (), ("F",), ("height", "width"), 1),
+}
+KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.keys))
+
+
+@dataclass(frozen=True)
+class Response:
+    """A measured column: `values` (n,) in `unit`, and how the law predicts it: gain * s, plus half * tau(gamma/2) if
+    `half` is given, with s the stress conjugate to eps_a, eps_b or gamma, or the lateral strain."""
+
+    column: str
+    unit: str
+    values: np.ndarray
+    gain: np.ndarray
+    half: np.ndarray | None = None
+
+    @property
+    def component(self) -> int:
+        """0: sigma_a, 1: sigma_b, 2: tau, 3: lateral strain."""
+        return {"sigma_a": 0, "sigma_b": 1, "eps_a": 3, "eps_b": 3}.get(self.column, 2)
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude, in `unit`."""
+        return float(np.abs(self.values).max())
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One test. strains: (n, 3) eps_a, eps_b [-], gamma [rad] as prescribed; rows: (n,) line numbers in the file;
+    free: 0 or 1 if the yarns across a tension along a or b are free of stress; noise: ("maximum" | "value" |
+    "absolute", number) or None; abscissa: the column of `strains` that runs; keys: further keys of the file."""
+
+    file: str
+    test: str
+    strains: np.ndarray
+    responses: tuple[Response, ...]
+    rows: np.ndarray
+    abscissa: int
+    free: int | None = None
+    noise: tuple[str, float] | None = None
+    keys: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What `sheet.toml` says: thickness [mm], density [g/cm3], whether warp and weft are tied (`balanced`), values to
+    assume for parameters that the data don't determine, as {"p_min": ..} or {"warp.p_min": ..}, and the areal weight
+    [g/m2] if the density is from one."""
+
+    name: str
+    thickness: float
+    density: float
+    balanced: bool
+    assumed: dict[str, float] = field(default_factory=dict)
+    areal_weight: float | None = None

@@ -1,0 +1,256 @@
+"""Data sets from files: `sheet.toml` and a CSV file a test."""
+
+import csv
+import difflib
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import InputError
+from ..parameters import SHEAR, UNITS, YARN, read_numbers, read_sheet_numbers, unknown_key
+from . import checks
+from .forces import response
+from .model import COLUMNS, KEYS, MIN_POINTS, STRAINS, TESTS, Curve, Sheet, unit_inside, units
+
+_LENGTH = {"mm": 1.0, "cm": 10.0, "m": 1e3}
+
+
+def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
+    """Sheet and curves of a data set; InputError by file, row and reason, also for two curves that contradict."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; allowed is one with a sheet.toml and a CSV file for each test")
+    sheet = read_sheet(folder / "sheet.toml")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".csv")
+    if not paths:
+        raise InputError(f"{folder} has no *.csv; allowed is a folder with a CSV file for each test")
+    curves = tuple(read_curve(path, sheet.thickness) for path in paths)
+    checks.check_contradictions(curves, sheet.balanced)
+    return sheet, curves
+
+
+def read_sheet(path: Path | str) -> Sheet:
+    """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3 or areal_weight_g_per_m2, balanced, and optional [assumed],
+    [assumed.warp], [assumed.weft] with parameters as in a material file (d_MPa, p_min, ..). Raises InputError by file
+    and key."""
+    try:
+        document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: is not valid TOML ({error})") from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    try:
+        name, balanced, assumed = document.pop("name", ""), document.pop("balanced", None), document.pop("assumed", {})
+        given = document.pop("units", {})
+        if not isinstance(name, str):
+            raise InputError(f"name is {name!r}, but it must be a text")
+        if not isinstance(balanced, bool):
+            raise InputError(f"balanced is {balanced!r}; allowed is true (warp and weft are equal) or false")
+        if not isinstance(assumed, dict) or not isinstance(given, dict):
+            raise InputError("assumed and units must be tables")
+        for kind, unit in given.items():
+            if kind not in UNITS or unit not in UNITS[kind]:
+                raise unknown_key(unit, [u for us in UNITS.values() for u in us], f"units.{kind} {unit!r}")
+        numbers, weight = read_sheet_numbers(document, given, ("name", "balanced", "assumed", "units"))
+        if "thickness" not in numbers:
+            raise InputError(
+                "missing thickness; allowed is thickness_mm = 1.2, for example: "
+                "by it a force per width (N/mm) becomes a stress and an areal weight a density"
+            )
+        if "density" not in numbers:
+            raise InputError("missing density; allowed is density_g_per_cm3 or areal_weight_g_per_m2")
+        values: dict[str, float] = {}
+        for yarn in ("warp", "weft"):
+            table = assumed.pop(yarn, {})
+            if balanced and table:
+                raise InputError(
+                    f"assumed.{yarn} is given for a balanced fabric; allowed is [assumed] for both directions"
+                )
+            values |= {f"{yarn}.{k}": v for k, v in read_numbers(table, YARN, given, f"assumed.{yarn}.").items()}
+        values = read_numbers(assumed, (*YARN, *SHEAR), given, "assumed.", ("warp", "weft")) | values
+        return Sheet(name, balanced=balanced, assumed=values, areal_weight=weight, **numbers)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def read_curve(path: Path | str, thickness: float) -> Curve:
+    """Read and check one CSV file; thickness [mm] of the sheet turns shear forces into stresses. InputError by file and
+    row."""
+    try:
+        lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as text ({getattr(error, 'strerror', None) or error})") from None
+    try:
+        return _parse(Path(path).name, lines, thickness)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _fail(row, text):
+    return InputError(f"row {row}: {text}")
+
+
+def _parse(file, lines, thickness):
+    keys, table = _keys(lines)
+    if "test" not in keys:
+        raise InputError(f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}")
+    row, name = keys.pop("test")
+    if name not in TESTS:
+        raise _fail(row, str(unknown_key(name, TESTS, f"test {name!r}")))
+    test = TESTS[name]
+    noise = keys.pop("noise", None)
+    for key, (row, _) in keys.items():
+        if key not in test.keys:
+            allowed = ", ".join(("noise", *test.keys))
+            raise _fail(row, f"the key {key} does not belong to the test {name}; allowed are {allowed}")
+    if missing := [key for key in test.keys if key not in keys]:
+        form = f"`# {missing[0]}: 200 mm`, for example"
+        if missing[0] == "lateral":
+            form = "`# lateral: held` (eps = 0 across) or `# lateral: free` (stress = 0 across)"
+        raise InputError(f"the test {name} needs a line for {missing[0]}; allowed is {form}")
+    free, measured, others = None, test.measured, {}
+    if "lateral" in keys:
+        row, lateral = keys.pop("lateral")
+        across = "b" if name[-1] == "a" else "a"
+        if lateral not in ("held", "free"):
+            raise _fail(row, f"lateral is {lateral!r}; allowed is held or free")
+        zero, seen = f"eps_{across}", f"sigma_{across}"
+        if lateral == "free":
+            free, zero, seen = "ab".index(name[-1]), seen, zero
+        measured = (*measured, seen)
+        other = "free" if lateral == "held" else "held"
+        others = {
+            zero: f"lateral: {lateral} says that {zero} is 0, but there is a column {zero}; "
+            f"allowed is `# lateral: {other}`, or the test biaxial if it was prescribed",
+            "F": "the column F needs the strip's width; "
+            f"allowed is the force over the width, {test.measured[0]} [N/mm]",
+        }
+    lengths = {key: _quantity(key, row, text, _LENGTH) for key, (row, text) in keys.items()}
+    columns, rows, header = _columns(table, name, measured, others, thickness)
+    found = [column for column in measured if column in columns]
+    if {"tau", "F_sh"} <= set(found):
+        raise InputError("both columns tau and F_sh are given; allowed is one of them")
+    if len(rows) < MIN_POINTS:
+        last = rows[-1] if rows else table[0][0]
+        raise _fail(last, f"the file ends after {len(rows)} points; at least {MIN_POINTS} are needed")
+    runs = max(test.strains, key=lambda column: np.ptp(columns[column]))
+    checks.check_values(name, columns, header, rows, runs, found, free)
+    strains = np.zeros((len(rows), 3))
+    for column in (*test.strains, *test.optional):
+        if column in columns:
+            strains[:, STRAINS.index(column)] = columns[column]
+    responses = [response(column, columns[column], strains[:, 2], name, lengths, thickness) for column in found]
+    noise = _noise(noise, responses, thickness)
+    return Curve(file, name, strains, tuple(responses), np.array(rows), STRAINS.index(runs), free, noise, lengths)
+
+
+def _keys(lines):
+    """The keys of comment lines as {key: (row, value)}, and the other lines as (row, line)."""
+    keys, table = {}, []
+    for row, line in enumerate(lines, 1):
+        if not line.strip(" ,;\t"):
+            continue
+        if not line.lstrip().startswith("#"):
+            table.append((row, line))
+        elif match := re.match(r"\s*#\s*(\w+)\s*:\s*(.*?)[\s,;]*$", line):
+            key, value = match.groups()
+            if key in keys:
+                raise _fail(row, f"the key {key} is repeated; allowed is once")
+            if key in KEYS:
+                keys[key] = row, value
+            elif near := difflib.get_close_matches(key, KEYS, 1, 0.75):
+                hint = f"(did you mean {near[0]}?); allowed are {', '.join(KEYS)}"
+                raise _fail(row, f"the key {key} is unknown {hint}")
+    return keys, table
+
+
+def _columns(table, name, measured, others, thickness):
+    """Columns {name: (n,)} in inner units, their line numbers, and the header as {name: unit}; others: what to say of
+    columns that the test cannot have."""
+    if not table:
+        raise InputError("there is no header; allowed is a line such as eps_a [%], sigma_a [MPa]")
+    line, text = table[0]
+    delimiter = ";" if ";" in text else ","
+    test = TESTS[name]
+    allowed = (*test.strains, *test.optional, *measured)
+    header: dict[str, str] = {}
+    for cell in next(csv.reader([text], delimiter=delimiter)):
+        match = re.fullmatch(r"\s*(\w+)\s*(?:\[\s*(.+?)\s*\])?\s*", cell)
+        column, unit = match.groups() if match else (cell.strip(), None)
+        if column not in COLUMNS:
+            raise _fail(line, str(unknown_key(column, allowed, f"column {column!r}")))
+        if column in others:
+            raise _fail(line, others[column])
+        if column not in allowed:
+            raise _fail(
+                line, f"the column {column} does not belong to the test {name}; allowed are {', '.join(allowed)}"
+            )
+        if column in header:
+            raise _fail(line, f"the column {column} is repeated; allowed is once")
+        if unit is None:
+            raise _fail(line, f"the column {column} has no unit; write {column} [{unit_inside(column)}], for example")
+        if unit not in units(column):
+            raise _fail(line, str(unknown_key(unit, units(column), f"unit [{unit}] of column {column}")))
+        header[column] = unit
+    missing = [column for column in test.strains if column not in header]
+    if not set(test.measured) & set(header):
+        missing.append(" or ".join(test.measured))
+    if missing:
+        raise _fail(line, f"the column {missing[0]} is missing, which the test {name} needs")
+    factors = [units(column, thickness)[unit] for column, unit in header.items()]
+    rows, values = [], []
+    for number, text in table[1:]:
+        cells = next(csv.reader([text], delimiter=delimiter))
+        if len(cells) != len(header):
+            raise _fail(
+                number,
+                f"there are {len(cells)} cells under {len(header)} columns; "
+                "allowed is one number a column, with a decimal point",
+            )
+        found = []
+        for cell, column, factor in zip(cells, header, factors):
+            try:
+                value = float(cell)
+            except ValueError:
+                value = math.nan
+            if not math.isfinite(value):
+                raise _fail(
+                    number, f"{column} is {cell.strip()!r}, but it must be a finite number with a decimal point"
+                )
+            found.append(value * factor)
+        rows.append(number)
+        values.append(found)
+    return dict(zip(header, np.array(values).reshape(-1, len(header)).T)), rows, header
+
+
+def _quantity(key, row, text, factors):
+    match = re.fullmatch(r"\s*([-+.\deE]+)\s*(\S+)\s*", text)
+    try:
+        value = float(match[1]) * factors[match[2]] if match else math.nan
+    except (KeyError, ValueError):
+        value = math.nan
+    if not 0 < value < math.inf:
+        allowed = ", ".join(factors)
+        raise _fail(row, f"{key} is {text!r}, but it must be a number above 0 with one of the units {allowed}")
+    return value
+
+
+def _noise(given, responses, thickness):
+    if given is None:
+        return None
+    row, text = given
+    if match := re.fullmatch(r"([.\deE+-]+)\s*%\s*of\s*(maximum|value)", text):
+        size = _quantity("noise", row, f"{match[1]} %", {"%": 0.01})
+        if size >= 1:
+            raise _fail(row, f"noise is {text!r}, which leaves nothing measured; allowed is below 100 %")
+        return match[2], size
+    if len(responses) > 1 or "%" in text:
+        raise _fail(
+            row,
+            f"noise is {text!r}; allowed is `2 % of maximum` or `2 % of value`, "
+            "or a number with a unit if one column is measured",
+        )
+    return "absolute", _quantity("noise", row, text, units(responses[0].column, thickness))

@@ -1,0 +1,108 @@
+"""What an identification found, for a material file, a report and the screen."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..curves import Curve, Response
+from ..parameters import WovenFabric
+
+
+@dataclass(frozen=True)
+class Determined:
+    """A fitted parameter: value, standard error and 95 % interval (t-distribution, from the linearised joint fit, bounds
+    not applied), all in `unit`; two_stage: its value before the joint fit; weak: the interval is wider than +-100 %;
+    at_bound: a bound from physics holds it, so the interval is a rough guide."""
+
+    value: float
+    standard_error: float
+    interval: tuple[float, float]
+    unit: str
+    two_stage: float
+    weak: bool
+    at_bound: bool
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """A parameter that was not fitted: value in `unit`, where that is from, and why the data don't determine it.
+
+    moves: what 10 % more of it would change the fitted ones by, in their units, where that is beyond half the width of
+    their intervals, which hold for the assumed values.
+    """
+
+    value: float
+    unit: str
+    source: str
+    reason: str
+    moves: dict[str, float]
+
+    def __str__(self) -> str:
+        told = f"assumed ({self.source}): {self.reason}"
+        if self.moves:
+            told += "; 10 % more of it moves " + ", ".join(f"{n} by {v:+.3g}" for n, v in self.moves.items())
+        return told
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The result of `identify`. fits: for each measured column (curve, response, predicted (n,), deviation (n,));
+    correlation (m, m) in the order of `determined`; variance: of the weighted residuals (1: as the noise was stated)."""
+
+    fabric: WovenFabric
+    determined: dict[str, Determined]
+    assumed: dict[str, Assumed]
+    correlation: np.ndarray
+    fits: list[tuple[Curve, Response, np.ndarray, np.ndarray]]
+    degrees_of_freedom: int
+    variance: float
+    noise_estimated: float | None  # of each peak, for the curves that state none
+    shear_stiffness_min: float | None  # of tau' over the measured angles [MPa]
+    convex_in_tension: bool | None  # of W in (eps_a, eps_b) at gamma = 0 over the measured tension
+    warnings: list[str]
+    areal_weight: float | None = None  # [g/m2], if the density is from it
+
+    def remarks(self) -> list[str]:
+        """What a material file must tell of where its values are from, a line each."""
+        lines = []
+        if self.areal_weight is not None:
+            lines.append(f"density = areal weight {self.areal_weight:g} g/m2 / thickness {self.fabric.thickness:g} mm")
+        for name, p in self.determined.items():
+            low, high = (f"{value:.4g}" for value in p.interval)
+            lines.append(f"{name} was fitted, 95 % interval {low} to {high} {p.unit}")
+        for name, assumed in self.assumed.items():
+            value = f"{assumed.value:.6g} {assumed.unit}".removesuffix(" -")
+            lines.append(f"{name} = {value} is {assumed}")
+        return lines
+
+    def report(self) -> dict[str, Any]:
+        """All of it for JSON, with the r.m.s. error of each curve."""
+        names = list(self.determined)
+        return {
+            "material": self.fabric.name,
+            "balanced": self.fabric.is_balanced,
+            "density_g_per_cm3": self.fabric.density,
+            "areal_weight_g_per_m2": self.areal_weight,
+            "parameters": len(names) + len(self.assumed),
+            "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
+            "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
+            "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
+            "curves": [self._error(*fit) for fit in self.fits],
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "variance_of_weighted_residuals": self.variance,
+            "noise_estimated_of_peak": self.noise_estimated,
+            "shear_stiffness_min_MPa": self.shear_stiffness_min,
+            "convex_in_tension": self.convex_in_tension,
+            "warnings": self.warnings,
+        }
+
+    def _error(self, curve, response, predicted, _):
+        rms = float(np.sqrt(np.mean((predicted - response.values) ** 2)))
+        noise = None
+        if curve.noise:
+            kind, size = curve.noise
+            noise = f"{size:g} {response.unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
+        return {"file": curve.file, "test": curve.test, "column": response.column, "unit": response.unit, "points": len(predicted),
+                "rms_error": rms, "rms_error_of_peak": rms / response.peak, "noise_stated": noise}  # fmt: skip

@@ -1,0 +1,60 @@
+"""Stresses of homogeneous states, and the state of free tension."""
+
+import numpy as np
+import pytest
+from scipy.special import lambertw
+
+from fabric_fenicsx.material.homogeneous import NARROWEST, lateral_strain, nominal
+from fabric_fenicsx.material.pointwise import evaluate
+from fabric_fenicsx.material.presets import PRESETS
+
+KOMEILI = PRESETS["komeili"]
+
+
+def test_nominal_stresses_are_derivatives_of_the_energy(unbalanced):
+    random = np.random.default_rng(1)
+    strains = random.uniform([-0.1, -0.1, -1.0], [0.05, 0.05, 1.0], (200, 3))
+    strains = strains[np.abs(strains).min(1) > 1e-3]  # clear of the kinks
+
+    def energy(e):
+        la, lb, s = 1 + e[:, 0], 1 + e[:, 1], np.sin(e[:, 2])
+        C = np.stack([la**2, la * lb * s, la * lb * s, lb**2], -1).reshape(-1, 2, 2)
+        return evaluate(unbalanced, cauchy_green=C).energy
+
+    h = 1e-5
+    differences = [(energy(strains + h * axis) - energy(strains - h * axis)) / (2 * h) for axis in np.eye(3)]
+    stress = nominal(unbalanced, strains)
+    assert np.allclose(np.transpose(differences), stress, rtol=1e-6, atol=1e-7)
+    flat = strains * [1, 1, 0]
+    _, stiffness = nominal(unbalanced, flat, tangent=True)
+    for k, axis in enumerate(np.eye(3)[:2]):
+        slope = (nominal(unbalanced, flat + h * axis) - nominal(unbalanced, flat - h * axis)) / (2 * h)
+        assert np.allclose(slope[:, k], stiffness[:, k], rtol=1e-6)
+        assert np.allclose(slope[:, 1 - k], stiffness[:, 2], rtol=1e-6, atol=1e-6)
+
+
+def test_free_tension_contracts_as_in_the_notes():
+    strain = np.array([0.005, 0.01, 0.02, 0.03])
+    across = lateral_strain(KOMEILI, 0, strain)
+    assert across == pytest.approx([-0.0346, -0.0666, -0.1074, -0.1345], abs=5e-5)
+    stress = nominal(KOMEILI, np.stack([strain, across, 0 * strain], -1))
+    assert stress[:, 0] == pytest.approx([6.01, 11.70, 24.36, 38.93], abs=5e-3)
+    assert np.abs(stress[:, 1]).max() < 1e-12
+
+
+@pytest.mark.parametrize("along", [0, 1])
+def test_free_tension_has_a_closed_root(unbalanced, along):
+    """2 d_b eps_b + T_a(eps_a) (1 - p_min) c exp(c eps_b) = 0, by Lambert's function; from any start."""
+    strain = np.linspace(1e-4, 0.04, 9)
+    y, d = (unbalanced.warp, unbalanced.weft.d) if along == 0 else (unbalanced.weft, unbalanced.warp.d)
+    pull = (y.a * strain**3 + y.b * strain**2) * (1 - y.p_min) * y.c
+    exact = -lambertw(y.c * pull / (2 * d)).real / y.c
+    for start in (None, 0.3 * exact, 3 * exact):
+        assert lateral_strain(unbalanced, along, strain, start) == pytest.approx(exact, rel=1e-10)
+
+
+def test_a_contraction_stays_within_its_bounds():
+    strain = np.array([0.03])
+    soft = KOMEILI.replace(c=0.5, d=1e-3)
+    assert lateral_strain(soft, 0, strain) == NARROWEST
+    assert lateral_strain(KOMEILI.without("biaxial"), 0, strain) == 0
