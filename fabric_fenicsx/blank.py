@@ -11,6 +11,7 @@ from dolfinx import fem
 from dolfinx.mesh import Mesh
 from mpi4py import MPI
 from numpy.typing import ArrayLike
+from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from . import dolfinx_compat as compat
@@ -89,6 +90,20 @@ class Blank:
         """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         return self.along(self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)[:owned]].mean(1).T)
+
+    def summed(self, values: np.ndarray) -> np.ndarray:
+        """Sums at the local nodes of `u`, (nodes, k) with k up to gdim, over the cells around each, of all ranks, of
+        `values` (owned cells, nodes of a cell, k)."""
+        gdim, k = self.mesh.geometry.dim, values.shape[2]
+        total = compat.petsc_vector(self.u).duplicate()
+        with total.localForm() as local:
+            local.set(0.0)
+            nodes = compat.dofmap(self.V)[: len(values)]
+            np.add.at(local.array.reshape(-1, gdim)[:, :k], nodes.ravel(), values.reshape(-1, k))
+        total.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        total.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        with total.localForm() as local:
+            return local.array.reshape(-1, gdim)[:, :k].copy()
 
     @classmethod
     def from_arrays(
