@@ -243,7 +243,7 @@ class _Neighbours:
 
     def _sheets(self):
         pairs, n = self.of_cell[self._pairs()], len(self.cells)
-        graph = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(n, n))
+        graph = coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
         parts, part = connected_components(graph, directed=False)
         if parts > 1:
             other = np.flatnonzero(part != part[0])[0]

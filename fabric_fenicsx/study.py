@@ -169,7 +169,7 @@ class Study:
         self._given = {word.partition("=")[0] for word in argv}  # options, and what follows them
         self._warnings: list[str] = []
         self._said: set[str] = set()  # warnings, of all parts
-        self._held: dict[Path, IO] = {}  # folders, so that no other run takes them
+        self._held: IO | None = None  # what keeps other runs out of --out
         self._parts: list[str] = []  # subfolders of the output
         self._done: dict[str, dict[str, Any]] = {}
         log.handlers.clear()
@@ -244,27 +244,24 @@ class Study:
         return path
 
     def _make(self, path):
-        """Make the folder, and what is written all through a run in --out; what is wrong with it."""
+        """Make the folder, and what is written all through a run in --out, which it then holds; what is wrong with it."""
         args, out = self.args, self.args.out
-        old = [] if self._begun else [file for name in RESULTS for file in (*out.glob(name), *out.glob(f"*/{name}"))]
-        if self._begun and path in self._held:
-            return None
-        used = f"--out {path} is in use by another run; allowed is another folder, or to wait until that has ended"
-        if args.resume and not old and not self._begun:
+        used = f"--out {out} is in use by another run; allowed is another folder, or this one when that run has ended"
+        old = [] if self._held else self._results()
+        if not self._held and args.resume and not {"checkpoint.npz", "done.json"} & {file.name for file in old}:
             return f"--resume finds no checkpoint in {path}; allowed is the --out of a run that was begun"
-        if old and not (args.resume or args.overwrite):
-            if (path / LOCK).exists() and not hold(path):
-                return used
-            return f"--out {out} holds results ({old[0].relative_to(out)}); allowed is another folder, --resume to go on with them, --overwrite to lose them"
         try:
+            if old and not (args.resume or args.overwrite):
+                if (out / LOCK).exists() and not hold(out):
+                    return used
+                return f"--out {out} holds results ({old[0].relative_to(out)}); allowed is another folder, --resume to go on with them, --overwrite to lose them"
             path.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=path):
                 pass
-            held = hold(path)
-            if not held:
-                return used
-            self._held[path] = held
-            if not self._begun:
+            if not self._held:
+                self._held = hold(out)
+                if not self._held or self._results() != old:  # begun, or even ended, since they were looked for
+                    return used
                 if args.overwrite:
                     for file in (*old, *out.glob("*.png"), out / "report.html"):
                         file.unlink(missing_ok=True)
@@ -272,6 +269,11 @@ class Study:
         except OSError as e:
             return f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
         return None
+
+    def _results(self):
+        """Files in --out by which it is known to hold results."""
+        out = self.args.out
+        return [file for name in RESULTS for file in (*out.glob(name), *out.glob(f"*/{name}"))]
 
     def specimen(
         self, length: float, width: float, turned: float = 0.0, spatial: bool = False, centred: bool = False
@@ -585,10 +587,13 @@ def _check_notes(notes: dict[str, Any], path: Path) -> None:
     def numbers(values):
         return all(isinstance(value, (int, float)) and math.isfinite(value) for value in values)
 
+    unknown = "negative_pivots", None  # where nothing was factorised
     rows, states = notes.get("rows"), notes.get("states")
     if not isinstance(rows, list) or not isinstance(states, list):
         wrong = "its notes lack rows or states"
-    elif any(not isinstance(row, dict) or set(row) != set(COLUMNS) or not numbers(row.values()) for row in rows):
+    elif any(not isinstance(row, dict) or set(row) != set(COLUMNS) for row in rows):
+        wrong = "its rows are none of a history"
+    elif any(not numbers(v for k, v in row.items() if (k, v) != unknown) for row in rows):
         wrong = "its rows are none of a history"
     elif any(not isinstance(state, list) or len(state) != 2 or not isinstance(state[1], list) for state in states):
         wrong = "its states are none of a time series"
