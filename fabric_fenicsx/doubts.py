@@ -1,4 +1,5 @@
-"""What speaks against a result though nothing failed: the sheet's size, cells that lock, cells too large for the tools."""
+"""What speaks against a result though nothing failed: the sheet's size, cells that lock, cells too
+large for the tools."""
 
 import math
 from collections.abc import Iterable
@@ -21,9 +22,11 @@ TURN = 90.0  # deg of the least radius, in the double dome 1.5 % of the punch fo
 
 
 def of_size(blank: Blank, thickness: float, source: str) -> str:
-    """Whether the sheet's size may be in another unit than mm, in words, "" if it may not; thickness: of the fabric [mm].
+    """Whether the sheet's size may be in another unit than mm, in words, "" if it may not;
+    thickness: of the fabric [mm].
 
-    Raises InputError for a sheet smaller than its thickness: no membrane is, so this can only be metres.
+    Raises InputError for a sheet smaller than its thickness: no membrane is, so this can only be
+    metres.
     """
     low, high = blank.extent()
     sides = " x ".join(f"{side:.4g}" for side in high - low)
@@ -42,9 +45,10 @@ def of_size(blank: Blank, thickness: float, source: str) -> str:
 def of_cells_off_the_yarns(membrane: Membrane) -> str:
     """Whether linear cells lock in the present state, in words, "" if they don't.
 
-    Yarns hardly stretch, so cells that no edges along both yarns reach can only shear together with cells that stretch
-    yarns, here one way, there the other. What energy that takes tells locking: from the law with the strains as they are,
-    less that with the strains smoothed over neighbouring cells, at the same shear angles.
+    Yarns hardly stretch, so cells that no edges along both yarns reach can only shear together with
+    cells that stretch yarns, here one way, there the other. What energy that takes tells locking:
+    from the law with the strains as they are, less that with the strains smoothed over neighbouring
+    cells, at the same shear angles.
     """
     blank = membrane.blank
     off = share_off_the_yarns(blank) if blank.degree == 1 else 0.0
@@ -64,7 +68,8 @@ def of_cells_off_the_yarns(membrane: Membrane) -> str:
 
 
 def share_off_the_yarns(blank: Blank) -> float:
-    """Share of all cells at whose corners edges of the mesh do not run along both yarns; for linear displacements."""
+    """Share of all cells at whose corners edges of the mesh do not run along both yarns; for linear
+    displacements."""
     comm, nodes = blank.mesh.comm, _nodes(blank)
     gdim = blank.mesh.geometry.dim
     edges = np.roll(_round(blank), -1, 1) - _round(blank)
@@ -83,8 +88,8 @@ def share_off_the_yarns(blank: Blank) -> float:
 
 
 def alternating_energy(membrane: Membrane) -> float:
-    """Share of the strain energy that goes when yarn strains are smoothed over neighbouring cells, for linear
-    displacements; 0 at rest."""
+    """Share of the strain energy that goes when yarn strains are smoothed over neighbouring cells,
+    for linear displacements; 0 at rest."""
     blank = membrane.blank
     state, _, _, _ = membrane.state()
     _, b, _ = membrane.at_points()
@@ -118,7 +123,8 @@ def alternating_energy(membrane: Membrane) -> float:
 
 
 def _nodes(blank):
-    """Nodes of `u` of each owned cell, at its corners as displacements are linear, (cells, 3 or 4)."""
+    """Nodes of `u` of each owned cell, at its corners as displacements are linear, (cells, 3 or
+    4)."""
     return compat.dofmap(blank.V)[: blank.mesh.topology.index_map(2).size_local]
 
 
@@ -131,8 +137,8 @@ def _round(blank):
 
 
 def of_cells_too_large(blank: Blank, tools: Iterable[Tool]) -> str:
-    """Whether cells are too large to bend around the tools' least radius, in words, "" if they aren't; for linear
-    displacements."""
+    """Whether cells are too large to bend around the tools' least radius, in words, "" if they
+    aren't; for linear displacements."""
     radii = {tool.name: min(tool.surface.radii) for tool in tools}
     least = min(radii.values(), default=math.inf)
     corners = _round(blank)

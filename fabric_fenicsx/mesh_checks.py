@@ -1,4 +1,5 @@
-"""What a mesh must be for its results to mean anything: checks of plain arrays, in NumPy and SciPy alone."""
+"""What a mesh must be for its results to mean anything: checks of plain arrays, in NumPy and SciPy
+alone."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -12,8 +13,9 @@ from .errors import InputError
 
 
 class Kind(NamedTuple):
-    """A kind of cell: what DOLFINx calls it, its geometric degree, places (k, 2) of its nodes in the reference cell, in
-    gmsh's order with the corners first, and the straight cells, by nodes, that it is cut into to look for neighbours."""
+    """A kind of cell: what DOLFINx calls it, its geometric degree, places (k, 2) of its nodes in
+    the reference cell, in gmsh's order with the corners first, and the straight cells, by nodes,
+    that it is cut into to look for neighbours."""
 
     cell: str
     degree: int
@@ -42,7 +44,8 @@ SAME = 1e-6  # of the mean edge at the sheet's rim, within which nodes are at th
 
 
 class Arrays(NamedTuple):
-    """A mesh fit for use: points (n, 2 or 3) [mm], cells (m, k), their kind, and doubts about it in words."""
+    """A mesh fit for use: points (n, 2 or 3) [mm], cells (m, k), their kind, and doubts about it in
+    words."""
 
     points: np.ndarray
     cells: np.ndarray
@@ -53,10 +56,11 @@ class Arrays(NamedTuple):
 def checked(points: np.ndarray, cells: np.ndarray, kind: str | None, source: str, spatial: bool = False) -> Arrays:
     """The mesh with only the nodes that are in use, in R^2 if it is plane in z and not `spatial`.
 
-    points: (n, 2 or 3) [mm]; cells: (m, k), in gmsh's order; kind: one of `CELLS`; source: what errors call the mesh.
-    Raises InputError, with the first number (from 0) and place, for a mesh without cells, nodes that are not there or not
-    finite, cells without area, turned over (also only inside, by curved edges), given twice, lying on others or hanging
-    on a node inside an edge, edges of more than two cells, and several sheets. Open slits are doubted.
+    points: (n, 2 or 3) [mm]; cells: (m, k), in gmsh's order; kind: one of `CELLS`; source: what
+    errors call the mesh. Raises InputError, with the first number (from 0) and place, for a mesh
+    without cells, nodes that are not there or not finite, cells without area, turned over (also
+    only inside, by curved edges), given twice, lying on others or hanging on a node inside an edge,
+    edges of more than two cells, and several sheets. Open slits are doubted.
     """
     if kind not in CELLS:
         raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
@@ -142,7 +146,8 @@ def _powers(how):
 
 
 def _shapes(how, places):
-    """Shape functions (n, k) at `places` (n, 2) of the reference cell, and their derivatives along both axes."""
+    """Shape functions (n, k) at `places` (n, 2) of the reference cell, and their derivatives along
+    both axes."""
     i, j = _powers(how).T
     coefficients = np.linalg.inv(how.nodes[:, [0]] ** i * how.nodes[:, [1]] ** j)
     s, t = places[:, [0]], places[:, [1]]
@@ -152,7 +157,8 @@ def _shapes(how, places):
 
 
 def _areas(x, cells, how, places, mean):
-    """Product (cells, n) of the cells' normals, as long as dA over that of the reference cell, with `mean` (cells, 3)."""
+    """Product (cells, n) of the cells' normals, as long as dA over that of the reference cell, with
+    `mean` (cells, 3)."""
     _, ds, dt = _shapes(how, places)
     return (np.cross(ds @ x[cells], dt @ x[cells]) * mean[:, None]).sum(2)
 
@@ -165,8 +171,8 @@ def _lattice(cell, n):
 
 
 def _bernstein(cell, n):
-    """Places (k, 2), and the matrix (k, k) from a polynomial's values there to its coefficients of Bernstein: of degree n
-    on triangles, n in each direction on quadrilaterals."""
+    """Places (k, 2), and the matrix (k, k) from a polynomial's values there to its coefficients of
+    Bernstein: of degree n on triangles, n in each direction on quadrilaterals."""
     places = _lattice(cell, n)
     s, t = places.T
     count = np.array([1, 1, 2, 6])[: n + 1]  # factorials
@@ -183,7 +189,8 @@ def _bernstein(cell, n):
 
 
 class _Neighbours:
-    """How the cells of a mesh lie beside each other. x: points (n, 3) [mm]; numbers: (n,) of these in the file."""
+    """How the cells of a mesh lie beside each other. x: points (n, 3) [mm]; numbers: (n,) of these
+    in the file."""
 
     def __init__(self, x, cells, numbers, how, source, plane):
         self.x, self.cells, self.numbers, self.how, self.source, self.plane = x, cells, numbers, how, source, plane
@@ -313,7 +320,8 @@ class _Neighbours:
             )
 
     def _overlaps(self, ends, cells):
-        """Look for places of the rim inside other cells, as no sheet of one sense lies on itself without."""
+        """Look for places of the rim inside other cells, as no sheet of one sense lies on itself
+        without."""
         shares = np.array([0.0, 0.25, 0.5, 0.75])[:, None, None]
         p, q = self.x[ends].swapaxes(0, 1)
         places, own = ((1 - shares) * p + shares * q).reshape(-1, 3), np.tile(cells, 4)
@@ -351,7 +359,8 @@ class _Neighbours:
 
 
 def _within(points: np.ndarray, centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of numbers (centre, point) of the `points` (n, 3) within `radii` (m,) of `centres` (m, 3)."""
+    """Pairs of numbers (centre, point) of the `points` (n, 3) within `radii` (m,) of `centres` (m,
+    3)."""
     if not len(points) or not len(centres):
         return np.empty(0, int), np.empty(0, int)
     found: Any = cKDTree(points).query_ball_point(centres, radii)

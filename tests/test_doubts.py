@@ -76,7 +76,8 @@ def test_cells_that_follow_the_yarns(pattern, cell, angle, off, spatial):
 
 @pytest.mark.mpi
 def test_some_cells_follow_the_yarns():
-    """Yarns along the edges up to the middle of the sheet only; the column behind it shares nodes."""
+    """Yarns along the edges up to the middle of the sheet only; the column behind it shares
+    nodes."""
     arrays = specimen(40, 20, 8, 4, "left") if COMM.rank == 0 else (None,) * 3
     blank = Blank.from_arrays(COMM, *arrays, a=lambda x: np.where(x[0] < 20, 0.0, 0.5))
     assert share_off_the_yarns(blank) == 24 / 64

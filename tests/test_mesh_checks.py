@@ -20,7 +20,8 @@ TWO = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0], [2, 2, 0.0]])
 
 
 def hanging(off=0.0, cell="triangle"):
-    """Sheet of 4 x 2 mm, of which a cell under y = 1 is cut at x = 1.5, and the one above it is not."""
+    """Sheet of 4 x 2 mm, of which a cell under y = 1 is cut at x = 1.5, and the one above it is
+    not."""
     points, cells, kind = specimen(4, 2, 4, 2, "right", cell)
     at = {tuple(p): i for i, p in enumerate(points[:, :2].astype(int).tolist())}
     low, high = [at[x, 0] for x in (1, 2)], [at[x, 1] for x in (1, 2)]

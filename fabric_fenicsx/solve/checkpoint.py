@@ -26,9 +26,11 @@ MEMORY = "memory "  # before the names of the terms' arrays
 
 
 class Checkpoint:
-    """`path` (.npz) with the last accepted state of `blank`, its nodes known by their position and the cells around them.
+    """`path` (.npz) with the last accepted state of `blank`, its nodes known by their position and
+    the cells around them.
 
-    problem: what defines the run, a dict that JSON can hold; a checkpoint of another problem is refused.
+    problem: what defines the run, a dict that JSON can hold; a checkpoint of another problem is
+    refused.
     """
 
     def __init__(self, path: Path, blank: Blank, problem: dict[str, Any]) -> None:
@@ -39,8 +41,8 @@ class Checkpoint:
         self._known = [self.comm.gather(values) for values in self._places]
 
     def _around(self):
-        """Sum of the arms from each owned node to the centres of the cells around it, (owned nodes, gdim) [mm]: it tells
-        nodes at one place apart, as on the two lips of a slit."""
+        """Sum of the arms from each owned node to the centres of the cells around it, (owned nodes,
+        gdim) [mm]: it tells nodes at one place apart, as on the two lips of a slit."""
         blank = self.blank
         centres = blank.midpoints().T
         nodes = compat.dofmap(blank.V)[: len(centres)]
@@ -48,7 +50,8 @@ class Checkpoint:
         return blank.summed(arms)[: self.owned]
 
     def save(self, progress: Progress, notes: dict[str, Any]) -> None:
-        """Write a `Progress` and `notes` (for JSON); the file is whole at any moment. Raises OSError where it can't be."""
+        """Write a `Progress` and `notes` (for JSON); the file is whole at any moment. Raises
+        OSError where it can't be."""
         gdim = self.blank.mesh.geometry.dim
         parts = {}
         for name, vector in (("u", progress.x), ("previous", progress.previous)):
@@ -67,11 +70,11 @@ class Checkpoint:
     def load(
         self, memory: Mapping[str, np.ndarray] | None = None, solver: Mapping[str, Any] | None = None
     ) -> tuple[Progress, dict[str, Any]]:
-        """The saved `Progress` and notes. memory, solver: what scene and solver would give now, whose names and shapes the
-        saved ones must have (None: any).
+        """The saved `Progress` and notes. memory, solver: what scene and solver would give now,
+        whose names and shapes the saved ones must have (None: any).
 
-        Raises InputError, on all ranks, if there is no such file, if something in it is missing, of another shape or not
-        finite, and if it is of another problem, mesh or version.
+        Raises InputError, on all ranks, if there is no such file, if something in it is missing, of
+        another shape or not finite, and if it is of another problem, mesh or version.
         """
         content = self.comm.bcast(self._read(memory, solver) if self.comm.rank == 0 else None)
         if isinstance(content, str):

@@ -1,4 +1,5 @@
-"""Checkpoints: every node gets back what was its own, and a file that is not what it should be is refused in words."""
+"""Checkpoints: every node gets back what was its own, and a file that is not what it should be is
+refused in words."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""Own meshes in the studies: their sizes are told, what contradicts them is refused, what they do not need is doubted."""
+"""Own meshes in the studies: their sizes are told, what contradicts them is refused, what they do
+not need is doubted."""
 
 import json
 import sys
@@ -30,7 +31,8 @@ def folder(tmp_path):
 
 @pytest.fixture
 def study(folder):
-    """Function of a study's name and options, the points and cells of its mesh, and words, to the `Study`."""
+    """Function of a study's name and options, the points and cells of its mesh, and words, to the
+    `Study`."""
 
     def make(name, options, mesh, *words):
         if COMM.rank == 0:
