@@ -11,20 +11,13 @@ from dolfinx import fem
 from dolfinx.mesh import Mesh
 from mpi4py import MPI
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from . import dolfinx_compat as compat
 from .errors import InputError
 from .fibres import Direction, fibre_fields
-
-CELLS = {
-    "triangle": ("triangle", 1),
-    "triangle6": ("triangle", 2),
-    "quad": ("quadrilateral", 1),
-    "quad9": ("quadrilateral", 2),
-}
+from .mesh_checks import CELLS, Arrays, checked
 
 
 class Blank:
@@ -34,7 +27,8 @@ class Blank:
     mesh: DOLFINx mesh of triangles or quadrilaterals in R^2 or R^3 [mm]. a, b, up: see `fibre_fields`.
     degree: of the displacement, 1 or 2, on triangles also 3. frame: (gdim, gdim) orthonormal rows; `u` holds the
     displacement's components along them, so that supports may act along axes which are turned in space (default: x, y, z).
-    name: what errors call it. Raises InputError for a frame of another kind, and as `fibre_fields` does.
+    name: what errors call it; doubts: what may be wrong with its mesh, in words. Raises InputError for a frame of another
+    kind, and as `fibre_fields` does.
     """
 
     def __init__(
@@ -50,6 +44,7 @@ class Blank:
     ) -> None:
         gdim = mesh.geometry.dim
         self.mesh, self.name = mesh, name
+        self.doubts: list[str] = []
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
         self.straight = _common(self.a0, self.b0)
         self.orthogonal = b is None and (self.straight is not None or compat.is_affine(mesh))
@@ -96,6 +91,20 @@ class Blank:
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         return self.along(self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)[:owned]].mean(1).T)
 
+    def summed(self, values: np.ndarray) -> np.ndarray:
+        """Sums at the local nodes of `u`, (nodes, k) with k up to gdim, over the cells around each, of all ranks, of
+        `values` (owned cells, nodes of a cell, k)."""
+        gdim, k = self.mesh.geometry.dim, values.shape[2]
+        total = compat.petsc_vector(self.u).duplicate()
+        with total.localForm() as local:
+            local.set(0.0)
+            nodes = compat.dofmap(self.V)[: len(values)]
+            np.add.at(local.array.reshape(-1, gdim)[:, :k], nodes.ravel(), values.reshape(-1, k))
+        total.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        total.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        with total.localForm() as local:
+            return local.array.reshape(-1, gdim)[:, :k].copy()
+
     @classmethod
     def from_arrays(
         cls,
@@ -112,25 +121,25 @@ class Blank:
         kind: meshio's name of the cells: "triangle", "triangle6", "quad", "quad9". A sheet in a plane z = const is
         meshed in R^2, so its displacement has two components, unless it is `spatial`, free to leave its plane; any
         other is a manifold mesh in R^3. source: what errors call the mesh; options: those of `Blank`.
-        Raises InputError, on all ranks, for an empty, inverted or degenerate mesh.
+        Raises InputError, on all ranks, for a mesh that is no sheet, see `mesh_checks.checked`; what that doubts
+        is told in `doubts`.
         """
-        x, nodes, kind = _on_root(
-            comm, lambda: _checked(np.asarray(points, float), np.asarray(cells), kind, source, spatial)
+        x, nodes, kind, doubts = _on_root(
+            comm, lambda: checked(np.asarray(points, float), np.asarray(cells), kind, source, spatial)
         )
-        cell, degree = CELLS[kind]
-        nodes = nodes[:, compat.to_dolfinx_order(cell, nodes.shape[1])]
-        return cls(compat.create_mesh(comm, nodes, x, cell, degree), **options)
+        how = CELLS[kind]
+        nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
+        blank = cls(compat.create_mesh(comm, nodes, x, how.cell, how.degree), **options)
+        blank.doubts = doubts
+        return blank
 
     @classmethod
     def read(cls, comm: MPI.Comm, path: Path | str, spatial: bool = False, **options: Any) -> Self:
         """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...), in mm; the rest, and
         what is raised, as in `from_arrays`; InputError also for a file that cannot be read or has solid or mixed
         cells."""
-        points, cells, kind = _on_root(comm, lambda: _read(Path(path)))
+        points, cells, kind, _ = _on_root(comm, lambda: Arrays(*_read(Path(path)), []))
         return cls.from_arrays(comm, points, cells, kind, source=str(path), spatial=spatial, **options)
-
-
-_Arrays = tuple[np.ndarray, np.ndarray, str]  # points, cells, kind
 
 
 def _common(*fields: fem.Function) -> list[list[float]] | None:
@@ -150,22 +159,26 @@ def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return lows, highs
 
 
-def _on_root(comm: MPI.Comm, make: Callable[[], _Arrays]) -> _Arrays:
+def _on_root(comm: MPI.Comm, make: Callable[[], Arrays]) -> Arrays:
     """Mesh arrays made on rank 0; an InputError there is raised on every rank; other ranks get empty parts."""
-    part: _Arrays | None = None
+    part: Arrays | None = None
     error = None
     if comm.rank == 0:
         try:
             part = make()
         except InputError as e:
             error = str(e)
-    error, kind, shapes = comm.bcast((error, part and part[2], part and (part[0].shape[1], part[1].shape[1])))
+    known = part and (part.points.shape[1], part.cells.shape[1], part.kind, part.doubts)
+    error, known = comm.bcast((error, known))
     if error:
         raise InputError(error)
-    return part if part else (np.empty((0, shapes[0])), np.empty((0, shapes[1]), dtype=np.int64), kind)
+    if part:
+        return part
+    gdim, nodes, kind, doubts = known
+    return Arrays(np.empty((0, gdim)), np.empty((0, nodes), dtype=np.int64), kind, doubts)
 
 
-def _read(path: Path) -> _Arrays:
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray, str]:
     import meshio  # as long to import as a coarse solve takes, and only own meshes need it
 
     if not path.is_file():
@@ -197,51 +210,3 @@ def _read(path: Path) -> _Arrays:
         raise InputError(f"mesh file {path} holds no surface cells; allowed are {sorted(CELLS)}")
     ((kind, blocks),) = surface.items()
     return mesh.points, np.concatenate(blocks), kind
-
-
-def _checked(points: np.ndarray, cells: np.ndarray, kind: str | None, source: str, spatial: bool) -> _Arrays:
-    """Points and cells fit for use: only nodes in use, in R^2 if the sheet is plane and not `spatial`, no bad cell."""
-    if kind not in CELLS:
-        raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
-    if len(cells) == 0:
-        raise InputError(f"{source} is empty: it holds 0 cells; allowed is 1 or more")
-    used, numbers = np.unique(cells, return_inverse=True)
-    points, cells = points[used], numbers.reshape(cells.shape)
-    if not np.isfinite(points).all():
-        node = used[np.flatnonzero(~np.isfinite(points).all(1))[0]]
-        raise InputError(
-            f"{source} has a coordinate that is not a number at node {node}; allowed are finite lengths in mm"
-        )
-    pairs = np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2).T
-    parts, _ = connected_components(
-        coo_matrix((np.ones(pairs.shape[1]), pairs), shape=(len(points),) * 2), directed=False
-    )
-    if parts > 1:
-        raise InputError(f"{source} falls into {parts} parts that share no node; allowed is one sheet")
-    height = 0.0
-    if points.shape[1] == 3 and np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points, axis=0).max():
-        height, points = points[0, 2], points[:, :2]
-    corners = points[cells[:, : 3 if CELLS[kind][0] == "triangle" else 4]]
-    if corners.shape[2] == 2:
-        corners = np.concatenate([corners, np.zeros_like(corners[:, :, :1])], 2)
-    edges = np.roll(corners, -1, 1) - corners
-    normals = np.cross(edges, -np.roll(edges, 1, 1))  # twice the area of the triangle at each corner
-    mean = normals.mean(1)
-    size = (edges**2).sum(2).max(1)
-    flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= 1e-16 * size**2)
-    if flat.size:
-        where = corners[flat[0]].mean(0).round(6).tolist()
-        raise InputError(
-            f"{source} has a degenerate or non-convex cell, number {flat[0]} at {where} mm; allowed are cells with area"
-        )
-    if points.shape[1] == 2:
-        sense = np.sign(mean[:, 2])
-        inverted = np.flatnonzero(sense != (1 if sense.sum() >= 0 else -1))
-        if inverted.size:
-            where = corners[inverted[0]].mean(0).round(6).tolist()
-            raise InputError(
-                f"{source} has an inverted cell, number {inverted[0]} at {where} mm; allowed is one sense of rotation"
-            )
-        if spatial:
-            points = np.column_stack([points, np.full(len(points), height)])
-    return points, cells, kind

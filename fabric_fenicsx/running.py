@@ -1,5 +1,6 @@
 """What a running program says and hears: messages, its log, signals, files that are whole at any moment."""
 
+import fcntl
 import logging
 import os
 import signal
@@ -7,9 +8,12 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 from types import FrameType
+from typing import IO
 
 from mpi4py import MPI
 from tqdm import tqdm
+
+LOCK = ".lock"  # the file in a folder by which a run holds it
 
 
 class Console(logging.Handler):
@@ -59,6 +63,23 @@ class Asked:
         """Leave signals to what they did before."""
         for each, handler in self._before.items():
             signal.signal(each, handler)
+
+
+def hold(folder: Path) -> IO | None:
+    """Hold `folder` for this process as long as the file that this returns is open; None if another one holds it.
+
+    The system lets go when the process ends, however it does. On NFS this works between machines if its server has locks;
+    where a file system has none, nothing is held. Raises OSError where the folder can't be written to.
+    """
+    file = open(folder / LOCK, "a")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        return None
+    except OSError:  # no locks here
+        pass
+    return file
 
 
 def replace(path: Path, content: str | bytes, lasting: bool = False) -> None:

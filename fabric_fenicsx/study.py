@@ -15,7 +15,7 @@ import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import dolfinx
 import numpy as np
@@ -24,7 +24,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from tqdm import tqdm
 
-from . import __version__, timing
+from . import __version__, doubts, timing
 from . import dolfinx_compat as compat
 from .blank import Blank
 from .cli import ANY, BETWEEN_YARNS, COUNT, POSITIVE, Help, Parser, command, exit_status, number
@@ -34,9 +34,9 @@ from .material.parameters import COUPLINGS, WovenFabric
 from .material.presets import load
 from .mechanics.membrane import INTEGRATION, Membrane
 from .meshes.specimen import PATTERNS, specimen
-from .results.history import ENERGIES, History
+from .results.history import COLUMNS, ENERGIES, History
 from .results.measures import areas, quantiles
-from .running import Asked, Console, LogFile, replace
+from .running import LOCK, Asked, Console, LogFile, hold, replace
 from .scene import Scene, Support
 from .solve.checkpoint import Checkpoint
 from .solve.limits import EDGES, Limits
@@ -47,6 +47,7 @@ log = logging.getLogger(__package__)
 RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"  # by which a folder is known to hold a run's
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
+FITS = 1e-3  # of a length, by which an own mesh may differ from the options
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
 QUICK = {"nx": 20, "steps": 5}
 # with P2 and --path-tolerance 1e-4 the cheapest of studies/speed_vs_error.py with curves right to 0.1 %, in tension and bias
@@ -189,7 +190,10 @@ class Study:
         fabric = load(args.material)
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(*args.without)
         self._started, self._begun = time.perf_counter(), False
+        self._given = {word.partition("=")[0] for word in argv}  # options, and what follows them
         self._warnings: list[str] = []
+        self._said: set[str] = set()  # warnings, of all parts
+        self._held: IO | None = None  # what keeps other runs out of --out
         self._parts: list[str] = []  # subfolders of the output
         self._done: dict[str, dict[str, Any]] = {}
         log.handlers.clear()
@@ -207,10 +211,12 @@ class Study:
             log.info(text)
 
     def warn(self, text: str) -> None:
-        """Say, on rank 0, what should be looked at though it ends no run; summary and report repeat it."""
-        self._warnings.append(text)
-        if self.comm.rank == 0:
+        """Say once, on rank 0, what should be looked at though it ends no run; summary and report repeat it. "" is nothing."""
+        if text and text not in self._warnings:
+            self._warnings.append(text)
+        if text and self.comm.rank == 0 and text not in self._said:
             log.warning("warning: %s", text)
+        self._said.add(text)
 
     def once(self, key: str, make: Callable[[], Any]) -> Any:
         """What make() gives, which JSON must hold; of a run that is resumed, what it gave there."""
@@ -226,8 +232,14 @@ class Study:
         """What the run that is resumed had done; raises InputError if it was another problem's."""
         path, now, found = self.folder() / "done.json", json.loads(json.dumps(self._problem(self.fabric))), None
         if self.comm.rank == 0 and self.args.resume and path.is_file():
-            found = json.loads(path.read_text())
+            try:
+                found = json.loads(path.read_text())
+                found = {name: dict(found[name]) for name in ("problem", "done")}
+            except (ValueError, TypeError, KeyError) as e:
+                found = f"{path} cannot be read ({type(e).__name__}: {e}); allowed is one that a study wrote"
         found = self.comm.bcast(found) or {"problem": now, "done": {}}
+        if isinstance(found, str):
+            raise InputError(found)
         for name, value in now.items():
             if found["problem"].get(name) != value:
                 raise InputError(
@@ -244,8 +256,8 @@ class Study:
                 writer.writerows(rows)
 
     def folder(self, part: str = "") -> Path:
-        """Make the output folder, or its subfolder `part`; raises InputError if it can't be written to, or holds results
-        that are neither to be gone on with nor to be lost."""
+        """Make the output folder, or its subfolder `part`; raises InputError if it can't be written to, if another run uses
+        it, or if it holds results that are neither to be gone on with nor to be lost."""
         path = self.args.out / part
         error = self.comm.bcast(self._make(path) if self.comm.rank == 0 else None)
         if error:
@@ -256,18 +268,24 @@ class Study:
         return path
 
     def _make(self, path):
-        """Make the folder, and what is written all through a run in --out; what is wrong with it."""
+        """Make the folder, and what is written all through a run in --out, which it then holds; what is wrong with it."""
         args, out = self.args, self.args.out
-        old = [] if self._begun else [file for name in RESULTS for file in (*out.glob(name), *out.glob(f"*/{name}"))]
-        if args.resume and not out.is_dir():
+        used = f"--out {out} is in use by another run; allowed is another folder, or this one when that run has ended"
+        old = [] if self._held else self._results()
+        if not self._held and args.resume and not {"checkpoint.npz", "done.json"} & {file.name for file in old}:
             return f"--resume finds no checkpoint in {path}; allowed is the --out of a run that was begun"
-        if old and not (args.resume or args.overwrite):
-            return f"--out {out} holds results ({old[0].relative_to(out)}); allowed is another folder, --resume to go on with them, --overwrite to lose them"
         try:
+            if old and not (args.resume or args.overwrite):
+                if (out / LOCK).exists() and not hold(out):
+                    return used
+                return f"--out {out} holds results ({old[0].relative_to(out)}); allowed is another folder, --resume to go on with them, --overwrite to lose them"
             path.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=path):
                 pass
-            if not self._begun:
+            if not self._held:
+                self._held = hold(out)
+                if not self._held or self._results() != old:  # begun, or even ended, since they were looked for
+                    return used
                 if args.overwrite:
                     for file in (*old, *out.glob("*.png"), out / "report.html"):
                         file.unlink(missing_ok=True)
@@ -275,6 +293,11 @@ class Study:
         except OSError as e:
             return f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is there or can be made"
         return None
+
+    def _results(self):
+        """Files in --out by which it is known to hold results."""
+        out = self.args.out
+        return [file for name in RESULTS for file in (*out.glob(name), *out.glob(f"*/{name}"))]
 
     def specimen(
         self, length: float, width: float, turned: float = 0.0, spatial: bool = False, centred: bool = False
@@ -292,25 +315,49 @@ class Study:
             options["frame"] = axes
         if args.yarn_angle != 90:
             options["b"] = options["a"] + math.radians(args.yarn_angle)
+        source = f"--mesh {args.mesh}" if args.mesh else "the specimen"
         with timing.phase("setup"):
+            points = cells = kind = None
             if args.mesh:
                 blank = Blank.read(self.comm, args.mesh, spatial=spatial, **options)
-                if blank.mesh.geometry.dim == 3 and not spatial:
-                    raise InputError(
-                        f"--mesh {args.mesh} is not plane in z; allowed in this study is a sheet in a plane z = const"
-                    )
-                if compat.cell_name(blank.mesh) != cell:
-                    raise InputError(
-                        f"--element {args.element} does not fit the cells of --mesh {args.mesh}; allowed is P on triangles, Q on quadrilaterals"
-                    )
-                return blank
-            points = cells = kind = None
-            if self.comm.rank == 0:
-                ny = args.ny or max(1, round(args.nx * width / length))
-                yarns = math.radians(args.fibre_angle)
-                points, cells, kind = specimen(length, width, args.nx, ny, args.pattern, cell, yarns)
-                points[:, :2] = (points[:, :2] - (np.array([length, width]) / 2 if centred else 0.0)) @ axes
-            return Blank.from_arrays(self.comm, points, cells, kind, source="the specimen", spatial=spatial, **options)
+            else:
+                if self.comm.rank == 0:
+                    ny = args.ny or max(1, round(args.nx * width / length))
+                    yarns = math.radians(args.fibre_angle)
+                    points, cells, kind = specimen(length, width, args.nx, ny, args.pattern, cell, yarns)
+                    points[:, :2] = (points[:, :2] - (np.array([length, width]) / 2 if centred else 0.0)) @ axes
+                blank = Blank.from_arrays(self.comm, points, cells, kind, source=source, spatial=spatial, **options)
+        if blank.mesh.geometry.dim == 3 and not spatial:
+            raise InputError(f"{source} is not plane in z; allowed in this study is a sheet in a plane z = const")
+        if compat.cell_name(blank.mesh) != cell:
+            raise InputError(
+                f"--element {args.element} does not fit the cells of {source}; allowed is P on triangles, Q on quadrilaterals"
+            )
+        for doubt in (*blank.doubts, doubts.of_size(blank, self.fabric.thickness, source)):
+            self.warn(doubt)
+        if args.mesh:
+            self._take_sizes(blank, length, width)
+        return blank
+
+    def _take_sizes(self, blank, length, width):
+        """Make the own mesh's length and width the options', of which `length` and `width` are what a part of the sheet has."""
+        args, (low, high) = self.args, blank.extent()
+        names = ("length", "width") if "length" in vars(args) else ("side", "side")
+        asked = [getattr(args, name) for name in names]
+        # rounded, to be the same on any number of ranks
+        own = [float(f"{size * a / b:.9g}") for size, a, b in zip(high - low, asked, (length, width))]
+        if names[0] == names[1] and abs(own[0] - own[1]) > FITS * own[0]:
+            raise InputError(f"--mesh {args.mesh} is {own[0]:g} x {own[1]:g} mm; allowed in this study is a square")
+        for name, before, now in zip(names, asked, own):
+            if f"--{name}" in self._given and abs(now - before) > FITS * now:
+                raise InputError(
+                    f"--{name} {before:g} does not fit --mesh {args.mesh}, of {now:g} mm; allowed is its own, or none"
+                )
+            setattr(args, name, now)
+        ignored = [name for name in ("nx", "ny", "pattern") if f"--{name}" in self._given]
+        if ignored:
+            self.warn(f"--{', --'.join(ignored)} changes nothing, as --mesh {args.mesh} has its own cells")
+        args.nx = args.ny = args.pattern = None
 
     def membrane(self, blank: Blank, fabric: Fabric | None = None) -> Membrane:
         """Membrane of `blank` and `fabric`, by default the options', with their integration."""
@@ -346,7 +393,11 @@ class Study:
         checkpoint = Checkpoint(folder / "checkpoint.npz", membrane.blank, self._problem(membrane.fabric))
         # a part of several that was not begun yet has none
         resumed = args.resume and not (part and not self.comm.bcast(checkpoint.path.exists()))
-        start, notes = checkpoint.load() if resumed else (None, {"rows": [], "states": []})
+        newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver)
+        start, notes = (
+            checkpoint.load(scene.memory(), newton.memory()) if resumed else (None, {"rows": [], "states": []})
+        )
+        _check_notes(notes, checkpoint.path)
         if start and start.load == 1 and not start.viscosity.drag:
             known = self.comm.bcast(_converged(folder / "summary.json") if self.comm.rank == 0 else None)
             if known:
@@ -357,7 +408,8 @@ class Study:
                 if self.comm.rank == 0 and not args.no_pictures and not (folder / "maps.png").exists():
                     self._pictures(folder, notes["rows"])  # it ended before they were drawn
                 return Result(known, notes["rows"], cell_fields(membrane)[0], folder)
-        newton = Newton(scene, args.tolerance, linear_solver=args.linear_solver)
+        tools = [term.tool for term in scene.terms if hasattr(term, "tool")]
+        self.warn(doubts.of_cells_too_large(membrane.blank, tools))
         if self.comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
@@ -438,6 +490,7 @@ class Study:
                 f"work of supports and tools and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
             )
         wrong = outcome.reason or self._not_believed(scene, fields, energies, imbalance)
+        self.warn(doubts.of_cells_off_the_yarns(membrane))
         summary = self.summarise(
             folder,
             converged=not wrong,
@@ -571,8 +624,34 @@ class Study:
 
 def _converged(path: Path) -> dict[str, Any] | None:
     """The summary in `path`, if it is one of a run that reached its end."""
-    summary = json.loads(path.read_text()) if path.is_file() else {}
-    return summary if summary.get("converged") else None
+    try:
+        summary = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+    return summary if isinstance(summary, dict) and summary.get("converged") else None
+
+
+def _check_notes(notes: dict[str, Any], path: Path) -> None:
+    """Raise InputError unless `notes`, of the checkpoint `path`, hold rows of a history and states that were written."""
+
+    def numbers(values):
+        return all(isinstance(value, (int, float)) and math.isfinite(value) for value in values)
+
+    unknown = "negative_pivots", None  # where nothing was factorised
+    rows, states = notes.get("rows"), notes.get("states")
+    if not isinstance(rows, list) or not isinstance(states, list):
+        wrong = "its notes lack rows or states"
+    elif any(not isinstance(row, dict) or set(row) != set(COLUMNS) for row in rows):
+        wrong = "its rows are none of a history"
+    elif any(not numbers(v for k, v in row.items() if (k, v) != unknown) for row in rows):
+        wrong = "its rows are none of a history"
+    elif any(not isinstance(state, list) or len(state) != 2 or not isinstance(state[1], list) for state in states):
+        wrong = "its states are none of a time series"
+    elif any(not numbers([state[0], *state[1]]) for state in states):
+        wrong = "its states are none of a time series"
+    else:
+        return
+    raise InputError(f"checkpoint {path} is damaged: {wrong}; allowed is one that a study wrote")
 
 
 def _end(number, frame):

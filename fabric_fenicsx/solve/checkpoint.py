@@ -1,9 +1,10 @@
 """Checkpoints: an accepted state in one file that any number of ranks can go on from."""
 
+import dataclasses
 import io
 import json
-import zipfile
-from dataclasses import asdict
+import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,70 +18,158 @@ from ..errors import InputError
 from ..running import replace
 from .stepping import Progress, Viscosity
 
+FORMAT = 2  # of the file; the first one told the nodes of a slit's two lips apart by chance
 SCALARS = ("load", "step", "last_step", "work", "solver", "accepted", "rejected", "iterations")
+COUNTS = ("accepted", "rejected", "iterations")
+NODAL = ("x", "around", "u", "previous")
+MEMORY = "memory "  # before the names of the terms' arrays
 
 
 class Checkpoint:
-    """`path` (.npz) with the last accepted state of `blank`, its nodes known by their position.
+    """`path` (.npz) with the last accepted state of `blank`, its nodes known by their position and
+    the cells around them.
 
-    problem: what defines the run, a dict that JSON can hold; a checkpoint of another problem is refused.
+    problem: what defines the run, a dict that JSON can hold; a checkpoint of another problem is
+    refused.
     """
 
     def __init__(self, path: Path, blank: Blank, problem: dict[str, Any]) -> None:
         self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(problem))
         self.comm = blank.mesh.comm
         self.owned = blank.V.dofmap.index_map.size_local
-        self._x = self.comm.gather(blank.coordinates()[: self.owned])
+        self._places = blank.coordinates()[: self.owned], self._around()
+        self._known = [self.comm.gather(values) for values in self._places]
+
+    def _around(self):
+        """Sum of the arms from each owned node to the centres of the cells around it, (owned nodes,
+        gdim) [mm]: it tells nodes at one place apart, as on the two lips of a slit."""
+        blank = self.blank
+        centres = blank.midpoints().T
+        nodes = compat.dofmap(blank.V)[: len(centres)]
+        arms = centres[:, None] - blank.along(blank.coordinates().T).T[nodes]
+        return blank.summed(arms)[: self.owned]
 
     def save(self, progress: Progress, notes: dict[str, Any]) -> None:
-        """Write a `Progress` and `notes` (for JSON); the file is whole at any moment. Raises OSError where it can't be."""
+        """Write a `Progress` and `notes` (for JSON); the file is whole at any moment. Raises
+        OSError where it can't be."""
         gdim = self.blank.mesh.geometry.dim
         parts = {}
         for name, vector in (("u", progress.x), ("previous", progress.previous)):
             parts[name] = self.comm.gather(vector.array.reshape(-1, gdim)[: self.owned])
-        memory = {f"memory {name}": self.comm.gather(values) for name, values in progress.memory.items()}
+        memory = {MEMORY + name: self.comm.gather(values) for name, values in progress.memory.items()}
         if self.comm.rank != 0:
             return
         parts |= memory
-        meta = {"problem": self.problem, "notes": notes, "viscosity": asdict(progress.viscosity)} | {
-            k: getattr(progress, k) for k in SCALARS
-        }
+        meta = {"format": FORMAT, "problem": self.problem, "notes": notes} | {k: getattr(progress, k) for k in SCALARS}
+        meta["viscosity"] = dataclasses.asdict(progress.viscosity)
         content = io.BytesIO()
-        arrays = {k: np.concatenate(v) for k, v in parts.items()}
-        np.savez(content, meta=json.dumps(meta), x=np.concatenate(self._x), **arrays)
+        arrays = {k: np.concatenate(v) for k, v in (parts | dict(zip(NODAL, self._known))).items()}
+        np.savez(content, meta=json.dumps(meta), **arrays)
         replace(self.path, content.getvalue(), lasting=True)
 
-    def load(self) -> tuple[Progress, dict[str, Any]]:
-        """The saved `Progress` and notes; raises InputError, on all ranks, if there is none of this problem."""
-        content = self.comm.bcast(self._read() if self.comm.rank == 0 else None)
+    def load(
+        self, memory: Mapping[str, np.ndarray] | None = None, solver: Mapping[str, Any] | None = None
+    ) -> tuple[Progress, dict[str, Any]]:
+        """The saved `Progress` and notes. memory, solver: what scene and solver would give now,
+        whose names and shapes the saved ones must have (None: any).
+
+        Raises InputError, on all ranks, if there is no such file, if something in it is missing, of
+        another shape or not finite, and if it is of another problem, mesh or version.
+        """
+        content = self.comm.bcast(self._read(memory, solver) if self.comm.rank == 0 else None)
         if isinstance(content, str):
             raise InputError(content)
-        meta, x, u, previous, memory = content
-        distance, node = cKDTree(x).query(self.blank.coordinates()[: self.owned])
-        nodes, size = self.comm.allreduce(self.owned), np.ptp(x, axis=0).max()
+        meta, arrays = content
+        x, around = arrays["x"], arrays["around"]
+        size = np.ptp(x, axis=0).max()
+        nodes = self.comm.allreduce(self.owned)
+        distance, node = cKDTree(np.hstack([x, around])).query(np.hstack(self._places))
         if nodes != len(x) or self.comm.allreduce(distance.max(initial=0.0), MPI.MAX) > 1e-9 * size:
             raise InputError(
-                f"checkpoint {self.path} is of another mesh, with {len(x)} nodes, now there are {nodes} or they lie elsewhere; allowed is the same mesh"
+                f"checkpoint {self.path} is of another mesh, with {len(x)} nodes, now there are {nodes} or they lie "
+                "elsewhere; allowed is the same mesh"
+            )
+        if self.comm.allreduce(np.bincount(node, minlength=nodes)).max() > 1:
+            raise InputError(
+                f"checkpoint {self.path} has nodes that lie at one place amid the same cells; allowed is a mesh whose "
+                "nodes can be told apart"
             )
         vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
-        for vector, values in zip(vectors, (u, previous)):
-            vector.array[:] = values[node].ravel()
-        memory = {name: values[node] for name, values in memory.items()}
-        state = {k: meta[k] for k in SCALARS} | {"viscosity": Viscosity(**meta["viscosity"]), "memory": memory}
+        for vector, name in zip(vectors, ("u", "previous")):
+            vector.array[:] = arrays[name][node].ravel()
+        remembered = {k.removeprefix(MEMORY): values[node] for k, values in arrays.items() if k.startswith(MEMORY)}
+        state = {k: meta[k] for k in SCALARS} | {"viscosity": Viscosity(**meta["viscosity"]), "memory": remembered}
         return Progress(x=vectors[0], previous=vectors[1], **state), meta["notes"]
 
-    def _read(self):
-        """Content of the file, or what is wrong with it."""
+    def _read(self, memory, solver):
+        """Meta data and arrays of the file, or what is wrong with it."""
+        if not self.path.is_file():
+            return f"--resume finds no checkpoint {self.path}; allowed is the --out of a run that was begun"
         try:
             with np.load(self.path) as file:
                 meta = json.loads(str(file["meta"]))
-                arrays = [file[k] for k in ("x", "u", "previous")]
-                memory = {k.removeprefix("memory "): file[k] for k in file if k.startswith("memory ")}
-        except FileNotFoundError:
-            return f"--resume finds no checkpoint {self.path}; allowed is the --out of a run that was begun"
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as e:
-            return f"checkpoint {self.path} cannot be read ({e}); allowed is one that a study wrote"
+                arrays = {k: file[k] for k in file.files if k != "meta"}
+        except Exception as e:  # readers raise whatever their parsing stumbles on
+            reason = " ".join(str(e).split()) or type(e).__name__
+            return f"checkpoint {self.path} cannot be read ({reason}); allowed is one that a study wrote"
+        version = meta.get("format", 1) if isinstance(meta, dict) else None
+        if version != FORMAT:
+            return f"checkpoint {self.path} is of format {version}; allowed is {FORMAT}, which this version writes"
+        wrong = self._wrong_meta(meta, solver) or self._wrong_arrays(arrays, memory, begun=bool(meta["accepted"]))
+        if wrong:
+            return f"checkpoint {self.path} is damaged: {wrong}; allowed is one that a study wrote"
         for key, now in self.problem.items():
             if meta["problem"].get(key) != now:
-                return f"checkpoint {self.path} was made with {key} = {meta['problem'].get(key)}, now it is {now}; allowed is the same problem"
-        return meta, *arrays, memory
+                return (
+                    f"checkpoint {self.path} was made with {key} = {meta['problem'].get(key)}, now it is {now}; "
+                    "allowed is the same problem"
+                )
+        return meta, arrays
+
+    @staticmethod
+    def _wrong_meta(meta, solver):
+        """What is missing in the meta data, or is no number where it should be one."""
+        missing = [k for k in ("problem", "notes", "viscosity", *SCALARS) if k not in meta]
+        if missing:
+            return f"{', '.join(missing)} is missing"
+        for name in ("problem", "notes", "viscosity", "solver"):
+            if not isinstance(meta[name], dict):
+                return f"{name} is {meta[name]!r}"
+        fields = [f.name for f in dataclasses.fields(Viscosity)]
+        if sorted(meta["viscosity"]) != sorted(fields):
+            return f"viscosity has {', '.join(meta['viscosity']) or 'nothing'} where {', '.join(fields)} should be"
+        if solver is not None and meta["solver"] and sorted(meta["solver"]) != sorted(solver):
+            return f"solver has {', '.join(meta['solver'])} where {', '.join(solver)} should be"
+        numbers = {k: meta[k] for k in SCALARS if k != "solver"} | meta["viscosity"] | meta["solver"]
+        if meta["last_step"] is None:  # before the first step
+            del numbers["last_step"]
+        for name, value in numbers.items():
+            if not isinstance(value, (int, float)) or not math.isfinite(value):
+                return f"{name} is {value!r}"
+        if not (0 <= meta["load"] <= 1 and meta["step"] > 0):
+            return f"load is {meta['load']} and step {meta['step']}"
+        for name in COUNTS:
+            if not isinstance(meta[name], int) or meta[name] < 0:
+                return f"{name} is {meta[name]}"
+        return ""
+
+    def _wrong_arrays(self, arrays, memory, begun):
+        """What is missing in the arrays, of another shape or not finite."""
+        missing = [k for k in NODAL if k not in arrays]
+        if missing:
+            return f"{', '.join(missing)} is missing"
+        gdim, nodes = self.blank.mesh.geometry.dim, len(np.atleast_1d(arrays["x"]))
+        shapes = {"x": (nodes, 3), "around": (nodes, gdim), "u": (nodes, gdim), "previous": (nodes, gdim)}
+        names = sorted(k.removeprefix(MEMORY) for k in arrays if k not in NODAL)
+        if memory is not None and (names or begun):
+            if names != sorted(memory):
+                return f"it remembers {', '.join(names) or 'nothing'} where {', '.join(memory) or 'nothing'} should be"
+            shapes |= {MEMORY + name: (nodes, *values.shape[1:]) for name, values in memory.items()}
+        for name in (*NODAL, *(k for k in arrays if k not in NODAL)):
+            values = arrays[name]
+            shape = shapes.get(name, (nodes, *values.shape[1:]))
+            if values.shape != shape:
+                return f"{name} has shape {values.shape} where {shape} should be"
+            if values.dtype.kind != "f" or not np.isfinite(values).all():
+                return f"{name} has values that are no finite numbers"
+        return ""

@@ -1,6 +1,7 @@
 """What a user lives with: runs that end early and go on, results that are not lost, the log and the report."""
 
 import csv
+import math
 import os
 import random
 import re
@@ -13,9 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
+from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.results.fields import read_last
+from fabric_fenicsx.results.history import COLUMNS
+from fabric_fenicsx.running import hold
+from fabric_fenicsx.study import Study, _check_notes, parser
 
 ROOT = Path(__file__).parents[2]
 OPTIONS = "--quick", "--steps", 60, "--no-pictures"
@@ -79,6 +85,101 @@ def test_results_are_lost_only_if_that_is_asked(launch):
         "tensile", "--quick", "--compare", ranks=2, overwrite=False
     )  # results in the folder itself, to be in its subfolders
     assert parts.status == 2 and "--overwrite" in parts.err
+
+
+HOLDER = """
+import sys
+from pathlib import Path
+from fabric_fenicsx.running import hold
+file = hold(Path(sys.argv[1]))
+print(bool(file), flush=True)
+sys.stdin.read()
+"""
+
+
+def everything(folder):
+    return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
+
+
+def test_a_folder_in_use_is_refused_until_its_run_ends(launch, tmp_path):
+    """However a second run would take it, on any number of ranks; a run that is killed leaves it to the next."""
+    done = launch("tensile", *OPTIONS, "--steps", 3)
+    holder = [sys.executable, "-c", HOLDER, str(done.folder)]
+    first = subprocess.Popen(holder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert first.stdout.readline() == "True\n"
+    before = everything(done.folder)
+    for ranks, *options in ((1,), (1, "--overwrite"), (2, "--resume")):
+        again = launch("tensile", *OPTIONS, "--steps", 3, *options, ranks=ranks, overwrite=False)
+        assert again.status == 2 and again.err.count("studies/tensile.py: error: --out ") == 1, again.err
+        assert "is in use by another run; allowed" in again.err and "Traceback" not in again.err
+        assert everything(done.folder) == before
+    first.kill()
+    first.wait()
+    second = subprocess.run(holder, input="", capture_output=True, text=True)
+    assert second.stdout == "True\n"
+
+
+def test_a_run_holds_its_folder_from_before_it_writes(tmp_path):
+    def study(*options):
+        return Study("tensile", parser("tensile", ""), ["--out", str(tmp_path / "out"), *options])
+
+    first = study()
+    first.folder()
+    assert not hold(tmp_path / "out")
+    for options in ((), ("--overwrite",)):  # nothing is written yet
+        with pytest.raises(InputError, match="--out .*out is in use by another run"):
+            study(*options).folder()
+    first.folder("part")  # its own
+    del first
+    study().folder()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_spoilt_checkpoint_is_refused(launch, ranks):
+    done = launch("tensile", *OPTIONS, "--steps", 3)
+    path = done.folder / "checkpoint.npz"
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays["u"][3] = np.nan
+    np.savez(path, **arrays)
+    before = everything(done.folder)
+    again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=ranks)
+    assert again.status == 2 and again.err.count("studies/tensile.py: error: ") == 1, again.err
+    assert "Traceback" not in again.err
+    assert "checkpoint.npz is damaged: u has values that are no finite numbers; allowed" in again.err
+    assert {k: v for k, v in everything(done.folder).items() if k.name != "log.txt"} == {
+        k: v for k, v in before.items() if k.name != "log.txt"
+    }
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "notes",
+    [
+        {},
+        {"rows": [], "states": {}},
+        {"rows": [{"load": 0.0}], "states": []},
+        {"rows": [dict.fromkeys(COLUMNS, math.nan)], "states": []},
+        {"rows": [], "states": [[0.0]]},
+        {"rows": [], "states": [["much", [0]]]},
+    ],
+)
+def test_notes_that_are_no_history_are_refused(notes):
+    with pytest.raises(InputError, match="checkpoint c.npz is damaged: its .*; allowed is one that a study wrote"):
+        _check_notes(notes, Path("c.npz"))
+    row = dict.fromkeys(COLUMNS, 1.0) | {"negative_pivots": None}
+    _check_notes({"rows": [row], "states": [[0.5, [0, 1]]]}, Path("c.npz"))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("text", ["{", "[1]", '{"problem": {}}', '{"problem": 3, "done": {}}'])
+def test_a_spoilt_list_of_what_is_done_is_refused(tmp_path, text):
+    folder = MPI.COMM_WORLD.bcast(tmp_path)
+    (folder / "done.json").write_text(text)
+    MPI.COMM_WORLD.barrier()
+    study = Study("tensile", parser("tensile", ""), ["--out", str(folder), "--resume"])
+    with pytest.raises(InputError, match="done.json cannot be read .*; allowed is one that a study wrote"):
+        study.once("a", lambda: 1)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
