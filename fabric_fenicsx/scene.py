@@ -159,7 +159,7 @@ class Scene:
     """
 
     INVERTED = 1e30  # the energy told where a cell is turned inside out
-    PINCH = 1e-4  # of forces that cancel in a node, by which residuals of an unloaded sheet are measured
+    PINCH = 1e-3  # of forces that cancel in a node, by which residuals of an unloaded sheet are measured
 
     def __init__(self, blank: Blank, terms: Iterable[Term], supports: Iterable[Support] = ()) -> None:
         self.blank, self.terms, self.supports = blank, list(terms), list(supports)

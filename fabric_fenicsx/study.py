@@ -35,7 +35,7 @@ from .material.presets import load
 from .mechanics.membrane import INTEGRATION, Membrane
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import COLUMNS, ENERGIES, History
-from .results.measures import areas, quantiles
+from .results.measures import areas
 from .running import LOCK, Asked, Console, LogFile, hold, replace
 from .scene import Scene, Support
 from .solve.checkpoint import Checkpoint
@@ -46,6 +46,7 @@ from .solve.stepping import march
 log = logging.getLogger(__package__)
 RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"  # by which a folder is known to hold a run's
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
+NOT_BELIEVED = "the result is not to be believed: "
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 FITS = 1e-3  # of a length, by which an own mesh may differ from the options
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
@@ -383,8 +384,8 @@ class Study:
         from .results.fields import (  # pyvista takes longer to import than to run a coarse study
             FieldSeries,
             cell_fields,
-            least_stability,
             nodal_fields,
+            watched,
         )
 
         args, folder = self.args, self.folder(part)
@@ -424,9 +425,14 @@ class Study:
             bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]",
         )
 
+        beyond: list[str] = []  # what is wrong with the last accepted state
+        cell_areas = areas(membrane.blank)
+
         def accept(accepted):
             with timing.phase("output"):
-                least = self.comm.allreduce(least_stability(membrane), MPI.MIN)
+                least, stretched = watched(membrane)
+                least = self.comm.allreduce(least, MPI.MIN)
+            beyond[:] = self._beyond(scene, stretched, cell_areas)
             history.add(accepted, *measure(scene, accepted.load), least)
             viscous, strain = accepted.energies["viscous"], accepted.energies["strain"]
             if viscous > VISCOUS * abs(strain) and history.rows[-2]["viscous_energy_Nmm"] <= VISCOUS * abs(
@@ -464,7 +470,7 @@ class Study:
                 viscosity=args.viscosity == "auto",
                 accuracy=args.accuracy,
                 path_tolerance=args.path_tolerance,
-                stop=asked,
+                stop=lambda: asked() or NOT_BELIEVED * bool(beyond) + "; ".join(beyond),
             )
         finally:
             asked.forget()
@@ -489,7 +495,9 @@ class Study:
             self.warn(
                 f"work of supports and tools and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"
             )
-        wrong = outcome.reason or self._not_believed(scene, fields, energies, imbalance)
+        found = {"imbalance": imbalance, "viscous": energies["viscous"] / max(abs(energies["strain"]), 1e-300)}
+        beyond += self._limits.exceeded(found)
+        wrong = outcome.reason or NOT_BELIEVED * bool(beyond) + "; ".join(beyond)
         self.warn(doubts.of_cells_off_the_yarns(membrane))
         summary = self.summarise(
             folder,
@@ -522,17 +530,22 @@ class Study:
             raise SolverFailure(f"{wrong}; the results up to there are in {folder}")
         return Result(summary, history.rows, fields, folder)
 
-    def _not_believed(self, scene, fields, energies, imbalance):
-        """Why the result at full load is not to be believed; "" if it is."""
-        stretched = np.maximum(fields["eps_a"], fields["eps_b"])
-        found = {
-            "imbalance": imbalance,
-            "viscous": energies["viscous"] / max(abs(energies["strain"]), 1e-300),
-            "penetration": max((k.deepest() / k.thickness for k in scene.contacts()), default=0.0),
-            "strain": quantiles(self.comm, stretched, areas(scene.blank), [1 - EDGES])[0],
-        }
-        limits = Limits(*(getattr(self.args, f"max_{name}") for name in found))
-        return "the result is not to be believed: " * bool(wrong := limits.exceeded(found)) + "; ".join(wrong)
+    def _beyond(self, scene, stretched, cell_areas):
+        """What no later state mends, a sentence each: tools too deep in the sheet, and yarns stretched too far in cells with
+        these strains and areas (cells,)."""
+        limit = self._limits.strain
+        over, whole = self.comm.allreduce(np.array([cell_areas[stretched > limit].sum(), cell_areas.sum()]))
+        deepest = max((term.deepest() / term.thickness for term in scene.contacts()), default=0.0)
+        wrong = self._limits.exceeded({"penetration": deepest})
+        if over > EDGES * whole:
+            wrong.append(
+                f"yarns are stretched by more than {100 * limit:.3g} % in {100 * over / whole:.3g} % of the sheet; allowed is {100 * EDGES:.3g} % of it (--max-strain)"
+            )
+        return wrong
+
+    @property
+    def _limits(self):
+        return Limits(*(getattr(self.args, f"max_{each.name}") for each in dataclasses.fields(Limits)))
 
     def summarise(self, folder: Path, **facts: Any) -> dict[str, Any]:
         """Write `facts` with the costs so far and the versions to summary.json, and return it all."""

@@ -192,7 +192,7 @@ class Contact:
 
     def memory(self) -> dict[str, np.ndarray]:
         """Of the last accepted state: shift of the surface, way of the tool and depths [mm], (nodes, 1) each, and what its
-        work is reckoned from (nodes, 8)."""
+        work is reckoned from (nodes, 10)."""
         way, work = (np.tile(row, (self.nodes.count, 1)) for row in (self._accepted_way, self._work.memory()))
         return {"shift": self._accepted_shift[:, None], "way": way, "depth": self._depth[:, None], "work": work}
 

@@ -31,13 +31,13 @@ class Work:
         return float(mean @ (place - self._place))
 
     def memory(self) -> np.ndarray:
-        """Loads and forces of the accepted states that it remembers, (8,), NaN for those that it lacks."""
-        row = np.full((2, 4), np.nan)
+        """Loads and forces of the accepted states that it remembers, (10,); a 0 before those that it lacks."""
+        row = np.zeros((2, 5))
         for k, (load, force) in enumerate(self._states):
-            row[k] = load, *force
+            row[k] = 1.0, load, *force
         return row.ravel()
 
     def recall(self, row: np.ndarray) -> None:
         """Take back what `memory` gave; `accept` then gives the place."""
-        self._states = [(float(load), force) for load, *force in row.reshape(2, 4) if np.isfinite(load)]
-        self._states = [(load, np.array(force)) for load, force in self._states]
+        states = row.reshape(2, 5)
+        self._states = [(float(load), np.array(force)) for known, load, *force in states if known]

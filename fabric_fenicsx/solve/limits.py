@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-EDGES = 1e-3  # of the area, which singular points of the edge may take
+EDGES = 1e-3  # of the area, in which yarns at singular points may be stretched further
 
 
 def _limit(default: float, text: str) -> float:
@@ -17,15 +17,14 @@ class Limits:
     imbalance: float = _limit(0.05, "difference of external work and energies, of these")
     viscous: float = _limit(0.05, "energy that regularisation took, of the strain energy")
     penetration: float = _limit(0.1, "of tools into the sheet, of its thickness")
-    strain: float = _limit(0.1, "of yarns in tension, but for the edges' singular points (0.1 %% of the area)")
+    strain: float = _limit(0.1, "of yarns in tension, nominal, but for the edges' singular points")
 
     def exceeded(self, found: Mapping[str, float]) -> list[str]:
-        """What is wrong with a result, a sentence each, of values `found` under the names above."""
+        """What is wrong with a result, a sentence each, of values `found` under names above other than strain."""
         words = {
             "imbalance": "work of supports and tools differs from the energies by {:.3g} % of these",
             "viscous": "regularisation took {:.3g} % of the strain energy",
             "penetration": "a tool reaches {:.3g} % of the thickness into the sheet",
-            "strain": "yarns are stretched by {:.3g} %",
         }
         return [
             f"{words[name].format(100 * value)}; allowed is {100 * getattr(self, name):.3g} % (--max-{name})"

@@ -239,6 +239,8 @@ def march(
             reason = f"the state at full load still creeps after {RESTS} steps at rest"
             break
     scene.drag = 0.0
+    if on_accept and not settled:  # whoever listens hears of one state at least
+        on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(reason=reason), cuts, 0.0, at))
     return Outcome(at.load, reason, at.accepted, at.rejected, at.iterations)
 
 

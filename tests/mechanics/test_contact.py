@@ -435,3 +435,31 @@ def test_bad_pressing_is_refused():
 def test_bad_force_is_refused(force, words):
     with pytest.raises(InputError, match=words):
         Tool("press", PLANE, force=force)
+
+
+@pytest.mark.mpi
+def test_a_ball_moved_by_force_lifts_a_flat_sheet_that_nothing_stretches_yet():
+    """Sheet and ball can first move together unresisted; MUMPS then has other pivots than its analysis foresaw."""
+    blank = sheet(100.0, 100.0, 10, 10, "crossed")
+    ball = Tool("ball", Sphere((50.0, 50.0, -30.0 - T / 2), 30.0), force=(0.0, 0.0, 100.0))
+    fabric = load("komeili")
+    contact = Contact(blank, ball, T, default_penalty(fabric, 30.0))
+    rim = Support("rim", lambda x: np.isclose(np.abs(x[:2] - 50).max(0), 50.0), (0, 1, 2))
+    run(Scene(blank, [Membrane(blank, fabric), contact], [rim]), 10)
+    assert contact.force() == pytest.approx([0, 0, 100.0], abs=1e-8)
+    assert 5.0 < ball.displacement[2] < 7.0
+
+
+@pytest.mark.mpi
+def test_forces_that_pinch_a_sheet_are_no_measure_of_what_it_bears():
+    """A patch pressed on a table: each node's two forces cancel."""
+    blank = sheet(10.0, 10.0, 4, 4)
+    up = np.array([0.0, 0.0, 1.0])
+    table = Contact(blank, Tool("table", Reversed(Plane((0, 0, T / 2), up))), T, K)
+    pressing = Pressing(blank, 2.0, up, lambda x: np.ones(len(x)))
+    sides = [Support("grip", everywhere, (0, 1))]
+    scene = Scene(blank, [Elastic(blank), table, pressing], sides)
+    states = run(scene, 2)
+    gross = np.linalg.norm(COMM.allreduce(np.linalg.norm(pressing.forces)))
+    assert states[-1].report.scale < 2e-3 * gross and pressing.forces.size
+    assert sum(states[0].energies.values()) > 0 and closed(states[0], 1e-9) is None

@@ -1,0 +1,53 @@
+"""Work of tools over accepted states."""
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.mechanics.work import Work
+
+LOADS = 0.0, 0.2, 0.3, 0.7, 1.0  # steps of several sizes
+SPEED = np.array([1.0, -2.0, 0.5])
+
+
+def force(load):
+    return np.array([load**2, 3 * load - load**2, 1.0])
+
+
+def done(work, loads):
+    """Work from the first of the loads to the last, a step at a time."""
+    total = 0.0
+    for last, load in zip(loads, loads[1:]):
+        work.accept(last, force(last), last * SPEED)
+        total += work.since(load, force(load), load * SPEED)
+    return total
+
+
+def exact(low, high):
+    integral = [(high**3 - low**3) / 3, 1.5 * (high**2 - low**2) - (high**3 - low**3) / 3, high - low]
+    return np.array(integral) @ SPEED
+
+
+def test_forces_of_second_degree_do_their_exact_work_from_the_second_step_on():
+    work = Work()
+    first = done(work, LOADS[:2])
+    assert first == pytest.approx(0.1 * (force(0.0) + force(0.2)) @ SPEED)
+    assert done(work, LOADS[1:]) == pytest.approx(exact(0.2, 1.0), rel=1e-12)
+
+
+def test_memory_goes_on():
+    whole, other = Work(), Work()
+    done(whole, LOADS[:4])
+    other.recall(whole.memory())
+    for work in (whole, other):
+        work.accept(0.7, force(0.7), 0.7 * SPEED)
+    assert other.since(1.0, force(1.0), SPEED) == whole.since(1.0, force(1.0), SPEED)
+    assert np.isfinite(Work().memory()).all()
+
+
+def test_a_state_accepted_twice_counts_once():
+    once, twice = Work(), Work()
+    for work, times in ((once, 1), (twice, 2)):
+        for load in LOADS[:3]:
+            for _ in range(times):
+                work.accept(load, force(load), load * SPEED)
+    assert twice.since(1.0, force(1.0), SPEED) == once.since(1.0, force(1.0), SPEED)
