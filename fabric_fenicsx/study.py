@@ -421,8 +421,9 @@ class Study:
         mesh = membrane.blank.mesh
         energies = scene.energies() | {"viscous": history.rows[-1]["viscous_energy_Nmm"]}
         work = history.rows[-1]["external_work_Nmm"]
-        stored = sum(energies.values()) - history.rows[0]["strain_energy_Nmm"]  # of a pre-sheared ply at rest
-        imbalance = abs(work - stored) / max(abs(stored), 1e-300)
+        stored = sum(energies.values())
+        gained = stored - history.rows[0]["strain_energy_Nmm"]  # a pre-sheared ply has some before load
+        imbalance = abs(work - gained) / max(abs(stored), abs(gained), 1e-300)
         if imbalance > UNBALANCED:
             self.warn(
                 f"work of supports and tools and stored energy differ by {100 * imbalance:.3g} %; take smaller steps (--max-step), unless the sheet snapped"

@@ -24,14 +24,17 @@ SHOWN = {
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
-    """Colour map and its limits for values from `low` to `high`: `coolwarm` is kept for values of both signs, about 0."""
-    if colours == "coolwarm" and min(-low, high) > 0.05 * max(-low, high):  # of both signs
+    """Colour map and its limits for values from `low` to `high`: those of `coolwarm` are the same on both sides of 0."""
+    if colours == "coolwarm":
         low, high = -max(-low, high), max(-low, high)
-    elif colours == "coolwarm":
-        colours = "viridis"
     if high - low < 1e-6 * max(1.0, abs(high)):
         low, high = low - 0.5, high + 0.5
     return colours, low, high
+
+
+def with_range(label: str, values: np.ndarray) -> str:
+    """`label` and, below it, the least and the largest of the `values`, with their signs, as summary.json has them."""
+    return f"{label}\ncells: {values.min():.4g} to {values.max():.4g}"
 
 
 def _polygons(grid):
@@ -46,6 +49,7 @@ def _polygons(grid):
 def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers: float = 0.0) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour scale a field.
 
+    Values keep their signs. Below each label stand the least and the largest of a cell.
     One variant's maps stand below each other; several variants make a row each. outliers: share of all cells, at each end
     of the scale, that may lie beyond it.
     """
@@ -66,7 +70,8 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
     for name, mine in zip(names, axes if one else axes.T):
         label, factor, colours = SHOWN[name]
         values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()}
-        low, high = np.quantile(np.concatenate(list(values.values())), (outliers, 1 - outliers))
+        every = np.concatenate(list(values.values()))
+        low, high = np.quantile(every, (outliers, 1 - outliers))
         colours, low, high = colour_scale(colours, low, high)
         for ax, title in zip(mine, variants):
             patches = PolyCollection(polygons[title], array=values[title], cmap=colours, antialiased=False)
@@ -79,7 +84,8 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
         figure.colorbar(
             patches,
             ax=list(mine),
-            label=label,
+            label=with_range(label, every),
+            extend="both" if outliers else "neither",
             location="right" if one else "bottom",
             shrink=0.9,
             aspect=15 if one else 30,

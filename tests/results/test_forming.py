@@ -64,7 +64,8 @@ def test_paths_of_a_homogeneous_state(full, ranks):
     half = (117.5, 67.5) if full else (235.0, 135.0)
     for angle, length in ((0, half[0]), (45, half[1] * np.sqrt(2)), (90, half[1])):
         path, direction = paths[angle], np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
-        np.testing.assert_allclose(path.distance, 5.0 * np.arange(length // 5 + 1))
+        np.testing.assert_allclose(path.distance[:-1], 5.0 * np.arange(np.ceil(length / 5)))
+        assert path.distance[-1] == pytest.approx(length, abs=1e-6)  # the ply's edge
         stretch = np.linalg.norm([[1.02, 0.3], [0, 0.9]] @ direction)
         np.testing.assert_allclose(path.formed, path.distance * stretch, rtol=1e-8)
         np.testing.assert_allclose(path.log_eps_11, np.log(1.02), rtol=1e-10)
@@ -202,7 +203,7 @@ def test_tables_and_diagrams(tmp_path):
     forming.write_paths(tmp_path / "paths.csv", paths["all couplings"])
     with open(tmp_path / "paths.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 48 + 39 + 28
+    assert len(rows) == 48 + 40 + 28
     at = [row for row in rows if row["path_deg"] == "45"][20]
     assert float(at["distance_mm"]) == 100
     assert float(at["shear_angle_deg"]) == pytest.approx(paths["all couplings"][45].shear_angle[20], rel=1e-6)
