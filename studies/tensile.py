@@ -65,8 +65,8 @@ def pull(study, fabric, part=""):
 def strains_across(quantities):
     """Words for log eps22 at the middle, which finer meshes keep, and of the cell that has least, which they need not."""
     middle, least = quantities["log_eps_22_middle"], quantities["log_eps_22_min"]
-    at = "no cell at the middle" if middle is None else f"log eps22 at the middle {100 * middle:.4g} %"
-    return f"{at} (least of a cell {100 * least:.4g} %, which a finer mesh may lower)"
+    at = "no cell at the middle" if middle is None else f"log eps22 at the middle {round(100 * middle, 2) + 0.0:.2f} %"
+    return f"{at} (least of a cell {round(100 * least, 2) + 0.0:.2f} %, which a finer mesh may lower)"
 
 
 def main(study):

@@ -25,7 +25,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..errors import InputError
 from ..tools import Tool, TriangulatedSurface
-from .pictures import SHOWN, colour_scale, plt, with_range
+from .pictures import SHOWN, cells_range, colour_scale, plt
 
 File: TypeAlias = pathlib.Path | str
 Grid: TypeAlias = pyvista.UnstructuredGrid
@@ -329,7 +329,8 @@ def state_map(path: File, grid: Grid, formed: bool = False) -> None:
         handles=[Patch(color=colour, label=f"{name}: {shares[k]:.0%}") for k, (name, colour) in STATES.items()],
         loc="upper center", bbox_to_anchor=(0.5, -0.15), ncol=2, frameon=False,
     )  # fmt: skip
-    figure.colorbar(cells, ax=axes[1], label=with_range(label, shear), location="bottom", shrink=0.8, aspect=30)
+    axes[1].set_title(cells_range(shear), fontsize="small")
+    figure.colorbar(cells, ax=axes[1], label=label, location="bottom", shrink=0.8, aspect=30)
     figure.savefig(path, dpi=130)
     plt.close(figure)
 

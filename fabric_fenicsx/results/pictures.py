@@ -32,9 +32,10 @@ def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, flo
     return colours, low, high
 
 
-def with_range(label: str, values: np.ndarray) -> str:
-    """`label` and, below it, the least and the largest of the `values`, with their signs, as summary.json has them."""
-    return f"{label}\ncells: {values.min():.4g} to {values.max():.4g}"
+def cells_range(values: np.ndarray) -> str:
+    """Words for the least and the largest of the `values`, with their signs, as summary.json has them."""
+    low, high = (round(float(v), 6) + 0.0 for v in (values.min(), values.max()))  # rounding is no strain
+    return f"cells: {low:.4g} to {high:.4g}"
 
 
 def _polygons(grid):
@@ -49,7 +50,7 @@ def _polygons(grid):
 def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers: float = 0.0) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour scale a field.
 
-    Values keep their signs. Below each label stand the least and the largest of a cell.
+    Values keep their signs; above each map stand the least and the largest of a cell.
     One variant's maps stand below each other; several variants make a row each. outliers: share of all cells, at each end
     of the scale, that may lie beyond it.
     """
@@ -57,7 +58,7 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
     polygons = {title: _polygons(grid) for title, grid in variants.items()}
     length, width = max((np.ptp(p.reshape(-1, 2), axis=0) for p in polygons.values()), key=max)
-    height = max(1.9, 0.72 * 7.0 * columns**-0.3 * width / length + 0.45)
+    height = max(1.9, 0.72 * 7.0 * columns**-0.3 * width / length + (0.45 if one else 0.7))
     figure, axes = plt.subplots(
         rows,
         columns,
@@ -79,12 +80,12 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
             ax.add_collection(patches)
             ax.autoscale_view()
             ax.set_aspect("equal")
-            if not one:
-                ax.set_title(title, fontsize="medium")
+            shown = cells_range(values[title])
+            ax.set_title(shown if one else f"{title}\n{shown}", fontsize="small" if one else "medium")
         figure.colorbar(
             patches,
             ax=list(mine),
-            label=with_range(label, every),
+            label=label,
             extend="both" if outliers else "neither",
             location="right" if one else "bottom",
             shrink=0.9,

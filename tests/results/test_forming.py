@@ -85,6 +85,38 @@ def test_path_values_are_means_of_the_eight_cells_around_a_node():
     np.testing.assert_allclose(path.log_eps_11[inner], path.distance[inner] ** 2 + around, atol=1e-9)
 
 
+def test_path_values_are_linear_between_nodes():
+    """Of a field that grows along x, whose means at inner nodes are exact on regular cells."""
+    grid = formed(SHEARED, nx=24, ny=6, length=200.0, width=50.0)
+    grid.cell_data["log_eps_11"] = grid.cell_centers().points[:, 0]
+    path = forming.along_paths(grid, (20,), spacing=1.0)[20]
+    inner = (path.distance > 10) & (path.distance < 130)
+    along = path.distance * np.cos(np.radians(20))
+    np.testing.assert_allclose(path.log_eps_11[inner], along[inner], atol=1e-6)
+    assert path.distance[-1] == pytest.approx(50 / np.sin(np.radians(20)), abs=1e-6)
+    assert np.diff(path.distance).max() < 1 + 1e-9
+
+
+def test_a_path_ends_at_a_hole():
+    grid = formed(SHEARED, nx=40, ny=40, length=100.0, width=100.0)
+    x, y, _ = grid.cell_centers().points.T
+    path = forming.along_paths(grid.extract_cells((x < 50) | (x > 70) | (y > 20)), (0,))[0]
+    assert path.distance[-1] == pytest.approx(50, abs=1e-6)
+
+
+def test_axes_of_paths_end_with_the_ply(tmp_path, monkeypatch):
+    drawn, paths = [], forming.along_paths(formed(SHEARED))
+    monkeypatch.setattr(forming.plt, "close", drawn.append)
+    forming.paths_picture(tmp_path / "p.png", {"one": paths}, {"tool": (217, 90, 300), "other": 140})
+    (figure,) = drawn
+    ends = [235, 135 * np.sqrt(2), 135]
+    for ax, end in zip(figure.axes[::3], ends):
+        assert ax.get_xlim() == pytest.approx((0, end), abs=1e-6)
+    lines = [len(ax.get_lines()) for ax in figure.axes[::3]]
+    assert lines == [4, 4, 2]  # the curve, 0 and what marks lie on the ply
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == {"one", "tool", "other"}
+
+
 def test_a_path_over_a_cylinder_is_its_arc():
     grid = formed(lambda x, y: np.column_stack([50 * np.sin(x / 50), y, 50 * np.cos(x / 50)]), length=78.5, width=40.0)
     paths = forming.along_paths(grid, (0, 90), spacing=5.0)
