@@ -31,6 +31,7 @@ from .errors import InputError, Interrupted, SolverFailure
 from .material.baseline import Fabric
 from .material.parameters import COUPLINGS, WovenFabric
 from .material.presets import load
+from .mechanics.contact import Contact
 from .mechanics.membrane import INTEGRATION, Membrane
 from .meshes.specimen import PATTERNS, specimen
 from .results.history import ENERGIES, History
@@ -458,8 +459,16 @@ class Study:
         return Result(summary, history.rows, fields, folder)
 
     def _let_rest(self, newton):
-        """Bring a ply whose weave is sheared as it lies to rest in its supports at load 0, and say what that changed."""
+        """Bring a ply whose weave is sheared as it lies to rest in its supports at load 0, and say what that changed.
+
+        Tools are not closed yet, and without them it would lose all its shear: there the first step has to do it.
+        """
         scene, x = newton.scene, newton.x
+        if any(isinstance(term, Contact) for term in scene.terms):
+            self.say(
+                "the ply's weave is sheared as it lies; its stress from that is let go in the first step, between the tools"
+            )
+            return
         scene.at(0.0)
         scene.u.copy(x)
         x.array[scene.held] = scene.held_values(0.0)

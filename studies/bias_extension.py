@@ -186,8 +186,12 @@ def main(study):
         found = {}
         if not reason:
             (a_held, b_held), distance = strip.held(x, y)
-            for name, count in (("free", 0), ("half", 1), ("clamped", 2)):
-                inside = (a_held * 1 + b_held == count) & (distance > width / 10)
+            zones = {"free": ~a_held & ~b_held, "half": a_held != b_held, "clamped": a_held & b_held}
+            if args.fibre_angle % 90 != 45 or args.yarn_angle != 90:  # then the two yarns turn by different angles
+                del zones["half"]
+                zones |= {"only_a_held": a_held & ~b_held, "only_b_held": b_held & ~a_held}
+            for name, zone in zones.items():
+                inside = zone & (distance > width / 10)
                 if study.comm.allreduce(int(inside.sum())):
                     found[f"{name}_zone_shear_angle_deg"] = math.degrees(study.mean(gamma, inside))
             found["transition_width_mm"] = transition_width(study.comm, strip, x, y, signed)

@@ -121,6 +121,12 @@ def test_theory_at_other_angles(launch, degrees, theory):
     assert q["free_zone_shear_angle_deg"] == pytest.approx(theory, rel=0.07)
     assert q["centre_shear_angle_deg"] == pytest.approx(theory, rel=0.15)
     assert q["clamped_zone_shear_angle_deg"] < 0.5
+    turn_a, turn_b = np.degrees(np.abs(PinJointedStrip(200, 50, *np.radians([degrees, degrees + 90])).turns(10)))
+    # where a yarn a is held, yarns b keep their direction
+    assert q.get("only_a_held_zone_shear_angle_deg", turn_a) == pytest.approx(turn_a, rel=0.05)
+    assert (
+        q["only_b_held_zone_shear_angle_deg"] == pytest.approx(turn_b, abs=1.0) and "half_zone_shear_angle_deg" not in q
+    )
     assert "normalised_shear_force_N_per_mm" not in q and "no_theory_because" not in q
 
 
