@@ -123,10 +123,10 @@ def test_theory_at_other_angles(launch, degrees, theory):
     assert q["clamped_zone_shear_angle_deg"] < 0.5
     turn_a, turn_b = np.degrees(np.abs(PinJointedStrip(200, 50, *np.radians([degrees, degrees + 90])).turns(10)))
     # where a yarn a is held, yarns b keep their direction
-    assert q.get("only_a_held_zone_shear_angle_deg", turn_a) == pytest.approx(turn_a, rel=0.05)
-    assert (
-        q["only_b_held_zone_shear_angle_deg"] == pytest.approx(turn_b, abs=1.0) and "half_zone_shear_angle_deg" not in q
-    )
+    assert q["only_a_held_zone_shear_angle_deg"] == pytest.approx(turn_a, abs=0.6)
+    if degrees == 30:  # at 20 deg that zone is too narrow
+        assert q["only_b_held_zone_shear_angle_deg"] == pytest.approx(turn_b, rel=0.05)
+    assert "half_zone_shear_angle_deg" not in q
     assert "normalised_shear_force_N_per_mm" not in q and "no_theory_because" not in q
 
 
