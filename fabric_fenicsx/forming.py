@@ -18,7 +18,7 @@ from .mechanics.contact import Contact, Pressing, default_penalty
 from .mechanics.friction import Friction
 from .mechanics.load import EdgeTension
 from .scene import Scene, Support
-from .study import Result, Study, parser
+from .study import Result, Study, add_weave_options, parser
 from .tools import DoubleDome, Offset, Plane, Reversed, Tool, TriangulatedSurface
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def forming_parser(name: str, description: str, full: dict[str, int], quick: dic
     ply.add_argument("--bending-modulus", type=FROM_ZERO, default=100.0, help="E_b of both yarns [MPa]")
     ply.add_argument("--twist-modulus", type=FROM_ZERO, default=1.0, help="G [MPa]")
     ply.add_argument("--in-plane-bending", type=FROM_ZERO, default=0.0, help="of yarns in the ply, of that out of it")
+    add_weave_options(p)
     tools = p.add_argument_group("tools")
     tools.add_argument("--stroke", type=POSITIVE, help="of the punch (the dome's depth) [mm]")
     tools.add_argument(
@@ -210,6 +211,7 @@ class Forming:
             "penetration_of_thickness": deepest / self.thickness,
             "sticking_slip_mm": self.args.slip if self.args.friction else None,
             "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / strain if strain else 0.0,
+            "shear_angle_deg": study.extremes(np.degrees(fields["shear_angle"])),
             "shear_angle_max_deg": study.extremes(gamma)[1],
             "log_eps_11": study.extremes(fields["log_eps_11"]),
             "log_eps_22": study.extremes(fields["log_eps_22"]),
@@ -251,7 +253,8 @@ def pictures(study: Study, runs: Mapping[str, tuple[Forming, Result]]) -> None:
     from .results import pictures
     from .results.fields import read_last
 
-    angle, grids, paths = study.args.fibre_angle, {}, {}
+    args, grids, paths = study.args, {}, {}
+    yarns = args.fibre_angle, args.fibre_angle + args.yarn_angle
     for label, (forming, result) in runs.items():
         folder, grid = result.folder, read_last(result.folder)
         grids[label], paths[label] = grid, see.along_paths(grid, ANGLES)
@@ -259,7 +262,7 @@ def pictures(study: Study, runs: Mapping[str, tuple[Forming, Result]]) -> None:
         see.state_map(folder / "states.png", grid)
         punch = forming.punch_mesh()
         try:
-            see.formed_picture(folder / "formed.png", grid, punch, (angle, angle + 90))
+            see.formed_picture(folder / "formed.png", grid, punch, yarns)
         except InputError as error:  # nothing to draw with, which is no reason to lose a run
             study.warn(f"formed.png was not drawn: {error}")
     see.outline_picture(study.args.out / "outline.png", grids)

@@ -18,6 +18,7 @@ from fabric_fenicsx.study import add_weave_options, parser, run
 ALONG = "crossed", "graded"  # patterns whose cells have edges at 45 deg
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
 RISE = 0.1, 0.9  # of the turn of a yarn, between which its transition zone is measured
+OUTER = 2 / 3  # of the distance from a zone's edge, from where a turn counts as whole
 
 
 def options():
@@ -62,27 +63,25 @@ def transition_width(comm, strip, x, y, gamma):
     """Width [mm] of the zones beside the clamps in which a yarn's turn rises from 10 to 90 %; None where there is none.
 
     Of cells at x, y with shear angles `gamma` (n,), all ranks'. Both yarns and ends are averaged. The profile across a line
-    is that of means over groups of cells at about the same distance from it, its ends the means of its outer fifths.
+    is that of means over groups of cells at about the same distance; 0 and 100 % are the means of its outer sixths.
     """
     widths = []
     for counts, into in strip.beside_clamps(x, y):
         parts = comm.allgather(np.stack([into[counts], gamma[counts]]))
         s, g = np.concatenate(parts, 1).round(12)
-        if len(s) < 20:
+        outer = [k * s > OUTER * np.abs(s).max(initial=0) for k in (-1, 1)]
+        if len(s) < 20 or not all(side.any() for side in outer):
             return None
-        order = np.lexsort((g, s))
-        groups = np.array_split(order, math.ceil(math.sqrt(2 * len(s))))
-        s, g = (np.array([values[group].mean() for group in groups]) for values in (s, g))
-        fifth = max(1, len(s) // 5)
-        g = (g - g[:fifth].mean()) / (g[-fifth:].mean() - g[:fifth].mean())
-        first, last = (np.flatnonzero(g >= level)[0] for level in RISE)
-        if first == 0 or last == 0:
-            return None
-        ends = [
-            s[k - 1] + (s[k] - s[k - 1]) * (level - g[k - 1]) / (g[k] - g[k - 1])
-            for k, level in zip((first, last), RISE)
-        ]
-        widths.append(ends[1] - ends[0])
+        low, high = (g[side].mean() for side in outer)
+        groups = np.array_split(np.lexsort((g, s)), math.ceil(math.sqrt(2 * len(s))))
+        s, g = (np.array([values[group].mean() for group in groups]) for values in (s, (g - low) / (high - low)))
+        places = []
+        for level in RISE:
+            k = int(np.argmax(g >= level))
+            if k == 0:
+                return None
+            places.append(s[k - 1] + (s[k] - s[k - 1]) * (level - g[k - 1]) / (g[k] - g[k - 1]))
+        widths.append(places[1] - places[0])
     return float(np.mean(widths)) if widths else None
 
 
@@ -187,8 +186,12 @@ def main(study):
         found = {}
         if not reason:
             (a_held, b_held), distance = strip.held(x, y)
-            for name, count in (("free", 0), ("half", 1), ("clamped", 2)):
-                inside = (a_held * 1 + b_held == count) & (distance > width / 10)
+            zones = {"free": ~a_held & ~b_held, "half": a_held != b_held, "clamped": a_held & b_held}
+            if args.fibre_angle % 90 != 45 or args.yarn_angle != 90:  # then the two yarns turn by different angles
+                del zones["half"]
+                zones |= {"only_a_held": a_held & ~b_held, "only_b_held": b_held & ~a_held}
+            for name, zone in zones.items():
+                inside = zone & (distance > width / 10)
                 if study.comm.allreduce(int(inside.sum())):
                     found[f"{name}_zone_shear_angle_deg"] = math.degrees(study.mean(gamma, inside))
             found["transition_width_mm"] = transition_width(study.comm, strip, x, y, signed)
@@ -209,6 +212,8 @@ def main(study):
             "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
             "eps_a_98_percent": measures.bulk(comm, fields["eps_a"], area),
             "eps_b_98_percent": measures.bulk(comm, fields["eps_b"], area),
+            "log_eps_11": study.extremes(fields["log_eps_11"]),
+            "log_eps_22": study.extremes(fields["log_eps_22"]),
             "shear_angle_deg": study.extremes(degrees),
             "shear_angle_max_deg": math.degrees(study.extremes(gamma)[1]),
             "eps_a": study.extremes(fields["eps_a"]),

@@ -5,10 +5,11 @@ import math
 import numpy as np
 
 from fabric_fenicsx.cli import POSITIVE, number
+from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.closed_form import nominal_stresses
 from fabric_fenicsx.material.paths import conjugate, gradient
 from fabric_fenicsx.scene import framed
-from fabric_fenicsx.study import parser, run
+from fabric_fenicsx.study import add_weave_options, parser, run
 
 
 def options():
@@ -29,15 +30,21 @@ def options():
         metavar="STRAIN",
         help="yarn strain applied first, in the first tenth of the load",
     )
+    add_weave_options(p)
     return p
 
 
 def main(study):
     args = study.args
+    if args.fibre_angle % 90 or args.yarn_angle != 90:
+        raise InputError(
+            f"yarns are at {args.fibre_angle:g} deg to the frame and {args.yarn_angle:g} deg to each other; allowed is 0 and 90, along its arms"
+        )
     blank = study.specimen(args.side, args.side)
     low, high = blank.extent()
     side = (high - low)[0]
     stretched = 0.1 if args.pre_tension else 0.0
+    sheared = math.radians((args.weave_angle or 90) - 90)  # of the weave as it is mounted
 
     def state(load):
         """Yarn strain and shear angle that the frame prescribes."""
@@ -67,7 +74,7 @@ def main(study):
 
     def quantities(fields, rows):
         strain, gamma = state(rows[-1]["load"])
-        tau = nominal_stresses(study.fabric, strain, strain, gamma)[2][0]
+        tau = nominal_stresses(study.fabric, strain, strain, sheared + gamma)[2][0]
         angle, force = shear_force(rows[-1])
         return {
             "shear_angle_deg": angle,
@@ -88,7 +95,7 @@ def main(study):
         ).T
         gammas = np.linspace(0, math.radians(args.angle), 200)
         exact = (
-            nominal_stresses(study.fabric, args.pre_tension, args.pre_tension, gammas)[2]
+            nominal_stresses(study.fabric, args.pre_tension, args.pre_tension, sheared + gammas)[2]
             * thickness
             / ((1 + args.pre_tension) * np.cos(gammas))
         )

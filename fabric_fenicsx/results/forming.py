@@ -21,12 +21,11 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patches import Patch
 from matplotlib.tri import LinearTriInterpolator, Triangulation
-from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..errors import InputError
 from ..tools import Tool, TriangulatedSurface
-from .pictures import SHOWN, colour_scale, plt
+from .pictures import SHOWN, cells_range, colour_scale, plt
 
 File: TypeAlias = pathlib.Path | str
 Grid: TypeAlias = pyvista.UnstructuredGrid
@@ -56,9 +55,10 @@ class _Ply(NamedTuple):
         return self.x + self.u
 
     def at_nodes(self, values: np.ndarray) -> np.ndarray:
-        """Means (n,) of `values` (m,) over the cells that touch each node."""
+        """Means (n,) of `values` (m,) over the cells that touch each node, by their areas on the flat ply."""
         touched, n = self.triangles.ravel(), len(self.x)
-        return np.bincount(touched, np.repeat(values, 3), n) / np.bincount(touched, minlength=n)
+        area = _plan_area(self.x, self.triangles)
+        return np.bincount(touched, np.repeat(area * values, 3), n) / np.bincount(touched, np.repeat(area, 3), n)
 
 
 def _plan_area(x, triangles):
@@ -91,36 +91,55 @@ class Path(NamedTuple):
 
 
 def along_paths(grid: Grid, angles_deg: Sequence[float] = (0, 45, 90), spacing: float = 5.0) -> dict[float, Path]:
-    """{angle: `Path`} from the origin to the ply's edge, straight on the flat ply, at `angles_deg` to x; a point each `spacing` [mm].
+    """{angle: `Path`} from the origin to the ply's edge, straight on the flat ply, at `angles_deg` to x; a point each `spacing` [mm]
+    and one at the edge.
 
-    A value is the mean over the cells around the node next to the point, as in Fig. 16 of the paper. On a plane of
-    symmetry these are the cells on one side: a shear angle that the mirror reverses (yarns along x and y) is not
-    0 there, as the mean of both sides is, but what the cells beside the plane have.
-    Raises InputError if the origin is not on the ply.
+    A value is linear between the nodes of a cell, and at a node the mean over the cells around it by their areas (a mean over
+    these cells is what Fig. 16 of the paper shows). On a plane of symmetry these are the cells on one side: a shear
+    angle that the mirror reverses (yarns along x and y) is not 0 there, as the mean of both sides is, but what the cells
+    beside the plane have. Raises InputError if the origin is not on the ply.
     """
     ply, fine = _ply(grid), 20  # points of the line on the formed ply for each point of the path
     plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
     cell_at = plan.get_trifinder()
     formed = [LinearTriInterpolator(plan, x, cell_at) for x in ply.formed.T]
-    nodes = cKDTree(ply.x[:, :2])
     factors = {"log_eps_11": 1.0, "log_eps_22": 1.0, "shear_angle": 180 / np.pi}
-    values = {name: factor * ply.at_nodes(ply.fields[name]) for name, factor in factors.items()}
+    values = [
+        LinearTriInterpolator(plan, factor * ply.at_nodes(ply.fields[name]), cell_at)
+        for name, factor in factors.items()
+    ]
     paths = {}
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
         s = np.arange(0, np.linalg.norm(ply.x[:, :2], axis=1).max() + spacing, spacing / fine)
-        places = s[:, None] * direction * (1 - 1e-9)  # not beyond the edge by rounding
-        outside = cell_at(*places.T) < 0
-        if outside[0]:
+
+        def outside(s, direction=direction * (1 - 1e-9)):  # the edge is not, by rounding
+            return cell_at(*np.multiply.outer(direction, s)) < 0
+
+        beyond = outside(s)
+        if beyond[0]:
             raise InputError(
                 "the ply does not cover the origin, where paths start; allowed is one about it, or a quarter from it"
             )
-        places = places[: outside.argmax()]
+        low, high = s[beyond.argmax() - 1 : beyond.argmax() + 1]
+        while high - low > SAME / 10:
+            middle = (low + high) / 2
+            low, high = (low, middle) if outside(np.array([middle]))[0] else (middle, high)
+        s = np.append(s[: beyond.argmax()], low)
+        places = s[:, None] * direction * (1 - 1e-9)
         line = np.column_stack([x(*places.T) for x in formed])
         length = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-        _, node = nodes.query(places[::fine])
-        paths[angle] = Path(s[: len(places) : fine], length[::fine], *(v[node] for v in values.values()))
+        k = np.arange(0, len(s) - 1, fine)
+        k = np.append(k[s[-1] - s[k] > SAME * spacing], len(s) - 1)  # no point just before the one at the edge
+        paths[angle] = Path(s[k], length[k], *(np.asarray(v(*places[k].T)) for v in values))
     return paths
+
+
+def _edges(triangles):
+    """Pairs of nodes (k, 2) of the sides that one of the `triangles` (m, 3) has alone, in its order."""
+    sides = np.stack([triangles, np.roll(triangles, -1, 1)], 2).reshape(-1, 2)
+    _, first, count = np.unique(np.sort(sides, 1), axis=0, return_index=True, return_counts=True)
+    return sides[first[count == 1]]
 
 
 def write_paths(path: File, paths: Mapping[float, Path]) -> None:
@@ -137,7 +156,8 @@ def write_paths(path: File, paths: Mapping[float, Path]) -> None:
 def paths_picture(path: File, runs: Mapping[str, Mapping[float, Path]], marks: Mapping[str, Any] | None = None) -> None:  # fmt: skip
     """Strains and shear angle over the distance on the flat ply, a row a path, of runs {label: `along_paths`}.
 
-    marks: {label: distances on the paths [mm], or one for all}, drawn as vertical lines; NaN for none.
+    marks: {label: distances on the paths [mm], or one for all}, drawn as vertical lines where that is on the path; NaN
+    for none.
     """
     angles = list(dict.fromkeys(angle for paths in runs.values() for angle in paths))
     figure, axes = plt.subplots(
@@ -145,23 +165,26 @@ def paths_picture(path: File, runs: Mapping[str, Mapping[float, Path]], marks: M
         layout="constrained",
     )  # fmt: skip
     for row, (mine, angle) in enumerate(zip(axes, angles)):
+        end = max(paths[angle].distance[-1] for paths in runs.values() if angle in paths)
         for ax, (name, factor) in zip(mine, {"log_eps_11": 100, "log_eps_22": 100, "shear_angle": 1}.items()):
             for label, paths in runs.items():
                 if angle in paths:
                     ax.plot(paths[angle].distance, factor * getattr(paths[angle], name), lw=1.4, label=label)
             for k, (label, at) in enumerate((marks or {}).items()):
                 style = {"color": "0.45", "lw": 0.9, "ls": ("--", ":", "-.")[k % 3]}
-                ax.axvline(np.broadcast_to(at, len(angles))[row], label=label, **style)
+                if (place := np.broadcast_to(at, len(angles))[row]) <= end:
+                    ax.axvline(place, label=label, **style)
             ax.axhline(0, color="k", lw=0.5)
             ax.set_ylabel(SHOWN[name][0])
             ax.grid(alpha=0.25)
-            ax.margins(x=0)
+            ax.set_xlim(0, end)
         mine[1].set_title(
             f"path along {'y' if angle else 'x'}" if angle in (0, 90) else f"path at {angle:g}°", fontsize="medium"
         )
     for ax in axes[-1]:
         ax.set_xlabel("distance on the flat ply / mm")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
+    legend = {label: line for ax in axes[:, 0] for line, label in zip(*ax.get_legend_handles_labels())}
+    labels, handles = list(legend), list(legend.values())
     if len(labels) > 1:
         figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.35 / figure.get_figheight()))
         figure.legend(handles, labels, loc="upper center", ncol=len(labels), frameon=False)
@@ -181,9 +204,7 @@ class Outline(NamedTuple):
 def outline(grid: Grid) -> list[Outline]:
     """The free edges of the ply [list of `Outline`], without those on planes of symmetry."""
     ply = _ply(grid)
-    sides = np.stack([ply.triangles, np.roll(ply.triangles, -1, 1)], 2).reshape(-1, 2)
-    _, first, count = np.unique(np.sort(sides, 1), axis=0, return_index=True, return_counts=True)
-    sides = sides[first[count == 1]]
+    sides = _edges(ply.triangles)
     for axis in ply.planes:
         sides = sides[ply.x[sides, axis].any(1)]
     after = dict(sides.tolist())
@@ -308,6 +329,7 @@ def state_map(path: File, grid: Grid, formed: bool = False) -> None:
         handles=[Patch(color=colour, label=f"{name}: {shares[k]:.0%}") for k, (name, colour) in STATES.items()],
         loc="upper center", bbox_to_anchor=(0.5, -0.15), ncol=2, frameon=False,
     )  # fmt: skip
+    axes[1].set_title(cells_range(shear), fontsize="small")
     figure.colorbar(cells, ax=axes[1], label=label, location="bottom", shrink=0.8, aspect=30)
     figure.savefig(path, dpi=130)
     plt.close(figure)
@@ -375,7 +397,9 @@ def formed_picture(
     multiple of 5 deg that covers all (means over the cells around each node).
     view: direction from the ply to the camera. Raises InputError where VTK finds nothing to draw on.
     """
-    ply = _surface(_ply(grid), full)
+    ply = _ply(grid)
+    largest = abs(np.degrees(ply.fields["shear_angle"])).max()
+    ply = _surface(ply, full)
     limit = limit or max(5.0, 5 * np.ceil(ply["shear_angle"].max() / 5))
     towards = np.array(view) / np.linalg.norm(view)
     with _screen():
@@ -408,7 +432,7 @@ def formed_picture(
     ax.axis("off")
     scale = ScalarMappable(Normalize(0, limit), COLOURS)
     bar = figure.colorbar(scale, cax=figure.add_axes((0.3, 0.09, 0.4, 0.022)), orientation="horizontal")
-    bar.set_label("shear angle / deg", fontsize=18)
+    bar.set_label(f"magnitude of the shear angle / deg (largest of a cell: {largest:.2f})", fontsize=18)
     bar.ax.tick_params(labelsize=16)
     figure.savefig(path, dpi=100)
     plt.close(figure)

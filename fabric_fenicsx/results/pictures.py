@@ -24,14 +24,18 @@ SHOWN = {
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
-    """Colour map and its limits for values from `low` to `high`: `coolwarm` is kept for values of both signs, about 0."""
-    if colours == "coolwarm" and min(-low, high) > 0.05 * max(-low, high):  # of both signs
+    """Colour map and its limits for values from `low` to `high`: those of `coolwarm` are the same on both sides of 0."""
+    if colours == "coolwarm":
         low, high = -max(-low, high), max(-low, high)
-    elif colours == "coolwarm":
-        colours = "viridis"
     if high - low < 1e-6 * max(1.0, abs(high)):
         low, high = low - 0.5, high + 0.5
     return colours, low, high
+
+
+def cells_range(values: np.ndarray) -> str:
+    """Words for the least and the largest of the `values`, with their signs, as summary.json has them."""
+    low, high = (round(float(v), 6) + 0.0 for v in (values.min(), values.max()))  # rounding is no strain
+    return f"cells: {low:.4g} to {high:.4g}"
 
 
 def _polygons(grid):
@@ -46,6 +50,7 @@ def _polygons(grid):
 def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers: float = 0.0) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour scale a field.
 
+    Values keep their signs; above each map stand the least and the largest of a cell.
     One variant's maps stand below each other; several variants make a row each. outliers: share of all cells, at each end
     of the scale, that may lie beyond it.
     """
@@ -53,7 +58,7 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
     polygons = {title: _polygons(grid) for title, grid in variants.items()}
     length, width = max((np.ptp(p.reshape(-1, 2), axis=0) for p in polygons.values()), key=max)
-    height = max(1.9, 0.72 * 7.0 * columns**-0.3 * width / length + 0.45)
+    height = max(1.9, 0.72 * 7.0 * columns**-0.3 * width / length + (0.45 if one else 0.7))
     figure, axes = plt.subplots(
         rows,
         columns,
@@ -66,7 +71,8 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
     for name, mine in zip(names, axes if one else axes.T):
         label, factor, colours = SHOWN[name]
         values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()}
-        low, high = np.quantile(np.concatenate(list(values.values())), (outliers, 1 - outliers))
+        every = np.concatenate(list(values.values()))
+        low, high = np.quantile(every, (outliers, 1 - outliers))
         colours, low, high = colour_scale(colours, low, high)
         for ax, title in zip(mine, variants):
             patches = PolyCollection(polygons[title], array=values[title], cmap=colours, antialiased=False)
@@ -74,12 +80,13 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
             ax.add_collection(patches)
             ax.autoscale_view()
             ax.set_aspect("equal")
-            if not one:
-                ax.set_title(title, fontsize="medium")
+            shown = cells_range(values[title])
+            ax.set_title(shown if one else f"{title}\n{shown}", fontsize="small" if one else "medium")
         figure.colorbar(
             patches,
             ax=list(mine),
             label=label,
+            extend="both" if outliers else "neither",
             location="right" if one else "bottom",
             shrink=0.9,
             aspect=15 if one else 30,

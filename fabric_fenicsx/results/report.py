@@ -10,13 +10,13 @@ import jinja2
 
 # picture -> what it shows
 CAPTIONS = {
-    "maps": "Logarithmic strains along both yarns and shear angle on the deformed sheet",
+    "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where the angle from yarns a to b grows), on the deformed sheet",
     "curve": "Reaction over displacement",
-    "axis": "Shear angle along the strip's axis",
+    "axis": "Magnitude of the shear angle along the strip's axis",
     "measured": "Normalised shear force, simulated and measured",
     "compare": "Variants of the couplings: strains and shear angle",
     "compare_curves": "Variants of the couplings: reaction over displacement",
-    "formed": "The formed ply: shear angle and yarns",
+    "formed": "The formed ply: magnitude of the shear angle, and yarns",
     "states": "Strain states: which yarns are in tension, which in compression",
     "paths": "Strains and shear angle along paths from the centre",
     "outline": "Outline of the formed ply over the flat one",

@@ -20,13 +20,14 @@ def relative(value, reference):
     return np.sqrt(((value - reference) ** 2).sum(axes) / (reference**2).sum(axes))
 
 
-def cases(fabric, C, a, b, lib):
-    """W_tot exactly as eqs (13)-(30) list it, with branches, for one point; lib is mpmath or numpy."""
+def cases(fabric, C, a, b, lib, weave=None):
+    """W_tot exactly as eqs (13)-(30) list it, with branches, for one point; lib is mpmath or numpy; weave: angle from
+    which gamma counts, the initial one in eq. (8)."""
     I4 = a[0] * (C[0] * a[0] + C[2] * a[1]) + a[1] * (C[2] * a[0] + C[1] * a[1])
     I8 = b[0] * (C[0] * b[0] + C[2] * b[1]) + b[1] * (C[2] * b[0] + C[1] * b[1])
     I6 = a[0] * (C[0] * b[0] + C[2] * b[1]) + a[1] * (C[2] * b[0] + C[1] * b[1])
     acos = getattr(lib, "acos", None) or lib.arccos
-    gamma = acos(a[0] * b[0] + a[1] * b[1]) - acos(I6 / lib.sqrt(I4 * I8))
+    gamma = (acos(a[0] * b[0] + a[1] * b[1]) if weave is None else weave) - acos(I6 / lib.sqrt(I4 * I8))
     g = gamma if gamma.real >= 0 else -gamma
     ea, eb = lib.sqrt(I4) - 1, lib.sqrt(I8) - 1
     w, f = fabric.warp, fabric.weft
@@ -46,14 +47,15 @@ def cases(fabric, C, a, b, lib):
     return WCa + WCb + WS * kSCa * kSCb
 
 
-def through_ufl(fabric, C, a0, b0):
-    """Energy, S and dS/dE (Voigt) of the UFL energy, a point in each cell of a mesh."""
+def through_ufl(fabric, C, a0, b0, weave=None):
+    """Energy, S and dS/dE (Voigt) of the UFL energy, a point in each cell of a mesh; weave: as in `cases`."""
     mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 1, len(C) // 2)
     data = dolfinx.fem.Function(compat.vector_space(mesh, "DG", 0, 7))
     data.x.array[:] = np.column_stack([C[:, 0, 0], C[:, 1, 1], C[:, 0, 1], a0, b0]).ravel()
     Cv = ufl.variable(ufl.as_matrix([[data[0], data[2]], [data[2], data[1]]]))
     a, b, Cs = ufl.as_vector([data[3], data[4]]), ufl.as_vector([data[5], data[6]]), ufl.sym(Cv)
-    W = energy_density(ufl.dot(a, Cs * a), ufl.dot(a, Cs * b), ufl.dot(b, Cs * b), ufl.dot(a, b), fabric)
+    cosine = ufl.dot(a, b) if weave is None else dolfinx.fem.Constant(mesh, np.cos(weave))
+    W = energy_density(ufl.dot(a, Cs * a), ufl.dot(a, Cs * b), ufl.dot(b, Cs * b), cosine, fabric)
     S = 2 * ufl.diff(W, Cv)
     D = 2 * ufl.diff(S, Cv)
     pairs = [(0, 0), (1, 1), (0, 1)]
@@ -91,6 +93,38 @@ def test_stress_agrees_with_the_complex_step_of_the_cases(unbalanced, random_sta
     gradient[:, 2] /= 2  # C12 stands for two entries
     # arccos loses digits towards 0 and 180 deg, and 10 deg are among the states: so 1e-11 and not 1e-12
     assert relative(gradient, voigt(state.S)).max() <= 1e-11
+
+
+@pytest.mark.parametrize("weave", [90, 70, 115])
+def test_shear_from_the_angle_of_the_weave(unbalanced, random_states, weave):
+    """Kernel and UFL with each other, stress with the complex step of the written-out energy; gamma up to 100 deg."""
+    C, a0, b0 = random_states(1_000, seed=4)
+    weave = np.radians(weave)
+    state = pointwise.evaluate(unbalanced, cauchy_green=C, fibres=(a0, b0), tangent=True, weave_angle=weave)
+    W, S, D = through_ufl(unbalanced, C, a0, b0, weave)
+    assert relative(W, state.energy).max() <= 1e-12
+    assert relative(S, voigt(state.S)).max() <= 1e-12
+    assert relative(D, state.tangent).max() <= 1e-12
+    I4, I6, I8, gamma = state.invariants.T
+    assert gamma == pytest.approx(weave - np.arccos(I6 / np.sqrt(I4 * I8)), abs=1e-12)
+    energy, gradient = np.empty(len(C)), np.empty((len(C), 3))
+    for n, (Cn, a, b) in enumerate(zip(voigt(C), a0, b0)):
+        energy[n] = cases(unbalanced, Cn.astype(complex), a, b, np, weave).real
+        for k in range(3):
+            step = Cn.astype(complex)
+            step[k] += 1e-30j
+            gradient[n, k] = 2 * cases(unbalanced, step, a, b, np, weave).imag / 1e-30
+    gradient[:, 2] /= 2
+    assert relative(state.energy, energy).max() <= 1e-11
+    assert relative(gradient, voigt(state.S)).max() <= 1e-11
+
+
+def test_the_initial_angle_as_the_weaves_changes_nothing(unbalanced, random_states):
+    C = random_states(1_000)[0]
+    fibres = [1.0, 0.0], [np.cos(1.2), np.sin(1.2)]
+    given, own = (pointwise.evaluate(unbalanced, cauchy_green=C, fibres=fibres, weave_angle=w) for w in (1.2, None))
+    assert given.invariants == pytest.approx(own.invariants, abs=1e-14)
+    assert relative(given.S, own.S).max() <= 1e-11
 
 
 def test_stress_and_tangent_agree_with_mpmath(unbalanced, random_states):
@@ -167,6 +201,8 @@ def test_stress_free_state():
         ({"stretch": np.eye(3)}, "shape"),
         ({"stretch": np.full((2, 2), np.nan)}, "point 0"),
         ({"gradient": np.stack([np.eye(2), np.diag([1.0, -1.0])])}, "point 1"),
+        ({"stretch": np.eye(2), "weave_angle": 0.0}, "above 0 and below pi"),
+        ({"stretch": np.eye(2), "weave_angle": 90.0}, "weave's angle is 90.0 rad"),
     ],
 )
 def test_bad_input_is_named(arguments, words):

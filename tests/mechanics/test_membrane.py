@@ -52,6 +52,40 @@ def test_rest_is_free_of_stress_and_of_nan(unbalanced, cell, degree, angle_betwe
     assert np.isfinite(A.norm()) and diagonal.min()[1] > 0
 
 
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
+    """Homogeneous, at rest and deformed, with yarns that are not orthogonal; the forces are the energy's derivative."""
+    from fabric_fenicsx.results.fields import cell_fields, least_stability
+
+    blank = strip(cell, degree, a=0.2, b=0.2 + 1.3)
+    membrane = Membrane(blank, unbalanced, weave_angle=1.1)
+    scene = Scene(blank, [membrane])
+    r = scene.u.duplicate()
+    yarns = [[math.cos(k), math.sin(k)] for k in (0.2, 1.5)]
+    volume = 200 * 50 * unbalanced.thickness
+    for F in (np.eye(2), np.array([[1.01, 0.2], [-0.1, 0.98]])):
+        blank.u.x.array[:] = (blank.coordinates()[:, :2] @ (F - np.eye(2)).T).ravel()
+        state = pointwise.evaluate(unbalanced, gradient=[F], fibres=yarns, weave_angle=1.1)
+        scene.residual(r)
+        P = F @ state.S[0]
+        np.testing.assert_allclose(scene.virial() / volume, P, atol=1e-10 * np.abs(P).max())
+        assert scene.energy() / volume == pytest.approx(state.energy[0], rel=1e-11)
+        fields, mismatch = cell_fields(membrane)
+        assert mismatch <= 1e-10
+        assert fields["shear_angle"] == pytest.approx(state.invariants[0, 3], abs=1e-11)
+        least = COMM.allreduce(least_stability(membrane), MPI.MIN)
+        assert least == pytest.approx(
+            COMM.allreduce(fields["stability_ellipticity"].min(initial=np.inf), MPI.MIN), rel=1e-6
+        )
+    assert np.abs(P).max() > 0.01
+
+
+def test_weave_angles_that_are_none():
+    with pytest.raises(InputError, match="above 0 and below pi"):
+        Membrane(strip(), KOMEILI, weave_angle=math.pi)
+
+
 def free_contraction(fabric, strain, turned=0.0):
     """Lateral strain and nominal stress of free uniaxial tension along a, from the kernel alone."""
 

@@ -64,7 +64,8 @@ def test_paths_of_a_homogeneous_state(full, ranks):
     half = (117.5, 67.5) if full else (235.0, 135.0)
     for angle, length in ((0, half[0]), (45, half[1] * np.sqrt(2)), (90, half[1])):
         path, direction = paths[angle], np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
-        np.testing.assert_allclose(path.distance, 5.0 * np.arange(length // 5 + 1))
+        np.testing.assert_allclose(path.distance[:-1], 5.0 * np.arange(np.ceil(length / 5)))
+        assert path.distance[-1] == pytest.approx(length, abs=1e-6)  # the ply's edge
         stretch = np.linalg.norm([[1.02, 0.3], [0, 0.9]] @ direction)
         np.testing.assert_allclose(path.formed, path.distance * stretch, rtol=1e-8)
         np.testing.assert_allclose(path.log_eps_11, np.log(1.02), rtol=1e-10)
@@ -82,6 +83,38 @@ def test_path_values_are_means_of_the_eight_cells_around_a_node():
     around = np.mean([(k * h / 6) ** 2 for k in (1, 3)]) * 1.0
     inner = slice(0, len(path.distance) - 1)
     np.testing.assert_allclose(path.log_eps_11[inner], path.distance[inner] ** 2 + around, atol=1e-9)
+
+
+def test_path_values_are_linear_between_nodes():
+    """Of a field that grows along x, whose means at inner nodes are exact on regular cells."""
+    grid = formed(SHEARED, nx=24, ny=6, length=200.0, width=50.0)
+    grid.cell_data["log_eps_11"] = grid.cell_centers().points[:, 0]
+    path = forming.along_paths(grid, (20,), spacing=1.0)[20]
+    inner = (path.distance > 10) & (path.distance < 130)
+    along = path.distance * np.cos(np.radians(20))
+    np.testing.assert_allclose(path.log_eps_11[inner], along[inner], atol=1e-6)
+    assert path.distance[-1] == pytest.approx(50 / np.sin(np.radians(20)), abs=1e-6)
+    assert np.diff(path.distance).max() < 1 + 1e-9
+
+
+def test_a_path_ends_at_a_hole():
+    grid = formed(SHEARED, nx=40, ny=40, length=100.0, width=100.0)
+    x, y, _ = grid.cell_centers().points.T
+    path = forming.along_paths(grid.extract_cells((x < 50) | (x > 70) | (y > 20)), (0,))[0]
+    assert path.distance[-1] == pytest.approx(50, abs=1e-6)
+
+
+def test_axes_of_paths_end_with_the_ply(tmp_path, monkeypatch):
+    drawn, paths = [], forming.along_paths(formed(SHEARED))
+    monkeypatch.setattr(forming.plt, "close", drawn.append)
+    forming.paths_picture(tmp_path / "p.png", {"one": paths}, {"tool": (217, 90, 300), "other": 140})
+    (figure,) = drawn
+    ends = [235, 135 * np.sqrt(2), 135]
+    for ax, end in zip(figure.axes[::3], ends):
+        assert ax.get_xlim() == pytest.approx((0, end), abs=1e-6)
+    lines = [len(ax.get_lines()) for ax in figure.axes[::3]]
+    assert lines == [4, 4, 2]  # the curve, 0 and what marks lie on the ply
+    assert {text.get_text() for text in figure.legends[0].get_texts()} == {"one", "tool", "other"}
 
 
 def test_a_path_over_a_cylinder_is_its_arc():
@@ -202,7 +235,7 @@ def test_tables_and_diagrams(tmp_path):
     forming.write_paths(tmp_path / "paths.csv", paths["all couplings"])
     with open(tmp_path / "paths.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert len(rows) == 48 + 39 + 28
+    assert len(rows) == 48 + 40 + 28
     at = [row for row in rows if row["path_deg"] == "45"][20]
     assert float(at["distance_mm"]) == 100
     assert float(at["shear_angle_deg"]) == pytest.approx(paths["all couplings"][45].shear_angle[20], rel=1e-6)

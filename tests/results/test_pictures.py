@@ -25,3 +25,27 @@ def test_polygons_cover_the_deformed_sheet(tmp_path, element):
     areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
     assert len(areas) == blank.mesh.topology.index_map(2).size_local
     assert abs(areas) == pytest.approx(2400 * np.linalg.det(np.eye(2) + stretch) / len(areas), rel=1e-9)
+
+
+def test_maps_show_signed_values_and_their_extremes(tmp_path, monkeypatch):
+    blank = Blank.from_arrays(MPI.COMM_SELF, *specimen(60.0, 40.0, 6, 4))
+    membrane = Membrane(blank, load("komeili"))
+    x, y = blank.coordinates()[:, :2].T
+    blank.u.x.array[:] = np.column_stack([-0.1 * y - 0.001 * x * y, 0 * x]).ravel()
+    fields = cell_fields(membrane)[0]
+    FieldSeries(tmp_path, membrane).write(1.0, fields)
+    drawn = []
+    monkeypatch.setattr(pictures.plt, "close", drawn.append)
+    grid = read_last(tmp_path)
+    pictures.maps(tmp_path / "one.png", {"one": grid}, ("log_eps_22", "shear_angle"), outliers=0.1)
+    pictures.maps(tmp_path / "two.png", {"one": grid, "two": grid}, ("shear_angle",))
+    gamma = np.degrees(fields["shear_angle"])
+    assert gamma.max() < -5
+    said = f"cells: {gamma.min():.4g} to {gamma.max():.4g}"
+    (_, shear, *_), (first, second, *_) = (figure.axes for figure in drawn if hasattr(figure, "axes"))
+    assert shear.get_title() == said and first.get_title() == f"one\n{said}" and second.get_title() == f"two\n{said}"
+    for ax in (shear, first):
+        (cells,) = ax.collections
+        low, high = cells.get_clim()
+        assert low == -high and cells.get_cmap().name == "coolwarm"
+        assert np.asarray(cells.get_array()) == pytest.approx(gamma, abs=1e-4)

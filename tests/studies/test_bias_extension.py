@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
+from mpi4py import MPI
+
+from fabric_fenicsx.pin_jointed import PinJointedStrip
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
-from bias_extension import yarns_held  # noqa: E402
+from bias_extension import transition_width  # noqa: E402
 from speed_vs_error import curve_distance  # noqa: E402
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
@@ -81,7 +84,7 @@ def test_cells_that_do_not_follow_the_yarns_do_not_lock(launch, element, nx, pat
     reader.set_active_time_value(1.0)
     grid = reader.read().combine()
     x = np.asarray(grid.cell_centers().points)[:, :2]
-    _, distance = yarns_held(*x.T, 200, 50)
+    _, distance = PinJointedStrip(200, 50, np.pi / 4, 3 * np.pi / 4).held(*x.T)
     strain = np.maximum(np.abs(grid.cell_data["eps_a"]), np.abs(grid.cell_data["eps_b"]))
     assert strain[distance > cells * 200 / nx].max() <= oscillation
     assert done.summary["integration"] == ("full" if element else "reduced")
@@ -105,3 +108,82 @@ def test_deep_shear_on_two_ranks(launch):
     assert done.summary["quantities"]["theory_shear_angle_deg"] is None
     assert done.summary["quantities"]["centre_shear_angle_deg"] > 60
     assert done.summary["energy"]["viscous"] == 0
+
+
+@pytest.mark.parametrize("degrees, theory", [(30, 11.09), (20, 28.19)])
+def test_theory_at_other_angles(launch, degrees, theory):
+    """Means over the zones; within them simulated angles differ, as moments on yarns of different lengths do."""
+    options = ("--fibre-angle", degrees, "--pattern", "yarns", "--strain", 0.05, "--steps", 10)
+    done = launch("bias_extension", "--nx", 40, *options, "--no-pictures")
+    assert done.status == 0, done.err
+    q = done.summary["quantities"]
+    assert q["theory_shear_angle_deg"] == pytest.approx(theory, abs=0.01)
+    assert q["free_zone_shear_angle_deg"] == pytest.approx(theory, rel=0.07)
+    assert q["centre_shear_angle_deg"] == pytest.approx(theory, rel=0.15)
+    assert q["clamped_zone_shear_angle_deg"] < 0.5
+    turn_a, turn_b = np.degrees(np.abs(PinJointedStrip(200, 50, *np.radians([degrees, degrees + 90])).turns(10)))
+    # where a yarn a is held, yarns b keep their direction
+    assert q["only_a_held_zone_shear_angle_deg"] == pytest.approx(turn_a, abs=0.6)
+    if degrees == 30:  # at 20 deg that zone is too narrow
+        assert q["only_b_held_zone_shear_angle_deg"] == pytest.approx(turn_b, rel=0.05)
+    assert "half_zone_shear_angle_deg" not in q
+    assert "normalised_shear_force_N_per_mm" not in q and "no_theory_because" not in q
+
+
+def test_no_theory_where_yarns_run_from_clamp_to_clamp(launch):
+    done = launch("bias_extension", "--quick", "--fibre-angle", 10, "--pattern", "yarns", "--strain", 0.01)
+    assert done.status == 0, done.err
+    q = done.summary["quantities"]
+    assert q["theory_shear_angle_deg"] is None and q["no_theory_because"] == "yarns a run from clamp to clamp"
+    assert "(no theory: yarns a run from clamp to clamp)" in done.out
+
+
+def test_the_width_of_a_ramp():
+    """80 % of the distance over which a yarn's turn grows linearly, wherever cells lie."""
+    strip, rng = PinJointedStrip(200, 50, np.pi / 4, 3 * np.pi / 4), np.random.default_rng(1)
+    x, y = rng.uniform((0, 0), (200, 50), (40_000, 2)).T
+    found = []
+    for ramp in (2.0, 6.0):
+        gamma = sum(np.where(counts, np.clip(into / ramp + 0.5, 0, 1), 0) for counts, into in strip.beside_clamps(x, y))
+        found.append(transition_width(MPI.COMM_SELF, strip, x, y, -0.3 * gamma))
+    assert found == pytest.approx([1.6, 4.8], rel=0.05)
+    assert transition_width(MPI.COMM_SELF, strip, x[:20], y[:20], gamma[:20]) is None
+
+
+def test_a_transition_zone_of_yarns_that_bend_is_as_wide_on_any_mesh(launch):
+    def width(nx, stiffness):
+        options = ("--element", "P1", "--pattern", "crossed", "--steps", 5, "--no-pictures")
+        done = launch("bias_extension", "--nx", nx, "--in-plane-bending", stiffness, *options)
+        assert done.status == 0 and done.summary["terms"] == ["membrane", "bending"][: 1 + (stiffness > 0)], done.err
+        return done.summary["quantities"]["transition_width_mm"]
+
+    coarse, fine = width(24, 0), width(48, 0)
+    assert fine == pytest.approx(coarse / 2, rel=0.1)
+    wide = width(48, 0.1)
+    assert wide == pytest.approx(width(24, 0.1), rel=0.15) and wide > 2 * coarse
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (("--in-plane-bending", 0.1, "--element", "P2"), ["--element P2", "allowed is P1"]),
+        (("--in-plane-bending", -1), ["--in-plane-bending", "a number from 0"]),
+        (("--measured", Path(__file__).parents[2] / "studies" / "data" / "glass_pp_115x230", "--fibre-angle", 30), ["--measured", "--fibre-angle 45"]),
+        (("--yarn-angle", 180), ["--yarn-angle", "below 180 deg"]),
+        (("--weave-angle", 0), ["--weave-angle", "above 0"]),
+    ],
+)  # fmt: skip
+def test_options_that_do_not_fit(launch, options, words):
+    done = launch("bias_extension", "--quick", *options)
+    assert done.status == 2 and all(word in done.err for word in words), done.err
+    assert not (done.folder / "summary.json").exists()
+
+
+def test_a_weave_that_is_clamped_sheared(launch):
+    done = launch("bias_extension", "--quick", "--weave-angle", 80, "--no-pictures")
+    assert done.status == 0 and "at rest in its supports, before load" in done.out, done.err
+    q = done.summary["quantities"]
+    assert q["theory_shear_angle_deg"] == pytest.approx(26.526, abs=0.001)
+    assert q["clamped_zone_shear_angle_deg"] == pytest.approx(10, abs=0.1)
+    assert q["free_zone_shear_angle_deg"] == pytest.approx(26.526, rel=0.06)
+    assert done.summary["kernel_mismatch"] <= 1e-10 and done.summary["energy_imbalance"] < 0.04

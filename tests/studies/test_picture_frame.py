@@ -19,6 +19,24 @@ def test_normalised_shear_force(launch, options):
     assert (done.folder / "shear_force.png").stat().st_size > 10_000
 
 
+@pytest.mark.parametrize("weave", [70, 120])
+def test_a_weave_that_is_mounted_sheared(launch, weave):
+    done = launch("picture_frame", "--quick", "--steps", 10, "--weave-angle", weave, "--pre-tension", 0.01)
+    assert done.status == 0, done.err
+    q = done.summary["quantities"]
+    assert q["normalised_shear_force_N_per_mm"] == pytest.approx(q["closed_form_N_per_mm"], rel=1e-10)
+    gamma = (q["shear_angle_deg"] + weave - 90) / 57.29577951308232
+    assert q["shear_angle"] == pytest.approx([gamma] * 2, abs=1e-10)
+    assert done.summary["kernel_mismatch"] <= 1e-10
+    assert "0 mm" in done.out.splitlines()[0]  # all edges are held, and the state is homogeneous
+
+
+@pytest.mark.parametrize("options", [("--fibre-angle", 30), ("--yarn-angle", 80)])
+def test_yarns_that_are_not_along_the_arms(launch, options):
+    done = launch("picture_frame", "--quick", *options)
+    assert done.status == 2 and "along its arms" in done.err
+
+
 def test_pre_tension_stiffens_shear(launch):
     forces = [
         launch("picture_frame", "--quick", "--pre-tension", e).summary["quantities"]["normalised_shear_force_N_per_mm"]

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
+from scipy.optimize import brentq
 
+from fabric_fenicsx.material import pointwise
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.solve import stepping
 from fabric_fenicsx.solve.stepping import Viscosity
@@ -246,3 +248,56 @@ def test_a_tabulated_material_runs_in_every_study(launch, tmp_path, study):
     assert tables["converged"] and tables["couplings"] == [] and tables["kernel_mismatch"] <= 1e-10
     if "reaction_N" in tables:
         assert tables["reaction_N"] == pytest.approx(preset["reaction_N"], rel=2e-2)  # of the interpolation
+
+
+def test_what_is_said_first_holds_as_the_mesh_is_refined(launch):
+    """Strains at the middle and between which 98 % of the area lies; the extremes, at the clamps' corners, grow."""
+    coarse, fine = (launch("tensile", "--nx", nx, "--steps", 5, "--no-pictures") for nx in (24, 96))
+    q, r = coarse.summary["quantities"], fine.summary["quantities"]
+    assert q["log_eps_22_middle"] == pytest.approx(r["log_eps_22_middle"], rel=1e-3)
+    assert q["log_eps_22_98_percent"][0] == pytest.approx(r["log_eps_22_98_percent"][0], rel=0.01)
+    assert q["shear_angle_98_percent_deg"] == pytest.approx(r["shear_angle_98_percent_deg"], rel=0.03)
+    assert r["shear_angle_max_deg"] > 1.5 * q["shear_angle_max_deg"]
+    assert f"log eps22 at the middle {100 * r['log_eps_22_middle']:.2f} %" in fine.out
+    for name in ("log_eps_11", "log_eps_22"):
+        (low, high), (least, most) = r[f"{name}_98_percent"], r[name]
+        assert least <= low < r.get(f"{name}_middle", high) <= high <= most
+
+
+def test_a_sheet_without_a_middle(launch, tmp_path):
+    from fabric_fenicsx.meshes.specimen import specimen, write
+
+    x, cells, kind = specimen(nx=20, ny=5)
+    write(tmp_path / "holed.msh", x, cells[np.linalg.norm(x[cells].mean(1) - [100, 25, 0], axis=1) > 8], kind)
+    for study, name in (("tensile", "log_eps_22_middle"), ("bias_extension", "centre_shear_angle_deg")):
+        done = launch(study, "--quick", "--mesh", "holed.msh", "--steps", 2, "--strain", 0.02, "--no-pictures")
+        assert done.status == 0, done.err
+        assert done.summary["quantities"][name] is None
+        (doubt,) = [text for text in done.summary["warnings"] if "hole at its centre" in text]
+        assert doubt in done.err and "no cell at the" in done.out
+    assert done.summary["quantities"]["theory_shear_angle_deg"] is None
+    assert "whole rectangle" in done.summary["quantities"]["no_theory_because"]
+
+
+def test_a_pre_sheared_strip_comes_to_rest_before_load(launch):
+    """Yarns at +-35 deg of a weave without shear at 90 deg: free sides, homogeneous, so the kernel has it all."""
+    angles = np.radians([35, 145])
+    yarns = np.stack([np.cos(angles), np.sin(angles)], -1)
+
+    def across(strain):
+        def state(eps):
+            F = np.diag([1 + strain, 1 + eps])
+            return pointwise.evaluate(PRESETS["komeili"], gradient=F, fibres=yarns, weave_angle=np.pi / 2)
+
+        eps = brentq(lambda e: state(e).S[0, 1, 1], -0.2, 0.2, xtol=1e-15)
+        return eps, 50 * (1 + strain) * state(eps).S[0, 0, 0]
+
+    options = ("--grips", "rollers", "--fibre-angle", 35, "--yarn-angle", 110, "--weave-angle", 90)
+    done = launch("tensile", "--quick", *options, "--no-pictures", "--tolerance", 1e-12, ranks=2)
+    assert done.status == 0 and "at rest in its supports, before load" in done.out, done.err
+    first, *_, last = rows(done.folder)
+    assert first["reaction_N"] == pytest.approx(across(0.0)[1], rel=1e-9)
+    assert last["reaction_N"] == pytest.approx(across(0.03)[1], rel=1e-9)
+    assert done.summary["quantities"]["width_at_middle_mm"] == pytest.approx(50 * (1 + across(0.03)[0]), rel=1e-9)
+    assert done.summary["kernel_mismatch"] <= 1e-10
+    assert first["strain_energy_Nmm"] > 9 and done.summary["energy_imbalance"] < 0.01
