@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from ..errors import InputError
 from .newton import Newton, Report
 
-EASY = 5  # iterations up to which the next step may grow
+EASY = 15  # iterations up to which the next step may grow
 GROWTH, CUT = 1.5, 0.5
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
@@ -228,7 +228,7 @@ def march(
         elif report.iterations <= EASY:
             at.step = min(GROWTH * at.step, max_step)
         if at.viscosity.drag:
-            at.viscosity.passed(report.iterations <= 2 * EASY, resting=not taken)
+            at.viscosity.passed(report.iterations <= EASY, resting=not taken)
         at.accepted += 1
         now = time.perf_counter()
         if on_accept:
