@@ -390,6 +390,11 @@ class Scene:
         self._extra.setValuesIJV(starts, cols, summed, addv=PETSc.InsertMode.ADD, rowmap=rows)
         self._extra.assemble()
 
+    def anticipate(self) -> None:
+        """Let terms see the present residual before the tangent for the next correction is asked, after `residual`."""
+        for term in self._having("anticipate"):
+            term.anticipate(self._f.array)
+
     def held_forces(self) -> np.ndarray:
         """Forces of the supports on this rank's held degrees of freedom, after `residual`, (held,) [N]."""
         return self._f.array[self.held].copy()

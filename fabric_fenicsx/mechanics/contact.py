@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from .friction import Friction
 
 STRAIN = 0.02  # of both yarns, whose pull over the tightest radius sets the default penalty
+MORE = 4.0  # times the present pressure, up to which a node's pressure is anticipated
 PERMITTED = 0.0125  # of the thickness, the penetration under it
 
 
@@ -174,6 +175,26 @@ class Contact:
         are global degrees of freedom."""
         return self.nodes.rows, self.nodes.cols, self.touch().blocks.ravel()
 
+    def anticipate(self, f: np.ndarray) -> None:
+        """Let `stiffness` be, until the blank moves, the law's slope up to the pressure that balances the other forces.
+
+        f: energy's derivative at this rank's degrees of freedom [N]. A node that nothing presses any more then leaves the
+        tool in one correction; with the tangent its depth is but halved, as the law starts with slope 0.
+        """
+        touch, n = self.touch(), self.nodes.count
+        p = touch.pressure
+        pressed = np.flatnonzero(p > 0)
+        p, normal, areas = p[pressed], touch.normal[pressed], self.nodes.areas[pressed]
+        balancing = p + (f[: 3 * n].reshape(-1, 3)[pressed] * normal).sum(1) / areas
+        balancing = np.clip(balancing, 0.0, MORE * p)
+        depths = _depth(p, self.penalty, self.smoothing), _depth(balancing, self.penalty, self.smoothing)
+        changes = abs(balancing - p) > 1e-6 * p
+        slope = _law(depths[0], self.penalty, self.smoothing)[2]
+        chord = np.where(changes, (balancing - p) / np.where(changes, depths[1] - depths[0], 1.0), slope)
+        blocks = touch.blocks.copy()
+        blocks[pressed] += (areas * (chord - slope))[:, None, None] * normal[:, :, None] * normal[:, None]
+        self._seen = self.nodes.displacement(), touch._replace(blocks=blocks)
+
     def compliance(self) -> tuple[np.ndarray, float] | None:
         """Of a tool moved by force: c (nodes, 3) [N/mm] and stiffness k [N/mm], by which it takes c c^T / k from the
         tangent; None of others."""
@@ -290,6 +311,11 @@ def _law(e, k, s):
     soft, beyond = np.minimum(e, s), np.maximum(e - s, 0.0)
     energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
     return energy, k * (soft**2 / (2 * s) + beyond), k * soft / s
+
+
+def _depth(p, k, s):
+    """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]: the inverse of `_law`."""
+    return np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)
 
 
 class Pressing:

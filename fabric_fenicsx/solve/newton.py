@@ -201,6 +201,8 @@ class Newton:
                         snes.ksp.solve(r, d)
                         kept = snes.ksp.getConvergedReason() > 0 and self._comply(d)
                 if not kept:
+                    self.scene.set(x)
+                    self.scene.anticipate()
                     snes.computeJacobian(x, self.A)
                     stiffness = self.A.getDiagonal().norm()
                     if not np.isfinite(stiffness):
