@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-EDGES = 1e-3  # of the area, in which yarns at singular points may be stretched further
+EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
 
 
 def _limit(default: float, text: str) -> float:
@@ -14,7 +14,7 @@ def _limit(default: float, text: str) -> float:
 class Limits:
     """Largest values of a result that is believed."""
 
-    imbalance: float = _limit(0.05, "difference of external work and energies, of these")
+    imbalance: float = _limit(0.1, "difference of external work and energies, of these")
     viscous: float = _limit(0.05, "energy that regularisation took, of the strain energy")
     penetration: float = _limit(0.1, "of tools into the sheet, of its thickness")
     strain: float = _limit(0.1, "of yarns in tension, nominal, but for the edges' singular points")

@@ -29,7 +29,7 @@ def test_a_ply_is_formed(launch, angle):
     assert s["energy_imbalance"] < 0.02 and energy["viscous"] <= 0.01 * energy["strain"]
     assert q["penetration_of_thickness"] < 0.02
     assert q["unbalanced_force_N"] < 1e-4 * q["contact_forces_N"]["die"]
-    assert 35 < q["shear_angle_max_deg"] < 60 and 15 < q["draw_in"]["largest_mm"] < 46
+    assert 35 < q["shear_angle_max_deg"] < 60 and 15 < q["draw_in"]["largest_mm"] < 48
     assert q["wrinkles"]["height_largest_mm"] < 0.5
     (doubt,) = [text for text in s["warnings"] if "linear cells" in text or "mm long where" in text]
     assert "cells are 19.4 mm long where the die has a radius of 7.54 mm" in doubt and done.err.count(doubt) == 1

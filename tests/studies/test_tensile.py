@@ -160,7 +160,7 @@ def test_resume_after_a_kill_on_other_ranks(launch):
 
 
 def test_a_load_that_cannot_be_reached(launch):
-    done = launch("bias_extension", "--quick", "--element", "P1", "--strain", 0.9, ranks=2)
+    done = launch("bias_extension", "--quick", "--element", "P1", "--strain", 0.9, "--max-strain", 10, ranks=2)
     assert done.status == 3, done.err
     (said,) = [
         line
