@@ -432,7 +432,7 @@ class Study:
             with timing.phase("output"):
                 least, stretched = watched(membrane)
                 least = self.comm.allreduce(least, MPI.MIN)
-            if not accepted.load and accepted.report.iterations and membrane.weave_angle is not None:
+            if not accepted.load and membrane.weave_angle is not None:
                 moved = scene.u.norm(PETSc.NormType.NORM_INFINITY)
                 self.say(f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm")
             beyond[:] = self._beyond(scene, stretched, cell_areas)
