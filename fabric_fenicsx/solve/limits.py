@@ -17,7 +17,7 @@ class Limits:
     imbalance: float = _limit(0.1, "difference of external work and energies, of these")
     viscous: float = _limit(0.05, "energy that regularisation took, of the strain energy")
     penetration: float = _limit(0.1, "of tools into the sheet, of its thickness")
-    strain: float = _limit(0.15, "of yarns in tension, nominal, but for the edges' singular points")
+    strain: float = _limit(0.1, "of yarns in tension, nominal, but for the edges' singular points")
 
     def exceeded(self, found: Mapping[str, float]) -> list[str]:
         """What is wrong with a result, a sentence each, of values `found` under names above other than strain."""
