@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
-from scipy.sparse.linalg import cg
+from scipy.sparse.linalg import lsqr
 
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # of corner 0, 1, 2; edge k lies opposite corner k, from NEXT[k] to LAST[k]
 FLAT_MEET = math.radians(1.0)  # flat regions that meet at more than this have a sharp edge
-DOMINANT = 3.0  # a flat region so many times larger than what it adjoins gives its normal to the vertices it has in common
+DOMINANT = 8.0  # a flat region so many times larger than what it adjoins gives its normal to the vertices it has in common
 PRIOR = 0.03  # weight of averaged normals beside the condition that edges are arcs
 
 
@@ -200,8 +200,7 @@ def _arcs(points, triangles, name, normals, fixed):
             values.append(slope[:, a])
     J = sparse.csr_matrix((np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=(len(ends), n))
     miss = ((normals[ends[:, 0]] + normals[ends[:, 1]]) * chord).sum(1)
-    A = J.T @ J + PRIOR * sparse.identity(n)
-    tilt, _ = cg(A, -(J.T @ miss), maxiter=200, tol=1e-6)
+    tilt = lsqr(J, -miss, damp=math.sqrt(PRIOR), atol=1e-6, btol=1e-6, iter_lim=200)[0]
     new = normals.copy()
     new[free] += np.einsum("na,nai->ni", tilt.reshape(-1, 2), frame[free])
     return new / np.linalg.norm(new, axis=1)[:, None]
