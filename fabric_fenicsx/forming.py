@@ -158,13 +158,12 @@ class Forming:
 
     def _on_flange(self, x):
         """Share of the places x (n, 3) that lies beneath the die's flange, (n,): 0 at its end, 1 from `RINGS` inwards."""
-        seen = np.zeros(len(x))
-        for radius, angle in itertools.product(RINGS, np.arange(8) * math.pi / 4):
-            at = np.column_stack(
-                [x[:, 0] + radius * math.cos(angle), x[:, 1] + radius * math.sin(angle), np.zeros(len(x))]
-            )
-            gap, normal, _ = self.die.evaluate(at, reach=self.thickness)
-            seen += (abs(gap - self.thickness / 2) < 1e-3 * self.thickness) & (normal[:, 2] < -0.999)
+        rings = itertools.product(RINGS, np.arange(8) * math.pi / 4)
+        shifts = np.array([(r * math.cos(angle), r * math.sin(angle), 0) for r, angle in rings])
+        at = (x * (1, 1, 0) + shifts[:, None]).reshape(-1, 3)
+        gap, normal, _ = self.die.evaluate(at, reach=self.thickness)
+        flat = (abs(gap - self.thickness / 2) < 1e-3 * self.thickness) & (normal[:, 2] < -0.999)
+        seen = flat.reshape(len(shifts), -1).sum(0)
         return np.clip(2 * seen / (8 * len(RINGS)) - 1, 0, 1)
 
     @property

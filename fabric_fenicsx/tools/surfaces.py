@@ -4,6 +4,7 @@ A surface bounds a body; its normal points out of it, and the gap (signed distan
 """
 
 import math
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -199,6 +200,11 @@ class Offset(Surface):
         self.surface, self.distance = surface, _number("distance", distance, allowed, -inside, outside)
         self.radii = (inside + self.distance, outside - self.distance)
 
+    def _behind(self) -> Surface:
+        seen = copy(self)
+        seen.surface = self.surface._behind()
+        return seen
+
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
         gap, normal, curvature = self.surface.nearest(points, reach + abs(self.distance))
@@ -230,6 +236,11 @@ class Flipped(Surface):
 
     def __init__(self, surface: Surface) -> None:
         self.surface, self.radii = surface, surface.radii
+
+    def _behind(self) -> Surface:
+        seen = copy(self)
+        seen.surface = self.surface._behind()
+        return seen
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""

@@ -20,7 +20,8 @@ from .values import _number
 
 CREASE = 35.0  # deg
 SAME, FLAT = 2e-7, 1e-6  # of the largest coordinate: points that are one, and what may lie off a plane (files of single precision)
-ROOM = 0.25  # of a usual triangle's size, as far as candidates are kept for
+ROOM = 0.4  # of a usual triangle's size, as far as candidates are kept for
+KEPT = 4  # lists of candidates, of so many different numbers of points
 BENT = 0.9  # of the turning of a surface has a larger radius than what counts as its least
 
 
@@ -172,7 +173,7 @@ class TriangulatedSurface(Surface):
 
     def _behind(self):
         seen = copy(self)
-        seen._side, seen._lists = -self._side, None
+        seen._side, seen._lists = -self._side, {}
         return seen
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
@@ -211,13 +212,14 @@ class TriangulatedSurface(Surface):
         self._slopes = np.cross(area[:, None], np.roll(edges, -1, 1)) / (area**2).sum(1)[:, None, None]
         self._longest = math.sqrt((edges**2).sum(2).max())
         self._vertices = cKDTree(self.points)
-        self._one_of = np.empty(len(self.points), dtype=np.int64)  # a triangle at each vertex
-        self._one_of[self.triangles.ravel()] = np.repeat(np.arange(len(self.triangles)), 3)
+        order = np.argsort(self.triangles.ravel(), kind="stable")
+        starts = np.searchsorted(self.triangles.ravel()[order], np.arange(len(self.points) + 1))
+        self._ring = order, starts  # 3 t + c of the corners at a point
         centre = corners.mean(1)
         radius = np.linalg.norm(corners - centre[:, None], axis=2).max(1)
-        size = np.floor(np.log2(radius / radius.max()))
+        size = np.floor(np.log2(radius / radius.max()) / 2)
         self._room = ROOM * math.sqrt(np.median(self.areas))
-        self._lists: _Lists | None = None
+        self._lists: dict[int, _Lists] = {}
         self._by_size = []
         for each in np.unique(size)[::-1]:
             members = np.flatnonzero(size == each)
@@ -225,14 +227,18 @@ class TriangulatedSurface(Surface):
 
     def _listed(self, points, reach):
         """The `_Lists` for these points, made anew for those that have left the places where they hold."""
-        old = self._lists
-        if old is None or len(old.place) != len(points):
-            old = _Lists.empty(len(points))
+        n = len(points)
+        old = self._lists.pop(n, None) or _Lists.empty(n)
         moved = np.linalg.norm(points - old.place, axis=1)
         renew = np.flatnonzero(~((moved <= old.valid) | (old.clear - moved > reach)))
         if len(renew):
-            self._lists = old = self._renewed(old, points, reach, renew)
+            # and those that soon will
+            renew = np.flatnonzero(~((moved <= old.valid / 2) | (old.clear - moved > reach)))
+            old = self._renewed(old, points, reach, renew)
             moved[renew] = 0
+        self._lists[n] = old
+        if len(self._lists) > KEPT:
+            del self._lists[next(iter(self._lists))]  # that which was used least lately
         return old, np.copysign(old.clear - moved, old.side)
 
     def _renewed(self, old, points, reach, renew):
@@ -246,7 +252,7 @@ class TriangulatedSurface(Surface):
         near = np.flatnonzero(clear[renew] - self._room <= reach)
         row, triangle = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         if len(near):
-            row, triangle, least = self._candidates(x[near], distance[near])
+            row, triangle, least = self._candidates(x[near], vertex[near])
             near = renew[near]
             row, clear[near], valid[near] = near[row], least - self._bulge, self._room
             clear[near] = np.where(clear[near] - self._room > reach, clear[near], -1.0)
@@ -258,30 +264,34 @@ class TriangulatedSurface(Surface):
         order = np.argsort(row[hold], kind="stable")
         return _Lists(place, valid, clear, side, normal, row[hold][order], triangle[hold][order])
 
-    def _candidates(self, points, distance):
-        """All triangles (k,) that may be the closest ones within `_room` of points, given an upper bound of their distance;
-        rows (k,) of those points, and their distances (n,)."""
-        distance = distance.copy()
+    def _candidates(self, points, vertex):
+        """All triangles (k,) that may be the closest ones within `_room` of points, given their closest vertex; rows (k,) of
+        those points, and their distances (n,)."""
+        # a bound from the triangles at the vertex
+        order, starts = self._ring
+        count = starts[vertex + 1] - starts[vertex]
+        row = np.repeat(np.arange(len(points)), count)
+        place = np.arange(count.sum()) - np.repeat(count.cumsum() - count, count)
+        square = self._on_triangle(points[row], order[starts[vertex][row] + place] // 3)[1]
+        distance = np.sqrt(np.minimum.reduceat(square, count.cumsum() - count))
         room = 2 * self._room + (2 * self._bulge if self._parts > 1 else 0.0)
-        rows_of, triangles, apart = [], [], []
+        rows_of, triangles = [], []
         for tree, members, radius in self._by_size:
-            rows, first, last = np.arange(len(points)), 0, 4
+            rows, first, last = np.arange(len(points)), 0, 8
             while len(rows) and first < len(members):
                 last = min(last, len(members))
-                bound = distance[rows].max() + radius + room
-                to_centre, near = tree.query(points[rows], range(first + 1, last + 1), distance_upper_bound=bound)
                 # no point of a triangle is nearer than its centre less its radius
-                maybe = to_centre < (distance[rows] + radius + room)[:, None]
+                bound = distance[rows] + (radius + room)
+                to_centre, near = tree.query(points[rows], range(first + 1, last + 1), distance_upper_bound=bound.max())
+                maybe = to_centre < bound[:, None]
                 row, column = np.nonzero(maybe)
-                candidates = members[near[row, column]]
-                _, square = self._on_triangle(points[rows[row]], candidates)
-                np.minimum.at(distance, rows[row], np.sqrt(square))
                 rows_of.append(rows[row])
-                triangles.append(candidates)
-                apart.append(np.sqrt(square))
+                triangles.append(members[near[row, column]])
                 rows = rows[maybe[:, -1]]
                 first, last = last, 4 * last
-        row, triangle, apart = (np.concatenate(parts) for parts in (rows_of, triangles, apart))
+        row, triangle = np.concatenate(rows_of), np.concatenate(triangles)
+        apart = np.sqrt(self._on_triangle(points[row], triangle)[1])
+        np.minimum.at(distance, row, apart)
         keep = apart <= distance[row] + room
         return row[keep], triangle[keep], distance
 
@@ -333,9 +343,6 @@ class TriangulatedSurface(Surface):
         own = corner.normals[corner.name]
         self._flat = ((own * self.facets[:, None]).sum(2) >= 1 - 1e-15).all(1) | (own == self.facets[:, None]).all((1, 2))
         self._flat &= self._bulges <= 1e-12 * self._longest
-        order = np.argsort(self.triangles.ravel(), kind="stable")
-        starts = np.searchsorted(self.triangles.ravel()[order], np.arange(len(self.points) + 1))
-        self._ring = order, starts  # 3 t + c of the corners at a point
         self._on_rim = np.zeros(len(self.points), dtype=bool)
         self._on_rim[self._ends(across.triangle < 0)] = True
         larger, smaller = self._curvatures()
