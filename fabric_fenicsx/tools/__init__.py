@@ -4,6 +4,7 @@ A surface bounds a body; its normal points out of it, and the gap (signed distan
 `Surface` and `ImplicitSurface` are the bases of own surfaces.
 """
 
+from .checks import check_motion, check_punch, check_triangles
 from .double_dome import DoubleDome
 from .primitives import Cylinder, Plane, Plate, Sphere, Torus
 from .surfaces import Flipped, ImplicitSurface, Nearest, Offset, Reversed, Surface
@@ -28,4 +29,7 @@ __all__ = [
     "Torus",
     "TriangulatedSurface",
     "Way",
+    "check_motion",
+    "check_punch",
+    "check_triangles",
 ]

@@ -1,12 +1,14 @@
 """Triangles in files."""
 
 from contextlib import redirect_stdout
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 FORMATS = "STL, VTP, MSH, STEP, IGES"
 CAD = (".step", ".stp", ".iges", ".igs", ".brep")
+TURN = 0.35  # rad, by which the faces of CAD models turn along an edge at most
 
 
 def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
@@ -38,3 +40,71 @@ def _read_mesh(path):
         mesh = mesh.combine()
     mesh = (mesh if isinstance(mesh, pyvista.PolyData) else mesh.extract_geometry()).triangulate()
     return mesh.points, np.asarray(mesh.faces).reshape(-1, 4)[:, 1:]
+
+
+def _mesh_of_model(path, chord):
+    """Triangles on the faces of a CAD model, whose edges lie up to `chord` off the faces, and the faces' normals at their corners.
+
+    A first mesh finds the curvature, from which the sizes of the second follow.
+    """
+    import gmsh
+    from scipy.spatial import cKDTree
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.option.setNumber("Geometry.OCCSewFaces", 1)  # faces of IGES files do not share their edges
+        gmsh.model.add(path.stem)
+        gmsh.model.occ.importShapes(str(path))
+        gmsh.model.occ.synchronize()
+        faces = [tag for _, tag in gmsh.model.getEntities(2)]
+        if not faces:
+            raise ValueError("no face in it")
+        low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
+        most = np.linalg.norm(high - low) / 20
+        for option in ("FromPoints", "ExtendFromBoundary"):
+            gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", most)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 2 * np.pi / TURN)
+        gmsh.option.setNumber("Mesh.Algorithm", 6)
+        gmsh.model.mesh.generate(2)
+        places, sizes = [], []
+        for face in faces:
+            _, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
+            bend = np.maximum(np.abs(gmsh.model.getCurvature(2, face, parameters)), 1e-9)
+            places.append(place.reshape(-1, 3))
+            sizes.append(np.minimum(np.sqrt(8 * chord / bend), TURN / bend))
+        tree, sizes = cKDTree(np.vstack(places)), np.minimum(np.concatenate(sizes), most)
+        near = min(8, len(sizes))
+
+        grid = float(np.quantile(sizes, 0.05)) / 2
+
+        @cache  # gmsh asks many times at almost the same place
+        def size_in(*cell):
+            distance, number = tree.query([grid * (each + 0.5) for each in cell], near)
+            return float(np.min(sizes[number] + 0.3 * distance))
+
+        def size_at(dim, tag, x, y, *z):
+            return size_in(x // grid, y // grid, z[0] // grid)
+
+        gmsh.model.mesh.clear()
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 0)
+        gmsh.model.mesh.setSizeCallback(size_at)
+        gmsh.model.mesh.generate(2)
+        corners, normals = [], []
+        for face in faces:
+            tags, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
+            _, cells = gmsh.model.mesh.getElementsByType(2, face)
+            order = np.argsort(tags)
+            at = order[np.searchsorted(tags[order], cells)].reshape(-1, 3)
+            corner = place.reshape(-1, 3)[at]
+            normal = np.array(gmsh.model.getNormal(face, parameters)).reshape(-1, 3)[at]
+            facet = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+            against = np.einsum("mci,mi->", normal, facet) < 0
+            corners.append(corner)
+            normals.append(-normal if against else normal)
+    finally:
+        gmsh.finalize()
+    points = np.vstack(corners).reshape(-1, 3)
+    return points, np.arange(len(points)).reshape(-1, 3), np.vstack(normals)

@@ -15,7 +15,9 @@ from scipy.sparse.linalg import lsqr
 
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # of corner 0, 1, 2; edge k lies opposite corner k, from NEXT[k] to LAST[k]
 FLAT_MEET = math.radians(1.0)  # flat regions that meet at more than this have a sharp edge
-DOMINANT = 8.0  # a flat region so many times larger than what it adjoins gives its normal to the vertices it has in common
+DOMINANT = (
+    8.0  # a flat region so many times larger than what it adjoins gives its normal to the vertices it has in common
+)
 PRIOR = 0.03  # weight of averaged normals beside the condition that edges are arcs
 
 
@@ -31,7 +33,9 @@ class Topology(NamedTuple):
 def topology(triangles: np.ndarray) -> Topology:
     """The `Topology` of triangles (m, 3) that are turned the same way round where they meet."""
     sides = np.sort(np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2), 1).astype(np.int64)
-    _, name, count = np.unique(sides[:, 0] * (triangles.max() + 1) + sides[:, 1], return_inverse=True, return_counts=True)
+    _, name, count = np.unique(
+        sides[:, 0] * (triangles.max() + 1) + sides[:, 1], return_inverse=True, return_counts=True
+    )
     order = np.argsort(name, kind="stable")
     first = np.append(0, count.cumsum())[:-1]
     pair = first[count == 2]
@@ -54,7 +58,20 @@ def facet_normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray
     return normal / size[:, None], size / 2
 
 
-def flat_regions(points, triangles, across, tolerance):
+def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Unit normals (n, 3) at the points of triangles, those of the sphere at the vertices of a polyhedron in a sphere: N. Max,
+    Weights for computing vertex normals from facet normals, J. Graphics Tools 4 (1999)."""
+    corners = points[triangles]
+    onwards, back = np.roll(corners, -1, 1) - corners, np.roll(corners, 1, 1) - corners
+    total = np.zeros_like(points)
+    weights = np.maximum((onwards**2).sum(2) * (back**2).sum(2), 1e-300)
+    np.add.at(total, triangles, np.cross(onwards, back) / weights[..., None])
+    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+
+
+def flat_regions(
+    points: np.ndarray, triangles: np.ndarray, across: Topology, tolerance: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Region (m,) of each triangle, normal (m, 3) of its plane and area (m,): connected triangles whose vertices lie within
     `tolerance` [mm] of the plane of the region's largest one. Slivers take the normal of the plane that they lie in."""
     normal, area = facet_normals(points, triangles)
@@ -102,7 +119,14 @@ class Corners(NamedTuple):
     sharp: np.ndarray
 
 
-def corner_normals(points, triangles, across, crease, tolerance, given=None) -> Corners:
+def corner_normals(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    across: Topology,
+    crease: float,
+    tolerance: float,
+    given: np.ndarray | None = None,
+) -> Corners:
     """The `Corners` for edges that are sharp where facets turn by more than `crease` [rad]; normals given (m, 3, 3) are
     taken as they are, averaged where no sharp edge lies between."""
     m = len(triangles)
@@ -217,7 +241,7 @@ class Patches(NamedTuple):
     bulge: np.ndarray
 
 
-def curved(points, triangles, across, corners) -> Patches:
+def curved(points: np.ndarray, triangles: np.ndarray, across: Topology, corners: Corners) -> Patches:
     """The `Patches` on triangles (m, 3) with these `Corners`."""
     P = points[triangles]
     N = corners.normals[corners.name]
@@ -306,7 +330,9 @@ def _derivative(by_u, by_v):
     return factor, which
 
 
-_FACTORS, _WHICH = (np.array(a) for a in zip(*(_derivative(*d) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)))))
+_FACTORS, _WHICH = (
+    np.array(a) for a in zip(*(_derivative(*d) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))))
+)
 # monomials from control points: 4! / (i! j! k!) (1 - u - v)^i u^j v^k
 _MONOMIALS = np.zeros((15, 15))
 for _c, (_i, _j, _k) in enumerate(_NAMES):

@@ -19,10 +19,13 @@ from .surfaces import Nearest, Surface
 from .values import _number
 
 CREASE = 35.0  # deg
-SAME, FLAT = 2e-7, 1e-6  # of the largest coordinate: points that are one, and what may lie off a plane (files of single precision)
+SAME, FLAT = (
+    2e-7,
+    1e-6,
+)  # of the largest coordinate: points that are one, and what may lie off a plane (files of single precision)
 ROOM = 0.4  # of a usual triangle's size, as far as candidates are kept for
 KEPT = 4  # lists of candidates, of so many different numbers of points
-BENT = 0.9  # of the turning of a surface has a larger radius than what counts as its least
+BENT = 0.99  # of the turning of a surface has a larger radius than what counts as its least
 
 
 class _Lists(NamedTuple):
@@ -77,9 +80,10 @@ class TriangulatedSurface(Surface):
         if cells.size and not 0 <= cells.min() <= cells.max() < len(x):
             raise InputError(f"triangles name points {cells.min()} to {cells.max()}, but there are {len(x)}")
         given = None if normals is None else np.asarray(normals, dtype=float)
-        if given is not None and (given.shape != (*cells.shape, 3) or not np.isfinite(given).all()):
-            raise InputError(f"normals have the shape {given.shape}, but it must be {(*cells.shape, 3)}, all finite")
-        angle = math.radians(_number("crease", crease, "above 0 and below 180 deg", 0, 180))
+        if given is not None and given.shape != (*cells.shape, 3):
+            raise InputError(f"normals have the shape {given.shape}, but it must be {(*cells.shape, 3)}")
+        self.crease = _number("crease", crease, "above 0 and below 180 deg", 0, 180)
+        angle = math.radians(self.crease)
         x, number = _merged(x)
         cells = number[cells]
         corners = x[cells]
@@ -95,6 +99,9 @@ class TriangulatedSurface(Surface):
             given = given[area]
             given[turn] = given[turn][:, [0, 2, 1]]
             given = np.where(turn[:, None, None], -given, given)
+            facets = patches.facet_normals(x[used], cells)[0][:, None]
+            # at poles of a CAD model's faces there is none
+            given = np.where((given * facets).sum(2)[..., None] > math.cos(angle), given, facets)
         self.points: np.ndarray = x[used]
         self.triangles: np.ndarray = cells
         scale = abs(self.points - self.points.mean(0)).max()
@@ -103,8 +110,7 @@ class TriangulatedSurface(Surface):
         self._patches = patches.curved(self.points, cells, across, corner)
         self.facets, self.areas = patches.facet_normals(self.points, cells)
         self.rim, self.forks, self.sharp = (
-            self._ends(which)
-            for which in (across.count == 1, across.count > 2, corner.sharp & (across.triangle >= 0))
+            self._ends(which) for which in (across.count == 1, across.count > 2, corner.sharp & (across.triangle >= 0))
         )
         self._side = 1.0  # of the gap beyond the rim
         self.normals: np.ndarray = self._average_normals()
@@ -136,6 +142,11 @@ class TriangulatedSurface(Surface):
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
 
+    def turned_round(self) -> "TriangulatedSurface":
+        """The same surface with the body on its other side, the normals reversed."""
+        own = self._corner.normals[self._corner.name]
+        return TriangulatedSurface(self.points, self.triangles[:, [0, 2, 1]], -own[:, [0, 2, 1]], self.crease)
+
     # -- what is known of the surface as a whole
 
     def _average_normals(self):
@@ -152,6 +163,11 @@ class TriangulatedSurface(Surface):
         t, k, other = t[once], k[once], other[once]
         ends = np.column_stack([self.triangles[t, np.array(NEXT)[k]], self.triangles[t, np.array(LAST)[k]]])
         return ends, np.arccos(np.clip((self.facets[t] * self.facets[other]).sum(1), -1, 1))
+
+    @property
+    def bulges(self) -> np.ndarray:
+        """How far the patches' control points lie off the facets, (m,) [mm]: more than the patches themselves."""
+        return self._patches.bulge
 
     def _curvatures(self):
         """Principal curvatures (m, 2) [1/mm] in the patches' middles, the larger first; positive as a ball's."""
@@ -309,7 +325,7 @@ class TriangulatedSurface(Surface):
             least = np.full(len(points), np.inf)
             np.minimum.at(least, row[best], apart[best])
             bulge = np.zeros(len(points))
-            np.maximum.at(bulge, row[best], self._bulges[triangle[best]])
+            np.maximum.at(bulge, row[best], self.bulges[triangle[best]])
             best = best[apart[best] <= least[row[best]] + 2 * bulge[row[best]] + 1e-12]
         return row[best], triangle[best], weights[best], apart[best]
 
@@ -338,11 +354,12 @@ class TriangulatedSurface(Surface):
         t, k = np.nonzero(~corner.sharp)
         graph = sparse.coo_matrix((np.ones(len(t)), (t, across.triangle[t, k])), shape=(len(self.triangles),) * 2)
         self._parts, self._part = connected_components(graph, directed=False)
-        self._bulges = self._patches.bulge
-        self._bulge = float(self._bulges.max())
+        self._bulge = float(self.bulges.max())
         own = corner.normals[corner.name]
-        self._flat = ((own * self.facets[:, None]).sum(2) >= 1 - 1e-15).all(1) | (own == self.facets[:, None]).all((1, 2))
-        self._flat &= self._bulges <= 1e-12 * self._longest
+        self._flat = ((own * self.facets[:, None]).sum(2) >= 1 - 1e-15).all(1) | (own == self.facets[:, None]).all(
+            (1, 2)
+        )
+        self._flat &= self.bulges <= 1e-12 * self._longest
         self._on_rim = np.zeros(len(self.points), dtype=bool)
         self._on_rim[self._ends(across.triangle < 0)] = True
         larger, smaller = self._curvatures()
@@ -407,7 +424,15 @@ class TriangulatedSurface(Surface):
                 came[i], back[2][i] = -1, np.inf
             if ended.any():
                 on = ~ended
-                x, rows, tri, b, came, factor, tolerance = x[on], rows[on], tri[on], b[:, on], came[on], factor[on], tolerance[on]
+                x, rows, tri, b, came, factor, tolerance = (
+                    x[on],
+                    rows[on],
+                    tri[on],
+                    b[:, on],
+                    came[on],
+                    factor[on],
+                    tolerance[on],
+                )
                 step, back = step[:, on], (back[0][on], back[1][:, on], back[2][on])
         # no minimum was found, as happens at centres of curvature: what is nearest by now
         at = patches.evaluate(self._patches, tri, b)
