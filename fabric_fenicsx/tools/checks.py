@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .tool import Tool
@@ -50,7 +51,7 @@ def check_triangles(surface: TriangulatedSurface, name: str, thickness: float, w
 
 
 def check_punch(
-    surface: TriangulatedSurface, name: str, half: Sequence[float], thickness: float, warn: Callable[[str], None]
+    surface: TriangulatedSurface, name: str, half: ArrayLike, thickness: float, warn: Callable[[str], None]
 ) -> TriangulatedSurface:
     """The surface if it can be a punch from below with its flange in z = 0, its normals up, for a ply that reaches to
     +-half (2,) [mm] along x and y; it is turned round where its flange's normals point down.
@@ -58,9 +59,9 @@ def check_punch(
     Raises InputError as `check_triangles` does, and for a size that is not in mm, for open edges beneath the ply and for
     a flange that is not there.
     """
-    x, half = surface.points, np.asarray(half, dtype=float)
-    size, needed = np.ptp(x, 0)[:2].max(), 2 * half.max()
-    ply = f"the ply of {2 * half[0]:g} x {2 * half[1]:g} mm"
+    x, end = surface.points, np.asarray(half, dtype=float)
+    size, needed = np.ptp(x, 0)[:2].max(), 2 * float(end.max())
+    ply = f"the ply of {2 * end[0]:g} x {2 * end[1]:g} mm"
     for unit, factor in UNITS.items():
         if size < 0.2 * needed and 0.5 < size * factor / needed < 10:
             raise InputError(
@@ -70,7 +71,7 @@ def check_punch(
         raise InputError(f"{name} is {size:.4g} mm large; allowed is a surface in mm, up to 50 times as large as {ply}")
     check_triangles(surface, name, thickness, warn)
     middle = x[surface.rim].mean(1)
-    within = (abs(middle[:, :2]) < half - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
+    within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
     if within.any():
         raise InputError(
             f"{name} is open at {_at(middle[within][0])}, beneath the ply; allowed is a surface without holes that reaches "
@@ -78,7 +79,7 @@ def check_punch(
         )
     side = np.linspace(-1, 1, 21)
     outline = np.vstack([np.column_stack([side, 0 * side + s]) for s in (-1, 1)])
-    outline = np.vstack([outline, outline[:, ::-1]]) * half
+    outline = np.vstack([outline, outline[:, ::-1]]) * end
     found = surface.evaluate(np.column_stack([outline, np.zeros(len(outline))]))
     off = np.where(abs(found.normal[:, 2]) > 0.99, abs(found.gap), np.maximum(abs(found.gap), thickness))
     worst = int(off.argmax())

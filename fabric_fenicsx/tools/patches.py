@@ -23,11 +23,11 @@ PRIOR = 0.03  # weight of averaged normals beside the condition that edges are a
 
 class Topology(NamedTuple):
     """Of m triangles: across edge k of triangle t lies edge `edge[t, k]` of triangle `triangle[t, k]` (m, 3), -1 where
-    there is none or more than one; count (m, 3): of triangles at the edge."""
+    there is none or more than one; sharing (m, 3): how many triangles have the edge."""
 
     triangle: np.ndarray
     edge: np.ndarray
-    count: np.ndarray
+    sharing: np.ndarray
 
 
 def topology(triangles: np.ndarray) -> Topology:
@@ -87,23 +87,20 @@ def flat_regions(
     flat = within(large, small) & agree
     t, other = t[flat], other[flat]
     left = np.ones(len(triangles), dtype=bool)
-    region, taken = np.arange(len(triangles)), 0
-    while left.any():
+    region = np.arange(len(triangles))
+    order = np.argsort(area, kind="stable")
+    for _ in range(20):  # what bends out of its largest triangle's plane is tried again without that
         graph = sparse.coo_matrix((np.ones(len(t)), (t, other)), shape=(len(left),) * 2)
         number = connected_components(graph, directed=False)[1]
-        order = np.argsort(area, kind="stable")
         seed = np.empty(number.max() + 1, dtype=np.int64)
         seed[number[order]] = order  # the last is the largest
         seed = seed[number]
-        keep = left & within(seed, np.arange(len(left)))
-        keep |= left & (seed == np.arange(len(left)))
+        keep = left & (within(seed, np.arange(len(left))) | (seed == np.arange(len(left))))
         region[keep] = seed[keep]
         left &= ~keep
         on = left[t] & left[other]
         t, other = t[on], other[on]
-        # what was cut off from its seed by others is another region, of the same plane
-        taken += 1
-        if taken == 20:
+        if not left.any():
             break
     total = np.zeros_like(normal)
     np.add.at(total, region, normal * area[:, None])
@@ -178,18 +175,16 @@ def corner_normals(
         return Corners(name, gathered(given), sharp)
     normals = gathered(np.repeat((plane * area[:, None])[:, None], 3, 1))
     # vertices of planes
-    weight = np.where(size >= 2, region_area, 0.0)
-    largest, second, any_sure = np.zeros(count), np.zeros(count), np.zeros(count)
-    flat_name = name.ravel()
-    score = np.repeat(np.where(sure, 1e3 * region_area.max() + region_area, weight), 3)
-    order = np.lexsort((score,))
-    best = np.empty(count, dtype=np.int64)
-    best[flat_name[order]] = order // 3
-    largest = region_area[best]
+    score = np.where(sure, region_area.max(), 0.0) + np.where(size >= 2, region_area, 0.0)
+    order = np.argsort(np.repeat(score, 3), kind="stable")
+    best, second = (
+        np.empty(count, dtype=np.int64),
+        np.zeros(count),
+    )  # triangle of the best plane there, area of the next
+    best[name.ravel()[order]] = order // 3
     rest = np.where(region[best][name] == region[:, None], 0.0, region_area[:, None])
-    np.maximum.at(second, flat_name, rest.ravel())
-    any_sure = sure[best]
-    fixed = any_sure | ((size[best] >= 2) & (largest >= DOMINANT * second))
+    np.maximum.at(second, name.ravel(), rest.ravel())
+    fixed = sure[best] | ((size[best] >= 2) & (region_area[best] >= DOMINANT * second))
     normals[fixed] = plane[best[fixed]]
     return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp)
 

@@ -110,7 +110,8 @@ class TriangulatedSurface(Surface):
         self._patches = patches.curved(self.points, cells, across, corner)
         self.facets, self.areas = patches.facet_normals(self.points, cells)
         self.rim, self.forks, self.sharp = (
-            self._ends(which) for which in (across.count == 1, across.count > 2, corner.sharp & (across.triangle >= 0))
+            self._ends(which)
+            for which in (across.sharing == 1, across.sharing > 2, corner.sharp & (across.triangle >= 0))
         )
         self._side = 1.0  # of the gap beyond the rim
         self.normals: np.ndarray = self._average_normals()
@@ -376,7 +377,7 @@ class TriangulatedSurface(Surface):
         step, factor = np.zeros_like(b), np.ones(n)
         back = tri.copy(), b.copy(), np.full(n, np.inf)
         tolerance = 1e-11 + 1e-14 * abs(x).max(1, initial=0)
-        for iteration in range(100):
+        for _ in range(100):
             if not len(rows):
                 return found
             at = patches.evaluate(self._patches, tri, b)
@@ -460,8 +461,7 @@ class TriangulatedSurface(Surface):
         j, k = i[~cross], k[~cross]
         if not len(j):
             return ended
-        du, dv = (np.array([[-1, 1, 0], [0, -1, 1]])[:, k]).astype(float)  # of (u, v) = (b1, b2) along edges 0, 1, 2
-        du, dv = np.choose(k, [-1.0, 0.0, 1.0]), np.choose(k, [1.0, -1.0, 0.0])
+        du, dv = np.choose(k, [-1.0, 0.0, 1.0]), np.choose(k, [1.0, -1.0, 0.0])  # of u = b[1], v = b[2]
         slope = du * pull[0, j] + dv * pull[1, j]
         first = du[:, None] * at[j, 1] + dv[:, None] * at[j, 2]
         second = (du * du)[:, None] * at[j, 3] + (2 * du * dv)[:, None] * at[j, 4] + (dv * dv)[:, None] * at[j, 5]
