@@ -15,6 +15,7 @@ from scipy.sparse.linalg import lsqr
 
 NEXT, LAST = [1, 2, 0], [2, 0, 1]  # of corner 0, 1, 2; edge k lies opposite corner k, from NEXT[k] to LAST[k]
 FLAT_MEET = math.radians(1.0)  # flat regions that meet at more than this have a sharp edge
+KINK = math.radians(5.0)  # where the faces of a CAD model meet at more than this they have a sharp edge
 DOMINANT = (
     8.0  # a flat region so many times larger than what it adjoins gives its normal to the vertices it has in common
 )
@@ -109,11 +110,13 @@ def flat_regions(
 
 
 class Corners(NamedTuple):
-    """Of m triangles: smooth vertex of each corner `name` (m, 3), normals of those (s, 3), and which edges are sharp (m, 3)."""
+    """Of m triangles: smooth vertex of each corner `name` (m, 3), normals of those (s, 3), which edges are sharp (m, 3), and
+    a triangle that names the flat region of each (m,)."""
 
     name: np.ndarray
     normals: np.ndarray
     sharp: np.ndarray
+    region: np.ndarray
 
 
 def corner_normals(
@@ -124,15 +127,14 @@ def corner_normals(
     tolerance: float,
     given: np.ndarray | None = None,
 ) -> Corners:
-    """The `Corners` for edges that are sharp where facets turn by more than `crease` [rad]; normals given (m, 3, 3) are
-    taken as they are, averaged where no sharp edge lies between."""
+    """The `Corners` for edges that are sharp where facets turn by more than `crease` [rad]. Normals given (m, 3, 3), 0 where
+    not known, are taken as they are, and edges are sharp where they say so."""
     m = len(triangles)
     region, plane, region_area = flat_regions(points, triangles, across, tolerance)
     _, area = facet_normals(points, triangles)
     size = np.bincount(region, minlength=m)[region]
     # a vertex inside a region: only a true plane has such
-    low = np.full(len(points), m)
-    high = np.full(len(points), -1)
+    low, high = np.full(len(points), m), np.full(len(points), -1)
     np.minimum.at(low, triangles.ravel(), np.repeat(region, 3))
     np.maximum.at(high, triangles.ravel(), np.repeat(region, 3))
     open_edge = across.triangle < 0
@@ -148,12 +150,13 @@ def corner_normals(
     turn = np.einsum("mi,mki->mk", plane, plane[other])
     sharp = open_edge | (turn < math.cos(crease))
     sharp |= sure[:, None] & sure[other] & (turn < math.cos(FLAT_MEET)) & (region[:, None] != region[other])
-    if given is not None:
+    if given is not None:  # a CAD model knows where it is sharp; where it has no normal, at poles, it is not
+        sharp = open_edge.copy()
         for k in range(3):
             back = across.edge[:, k]
             for here, there in ((NEXT, LAST), (LAST, NEXT)):
                 n, o = given[:, here[k]], given[other[:, k], np.array(there)[back]]
-                sharp[:, k] |= (n * o).sum(1) < math.cos(crease / 2)
+                sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(KINK))
     # corners that are joined across edges that are not sharp
     t, k = np.nonzero(~sharp)
     nxt, last = np.array(NEXT), np.array(LAST)
@@ -171,22 +174,21 @@ def corner_normals(
                 total[:, i] += np.bincount(name[:, c], values[:, c, i], count)
         return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
 
-    if given is not None:
-        return Corners(name, gathered(given), sharp)
     normals = gathered(np.repeat((plane * area[:, None])[:, None], 3, 1))
+    if given is not None:
+        known = gathered(given)
+        return Corners(name, np.where(known.any(1)[:, None], known, normals), sharp, region)
     # vertices of planes
     score = np.where(sure, region_area.max(), 0.0) + np.where(size >= 2, region_area, 0.0)
     order = np.argsort(np.repeat(score, 3), kind="stable")
-    best, second = (
-        np.empty(count, dtype=np.int64),
-        np.zeros(count),
-    )  # triangle of the best plane there, area of the next
+    # a triangle of the best plane there, and the area of the next
+    best, second = np.empty(count, dtype=np.int64), np.zeros(count)
     best[name.ravel()[order]] = order // 3
     rest = np.where(region[best][name] == region[:, None], 0.0, region_area[:, None])
     np.maximum.at(second, name.ravel(), rest.ravel())
     fixed = sure[best] | ((size[best] >= 2) & (region_area[best] >= DOMINANT * second))
     normals[fixed] = plane[best[fixed]]
-    return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp)
+    return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp, region)
 
 
 def _arcs(points, triangles, name, normals, fixed):

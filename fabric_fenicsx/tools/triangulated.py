@@ -30,21 +30,23 @@ BENT = 0.99  # of the turning of a surface has a larger radius than what counts 
 
 class _Lists(NamedTuple):
     """What was found for n points: the `place` (n, 3) where they were, the triangles (k,) that may be closest and the points'
-    rows (k,), which hold as far as `valid` (n,) from there; or for those without, from what they are `clear` (n,), on which
-    side (n,), and a normal (n, 3)."""
+    rows (k,), or if these lie in one plane one of them in `plane` (n,), otherwise -1, which hold as far as `valid` (n,) from
+    there; or for those without, from what they are `clear` (n,), on which side (n,), and a normal (n, 3)."""
 
     place: np.ndarray
     valid: np.ndarray
     clear: np.ndarray
     side: np.ndarray
     normal: np.ndarray
+    plane: np.ndarray
     row: np.ndarray
     triangle: np.ndarray
 
     @classmethod
     def empty(cls, n):
         none = np.empty(0, dtype=np.int64)
-        return cls(np.zeros((n, 3)), np.full(n, -1.0), np.full(n, -np.inf), np.ones(n), np.zeros((n, 3)), none, none)
+        far, zeros = np.full(n, -np.inf), np.zeros((n, 3))
+        return cls(zeros, np.full(n, -1.0), far, np.ones(n), zeros, np.full(n, -1), none, none)
 
 
 class TriangulatedSurface(Surface):
@@ -101,7 +103,8 @@ class TriangulatedSurface(Surface):
             given = np.where(turn[:, None, None], -given, given)
             facets = patches.facet_normals(x[used], cells)[0][:, None]
             # at poles of a CAD model's faces there is none
-            given = np.where((given * facets).sum(2)[..., None] > math.cos(angle), given, facets)
+            known = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
+            given = np.where(known, given, 0.0)
         self.points: np.ndarray = x[used]
         self.triangles: np.ndarray = cells
         scale = abs(self.points - self.points.mean(0)).max()
@@ -199,11 +202,11 @@ class TriangulatedSurface(Surface):
         row, triangle, weights, distance = self._closest(points, lists.row, lists.triangle)
         facet = self.facets[triangle]
         arm = points[row] - np.einsum("nc,nci->ni", weights, self._corners[triangle])
-        high = (arm * facet).sum(1)
+        high = _dot(arm, facet)
         beside = arm - high[:, None] * facet
         # known at once: what lies further than the reach, and what lies over planes
         far = distance - self._bulge > reach
-        flat = ~far & self._flat[triangle] & ((beside * beside).sum(1) <= 1e-22)
+        flat = ~far & self._flat[triangle] & (_dot(beside, beside) <= 1e-22)
         found = Nearest(gap, lists.normal.copy(), np.zeros((len(points), 3, 3)))
         found.gap[row[far]] = np.copysign(distance[far] - self._bulge, high[far])
         found.gap[row[flat]], found.normal[row[flat]] = high[flat], facet[flat]
@@ -217,6 +220,10 @@ class TriangulatedSurface(Surface):
             order = order[abs(gap[order]) < known[at[order]]]
             at, gap, normal, curvature = at[order], gap[order], normal[order], curvature[order]
         found.gap[at], found.normal[at], found.curvature[at] = gap, normal, curvature
+        over = np.flatnonzero(lists.plane >= 0)
+        facet = self.facets[lists.plane[over]]
+        found.gap[over] = _dot(points[over] - self._middles[lists.plane[over]], facet)
+        found.normal[over] = facet
         return found
 
     # -- search among the flat triangles
@@ -232,7 +239,7 @@ class TriangulatedSurface(Surface):
         order = np.argsort(self.triangles.ravel(), kind="stable")
         starts = np.searchsorted(self.triangles.ravel()[order], np.arange(len(self.points) + 1))
         self._ring = order, starts  # 3 t + c of the corners at a point
-        centre = corners.mean(1)
+        self._middles = centre = corners.mean(1)
         radius = np.linalg.norm(corners - centre[:, None], axis=2).max(1)
         size = np.floor(np.log2(radius / radius.max()) / 2)
         self._room = ROOM * math.sqrt(np.median(self.areas))
@@ -260,12 +267,12 @@ class TriangulatedSurface(Surface):
 
     def _renewed(self, old, points, reach, renew):
         place, valid, clear = old.place.copy(), old.valid.copy(), old.clear.copy()
-        side, normal = old.side.copy(), old.normal.copy()
+        side, normal, plane = old.side.copy(), old.normal.copy(), old.plane.copy()
         x = points[renew]
         distance, vertex = self._vertices.query(x)
         place[renew], normal[renew] = x, self.normals[vertex]
         side[renew] = ((x - self.points[vertex]) * self.normals[vertex]).sum(1)
-        clear[renew], valid[renew] = distance - self._longest - self._bulge, -1.0
+        clear[renew], valid[renew], plane[renew] = distance - self._longest - self._bulge, -1.0, -1
         near = np.flatnonzero(clear[renew] - self._room <= reach)
         row, triangle = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         if len(near):
@@ -274,12 +281,16 @@ class TriangulatedSurface(Surface):
             row, clear[near], valid[near] = near[row], least - self._bulge, self._room
             clear[near] = np.where(clear[near] - self._room > reach, clear[near], -1.0)
             valid[near[clear[near] > 0]] = -1.0
+            low, high = np.full(len(points), len(self.facets)), np.full(len(points), -1)
+            np.minimum.at(low, row, self._plane[triangle])
+            np.maximum.at(high, row, self._plane[triangle])
+            plane[near] = np.where((low == high) & (valid > 0), low, -1)[near]
         changed = np.zeros(len(points), dtype=bool)
         changed[renew] = True
         row, triangle = (np.append(a[~changed[old.row]], b) for a, b in ((old.row, row), (old.triangle, triangle)))
-        hold = valid[row] > 0
+        hold = (valid[row] > 0) & (plane[row] < 0)
         order = np.argsort(row[hold], kind="stable")
-        return _Lists(place, valid, clear, side, normal, row[hold][order], triangle[hold][order])
+        return _Lists(place, valid, clear, side, normal, plane, row[hold][order], triangle[hold][order])
 
     def _candidates(self, points, vertex):
         """All triangles (k,) that may be the closest ones within `_room` of points, given their closest vertex; rows (k,) of
@@ -332,21 +343,24 @@ class TriangulatedSurface(Surface):
 
     def _on_triangle(self, points, triangle):
         """Barycentric coordinates (n, 3) of the closest points on one triangle each, and the squared distances (n,)."""
+        weights = np.einsum("nci,ni->nc", self._slopes[triangle], points - self._middles[triangle]) + 1 / 3
         corners = self._corners[triangle]
-        weights = np.einsum("nci,ni->nc", self._slopes[triangle], points - corners.mean(1)) + 1 / 3
-        outside = np.flatnonzero(weights.min(1, initial=np.inf) < 0)
+        outside = np.flatnonzero((weights[:, 0] < 0) | (weights[:, 1] < 0) | (weights[:, 2] < 0))
         if len(outside):
             p, c = points[outside], corners[outside]
             least = np.full(len(outside), np.inf)
             for i, j in ((0, 1), (1, 2), (2, 0)):
                 edge, arm = c[:, j] - c[:, i], p - c[:, i]
-                s = np.clip((arm * edge).sum(1) / (edge * edge).sum(1), 0, 1)
-                square = ((arm - s[:, None] * edge) ** 2).sum(1)
+                s = np.einsum("ni,ni->n", arm, edge) / np.einsum("ni,ni->n", edge, edge)
+                s = np.minimum(np.maximum(s, 0), 1)
+                arm -= s[:, None] * edge
+                square = np.einsum("ni,ni->n", arm, arm)
                 closer = np.flatnonzero(square < least)
                 least[closer] = square[closer]
                 at = outside[closer]
                 weights[at], weights[at, i], weights[at, j] = 0, 1 - s[closer], s[closer]
-        return weights, ((points - np.einsum("nc,nci->ni", weights, corners)) ** 2).sum(1)
+        arm = points - np.einsum("nc,nci->ni", weights, corners)
+        return weights, np.einsum("ni,ni->n", arm, arm)
 
     # -- nearest points of the patches
 
@@ -356,13 +370,16 @@ class TriangulatedSurface(Surface):
         graph = sparse.coo_matrix((np.ones(len(t)), (t, across.triangle[t, k])), shape=(len(self.triangles),) * 2)
         self._parts, self._part = connected_components(graph, directed=False)
         self._bulge = float(self.bulges.max())
+        self._on_rim = np.zeros(len(self.points), dtype=bool)
+        self._on_rim[self._ends(across.triangle < 0)] = True
         own = corner.normals[corner.name]
         self._flat = ((own * self.facets[:, None]).sum(2) >= 1 - 1e-15).all(1) | (own == self.facets[:, None]).all(
             (1, 2)
         )
         self._flat &= self.bulges <= 1e-12 * self._longest
-        self._on_rim = np.zeros(len(self.points), dtype=bool)
-        self._on_rim[self._ends(across.triangle < 0)] = True
+        # of planes, away from the rim and from sharp edges, a triangle that names them
+        alone = self._flat & ~(corner.sharp.any(1) | self._on_rim[self.triangles].any(1))
+        self._plane = np.where(alone, corner.region, -1)
         larger, smaller = self._curvatures()
         self.radii = (_least_radius(larger, self.areas), _least_radius(-smaller, self.areas))
 
@@ -382,7 +399,7 @@ class TriangulatedSurface(Surface):
                 return found
             at = patches.evaluate(self._patches, tri, b)
             arm = x - at[:, 0]
-            square = (arm * arm).sum(1)
+            square = _dot(arm, arm)
             normal, metric, bend, height = _forms(at, arm)
             aside = np.sqrt(np.maximum(square - height**2, 0))
             small = aside < 1e-4 * abs(height)  # where the difference cancels
@@ -528,15 +545,19 @@ class TriangulatedSurface(Surface):
         found.curvature[rows] = np.where(on, 0, side / np.maximum(distance, 1e-12))[:, None, None] * flat
 
 
+def _dot(a, b):
+    return np.einsum("ni,ni->n", a, b)  # faster than a sum over rows of three
+
+
 def _forms(at, arm=None):
     """Of places and derivatives (n, 6, 3) of patches: unit normal (n, 3), first and second fundamental form (3, n), and height
     (n,) of arms (n, 3) over them."""
     u, v = at[:, 1], at[:, 2]
+    metric = np.array([_dot(u, u), _dot(u, v), _dot(v, v)])
     normal = np.cross(u, v)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    metric = np.array([(u * u).sum(1), (u * v).sum(1), (v * v).sum(1)])
+    normal /= np.sqrt(np.maximum(_dot(normal, normal), 1e-300))[:, None]
     bend = np.einsum("nai,ni->an", at[:, 3:], normal)
-    height = np.zeros(len(at)) if arm is None else (arm * normal).sum(1)
+    height = np.zeros(len(at)) if arm is None else _dot(arm, normal)
     return normal, metric, bend, height
 
 
