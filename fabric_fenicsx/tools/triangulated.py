@@ -285,12 +285,26 @@ class TriangulatedSurface(Surface):
             np.minimum.at(low, row, self._plane[triangle])
             np.maximum.at(high, row, self._plane[triangle])
             plane[near] = np.where((low == high) & (valid > 0), low, -1)[near]
+            for each in np.unique(plane[near[plane[near] >= 0]]):
+                at = near[plane[near] == each]
+                tree, longest = self._beside(each)
+                apart = tree.query(points[at])[0] - longest - least[np.searchsorted(near, at)]
+                valid[at] = np.maximum(valid[at], apart / 2)
         changed = np.zeros(len(points), dtype=bool)
         changed[renew] = True
         row, triangle = (np.append(a[~changed[old.row]], b) for a, b in ((old.row, row), (old.triangle, triangle)))
         hold = (valid[row] > 0) & (plane[row] < 0)
         order = np.argsort(row[hold], kind="stable")
         return _Lists(place, valid, clear, side, normal, plane, row[hold][order], triangle[hold][order])
+
+    def _beside(self, plane):
+        """The vertices that are not within a plane, as a tree, and the longest edge there."""
+        if plane not in self._rest:
+            rest = self._plane != plane
+            edges = np.roll(self._corners[rest], -1, 1) - self._corners[rest]
+            longest = math.sqrt((edges**2).sum(2).max(initial=0))
+            self._rest[plane] = cKDTree(self.points[np.unique(self.triangles[rest])]), longest
+        return self._rest[plane]
 
     def _candidates(self, points, vertex):
         """All triangles (k,) that may be the closest ones within `_room` of points, given their closest vertex; rows (k,) of
@@ -380,6 +394,7 @@ class TriangulatedSurface(Surface):
         # of planes, away from the rim and from sharp edges, a triangle that names them
         alone = self._flat & ~(corner.sharp.any(1) | self._on_rim[self.triangles].any(1))
         self._plane = np.where(alone, corner.region, -1)
+        self._rest: dict[int, tuple[cKDTree, float]] = {}
         larger, smaller = self._curvatures()
         self.radii = (_least_radius(larger, self.areas), _least_radius(-smaller, self.areas))
 
