@@ -53,10 +53,12 @@ def _mesh_of_model(path, chord):
     gmsh.initialize(readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-        gmsh.option.setNumber("Geometry.OCCSewFaces", 1)  # faces of IGES files do not share their edges
+        if path.suffix.lower() in (".step", ".stp"):  # IGES files are read in mm anyhow
+            gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
         gmsh.model.add(path.stem)
         gmsh.model.occ.importShapes(str(path))
+        if path.suffix.lower() in (".iges", ".igs"):
+            gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges
         gmsh.model.occ.synchronize()
         faces = [tag for _, tag in gmsh.model.getEntities(2)]
         if not faces:

@@ -208,7 +208,7 @@ class TriangulatedSurface(Surface):
         far = distance - self._bulge > reach
         flat = ~far & self._flat[triangle] & (_dot(beside, beside) <= 1e-22)
         found = Nearest(gap, lists.normal.copy(), np.zeros((len(points), 3, 3)))
-        found.gap[row[far]] = np.copysign(distance[far] - self._bulge, high[far])
+        found.gap[row[far]] = (distance[far] - self._bulge) * self._sides(points[row[far]], triangle[far], weights[far])
         found.gap[row[flat]], found.normal[row[flat]] = high[flat], facet[flat]
         rest = np.flatnonzero(~far & ~flat)
         at = row[rest]
@@ -269,22 +269,26 @@ class TriangulatedSurface(Surface):
         place, valid, clear = old.place.copy(), old.valid.copy(), old.clear.copy()
         side, normal, plane = old.side.copy(), old.normal.copy(), old.plane.copy()
         x = points[renew]
-        distance, vertex = self._vertices.query(x)
-        place[renew], normal[renew] = x, self.normals[vertex]
-        side[renew] = ((x - self.points[vertex]) * self.normals[vertex]).sum(1)
-        clear[renew], valid[renew], plane[renew] = distance - self._longest - self._bulge, -1.0, -1
-        near = np.flatnonzero(clear[renew] - self._room <= reach)
+        apart, vertex = self._vertices.query(x)
+        ring, triangle, weights, bound = self._around(x, vertex)
+        place[renew], normal[renew], valid[renew], plane[renew] = x, self.facets[triangle], -1.0, -1
+        side[renew] = self._sides(x, triangle, weights)
+        clear[renew] = apart - self._longest - self._bulge
+        # the side is not sure where the closest point lies where the triangles about the vertex end
+        near = np.flatnonzero((clear[renew] - self._room <= reach) | ~ring)
         row, triangle = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         if len(near):
-            row, triangle, least = self._candidates(x[near], vertex[near])
+            row, triangle, least, sides = self._candidates(x[near], bound[near])
             near = renew[near]
-            row, clear[near], valid[near] = near[row], least - self._bulge, self._room
-            clear[near] = np.where(clear[near] - self._room > reach, clear[near], -1.0)
-            valid[near[clear[near] > 0]] = -1.0
+            side[near], clear[near] = sides, least - self._bulge
+            close = least - self._bulge - self._room <= reach
+            row, triangle = near[row[close[row]]], triangle[close[row]]
+            near, least = near[close], least[close]
+            valid[near], clear[near] = self._room, -1.0
             low, high = np.full(len(points), len(self.facets)), np.full(len(points), -1)
             np.minimum.at(low, row, self._plane[triangle])
             np.maximum.at(high, row, self._plane[triangle])
-            plane[near] = np.where((low == high) & (valid > 0), low, -1)[near]
+            plane[near] = np.where(low == high, low, -1)[near]
             for each in np.unique(plane[near[plane[near] >= 0]]):
                 at = near[plane[near] == each]
                 tree, longest = self._beside(each)
@@ -293,7 +297,7 @@ class TriangulatedSurface(Surface):
         changed = np.zeros(len(points), dtype=bool)
         changed[renew] = True
         row, triangle = (np.append(a[~changed[old.row]], b) for a, b in ((old.row, row), (old.triangle, triangle)))
-        hold = (valid[row] > 0) & (plane[row] < 0)
+        hold = plane[row] < 0
         order = np.argsort(row[hold], kind="stable")
         return _Lists(place, valid, clear, side, normal, plane, row[hold][order], triangle[hold][order])
 
@@ -306,16 +310,23 @@ class TriangulatedSurface(Surface):
             self._rest[plane] = cKDTree(self.points[np.unique(self.triangles[rest])]), longest
         return self._rest[plane]
 
-    def _candidates(self, points, vertex):
-        """All triangles (k,) that may be the closest ones within `_room` of points, given their closest vertex; rows (k,) of
-        those points, and their distances (n,)."""
-        # a bound from the triangles at the vertex
+    def _around(self, points, vertex):
+        """Of the triangles at a vertex each (n,): whether the closest point lies off the edges across from the vertex, the
+        triangle, the barycentric coordinates and the distance, (n,) or (n, 3)."""
         order, starts = self._ring
         count = starts[vertex + 1] - starts[vertex]
+        first = count.cumsum() - count
         row = np.repeat(np.arange(len(points)), count)
-        place = np.arange(count.sum()) - np.repeat(count.cumsum() - count, count)
-        square = self._on_triangle(points[row], order[starts[vertex][row] + place] // 3)[1]
-        distance = np.sqrt(np.minimum.reduceat(square, count.cumsum() - count))
+        corner = order[np.repeat(starts[vertex] - first, count) + np.arange(count.sum())]
+        weights, square = self._on_triangle(points[row], corner // 3)
+        best = np.lexsort((square, row))[first]
+        corner, weights = corner[best], weights[best]
+        own = np.take_along_axis(weights, corner[:, None] % 3, 1)[:, 0]
+        return own > 0, corner // 3, weights, np.sqrt(square[best])
+
+    def _candidates(self, points, distance):
+        """Rows (k,) of points, and all triangles (k,) that may be the closest ones within `_room` of them; distances (n,) of the
+        points, and on which side they are (n,). distance: not below theirs (n,) [mm]."""
         room = 2 * self._room + (2 * self._bulge if self._parts > 1 else 0.0)
         rows_of, triangles = [], []
         for tree, members, radius in self._by_size:
@@ -332,10 +343,24 @@ class TriangulatedSurface(Surface):
                 rows = rows[maybe[:, -1]]
                 first, last = last, 4 * last
         row, triangle = np.concatenate(rows_of), np.concatenate(triangles)
-        apart = np.sqrt(self._on_triangle(points[row], triangle)[1])
-        np.minimum.at(distance, row, apart)
+        weights, square = self._on_triangle(points[row], triangle)
+        apart = np.sqrt(square)
+        order = np.lexsort((apart, row))
+        row, triangle, weights, apart = row[order], triangle[order], weights[order], apart[order]
+        closest = np.searchsorted(row, np.arange(len(points)))
+        distance = apart[closest]
+        side = self._sides(points, triangle[closest], weights[closest])
         keep = apart <= distance[row] + room
-        return row[keep], triangle[keep], distance
+        return row[keep], triangle[keep], distance, side
+
+    def _sides(self, points, triangle, weights):
+        """On which side (n,) of the surface points are whose closest points on triangles are given."""
+        arm = points - np.einsum("nc,nci->ni", weights, self._corners[triangle])
+        normal = np.einsum("nc,nci->ni", weights, self.normals[self.triangles[triangle]])
+        facet = self.facets[triangle]
+        beside = arm - _dot(arm, facet)[:, None] * facet
+        beyond = ((weights <= 0) & (self._across.triangle[triangle] < 0)).any(1) & (_dot(beside, beside) > 1e-18)
+        return np.where(beyond, self._side, np.copysign(1.0, _dot(arm, normal)))
 
     def _closest(self, points, row, triangle):
         """Of candidates the closest: rows of points, triangles, barycentric coordinates of the closest points and their distances.
