@@ -19,7 +19,7 @@ from .mechanics.friction import Friction
 from .mechanics.load import EdgeTension
 from .scene import Scene, Support
 from .study import Result, Study, add_weave_options, parser
-from .tools import DoubleDome, Offset, Plane, Reversed, Tool, TriangulatedSurface
+from .tools import DoubleDome, Offset, Plane, Reversed, Tool, TriangulatedSurface, check_motion, check_punch
 
 if TYPE_CHECKING:
     import pyvista
@@ -46,7 +46,10 @@ def forming_parser(name: str, description: str, full: dict[str, int], quick: dic
         "--dome", metavar="NAME=VALUE", action="append", default=[],
         help="dimension of the double dome: " + ", ".join(f.name for f in dataclasses.fields(DoubleDome)),
     )  # fmt: skip
-    tools.add_argument("--punch", metavar="FILE", help="triangulated surface instead, with its flange at z = 0 [mm]")
+    tools.add_argument(
+        "--punch", metavar="FILE", help="surface instead, with its flange at z = 0 [mm]: STL, VTP, MSH, STEP, IGES"
+    )
+    tools.add_argument("--chord", type=POSITIVE, default=0.1, help="of the triangles on faces of STEP and IGES [mm]")
     tools.add_argument("--clearance", type=POSITIVE, help="between punch and die (1.2 thicknesses) [mm]")
     tools.add_argument("--friction", type=FROM_ZERO, default=0.25, help="coefficient of ply on tools")
     tools.add_argument("--slip", type=POSITIVE, default=0.1, help="that sticking friction permits [mm]")
@@ -96,7 +99,7 @@ class Forming:
         share = 1.0 if args.full else 0.5
         self.blank = study.specimen(share * args.length, share * args.width, spatial=True, centred=args.full)
         surface: DoubleDome | TriangulatedSurface
-        surface = TriangulatedSurface.read(args.punch) if args.punch else _dome(args.dome)
+        surface = self._from_file() if args.punch else _dome(args.dome)
         depth = surface.depth if isinstance(surface, DoubleDome) else float(surface.points[:, 2].max())
         self.stroke = args.stroke or depth
         if self.stroke > depth:
@@ -107,6 +110,8 @@ class Forming:
         start = t / 2 - clearance - depth  # so that it would end `clearance` from the die all over
         self.punch = Tool("punch", surface, lambda load: (0.0, 0.0, start + load * self.stroke))
         self.die = Tool("die", Reversed(Offset(surface, clearance)), lambda load: (0.0, 0.0, t / 2 - clearance))
+        owned = self.blank.V.dofmap.index_map.size_local
+        check_motion([self.punch, self.die], self.blank.coordinates()[:owned], t, study.comm)
         radius = min(*self.punch.surface.radii, *self.die.surface.radii)
         self.penalty = args.penalty or default_penalty(fabric, radius if math.isfinite(radius) else 10 * t)
         self.membrane = study.membrane(self.blank, fabric)
@@ -115,6 +120,12 @@ class Forming:
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         self.frictions = [Friction(k, args.friction, args.slip, args.lag) for k in self.pressing if args.friction]
         self.terms += self.frictions
+
+    def _from_file(self):
+        low, high = self.blank.extent()
+        half = np.maximum(abs(low), abs(high))[:2]
+        surface = TriangulatedSurface.read(self.args.punch, self.args.chord)
+        return check_punch(surface, f"--punch {self.args.punch}", half, self.thickness, self.study.warn)
 
     def _contact(self, tool):
         return Contact(self.blank, tool, self.thickness, self.penalty, permitted=self.args.permitted)
@@ -155,13 +166,12 @@ class Forming:
 
     def _on_flange(self, x):
         """Share of the places x (n, 3) that lies beneath the die's flange, (n,): 0 at its end, 1 from `RINGS` inwards."""
-        seen = np.zeros(len(x))
-        for radius, angle in itertools.product(RINGS, np.arange(8) * math.pi / 4):
-            at = np.column_stack(
-                [x[:, 0] + radius * math.cos(angle), x[:, 1] + radius * math.sin(angle), np.zeros(len(x))]
-            )
-            gap, normal, _ = self.die.evaluate(at, reach=self.thickness)
-            seen += (abs(gap - self.thickness / 2) < 1e-3 * self.thickness) & (normal[:, 2] < -0.999)
+        rings = itertools.product(RINGS, np.arange(8) * math.pi / 4)
+        shifts = np.array([(r * math.cos(angle), r * math.sin(angle), 0) for r, angle in rings])
+        at = (x * (1, 1, 0) + shifts[:, None]).reshape(-1, 3)
+        gap, normal, _ = self.die.evaluate(at, reach=self.thickness)
+        flat = (abs(gap - self.thickness / 2) < 1e-3 * self.thickness) & (normal[:, 2] < -0.999)
+        seen = flat.reshape(len(shifts), -1).sum(0)
         return np.clip(2 * seen / (8 * len(RINGS)) - 1, 0, 1)
 
     @property

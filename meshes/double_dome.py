@@ -78,11 +78,7 @@ def _quarter(dome, x, y, size, turn):
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.model.add("double dome")
         geo = gmsh.model.geo
-        places = [geo.addPoint(0, 0, 0), *(geo.addPoint(*place, 0) for place in outline)]
-        lines = [geo.addLine(start, end) for start, end in zip(places, places[1:] + places[:1])]
-        for line in lines[1:-1]:
-            geo.mesh.setTransfiniteCurve(line, 2)
-        geo.addPlaneSurface([geo.addCurveLoop(lines)])
+        _lines_of_dome(geo, dome, outline)
         geo.synchronize()
         for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
             gmsh.option.setNumber(f"Mesh.{option}", 0)
@@ -97,7 +93,47 @@ def _quarter(dome, x, y, size, turn):
     number[tags.astype(np.int64)] = np.arange(len(tags))
     places = places.reshape(-1, 3)[:, :2]
     places[abs(places) < 1e-9 * x] = 0
-    return dome.lift(*places.T), number[triangles.astype(np.int64)].reshape(-1, 3)
+    used, triangles = np.unique(number[triangles.astype(np.int64)], return_inverse=True)  # without centres of arcs
+    return dome.lift(*places[used].T), triangles.reshape(-1, 3)
+
+
+def _lines_of_dome(geo, dome, outline):
+    """A quarter of the developed plan in gmsh: lines where the curvature jumps, so that no triangle lies across them, and
+    their faces. The parts begin at lines beside the outline, arcs about the dome and, beyond a line across, about the
+    centre of the waist."""
+    centre, waist = np.array([dome.dome_distance / 2, 0.0]), dome.waist
+    turn = -dome.plan(np.zeros(1), np.array([waist]))[2][0]
+    middle = np.array([0.0, waist + 1 / turn]) if turn else None  # of the waist's arc
+    across = np.array([0.0, 1.0]) if middle is None else (middle - centre) / np.linalg.norm(middle - centre)
+
+    def point(place):
+        return geo.addPoint(*place, 0)
+
+    dome_at = point(centre)
+    waist_at = None if middle is None else point(middle)
+    corner = point((0, 0))
+    start, end, lines = corner, corner, []  # the last level's points on the axes, and its lines between them
+    joint = None
+    for s in dome.developed:
+        radius = dome.dome_radius + s
+        a, j, b = point(centre + [radius, 0]), point(centre + radius * across), point((0.0, waist + s))
+        curve = geo.addCircleArc(a, dome_at, j)
+        rest = geo.addLine(j, b) if waist_at is None else geo.addCircleArc(j, waist_at, b)
+        x, y = geo.addLine(start, a), geo.addLine(b, end)
+        if joint is None:
+            loops = [[x, curve, rest, y]]
+        else:
+            step = geo.addLine(joint, j)
+            loops = [[x, curve, -step, -lines[0]], [step, rest, y, -lines[1]]]
+        for loop in loops:
+            geo.addPlaneSurface([geo.addCurveLoop(loop)])
+        start, joint, end, lines = a, j, b, [curve, rest]
+    places = [point(place) for place in outline]
+    rim = [geo.addLine(*ends) for ends in zip(places, places[1:])]
+    for line in rim:
+        geo.mesh.setTransfiniteCurve(line, 2)
+    loop = [geo.addLine(start, places[0]), *rim, geo.addLine(places[-1], end), -lines[1], -lines[0]]
+    geo.addPlaneSurface([geo.addCurveLoop(loop)])
 
 
 def _mirrored(points, triangles, axis):

@@ -24,7 +24,8 @@ from matplotlib.tri import LinearTriInterpolator, Triangulation
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..errors import InputError
-from ..tools import Tool, TriangulatedSurface
+from ..tools import Tool
+from ..tools.patches import vertex_normals
 from .pictures import SHOWN, cells_range, colour_scale, plt
 
 File: TypeAlias = pathlib.Path | str
@@ -281,7 +282,7 @@ def wrinkles(
     ply = _ply(grid)
     x = ply.formed
     near = tool.evaluate(x)
-    normal = TriangulatedSurface(x, ply.triangles).evaluate(x).normal
+    normal = vertex_normals(x, ply.triangles)
     for axis in ply.planes:  # as the mirrored cells would make it
         normal[ply.x[:, axis] == 0, axis] = 0
     normal /= np.linalg.norm(normal, axis=1)[:, None]

@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.meshes.double_dome import double_dome, write
 from fabric_fenicsx.tools import (
     Cylinder,
     DoubleDome,
     Flipped,
+    ImplicitSurface,
+    Nearest,
     Offset,
     Plane,
+    Plate,
     Reversed,
     Sphere,
+    Surface,
     Tool,
+    Torus,
     TriangulatedSurface,
 )
 
@@ -89,6 +93,81 @@ def test_round_bodies(surface):
     centre = surface.evaluate([surface.centre])
     assert centre.gap == [-surface.radius] and np.linalg.norm(centre.normal) == pytest.approx(1)
     assert np.isfinite(centre.curvature).all()
+
+
+RING = Torus([1, 2, 3], [1, -1, 2], 20, 6)
+PLATES = [Plate(40, entry=6), Plate(60, 40, 12, 6, [1, 2, 3]), Plate(60, 40, 12)]
+
+
+@pytest.mark.parametrize("surface", [RING, *PLATES])
+def test_torus_and_plate(surface):
+    """What is built from its parts: points of the surface, moved along the normal, are given back."""
+    points = surface.centre + np.random.default_rng(0).uniform(-45, 45, (20_000, 3)) * [1, 1, 0.4]
+    found = surface.evaluate(points)
+    points = points[abs(found.gap) < 4]
+    assert len(points) > 1000
+    found = surface.evaluate(points)
+    foot = points - found.gap[:, None] * found.normal
+    there = surface.evaluate(foot)
+    assert abs(there.gap).max() <= 1e-12
+    if surface.radii[0] < math.inf:
+        assert abs(there.normal - found.normal).max() <= 1e-6
+        check_derivatives(surface, points[:1000])
+
+
+def test_torus():
+    found = Torus([0, 0, 0], [0, 0, 3], 20, 6).evaluate([[28, 0, 0], [0, 13, 0], [0, 20, -7], [20, 0, 0], [0, 0, 0]])
+    assert found.gap == pytest.approx([2, 1, 1, -6, 14])
+    assert np.allclose(found.normal[:3], [[1, 0, 0], [0, -1, 0], [0, 0, -1]])
+    assert np.allclose(np.diag(found.curvature[0]), [0, 1 / 28, 1 / 8])
+    assert np.allclose(np.diag(found.curvature[1]), [-1 / 13, 0, 1 / 7]) and np.isfinite(found.curvature).all()
+    assert RING.radii == (6, 14)
+
+
+def test_plate():
+    plate = Plate(40, entry=6, centre=[0, 0, 1])
+    diagonal = 6 - 6 / math.sqrt(2)
+    found = plate.evaluate([[40, 0, 3], [0, -19, -20], [20 + diagonal, 0, 1 - diagonal], [50, 0, -2], [21, 0, -30]])
+    assert found.gap == pytest.approx([2, 1, 0, -3, -1], abs=1e-14)
+    assert np.allclose(found.normal[:3], [[0, 0, 1], [0, 1, 0], [-math.sqrt(0.5), 0, math.sqrt(0.5)]])
+    assert plate.radii == (6, 20) and Plate(60, 40, 12).radii == (math.inf, 12)
+    # the round opening is that of a rectangle whose corners take it all
+    points = np.random.default_rng(1).uniform(-30, 30, (200, 3))
+    for a, b in zip(Plate(40, entry=6).evaluate(points), Plate(40, 40, 20, 6).evaluate(points)):
+        assert np.array_equal(a, b)
+    assert Plate(60, 40, 12).evaluate([[29, 0, -9]]).gap == 1
+
+
+class Wave(ImplicitSurface):
+    """Beneath z = sin(x / 5), as a user writes it."""
+
+    radii = (25.0, 25.0)
+
+    def implicit(self, x):
+        zero = 0 * x[0]
+        gradient = np.array([-np.cos(x[0] / 5) / 5, zero, zero + 1])
+        hessian = np.zeros((3, 3, x.shape[1]))
+        hessian[0, 0] = np.sin(x[0] / 5) / 25
+        return x[2] - np.sin(x[0] / 5), gradient, hessian
+
+    def bound(self, F, x):
+        return abs(F) / 1.02
+
+
+class Floor(Surface):
+    """z <= 0, as a user writes it."""
+
+    def nearest(self, points, reach):
+        normal = np.tile([0.0, 0, 1], (len(points), 1))
+        return Nearest(points[:, 2].copy(), normal, np.zeros((len(points), 3, 3)))
+
+
+def test_surfaces_of_a_user():
+    points = np.random.default_rng(0).uniform([-20, -5, -3], [20, 5, 3], (500, 3))
+    check_derivatives(Wave(), points)
+    die = Reversed(Offset(Floor(), 1.5))
+    assert np.array_equal(die.evaluate(points).gap, 1.5 - points[:, 2])
+    assert np.isnan(Floor().evaluate([[0, 0, np.nan]]).gap).all()
 
 
 @pytest.mark.parametrize("dome", DOMES.values(), ids=DOMES)
@@ -174,6 +253,8 @@ SURFACES = {
     "sphere": Sphere([0, 0, 0], 10),
     "cylinder": Cylinder([0, 0, 0], [0, 1, 0], 10),
     "dome": DOMES["default"],
+    "torus": RING,
+    "plate": PLATES[1],
     "triangles": TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]]),
 }
 
@@ -228,6 +309,14 @@ def test_modifiers():
         (lambda: Sphere([0, 0, math.nan], 1), "centre is [0, 0, nan], but it must be three finite numbers"),
         (lambda: Sphere([0, 0, 0], 0), "radius is 0, but it must be a finite number, above 0"),
         (lambda: Cylinder([0, 0, 0], "x", 1), "axis is 'x', but it must be three finite numbers, not all 0"),
+        (
+            lambda: Torus([0, 0, 0], [0, 0, 1], 5, 6),
+            "ring is 5, but it must be a finite number, above the tube's radius 6",
+        ),
+        (lambda: Plate(0), "length is 0, but it must be a finite number, above 0"),
+        (lambda: Plate(9, 4, 3), "corner is 3, but it must be a finite number, from 0 to 2, half the opening"),
+        (lambda: Plate(9, corner=3), "corner is 3, but a round opening has none"),
+        (lambda: Plate(9, entry=-1), "entry is -1, but it must be a finite number, at least 0"),
         (lambda: DoubleDome(dome_distance=0), "dome_distance is 0, but it must be a finite number, above 0"),
         (lambda: DoubleDome(dome_radius="65"), "dome_radius is '65', but it must be a finite number, above 0"),
         (lambda: DoubleDome(waist=-1), "waist is -1, but it must be a finite number, above 0"),
@@ -298,6 +387,11 @@ def test_modifiers():
             "triangles have the shape (1, 3), but it must be (m, 3)",
         ),
         (lambda: TriangulatedSurface(np.eye(3), [[0, 0, 1]]), "the surface has no triangle with an area"),
+        (
+            lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], np.ones((3, 3))),
+            "normals have the shape (3, 3), but it must be (1, 3, 3)",
+        ),
+        (lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], crease=0), "crease is 0, but it must be a finite number"),
         (lambda: TriangulatedSurface.read("none.stl"), "surface file none.stl does not exist or is not a file"),
     ],
 )
@@ -315,119 +409,3 @@ def test_tool_moves():
     tool = Tool("die", Sphere([0, 0, 0], 10), path=lambda load: (load**2, 0, 0))
     tool.at(3)
     assert np.array_equal(tool.displacement, [9, 0, 0]) and tool.evaluate([[20, 0, 0]]).gap == [1]
-
-
-def refined_sphere(n):
-    """Points on the unit sphere and triangles: a cube's faces of n x n squares each, blown up."""
-    s = np.tan(np.linspace(-np.pi / 4, np.pi / 4, n + 1))
-    u, v = (a.ravel() for a in np.meshgrid(s, s, indexing="ij"))
-    i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
-    p = i * (n + 1) + j
-    face = np.vstack([np.column_stack([p, p + n + 1, p + n + 2]), np.column_stack([p, p + n + 2, p + 1])])
-    points, triangles = [], []
-    for axis in range(3):
-        for side in (1, -1):
-            cube = np.empty((len(u), 3))
-            cube[:, axis], cube[:, axis - 2], cube[:, axis - 1] = side, side * u, v
-            triangles.append(face + len(points) * len(u))
-            points.append(cube)
-    points = np.vstack(points).round(14)  # faces share their edges
-    return points / np.linalg.norm(points, axis=1)[:, None], np.vstack(triangles)
-
-
-def errors(surface, exact, points, kind, reach=math.inf):
-    found, right = surface.evaluate(points, reach), exact.evaluate(points)
-    size = [abs(a - b).reshape(len(points), -1).max(1) for a, b in zip(found, right)]
-    return np.array([a.max() if kind == "max" else np.sqrt((a**2).mean()) for a in size])
-
-
-def test_triangles_of_a_sphere_converge():
-    rng = np.random.default_rng(6)
-    direction = rng.normal(size=(3000, 3))
-    direction /= np.linalg.norm(direction, axis=1)[:, None]
-    points, sphere = 10 * direction * rng.uniform(0.85, 1.2, (3000, 1)), Sphere([0, 0, 0], 10)
-    on = 10 * direction
-    table, on_table = [], []
-    for n in (8, 16, 32):
-        p, t = refined_sphere(n)
-        surface = TriangulatedSurface(10 * p, t)
-        assert len(surface.points) == 6 * n * n + 2
-        table.append(errors(surface, sphere, points, "max"))
-        on_table.append(errors(surface, sphere, on, "max"))
-    orders = np.log2(table[0] / table[2]) / 2
-    assert (orders >= [1.9, 0.9, 0.9]).all(), orders
-    assert np.log2(on_table[0] / on_table[2])[1] / 2 >= 1.8
-    assert (table[-1] <= [0.008, 0.006, 0.0007]).all(), table[-1]
-
-
-def test_triangles_of_the_double_dome_converge():
-    dome = DOMES["default"]
-    rng = np.random.default_rng(7)
-    x, y = rng.uniform(-1, 1, (2, 4000)) * [[270], [180]]
-    on = dome.lift(x, y)
-    points = on + rng.uniform(-3, 3, (4000, 1)) * dome.evaluate(on).normal
-    table = []
-    for scale in (2, 1, 0.5):
-        surface = TriangulatedSurface(*double_dome(dome, size=10 * scale, turn=10 * scale))
-        table.append(errors(surface, dome, points, "rms", reach=5))
-    orders = np.log2(np.array(table)[:-1] / table[1:])
-    assert (orders >= [1.7, 0.9, 0.3]).all(), orders
-    assert (table[-1] <= [0.015, 0.005, 0.005]).all(), table[-1]
-
-
-def test_triangles_search_is_exact():
-    surface = TriangulatedSurface(*double_dome(size=20, turn=20))
-    points = np.random.default_rng(8).uniform([-300, -200, -60], [300, 200, 120], (50, 3))
-    found, every = surface.evaluate(points), np.arange(len(surface.triangles))
-    for point, gap in zip(points, found.gap):
-        square = surface._on_triangle(np.repeat(point[None], len(every), 0), every)[1]
-        assert abs(gap) == pytest.approx(math.sqrt(square.min()), abs=1e-12)
-    quick = surface.evaluate(points, reach=30)
-    near = abs(found.gap) <= 30
-    assert np.array_equal(quick.gap[near], found.gap[near]) and (abs(quick.gap[~near]) > 30).all()
-
-
-def test_single_triangle():
-    surface = TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]])
-    found = surface.evaluate([[2, 2, 3], [2, 2, -3], [-3, 2, 4], [-3, -4, 12], [9, 9, 0]])
-    assert found.gap == pytest.approx([3, -3, 5, 13, math.sqrt(40.5)])
-    assert np.allclose(found.normal, [0, 0, 1]) and not found.curvature.any()
-
-
-def test_triangles_turned_against_each_other_are_put_right():
-    points, triangles = refined_sphere(4)
-    triangles[10::3] = triangles[10::3, ::-1]
-    surface = TriangulatedSurface(10 * points, triangles)
-    assert np.allclose(np.einsum("ij,ij->i", surface.normals, surface.points), 10)
-
-
-@pytest.mark.parametrize("ending", ["stl", "vtp", "msh", "ply", "vtu"])
-def test_round_trip(tmp_path, ending):
-    points, triangles = double_dome(size=20, turn=20, quarter=True)
-    write(tmp_path / f"tool.{ending}", points, triangles)
-    read, made = TriangulatedSurface.read(tmp_path / f"tool.{ending}"), TriangulatedSurface(points, triangles)
-    assert len(read.points) == len(made.points) and len(read.triangles) == len(made.triangles)
-    _, _, at = around(DOMES["default"], 200, 3)
-    at = abs(at)
-    tolerance = 1e-4 if ending in ("stl", "ply") else 1e-12  # single precision
-    assert abs(read.evaluate(at).gap - made.evaluate(at).gap).max() <= tolerance
-
-
-def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
-    import meshio
-
-    points = np.array([[x, y, z] for z in (0.0, 1) for x, y in ((0, 0), (2, 0), (2, 2), (0, 2))])
-    meshio.write(tmp_path / "quad.vtk", meshio.Mesh(points[4:], {"quad": [[0, 1, 2, 3]]}))
-    assert TriangulatedSurface.read(tmp_path / "quad.vtk").evaluate([[0.5, 1.5, 3]]).gap == pytest.approx([2])
-    meshio.write(tmp_path / "solid.vtu", meshio.Mesh(points, {"hexahedron": [list(range(8))]}))
-    with pytest.raises(InputError, match="solid.vtu: .*no triangle"):
-        TriangulatedSurface.read(tmp_path / "solid.vtu")
-
-
-@pytest.mark.filterwarnings("ignore:The VTK reader")
-@pytest.mark.parametrize("name", ["tool.stl", "tool.vtp", "tool.msh", "tool.txt"])
-def test_broken_files(tmp_path, name, capfd):
-    (tmp_path / name).write_text("this is no surface\n")
-    with pytest.raises(InputError) as error:
-        TriangulatedSurface.read(tmp_path / name)
-    assert name in str(error.value) and "\n" not in str(error.value)

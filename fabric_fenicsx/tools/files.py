@@ -1,0 +1,112 @@
+"""Triangles in files."""
+
+from contextlib import redirect_stdout
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+FORMATS = "STL, VTP, MSH, STEP, IGES"
+CAD = (".step", ".stp", ".iges", ".igs", ".brep")
+TURN = 0.35  # rad, by which the faces of CAD models turn along an edge at most
+
+
+def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models the normals at the triangles' corners (m, 3, 3);
+    raises whatever its reader raises."""
+    if path.suffix.lower() in CAD:
+        return _mesh_of_model(path, chord)
+    return *_read_mesh(path), None
+
+
+def _read_mesh(path):
+    import meshio  # takes long to import
+
+    if path.suffix.lower() in meshio.extension_to_filetypes:
+        with redirect_stdout(None):  # its reader of .msh prints an empty line
+            mesh = meshio.read(path)
+        points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))
+        parts = [np.empty((0, 3), dtype=np.int64)]
+        for block in mesh.cells:
+            if block.type.startswith("triangle"):
+                parts.append(block.data[:, :3])
+            elif block.type.startswith("quad"):
+                parts += [block.data[:, :3], block.data[:, [0, 2, 3]]]
+        return points, np.concatenate(parts).astype(np.int64)
+    import pyvista
+
+    mesh = pyvista.read(path)
+    if isinstance(mesh, pyvista.MultiBlock):
+        mesh = mesh.combine()
+    mesh = (mesh if isinstance(mesh, pyvista.PolyData) else mesh.extract_geometry()).triangulate()
+    return mesh.points, np.asarray(mesh.faces).reshape(-1, 4)[:, 1:]
+
+
+def _mesh_of_model(path, chord):
+    """Triangles on the faces of a CAD model, whose edges lie up to `chord` off the faces, and the faces' normals at their corners.
+
+    A first mesh finds the curvature, from which the sizes of the second follow.
+    """
+    import gmsh
+    from scipy.spatial import cKDTree
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        if path.suffix.lower() in (".step", ".stp"):  # IGES files are read in mm anyhow
+            gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+        gmsh.model.add(path.stem)
+        gmsh.model.occ.importShapes(str(path))
+        if path.suffix.lower() in (".iges", ".igs"):
+            gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges
+        gmsh.model.occ.synchronize()
+        faces = [tag for _, tag in gmsh.model.getEntities(2)]
+        if not faces:
+            raise ValueError("no face in it")
+        low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
+        most = np.linalg.norm(high - low) / 20
+        for option in ("FromPoints", "ExtendFromBoundary"):
+            gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", most)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 2 * np.pi / TURN)
+        gmsh.option.setNumber("Mesh.Algorithm", 6)
+        gmsh.model.mesh.generate(2)
+        places, sizes = [], []
+        for face in faces:
+            _, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
+            bend = np.maximum(np.abs(gmsh.model.getCurvature(2, face, parameters)), 1e-9)
+            places.append(place.reshape(-1, 3))
+            sizes.append(np.minimum(np.sqrt(8 * chord / bend), TURN / bend))
+        tree, sizes = cKDTree(np.vstack(places)), np.minimum(np.concatenate(sizes), most)
+        near = min(8, len(sizes))
+
+        grid = float(np.quantile(sizes, 0.05)) / 2
+
+        @cache  # gmsh asks many times at almost the same place
+        def size_in(*cell):
+            distance, number = tree.query([grid * (each + 0.5) for each in cell], near)
+            return float(np.min(sizes[number] + 0.3 * distance))
+
+        def size_at(dim, tag, x, y, *z):
+            return size_in(x // grid, y // grid, z[0] // grid)
+
+        gmsh.model.mesh.clear()
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 0)
+        gmsh.model.mesh.setSizeCallback(size_at)
+        gmsh.model.mesh.generate(2)
+        corners, normals = [], []
+        for face in faces:
+            tags, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
+            _, cells = gmsh.model.mesh.getElementsByType(2, face)
+            order = np.argsort(tags)
+            at = order[np.searchsorted(tags[order], cells)].reshape(-1, 3)
+            corner = place.reshape(-1, 3)[at]
+            normal = np.array(gmsh.model.getNormal(face, parameters)).reshape(-1, 3)[at]
+            facet = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+            against = np.einsum("mci,mi->", normal, facet) < 0
+            corners.append(corner)
+            normals.append(-normal if against else normal)
+    finally:
+        gmsh.finalize()
+    points = np.vstack(corners).reshape(-1, 3)
+    return points, np.arange(len(points)).reshape(-1, 3), np.vstack(normals)

@@ -1,0 +1,255 @@
+"""Base classes of rigid surfaces: signed distance, normal and curvature at many points at once; surfaces moved or turned.
+
+A surface bounds a body; its normal points out of it, and the gap (signed distance) is positive outside.
+"""
+
+import math
+from copy import copy
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from .values import _number, _points
+
+
+class Nearest(NamedTuple):
+    """Surface seen from n points: gap (n,) [mm], its gradient normal (n, 3) and Hessian curvature (n, 3, 3) [1/mm]."""
+
+    gap: np.ndarray
+    normal: np.ndarray
+    curvature: np.ndarray
+
+
+class Surface:
+    """Base of all surfaces: they give `_nearest(points, reach)` for finite points (n, 3) [mm]."""
+
+    radii: tuple[float, float] = (math.inf, math.inf)
+    """Least radius of curvature [mm] as seen from inside the body and from outside: nearer than that to the surface the
+    nearest point is unique, unless another part of the surface is as near. Infinite where unknown."""
+
+    def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
+        """Gap, normal and curvature at `points` (n, 3) [mm]; rows are NaN where a point is not finite.
+
+        reach [mm]: where |gap| surely exceeds it, the gap need only do so too, with the right sign, and normal and
+        curvature need only be finite; so far points cost little.
+        Raises InputError for points of another shape and for a reach below 0.
+        """
+        x = _points(points)
+        if not reach >= 0:
+            raise InputError(f"reach is {reach}, but it must be at least 0")
+        finite = np.isfinite(x).all(1)
+        if finite.all():
+            return self.nearest(x, reach)
+        found = Nearest(*(np.full((len(x), *shape), np.nan) for shape in ((), (3,), (3, 3))))
+        for whole, part in zip(found, self.nearest(x[finite], reach)):
+            whole[finite] = part
+        return found
+
+    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points (n, 3) [mm], unit normals (n, 3) and triangles (m, 3), anticlockwise as the normals see them, to draw
+        what lies between the corners low and high (3,) [mm]; edges are about `size` [mm] long. A surface of triangles
+        gives these, all of them."""
+        return self._mesh(np.asarray(low, dtype=float), np.asarray(high, dtype=float), size)
+
+    def _mesh(self, low, high, size):
+        import pyvista
+
+        cells = np.ceil((high - low) / size).astype(int)
+        grid = pyvista.ImageData(dimensions=cells + 1, spacing=(high - low) / cells, origin=low)
+        parts = np.array_split(np.asarray(grid.points, dtype=float), 1 + grid.n_points // 20000)  # fit the cache
+        gap = np.concatenate([self.evaluate(part, 2 * size).gap for part in parts])
+        contour = grid.contour([0.0], gap, compute_normals=False, method="flying_edges")
+        points, triangles = np.array(contour.points, dtype=float), np.array(contour.faces).reshape(-1, 4)[:, 1:]
+        for _ in range(2):  # on to the surface; the second finds what is left
+            gap, normals, _ = self.evaluate(points, 2 * size)
+            points = points - gap[:, None] * normals
+        # where the gap jumps or there is no nearest point, there is no surface
+        used, triangles = np.unique(triangles[(abs(gap) < 0.1 * size)[triangles].all(1)], return_inverse=True)
+        points, normals, triangles = points[used], normals[used], triangles.reshape(-1, 3)
+        p, q, r = points[triangles].swapaxes(0, 1)
+        turned = (np.cross(q - p, r - p) * normals[triangles[:, 0]]).sum(1) < 0
+        triangles[turned] = triangles[turned, ::-1]
+        return points, normals, triangles
+
+    def _behind(self) -> "Surface":
+        """Itself as `Reversed` wants it: an open surface is open from both sides."""
+        return self
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        """What a subclass gives: as `evaluate`, of finite points (n, 3) [mm]."""
+        raise NotImplementedError
+
+
+def _tangents(normal):
+    """Two unit vectors (2, 3, n) that make a right-handed frame with unit normals (3, n)."""
+    x, y, z = normal
+    s = np.copysign(1.0, z)
+    a = -1 / (s + z)
+    b = x * y * a
+    return np.array([[1 + s * x * x * a, s * b, -s * x], [b, s + y * y * a, -y]])
+
+
+def _in_frame(tangents, matrix):
+    """The entries 11, 22, 12 (3, n) of symmetric matrices (3, 3, n) in a frame of tangents (2, 3, n)."""
+    along = np.einsum("ijn,ajn->ain", matrix, tangents)
+    return np.array([(tangents[a] * along[b]).sum(0) for a, b in ((0, 0), (1, 1), (0, 1))])
+
+
+def _hessian_of_gap(tangents, shape, gap):
+    """K (I + gap K)^-1 as (n, 3, 3), of shape operators K given by their entries 11, 22, 12 (3, n) in the frame."""
+    k11, k22, k12 = shape
+    det = k11 * k22 - k12 * k12
+    scale = 1 + gap * (k11 + k22) + gap * gap * det
+    scale = np.where(abs(scale) < 1e-9, 1e-9, scale)  # a centre of curvature
+    # Cayley-Hamilton: K adj(I + gap K) = K + gap det(K) I
+    m11, m22, m12 = (k11 + gap * det) / scale, (k22 + gap * det) / scale, k12 / scale
+    (s, t) = tangents
+    half = np.einsum("in,jn->nij", m11 * s + m12 * t, s) + np.einsum("in,jn->nij", m12 * s + m22 * t, t)
+    return (half + half.swapaxes(1, 2)) / 2
+
+
+class ImplicitSurface(Surface):
+    """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method on its Lagrangian.
+
+    A subclass gives `implicit`, `bound` and, where F alone is cheaper, `value`. Gap, normal and curvature are exact at
+    the point found, whose distance from the surface and from the foot of the normal is below 1e-11 mm. Rows are NaN
+    where none is found, which can happen only further away than `radii`; there it can also be a point that is not the
+    nearest of all.
+    """
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        """F (n,) at x (3, n) [mm]."""
+        return self.implicit(x)[0]
+
+    def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (3, n) [mm]."""
+        raise NotImplementedError
+
+    def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What the distance from x (3, n) [mm], where `value` is F (n,), surely is not below, (n,) [mm]."""
+        raise NotImplementedError
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        """As in `Surface`."""
+        x = np.ascontiguousarray(points.T)
+        F = self.value(x)
+        bound = self.bound(F, x)
+        found = Nearest(
+            np.copysign(bound, F), np.tile([0.0, 0.0, 1.0], (len(points), 1)), np.zeros((len(points), 3, 3))
+        )
+        near = np.flatnonzero(bound <= reach)
+        for part in np.array_split(near, max(1, len(near) // 4096)):  # blocks that stay in the cache
+            self._project(x[:, part], part, found)
+        return found
+
+    def _project(self, x, rows, found):
+        """Put what belongs to the nearest points of x (3, n) into `rows` of `found`."""
+        for target in found:
+            target[rows] = np.nan
+        F, gradient, _ = self.implicit(x)
+        base, step = x, -F * gradient / (gradient * gradient).sum(0)
+        factor, merit = np.ones(len(rows)), np.full(len(rows), np.inf)
+        tolerance = 1e-11 + 1e-14 * abs(x).max(0, initial=0)
+        for iteration in range(100):
+            if not len(rows):
+                return
+            trial = base + factor * step
+            F, gradient, hessian = self.implicit(trial)
+            size = np.sqrt((gradient * gradient).sum(0))
+            normal = gradient / size
+            tangents = _tangents(normal)
+            arm = x - trial
+            gap = (arm * normal).sum(0)
+            aside = np.einsum("ajn,jn->an", tangents, arm)
+            shape = _in_frame(tangents, hessian) / size
+            new = (aside * aside).sum(0) + (F / size) ** 2
+            done = new <= tolerance**2
+            if done.any():
+                at = rows[done]
+                found.gap[at] = gap[done]
+                found.normal[at] = normal[:, done].T
+                found.curvature[at] = _hessian_of_gap(tangents[:, :, done], shape[:, done], gap[done])
+            # Beyond a centre of curvature the distance has no minimum here, so the model is kept convex.
+            a, b, c = 1 + gap * shape[0], 1 + gap * shape[1], gap * shape[2]
+            lift = np.maximum(0, 0.1 - (a + b) / 2 + np.hypot((a - b) / 2, c))
+            a, b = a + lift, b + lift
+            s, t = np.array([b * aside[0] - c * aside[1], a * aside[1] - c * aside[0]]) / (a * b - c * c)
+            newton = -F / size * normal + s * tangents[0] + t * tangents[1]
+            # A step that does not help is halved; one of an eighth is taken all the same, to get over a seam. Shorter
+            # steps later on end most of the cycles that there are far inside the body.
+            taken = (new < merit) | (factor < 0.2)
+            base, step = np.where(taken, trial, base), np.where(taken, newton, step)
+            merit, factor = np.where(taken, new, merit), np.where(taken, 1.0 if iteration < 20 else 0.6, factor / 2)
+            if done.any():
+                on = ~done
+                x, base, step, rows = x[:, on], base[:, on], step[:, on], rows[on]
+                merit, factor, tolerance = merit[on], factor[on], tolerance[on]
+
+
+class Offset(Surface):
+    """`surface` moved along its normals by `distance` [mm], of either sign.
+
+    Raises InputError if a radius of the surface would shrink to 0, where that is known.
+    """
+
+    def __init__(self, surface: Surface, distance: float) -> None:
+        inside, outside = surface.radii
+        allowed = f"above {-inside:g} and below {outside:g}, the radii of the surface"
+        self.surface, self.distance = surface, _number("distance", distance, allowed, -inside, outside)
+        self.radii = (inside + self.distance, outside - self.distance)
+
+    def _behind(self) -> Surface:
+        seen = copy(self)
+        seen.surface = self.surface._behind()
+        return seen
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        """As in `Surface`."""
+        gap, normal, curvature = self.surface.nearest(points, reach + abs(self.distance))
+        return Nearest(gap - self.distance, normal, curvature)
+
+    def _mesh(self, low, high, size):
+        room = abs(self.distance)
+        points, normals, triangles = self.surface._mesh(low - room, high + room, size)
+        return points + self.distance * normals, normals, triangles
+
+
+class Reversed(Surface):
+    """`surface` with the body on its other side: `Reversed(Offset(punch, clearance))` is the die of a punch."""
+
+    def __init__(self, surface: Surface) -> None:
+        self.surface, self.radii = surface._behind(), surface.radii[::-1]
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        """As in `Surface`."""
+        return Nearest(*(-a for a in self.surface.nearest(points, reach)))
+
+    def _mesh(self, low, high, size):
+        points, normals, triangles = self.surface._mesh(low, high, size)
+        return points, -normals, triangles[:, ::-1]
+
+
+class Flipped(Surface):
+    """`surface` upside down: mirrored in the plane z = 0, the normal still pointing out of the body."""
+
+    def __init__(self, surface: Surface) -> None:
+        self.surface, self.radii = surface, surface.radii
+
+    def _behind(self) -> Surface:
+        seen = copy(self)
+        seen.surface = self.surface._behind()
+        return seen
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        """As in `Surface`."""
+        mirror = np.array([1.0, 1.0, -1.0])
+        gap, normal, curvature = self.surface.nearest(points * mirror, reach)
+        return Nearest(gap, normal * mirror, curvature * np.outer(mirror, mirror))
+
+    def _mesh(self, low, high, size):
+        mirror = np.array([1.0, 1.0, -1.0])
+        low, high = low * mirror, high * mirror
+        points, normals, triangles = self.surface._mesh(np.minimum(low, high), np.maximum(low, high), size)
+        return points * mirror, normals * mirror, triangles[:, ::-1]

@@ -1,0 +1,334 @@
+"""Surfaces through triangles against those through which they go, and against difference quotients of their own gap."""
+
+import math
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.meshes.double_dome import double_dome, write
+from fabric_fenicsx.tools import DoubleDome, Flipped, Offset, Plate, Reversed, Sphere, TriangulatedSurface
+
+DOME = DoubleDome()
+
+
+def refined_sphere(n):
+    """Points on the unit sphere and triangles: a cube's faces of n x n squares each, blown up."""
+    s = np.tan(np.linspace(-np.pi / 4, np.pi / 4, n + 1))
+    u, v = (a.ravel() for a in np.meshgrid(s, s, indexing="ij"))
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    p = i * (n + 1) + j
+    face = np.vstack([np.column_stack([p, p + n + 1, p + n + 2]), np.column_stack([p, p + n + 2, p + 1])])
+    points, triangles = [], []
+    for axis in range(3):
+        for side in (1, -1):
+            cube = np.empty((len(u), 3))
+            cube[:, axis], cube[:, axis - 2], cube[:, axis - 1] = side, side * u, v
+            triangles.append(face + len(points) * len(u))
+            points.append(cube)
+    points = np.vstack(points).round(14)  # faces share their edges
+    return points / np.linalg.norm(points, axis=1)[:, None], np.vstack(triangles)
+
+
+def errors(surface, exact, points, kind, reach=math.inf):
+    found, right = surface.evaluate(points, reach), exact.evaluate(points)
+    size = [abs(a - b).reshape(len(points), -1).max(1) for a, b in zip(found, right)]
+    return np.array([a.max() if kind == "max" else np.sqrt((a**2).mean()) for a in size])
+
+
+def test_triangles_of_a_sphere_converge():
+    rng = np.random.default_rng(6)
+    direction = rng.normal(size=(3000, 3))
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    points, sphere = 10 * direction * rng.uniform(0.85, 1.2, (3000, 1)), Sphere([0, 0, 0], 10)
+    table = []
+    for n in (8, 16, 32):
+        p, t = refined_sphere(n)
+        surface = TriangulatedSurface(10 * p, t)
+        assert len(surface.points) == 6 * n * n + 2
+        table.append(errors(surface, sphere, points, "rms"))
+    orders = np.log2(table[0] / table[2]) / 2
+    assert (orders >= [2.3, 1.3, 0.6]).all(), orders
+    assert (table[0] <= [1e-4, 2e-4, 1e-3]).all(), table[0]
+    assert surface.radii == (pytest.approx(10, rel=0.01), math.inf)
+
+
+def test_triangles_of_the_double_dome_converge():
+    rng = np.random.default_rng(7)
+    x, y = rng.uniform(-1, 1, (2, 4000)) * [[250], [150]]
+    on = DOME.lift(x, y)
+    points = on + rng.uniform(-3, 3, (4000, 1)) * DOME.evaluate(on).normal
+    table = []
+    for scale in (2, 1):
+        surface = TriangulatedSurface(*double_dome(DOME, size=10 * scale, turn=10 * scale))
+        table.append(errors(surface, DOME, points, "rms", reach=5))
+    orders = np.log2(table[0] / table[1])
+    assert (orders >= [1.7, 1.0, 0.5]).all(), orders
+    assert (table[1] <= [1e-3, 1e-3, 1e-2]).all(), table[1]
+    assert surface.radii == pytest.approx(DOME.radii, rel=0.1)
+    flange = points[(DOME.plan(x, y)[0] > DOME.developed[-1] + 5) & (abs(points[:, 2]) > 0.1)]
+    found = surface.evaluate(flange)
+    assert len(flange) > 500 and np.array_equal(found.gap, flange[:, 2])
+    assert np.array_equal(found.normal, np.tile([0, 0, 1], (len(flange), 1))) and not found.curvature.any()
+
+
+def lathe(profile, n):
+    """Points and triangles of (radius, height) rows of a profile turned about z in n steps; quadrilaterals are cut."""
+    a = np.arange(n) * 2 * np.pi / n
+    points = np.vstack([np.column_stack([r * np.cos(a), r * np.sin(a), z + 0 * a]) for r, z in profile])
+    i = np.arange(n)
+    j = (i + 1) % n
+    cells = []
+    for k in range(len(profile) - 1):
+        p, q = k * n, (k + 1) * n
+        cells += [np.column_stack([p + i, p + j, q + j]), np.column_stack([p + i, q + j, q + i])]
+    return points, np.vstack(cells)
+
+
+def opening(n, steps, entry=6.0):
+    """The plate's opening of diameter 40 as CAD exports it: a face of slivers, strips as long as the wall."""
+    a = np.linspace(0, np.pi / 2, steps + 1) if entry else [0.0]
+    edge = [(20 + entry - entry * np.sin(k), -entry + entry * np.cos(k)) for k in a]
+    return lathe([(80, 0), *edge, (20, -36)], n)
+
+
+def beside_opening(count, band=2.0):
+    rng = np.random.default_rng(1)
+    points = rng.uniform([-50, -50, -25], [50, 50, 3], (40 * count, 3))
+    return points[abs(Plate(40, entry=6).evaluate(points).gap) < band][:count]
+
+
+def test_an_opening_of_72_facets_is_round():
+    points, plate = beside_opening(2000), Plate(40, entry=6)
+    surface = TriangulatedSurface(*opening(72, 9))
+    assert (errors(surface, plate, points, "max", reach=4)[:2] <= [2e-3, 1e-2]).all()
+    assert surface.radii == pytest.approx(plate.radii, rel=0.02)
+    over = points[(np.hypot(points[:, 0], points[:, 1]) > 30) & (abs(points[:, 2]) < 2)]
+    found = surface.evaluate(over, 4)
+    assert len(over) > 100 and np.array_equal(found.gap, over[:, 2]) and not found.normal[:, :2].any()
+
+
+def test_sharp_edges_stay_sharp():
+    surface = TriangulatedSurface(*opening(72, 0, entry=0))
+    assert len(surface.sharp) == 72
+    rng = np.random.default_rng(2)
+    angle, arm = rng.uniform(0, 2 * np.pi, 500), rng.uniform(-3, 3, (500, 2))
+    r = 20 + arm[:, 0]
+    points = np.column_stack([r * np.cos(angle), r * np.sin(angle), arm[:, 1]])
+    outside = (arm[:, 0] < 0) & (arm[:, 1] > 0)
+    exact = np.where(outside, np.hypot(*arm.T), np.maximum(-arm[:, 0], arm[:, 1]))
+    found = surface.evaluate(points)
+    assert outside.sum() > 50 and abs(found.gap - exact).max() <= 2e-3
+    cube = cube_of_slivers()
+    points = rng.uniform(-2, 2, (2000, 3))
+    q = abs(points) - 1
+    exact = np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(1), 0)
+    found = cube.evaluate(points)
+    assert abs(found.gap - exact).max() <= 1e-12
+    foot = points - found.gap[:, None] * found.normal
+    assert abs(abs(foot).max(1) - 1).max() <= 1e-12
+    assert len(cube.rim) == len(cube.forks) == 0 and cube.radii == (math.inf, math.inf)
+
+
+def cube_of_slivers():
+    """The cube of edge 2 about 0; on one face the diagonal's triangles are cut into fans of slivers."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4)]
+    cells = [(a, b, c) for a, b, c, _ in quads] + [(a, c, d) for a, _, c, d in quads]
+    middle = np.array([[1e-3 * k - 0.5, 1e-4 * (-1) ** k, 1.0] for k in range(7)])
+    points = np.vstack([corners, middle])
+    left, right, low, high = 1, 5, 3, 7  # of the face z = 1: (-1, -1), (1, -1), (-1, 1), (1, 1)
+    fan = list(range(8, 15))
+    cells += [(left, right, each) for each in fan[:0]]
+    ring = [left, right, high, low]
+    cells += [(a, b, fan[-1]) for a, b in ((right, high),)] + [(low, left, fan[0])]
+    for a, b in zip(fan, fan[1:]):
+        cells += [(left, b, a), (low, a, b)]
+    cells += [(left, right, fan[-1]), (high, low, fan[-1])]
+    assert len(ring) == 4
+    return TriangulatedSurface(points, cells)
+
+
+def slopes(surface, points, h=1e-4):
+    """Of the gap, (n, 3), and of the normal, (n, 3, 3), by differences of fourth order."""
+    gradient, hessian = np.empty_like(points), np.empty((len(points), 3, 3))
+    for k in range(3):
+        a, b, c, d = (surface.evaluate(points + step * h * np.eye(3)[k]) for step in (-2, -1, 1, 2))
+        gradient[:, k] = (a.gap - 8 * b.gap + 8 * c.gap - d.gap) / (12 * h)
+        hessian[:, :, k] = (a.normal - 8 * b.normal + 8 * c.normal - d.normal) / (12 * h)
+    return gradient, hessian
+
+
+@pytest.mark.parametrize("name", ["opening", "dome", "sharp"])
+def test_normal_and_curvature_are_derivatives_of_the_gap(name):
+    if name == "dome":
+        surface = TriangulatedSurface(*double_dome(size=12, turn=20))
+        x, y = np.random.default_rng(3).uniform(-1, 1, (2, 600)) * [[230], [130]]
+        on = DOME.lift(x, y)
+        points = on + np.random.default_rng(4).uniform(-2, 2, (600, 1)) * DOME.evaluate(on).normal
+    else:
+        surface = TriangulatedSurface(*(opening(24, 4) if name == "opening" else opening(24, 0, entry=0)))
+        points = beside_opening(600)
+    found = surface.evaluate(points)
+    gradient, hessian = slopes(surface, points)
+    assert np.linalg.norm(found.normal, axis=1) == pytest.approx(1, abs=1e-12)
+    # a few lie so near to a jump of the curvature, or to where two parts are as near, that the differences lie across
+    assert np.quantile(abs(gradient - found.normal).max(1), 0.99) <= 1e-8
+    assert np.quantile(abs(hessian - found.curvature).max((1, 2)), 0.97) <= 1e-8
+    if name != "sharp":
+        assert abs(gradient - found.normal).max() <= 1e-5
+
+
+def test_normals_do_not_jump():
+    surface = TriangulatedSurface(*double_dome(size=16, turn=25))
+    s = np.linspace(0, 1, 40_001)[:, None]
+    points = DOME.lift(*(np.array([[-200, -90]]) + s * [[390, 170]]).T) + [0.1, 0, 0.3]
+    found = surface.evaluate(points)
+    turn = np.linalg.norm(np.diff(found.normal, axis=0), axis=1) / np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert turn.max() < 2 / 9  # as a surface of half the least radius; a jump of 1 deg would be 1.5
+
+
+def test_points_that_move_are_found_as_anew():
+    points = double_dome(size=20, turn=20)
+    surface, fresh = TriangulatedSurface(*points), TriangulatedSurface(*points)
+    rng = np.random.default_rng(8)
+    at = rng.uniform([-250, -150, -5], [250, 150, 70], (400, 3))
+    for size in (0.0, 0.3, 3.0, 0.1, 30.0):
+        at = at + rng.normal(0, size + 1e-12, at.shape)
+        for reach in (5.0, 20.0):
+            found, right = surface.evaluate(at, reach), fresh.evaluate(at)
+            near = abs(right.gap) <= reach
+            assert near.sum() > 10 and (abs(found.gap[~near]) > reach).all()
+            assert np.array_equal(np.sign(found.gap), np.sign(right.gap))
+            for a, b in zip(found, right):
+                assert abs(a[near] - b[near]).max() <= 1e-9
+            fresh._lists.clear()
+
+
+def test_single_triangle():
+    surface = TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]])
+    found = surface.evaluate([[2, 2, 3], [2, 2, -3], [-3, 2, 4], [-3, -4, 12], [9, 9, 0]])
+    assert found.gap == pytest.approx([3, -3, 5, 13, math.sqrt(40.5)])
+    assert np.allclose(found.normal[:2], [0, 0, 1]) and not found.curvature[:2].any()
+    assert np.allclose(found.normal[2:4], [[-3 / 5, 0, 4 / 5], [-3 / 13, -4 / 13, 12 / 13]])  # from the rim
+
+
+def test_triangles_turned_against_each_other_are_put_right():
+    points, triangles = refined_sphere(4)
+    triangles[10::3] = triangles[10::3, ::-1]
+    surface = TriangulatedSurface(10 * points, triangles)
+    assert surface.turned == len(triangles[10::3]) and surface.one_sided
+    assert np.allclose(np.einsum("ij,ij->i", surface.normals, surface.points), 10, atol=0.3)
+    inwards = surface.turned_round().evaluate([[0, 0, 12]])
+    assert inwards.gap == pytest.approx(-surface.evaluate([[0, 0, 12]]).gap, abs=1e-12) and inwards.normal[0, 2] < -0.99
+
+
+def test_beyond_the_rim_there_is_no_body():
+    surface = TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]])
+    points = [[-1e-3, 2, 0.5], [-1e-3, 2, -0.5], [3, -4, -3], [3, 3, -2]]
+    far = math.hypot(1e-3, 0.5)
+    assert surface.evaluate(points).gap == pytest.approx([far, far, 5, -2])
+    for die in (Reversed(surface), Reversed(Offset(surface, 0)), Reversed(Flipped(Flipped(surface)))):
+        assert die.evaluate(points).gap == pytest.approx([far, far, 5, 2])
+
+
+def test_surfaces_that_are_none():
+    p, t = refined_sphere(2)
+    fork = TriangulatedSurface(np.vstack([p, [[3, 3, 3]]]), np.vstack([t, [[*t[0][:2], len(p)]]]))
+    assert len(fork.forks) == 1 and len(fork.rim) == 2
+    n = 12
+    a = np.arange(n) * 2 * np.pi / n
+    out = np.column_stack([np.cos(a), np.sin(a), 0 * a])
+    half = np.column_stack([np.cos(a / 2)[:, None] * out[:, :2], np.sin(a / 2)]) * 0.3
+    points = np.vstack([out - half, out + half])
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    low, high = np.where(i < n - 1, j, j + n), np.where(i < n - 1, j + n, j)
+    strip = TriangulatedSurface(points, np.vstack([np.column_stack([i, low, high]), np.column_stack([i, high, i + n])]))
+    assert not strip.one_sided and TriangulatedSurface(p, t).one_sided
+
+
+@pytest.mark.parametrize("ending", ["stl", "vtp", "msh", "ply", "vtu"])
+def test_round_trip(tmp_path, ending):
+    points, triangles = double_dome(size=20, turn=20, quarter=True)
+    write(tmp_path / f"tool.{ending}", points, triangles)
+    read, made = TriangulatedSurface.read(tmp_path / f"tool.{ending}"), TriangulatedSurface(points, triangles)
+    assert len(read.points) == len(made.points) and len(read.triangles) == len(made.triangles)
+    x, y = np.random.default_rng(0).uniform(0, 1, (2, 200)) * [[250], [150]]
+    at = DOME.lift(x, y) + [0, 0, 2]
+    tolerance = 1e-3 if ending in ("stl", "ply") else 1e-12  # single precision
+    assert abs(read.evaluate(at).gap - made.evaluate(at).gap).max() <= tolerance
+
+
+def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
+    import meshio
+
+    points = np.array([[x, y, z] for z in (0.0, 1) for x, y in ((0, 0), (2, 0), (2, 2), (0, 2))])
+    meshio.write(tmp_path / "quad.vtk", meshio.Mesh(points[4:], {"quad": [[0, 1, 2, 3]]}))
+    assert TriangulatedSurface.read(tmp_path / "quad.vtk").evaluate([[0.5, 1.5, 3]]).gap == pytest.approx([2])
+    meshio.write(tmp_path / "solid.vtu", meshio.Mesh(points, {"hexahedron": [list(range(8))]}))
+    with pytest.raises(InputError, match="solid.vtu: .*no triangle"):
+        TriangulatedSurface.read(tmp_path / "solid.vtu")
+
+
+@pytest.mark.filterwarnings("ignore:The VTK reader")
+@pytest.mark.parametrize("name", ["tool.stl", "tool.vtp", "tool.msh", "tool.txt"])
+def test_broken_files(tmp_path, name, capfd):
+    (tmp_path / name).write_text("this is no surface\n")
+    with pytest.raises(InputError) as error:
+        TriangulatedSurface.read(tmp_path / name)
+    assert name in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("ending, unit", [("step", 1.0), ("step", 1000.0), ("brep", 1.0)])
+def test_cad_models(tmp_path, ending, unit):
+    """A ball on a plate, joined: a sharp edge between what is round and what is flat."""
+    import gmsh
+
+    path = tmp_path / f"tool.{ending}"
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        ball = gmsh.model.occ.addSphere(0, 0, 0, 10 / unit)
+        plate = gmsh.model.occ.addBox(*(np.array([-20, -20, -5, 40, 40, 5]) / unit))
+        gmsh.model.occ.fuse([(3, ball)], [(3, plate)])
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+    if unit == 1000:  # the same numbers, now metres
+        path.write_text(path.read_text().replace("SI_UNIT(.MILLI.,.METRE.)", "SI_UNIT($,.METRE.)"))
+    surface = TriangulatedSurface.read(path, chord=0.2)
+    assert len(surface.rim) == len(surface.forks) == 0 and np.ptp(surface.points[:, 0]) == pytest.approx(40)
+    found = surface.evaluate([[0, 0, 12], [6, 0, 9], [15, 15, 2], [-3, 3, -11], [15, 0, -2]])
+    right = [2, math.sqrt(117) - 10, 2, math.sqrt(139) - 10, -2]
+    sign = np.sign(found.gap[0])  # gmsh turns the faces as they were made
+    assert sign * found.gap == pytest.approx(right, abs=5e-3)
+    assert sign * found.normal[2] == pytest.approx([0, 0, 1], abs=1e-12)
+    finer = TriangulatedSurface.read(path, chord=0.02)
+    assert 1.5 * len(surface.triangles) < len(finer.triangles)
+
+
+def test_faces_of_an_iges_file(tmp_path):
+    """A roof of two bilinear faces (entity 128), which in this format do not share their edge."""
+    faces = [[(0, 0, 0), (10, 0, 0), (0, 20, 0), (10, 20, 0)], [(10, 0, 0), (20, 0, -10), (10, 20, 0), (20, 20, -10)]]
+    start = "a roof".ljust(72) + "S      1\n"
+    head = "1H,,1H;,1Ht,1Ht,1Ht,1Ht,32,38,6,308,15,1Ht,1.,2,2HMM,1,0.01,15H20240101.000000,"
+    head = [head, "1.E-6,100.,1Ht,1Ht,11,0,15H20240101.000000;"]
+    directory, data = [], []
+    for corners in faces:
+        numbers = ",".join(f"{each}." for corner in corners for each in corner)
+        lines = ["128,1,1,1,1,0,0,1,0,0,0.,0.,1.,1.,0.,0.,1.,1.,1.,1.,1.,1.,", numbers + ",", "0.,1.,0.,1.;"]
+        here = len(directory) + 1
+        entry = [128, len(data) + 1, 0, 0, 0, 0, 0, 0, 0], [128, 0, 0, len(lines), 0, 0, 0, 0, 0]
+        directory += ["".join(f"{each:8d}" for each in part) for part in entry]
+        data += [f"{line:64s}{here:8d}" for line in lines]
+    parts = {"G": [head[0][:72], head[0][72:] + head[1]], "D": directory, "P": data}
+    text = start + "".join(
+        f"{line:72s}{key}{i + 1:7d}\n" for key, lines in parts.items() for i, line in enumerate(lines)
+    )
+    end = f"S{1:7d}G{len(parts['G']):7d}D{len(directory):7d}P{len(data):7d}"
+    (tmp_path / "roof.igs").write_text(text + f"{end:72s}T{1:7d}\n")
+    surface = TriangulatedSurface.read(tmp_path / "roof.igs")
+    assert len(surface.sharp) >= 1 and (surface.points[surface.sharp][..., 0] == 10).all()
+    found = surface.evaluate([[5, 5, 2], [15, 10, -3]])
+    assert abs(found.gap) == pytest.approx([2, math.sqrt(2)], abs=1e-9)
