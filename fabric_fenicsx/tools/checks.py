@@ -69,14 +69,6 @@ def check_punch(
             )
     if size > 50 * needed:
         raise InputError(f"{name} is {size:.4g} mm large; allowed is a surface in mm, up to 50 times as large as {ply}")
-    check_triangles(surface, name, thickness, warn)
-    middle = x[surface.rim].mean(1)
-    within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
-    if within.any():
-        raise InputError(
-            f"{name} is open at {_at(middle[within][0])}, beneath the ply; allowed is a surface without holes that reaches "
-            f"beyond {ply}"
-        )
     side = np.linspace(-1, 1, 21)
     outline = np.vstack([np.column_stack([side, 0 * side + s]) for s in (-1, 1)])
     outline = np.vstack([outline, outline[:, ::-1]]) * end
@@ -87,6 +79,14 @@ def check_punch(
         raise InputError(
             f"{name} has no flange in z = 0 under the ply's edge at {_at(outline[worst])}: the nearest surface lies "
             f"{abs(found.gap[worst]):.3g} mm off; allowed is a punch with a flange there that reaches beyond {ply}"
+        )
+    check_triangles(surface, name, thickness, warn)
+    middle = x[surface.rim].mean(1)
+    within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
+    if within.any():
+        raise InputError(
+            f"{name} is open at {_at(middle[within][0])}, beneath the ply; allowed is a surface without holes that reaches "
+            f"beyond {ply}"
         )
     if found.normal[:, 2].mean() < 0:
         warn(f"{name}: the normals of its flange point down, so it was turned round")

@@ -158,10 +158,10 @@ def corner_normals(
                 n, o = given[:, here[k]], given[other[:, k], np.array(there)[back]]
                 sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(KINK))
     # corners that are joined across edges that are not sharp
-    t, k = np.nonzero(~sharp)
+    t, edge = np.nonzero(~sharp)
     nxt, last = np.array(NEXT), np.array(LAST)
-    o, back = across.triangle[t, k], across.edge[t, k]
-    rows = np.concatenate([3 * t + nxt[k], 3 * t + last[k]])
+    o, back = across.triangle[t, edge], across.edge[t, edge]
+    rows = np.concatenate([3 * t + nxt[edge], 3 * t + last[edge]])
     cols = np.concatenate([3 * o + last[back], 3 * o + nxt[back]])
     graph = sparse.coo_matrix((np.ones(len(rows)), (rows, cols)), shape=(3 * m, 3 * m))
     count, name = connected_components(graph, directed=False)

@@ -23,7 +23,17 @@ class Nearest(NamedTuple):
 
 
 class Surface:
-    """Base of all surfaces: they give `_nearest(points, reach)` for finite points (n, 3) [mm]."""
+    """Base of all surfaces. An own one gives `nearest(points, reach)`, and `radii` where it is curved:
+
+        class Floor(Surface):
+            def nearest(self, points, reach):
+                normal = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+                return Nearest(points[:, 2].copy(), normal, np.zeros((len(points), 3, 3)))
+
+    One that is known by an equation F(x) = 0 is less work as an `ImplicitSurface`. The gap must be the distance, the normal its
+    gradient and the curvature its Hessian: forces and stiffness of contact are made of them. `Reversed`, `Offset`,
+    `Flipped` and `Tool` take any surface.
+    """
 
     radii: tuple[float, float] = (math.inf, math.inf)
     """Least radius of curvature [mm] as seen from inside the body and from outside: nearer than that to the surface the
@@ -78,7 +88,7 @@ class Surface:
         return self
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """What a subclass gives: as `evaluate`, of finite points (n, 3) [mm]."""
+        """As `evaluate`, at points (n, 3) [mm] that are finite; every surface gives it."""
         raise NotImplementedError
 
 
@@ -113,7 +123,20 @@ def _hessian_of_gap(tangents, shape, gap):
 class ImplicitSurface(Surface):
     """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method on its Lagrangian.
 
-    A subclass gives `implicit`, `bound` and, where F alone is cheaper, `value`. Gap, normal and curvature are exact at
+    An own one gives `implicit`, `bound`, where F alone is cheaper `value`, and `radii`:
+
+        class Wave(ImplicitSurface):
+            radii = (25.0, 25.0)
+
+            def implicit(self, x):
+                zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25
+                gradient = np.array([-np.cos(x[0] / 5) / 5, zero, zero + 1])
+                return x[2] - 25 * curve, gradient, np.array([[curve, zero, zero], [zero] * 3, [zero] * 3])
+
+            def bound(self, F, x):
+                return abs(F) / 1.02  # by the gradient's largest length
+
+    Gap, normal and curvature are exact at
     the point found, whose distance from the surface and from the foot of the normal is below 1e-11 mm. Rows are NaN
     where none is found, which can happen only further away than `radii`; there it can also be a point that is not the
     nearest of all.

@@ -144,11 +144,9 @@ class Wave(ImplicitSurface):
     radii = (25.0, 25.0)
 
     def implicit(self, x):
-        zero = 0 * x[0]
+        zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25
         gradient = np.array([-np.cos(x[0] / 5) / 5, zero, zero + 1])
-        hessian = np.zeros((3, 3, x.shape[1]))
-        hessian[0, 0] = np.sin(x[0] / 5) / 25
-        return x[2] - np.sin(x[0] / 5), gradient, hessian
+        return x[2] - 25 * curve, gradient, np.array([[curve, zero, zero], [zero] * 3, [zero] * 3])
 
     def bound(self, F, x):
         return abs(F) / 1.02
