@@ -64,7 +64,8 @@ class TriangulatedSurface(Surface):
     curvature are its derivatives. Beyond the rim of an open surface it is the distance to the rim and positive on both sides,
     as there is no body. The nearest point is sought from the closest point of the flat triangles, whose search is exact.
 
-    - points (n, 3) [mm] and triangles (m, 3), without doubles and triangles without area
+    - points (n, 3) [mm] and triangles (m, 3), without doubles and triangles without area; facets (m, 3): unit normals of these,
+      areas (m,) [mm^2]
     - normals (n, 3) at the points, averaged where edges are sharp
     - rim (k, 2): points at the ends of edges of one triangle; forks (k, 2): of more than two; sharp (k, 2): of sharp edges
     - turned: how many triangles had to be; one_sided: False where none of the ways to turn them agrees
