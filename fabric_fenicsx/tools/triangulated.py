@@ -24,6 +24,7 @@ SAME, FLAT = (
     1e-6,
 )  # of the largest coordinate: points that are one, and what may lie off a plane (files of single precision)
 ROOM = 0.4  # of a usual triangle's size, as far as candidates are kept for
+COVER = 1 / math.sqrt(3)  # of a triangle's longest edge, no point of it is further from all its corners
 KEPT = 4  # lists of candidates, of so many different numbers of points
 BENT = 0.99  # of the turning of a surface has a larger radius than what counts as its least
 
@@ -63,7 +64,8 @@ class TriangulatedSurface(Surface):
     curvature are its derivatives. Beyond the rim of an open surface it is the distance to the rim and positive on both sides,
     as there is no body. The nearest point is sought from the closest point of the flat triangles, whose search is exact.
 
-    - points (n, 3) [mm] and triangles (m, 3), without doubles and triangles without area
+    - points (n, 3) [mm] and triangles (m, 3), without doubles and triangles without area; facets (m, 3): unit normals of these,
+      areas (m,) [mm^2]
     - normals (n, 3) at the points, averaged where edges are sharp
     - rim (k, 2): points at the ends of edges of one triangle; forks (k, 2): of more than two; sharp (k, 2): of sharp edges
     - turned: how many triangles had to be; one_sided: False where none of the ways to turn them agrees
@@ -273,7 +275,7 @@ class TriangulatedSurface(Surface):
         ring, triangle, weights, bound = self._around(x, vertex)
         place[renew], normal[renew], valid[renew], plane[renew] = x, self.facets[triangle], -1.0, -1
         side[renew] = self._sides(x, triangle, weights)
-        clear[renew] = apart - self._longest - self._bulge
+        clear[renew] = apart - COVER * self._longest - self._bulge
         # the side is not sure where the closest point lies where the triangles about the vertex end
         near = np.flatnonzero((clear[renew] - self._room <= reach) | ~ring)
         row, triangle = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
@@ -291,8 +293,8 @@ class TriangulatedSurface(Surface):
             plane[near] = np.where(low == high, low, -1)[near]
             for each in np.unique(plane[near[plane[near] >= 0]]):
                 at = near[plane[near] == each]
-                tree, longest = self._beside(each)
-                apart = tree.query(points[at])[0] - longest - least[np.searchsorted(near, at)]
+                tree, cover = self._beside(each)
+                apart = tree.query(points[at])[0] - cover - least[np.searchsorted(near, at)]
                 valid[at] = np.maximum(valid[at], apart / 2)
         changed = np.zeros(len(points), dtype=bool)
         changed[renew] = True
@@ -302,12 +304,13 @@ class TriangulatedSurface(Surface):
         return _Lists(place, valid, clear, side, normal, plane, row[hold][order], triangle[hold][order])
 
     def _beside(self, plane):
-        """The vertices that are not within a plane, as a tree, and the longest edge there."""
+        """Vertices and middles of edges of all triangles but a plane's, as a tree, and how far from these their points are."""
         if plane not in self._rest:
-            rest = self._plane != plane
-            edges = np.roll(self._corners[rest], -1, 1) - self._corners[rest]
-            longest = math.sqrt((edges**2).sum(2).max(initial=0))
-            self._rest[plane] = cKDTree(self.points[np.unique(self.triangles[rest])]), longest
+            corners = self._corners[self._plane != plane]
+            onwards = np.roll(corners, -1, 1)
+            longest = math.sqrt(((onwards - corners) ** 2).sum(2).max(initial=0))
+            places = np.concatenate([corners, (corners + onwards) / 2]).reshape(-1, 3)
+            self._rest[plane] = cKDTree(np.unique(places, axis=0)), COVER * longest / 2
         return self._rest[plane]
 
     def _around(self, points, vertex):
