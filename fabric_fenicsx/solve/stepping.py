@@ -219,6 +219,7 @@ def march(
             float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum())
         )
         forces = new_forces
+        at.accepted += settled  # equilibrium at load 0 is no step
         if not settled:
             settled, at.work = True, sum(energies.values())
         at.load = load
@@ -229,7 +230,6 @@ def march(
             at.step = min(GROWTH * at.step, max_step)
         if at.viscosity.drag:
             at.viscosity.passed(report.iterations <= EASY, resting=not taken)
-        at.accepted += 1
         now = time.perf_counter()
         if on_accept:
             on_accept(Accepted(load, energies, at.work, report, cuts, now - clock, at))
