@@ -46,6 +46,7 @@ from .solve.stepping import march
 log = logging.getLogger(__package__)
 RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"  # by which a folder is known to hold a run's
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
+FEW_STEPS = 0.3  # of imbalance is believed with --quick: work is reckoned from the states that steps end with
 NOT_BELIEVED = "the result is not to be believed: "
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 FITS = 1e-3  # of a length, by which an own mesh may differ from the options
@@ -134,7 +135,8 @@ def parser(
     output.add_argument("--no-pictures", action="store_true")
     output.add_argument("--quick", action="store_true", help="coarse mesh and few steps")
     output.add_argument("--verbose", action="store_true", help="print each Newton iteration, as log.txt has them")
-    p.set_defaults(_sizes={False: full, True: quick}, **{"yarn_angle": 90.0, "weave_angle": None} | defaults)
+    sizes = {False: {**full, "max_imbalance": Limits.imbalance}, True: {**quick, "max_imbalance": FEW_STEPS}}
+    p.set_defaults(_sizes=sizes, **{"max_imbalance": None, "yarn_angle": 90.0, "weave_angle": None} | defaults)
     return p
 
 

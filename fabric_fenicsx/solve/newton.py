@@ -146,7 +146,7 @@ class Newton:
         self.scene.set(x)
         self.scene.residual(self._r)
         force = self._r.norm()
-        return force == 0 or force <= self._smallest * self.stiffness(x)
+        return bool(force <= self._smallest * self.stiffness(x)) if force else True
 
     def tangent_predictor(self, x: PETSc.Vec, change: np.ndarray) -> None:
         """Linear response at x to a `change` (held dofs of this rank) [mm] of the support values, added to x."""

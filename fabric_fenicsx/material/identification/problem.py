@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -47,7 +49,7 @@ class NotConverged(SolverFailure):
 class Problem:
     """Residuals of all curves in the parameters `names` (10 or 17), with all points in one call of the kernel."""
 
-    def __init__(self, sheet: Sheet, curves: Sequence[Curve]):
+    def __init__(self, sheet: Sheet, curves: Sequence[Curve]) -> None:
         self.names, self.thickness, self.curves = names_of(sheet.balanced), sheet.thickness, curves
         if not curves:
             raise InputError("there is no curve; allowed is one or more")
@@ -79,7 +81,7 @@ class Problem:
         )
         self.extent = max(np.abs(self.strains[:, :2]).max(), 1e-3)
 
-    def material(self, theta):
+    def material(self, theta: np.ndarray) -> SimpleNamespace:
         """What the kernel reads of a WovenFabric, without its checks, so that derivatives can be taken at bounds."""
         v = dict(zip(self.names, theta))
         fabric = DEFAULTS.symbols(float)
@@ -88,7 +90,7 @@ class Problem:
             vars(getattr(fabric, yarn)).update({n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN})
         return fabric
 
-    def predict(self, theta):
+    def predict(self, theta: np.ndarray) -> np.ndarray:
         """What the law says to every measured value, (N,)."""
         fabric, strains = self.material(theta), self.strains
         if self.free:
@@ -108,12 +110,12 @@ class Problem:
         value[self.halves] += self.half[self.halves] * stress[N:, 2]
         return value
 
-    def sizes(self, theta):
+    def sizes(self, theta: np.ndarray) -> np.ndarray:
         """What change of each parameter is a large one, (len(theta),)."""
         natural = np.where(np.isfinite(self.natural), 1e-3 * self.natural, 0)
         return np.max([np.abs(theta), np.abs(self.start), natural], 0)
 
-    def jacobian(self, theta, free):
+    def jacobian(self, theta: np.ndarray, free: Sequence[int]) -> np.ndarray:
         """d(predict)/d(theta) (N, len(free)) by central differences."""
         columns, sizes = [], self.sizes(theta)
         for k in free:
@@ -122,12 +124,12 @@ class Problem:
             columns.append((self.predict(theta + step) - self.predict(theta - step)) / (2 * step[k]))
         return np.array(columns).T.reshape(len(self.measured), len(free))
 
-    def prepare(self, start):
+    def prepare(self, start: np.ndarray) -> None:
         """Set the size of steps, and `natural`: the change of each parameter that moves a response by its peak."""
         self.start, self.natural = start, np.full(len(start), np.inf)
         self.rescale(start)
 
-    def rescale(self, theta):
+    def rescale(self, theta: np.ndarray) -> None:
         """Set `effect` (N, len(theta)), of each parameter on each value over its peak, and `natural` from it."""
         effect = np.abs(self.jacobian(theta, range(len(theta))) / self.peak[:, None])
         # 1e-9 of the peak for a large change is rounding, which differs from machine to machine
@@ -136,7 +138,7 @@ class Problem:
         self.natural = np.where(most > 0, 1 / np.where(most > 0, most, 1), self.natural)
         self.effect = effect
 
-    def deviation(self, predicted, common=NOISE):
+    def deviation(self, predicted: np.ndarray, common: Any = NOISE) -> np.ndarray:
         """Standard deviations (N,): as stated by the curves, otherwise `common` times the peak of each column."""
         sd = common * self.peak
         for (curve, _), s in self.parts:
@@ -148,7 +150,7 @@ class Problem:
                 sd[s] = size * scale
         return sd
 
-    def has_contraction(self, name):
+    def has_contraction(self, name: str) -> bool:
         """Whether a point shows the yarns of p_min `name` in tension under a negative strain across."""
         for i in (0, 1) if "." not in name else (("warp.p_min", "weft.p_min").index(name),):
             prescribed = (self.strains[:, i] > 0) & (self.strains[:, 1 - i] < 0) & (self.component < 2)
@@ -156,7 +158,9 @@ class Problem:
                 return True
         return False
 
-    def undetermined(self, theta, free, sd=0.0, slack=1.0):
+    def undetermined(
+        self, theta: np.ndarray, free: list[int], sd: Any = 0.0, slack: float = 1.0
+    ) -> list[tuple[int, float]]:
         """Of the parameters `free`, those whose 95 % half-width, at the noise `sd` but at least NOISE, is larger than `slack`
         times both the value and its natural change (p_min: 0.5); as pairs of index and half-width."""
         weight = np.maximum(sd, NOISE * self.peak)
@@ -212,7 +216,9 @@ class Problem:
                 theta[place[:2]] = c0, (c2 - c0 - 3 * theta[place[2]] * G**2) / (2 * G)
         return theta
 
-    def fit(self, theta, free, sd, rows=slice(None), most=300):
+    def fit(
+        self, theta: np.ndarray, free: list[int], sd: np.ndarray, rows: Any = slice(None), most: int = 300
+    ) -> np.ndarray:
         """theta with the parameters `free` fitted to the values `rows`; NotConverged after `most` evaluations."""
         if not free:
             return theta
