@@ -113,7 +113,11 @@ class Newton:
         self.snes.setFromOptions()
         self.snes.ksp.setFromOptions()
         for key in given:
-            if key != "mat_mumps_icntl_24":  # read only when the factor is made
+            if (
+                key == "mat_mumps_icntl_24"
+            ):  # read only when the factor is made; asked here, as PETSc tells of unused ones
+                options.getInt(key)
+            else:
                 options.delValue(key)
 
     def solve_for(self, x: PETSc.Vec, tolerance: float | None = None) -> Report:
