@@ -248,7 +248,10 @@ class Contact:
     def touch(self) -> Touch:
         """The `Touch` at the blank's present displacement."""
         u = self.nodes.displacement()
-        if self._seen is None or not np.array_equal(u, self._seen[0]):
+        known = self._seen is not None and np.array_equal(u, self._seen[0])
+        if self.tool.force:  # its balance asks all ranks, also those on which no node moved
+            known = self.nodes.comm.allreduce(known, MPI.LAND)
+        if self._seen is None or not known:
             x = self.nodes.places + u
             self._seen = u, self._balanced(x) if self.tool.force else self._touch(x)
         return self._seen[1]
