@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from . import dolfinx_compat as compat
 from .blank import Blank
 from .errors import InputError
+from .mechanics.work import Work
 from .timing import phase
 
 
@@ -182,6 +183,7 @@ class Scene:
         self._supported()
         # a viscous drag [N/mm] on the nodes' way from `origin`
         self.drag, self.origin = 0.0, None
+        self.support_work = Work()
         self._f = self.u.duplicate()
         self._free = self.u.duplicate()
         self._free.set(1.0)
@@ -255,13 +257,23 @@ class Scene:
         return self.comm.allreduce(sum(term.work() for term in self._having("work")))
 
     def memory(self) -> dict[str, np.ndarray]:
-        """What accepted states left in the terms, {name: array (owned nodes, k)}."""
-        return {f"{i} {key}": v for i, term in enumerate(self._having("memory")) for key, v in term.memory().items()}
+        """What accepted states left in the terms and the supports, {name: array (owned nodes, k)}."""
+        memory = {f"{i} {key}": v for i, term in enumerate(self._having("memory")) for key, v in term.memory().items()}
+        states = self.support_work.memory()
+        nodal = np.zeros((self._f.local_size, len(states), 4))  # of each state: whether known, load, force and place
+        nodal[:, :, :2] = states[:, :2]
+        if states.shape[1] > 2:
+            nodal[self.held, :, 2:] = states[:, 2:].reshape(len(states), 2, -1).transpose(2, 0, 1)
+        return memory | {"supports": nodal.reshape(-1, 4 * len(states) * self.blank.mesh.geometry.dim)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """Give the terms back their `memory`, of the present displacement and load."""
+        """Give terms and supports back their `memory`, of the present displacement and load."""
         for i, term in enumerate(self._having("memory")):
             term.recall({key: memory[f"{i} {key}"] for key in term.memory()})
+        states = len(self.support_work.memory())
+        nodal = memory["supports"].reshape(-1, states, 4)
+        known = self.comm.allreduce(nodal[:, :, :2].max(0, initial=0.0), MPI.MAX)  # a rank may have no node
+        self.support_work.recall(np.hstack([known, nodal[self.held, :, 2:].transpose(1, 2, 0).reshape(states, -1)]))
 
     def held_values(self, load: float) -> np.ndarray:
         """Displacements of this rank's held degrees of freedom at a load factor, along the frame's axes, (held,)

@@ -46,7 +46,6 @@ from .solve.stepping import march
 log = logging.getLogger(__package__)
 RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"  # by which a folder is known to hold a run's
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
-FEW_STEPS = 0.3  # of imbalance is believed with --quick: work is reckoned from the states that steps end with
 NOT_BELIEVED = "the result is not to be believed: "
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 FITS = 1e-3  # of a length, by which an own mesh may differ from the options
@@ -135,8 +134,7 @@ def parser(
     output.add_argument("--no-pictures", action="store_true")
     output.add_argument("--quick", action="store_true", help="coarse mesh and few steps")
     output.add_argument("--verbose", action="store_true", help="print each Newton iteration, as log.txt has them")
-    sizes = {False: {**full, "max_imbalance": Limits.imbalance}, True: {**quick, "max_imbalance": FEW_STEPS}}
-    p.set_defaults(_sizes=sizes, **{"max_imbalance": None, "yarn_angle": 90.0, "weave_angle": None} | defaults)
+    p.set_defaults(_sizes={False: full, True: quick}, **{"yarn_angle": 90.0, "weave_angle": None} | defaults)
     return p
 
 
@@ -376,12 +374,13 @@ class Study:
         quantities: Callable[[dict[str, np.ndarray], list[dict[str, Any]]], dict[str, Any]],
         part: str = "",
         terms: Iterable[Any] = (),
+        milestones: Iterable[float] = (),
     ) -> Result:
         """Bring the scene of `membrane`, other `terms` and `supports` to full load and write its results; a `Result`.
 
         measure: function of the scene and its load factor to the displacement [mm] and reaction [N] to record;
-        quantities: function of the cell fields and the history's rows to the study's own numbers; part: subfolder.
-        Raises SolverFailure, after all is written, if the full load was not reached.
+        quantities: function of the cell fields and the history's rows to the study's own numbers; part: subfolder;
+        milestones: loads to be hit. Raises SolverFailure, after all is written, if the full load was not reached.
         """
         from .results.fields import (  # pyvista takes longer to import than to run a coarse study
             FieldSeries,
@@ -472,6 +471,7 @@ class Study:
                 on_accept=accept,
                 on_reject=reject,
                 start=start,
+                milestones=milestones,
                 viscosity=args.viscosity == "auto",
                 accuracy=args.accuracy,
                 path_tolerance=args.path_tolerance,

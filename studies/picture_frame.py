@@ -13,7 +13,9 @@ from fabric_fenicsx.study import add_weave_options, parser, run
 
 
 def options():
-    p = parser("picture_frame", __doc__, {"nx": 20, "steps": 40}, element="P1")  # the state is homogeneous
+    p = parser(
+        "picture_frame", __doc__, {"nx": 20, "steps": 40}, {"nx": 20, "steps": 10}, element="P1"
+    )  # the state is homogeneous
     test = p.add_argument_group("test")
     test.add_argument("--side", type=POSITIVE, default=200.0, help="of the square [mm]")
     test.add_argument(
@@ -85,7 +87,13 @@ def main(study):
             "eps_b": study.extremes(fields["eps_b"]),
         }
 
-    result = study.march(study.membrane(blank), framed(blank, deformation), measure, quantities)
+    result = study.march(
+        study.membrane(blank),
+        framed(blank, deformation),
+        measure,
+        quantities,
+        milestones=[stretched / 2, stretched] if stretched else [],
+    )
     q = result.summary["quantities"]
     if study.comm.rank == 0 and not args.no_pictures:
         from fabric_fenicsx.results import pictures

@@ -213,15 +213,15 @@ class Contact:
 
     def memory(self) -> dict[str, np.ndarray]:
         """Of the last accepted state: shift of the surface, way of the tool and depths [mm], (nodes, 1) each, and what its
-        work is reckoned from (nodes, 10)."""
-        way, work = (np.tile(row, (self.nodes.count, 1)) for row in (self._accepted_way, self._work.memory()))
+        work is reckoned from (nodes, 24)."""
+        way, work = (np.tile(row, (self.nodes.count, 1)) for row in (self._accepted_way, self._work.memory().ravel()))
         return {"shift": self._accepted_shift[:, None], "way": way, "depth": self._depth[:, None], "work": work}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Take back what `memory` gave."""
         self._shift, self._depth = memory["shift"][:, 0], memory["depth"][:, 0]
         self.tool.way = float(self.nodes.common(memory["way"])[0])
-        self._work.recall(self.nodes.common(memory["work"]))
+        self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is forgotten
         self._seen = u, self._touch(self.nodes.places + u)
 

@@ -1,43 +1,55 @@
-"""Work of the tools, summed over accepted states."""
+"""Work of tools and supports, summed over accepted states."""
 
 import numpy as np
 
+STATES = 3  # that are remembered
+GROWTH = 10  # of the bend from one step to the next, beyond which it is a kink
+
 
 class Work:
-    """Work of a force (3,) [N] that a tool exerts as it moves.
+    """Work of forces (n,) [N] whose points move: of a tool, or of the supports.
 
-    Between the last two accepted states the force is the parabola in the load through the last three (the line
-    through the first two), so that early, when forces grow as a power of the stroke, work is as exact as energies are.
+    Between two accepted states forces and places are parabolas in the load, so that work over few steps, in which
+    forces grow as a power of the load or turn with what they move, is as exact as energies are. A parabola goes through
+    the last three states; it is bent at most `GROWTH` times as much as the one before it, so that a kink, as where
+    friction begins to slip, stays one.
     """
 
     def __init__(self) -> None:
-        self._states: list[tuple[float, np.ndarray]] = []  # loads and forces of the last two accepted states
-        self._place = np.zeros(3)
+        self._states: list[tuple[float, np.ndarray]] = []  # loads, forces and places: the last accepted
 
     def accept(self, load: float, force: np.ndarray, place: np.ndarray) -> None:
-        """Take load, force and place (3,) [mm] of the tool as those of the last accepted state."""
+        """Take load, force and place (n,) [mm] as those of the last accepted state."""
         before = [state for state in self._states if state[0] < load]
-        self._states = [*before, (load, force)][-2:]
-        self._place = np.array(place)
+        self._states = [*before, (load, np.array([force, place]))][-STATES:]
 
     def since(self, load: float, force: np.ndarray, place: np.ndarray) -> float:
         """Work since the last accepted state, up to this load, force and place [N mm]."""
-        *before, (last, start) = self._states
-        mean = (start + force) / 2
-        if before and load > last:
-            ((first, earlier),) = before
-            bend = ((force - start) / (load - last) - (start - earlier) / (last - first)) / (load - first)
-            mean = mean - (load - last) ** 2 / 6 * bend
-        return float(mean @ (place - self._place))
+        loads, states = zip(*self._states, (load, np.array([force, place])))
+        rise, moved = states[-1] - states[-2]
+        work = (states[-2][0] + states[-1][0]) @ moved / 2
+        if load > loads[-2]:
+            bend, turn = (load - loads[-2]) ** 2 * _curvature(loads, states)
+            work += (turn @ rise - bend @ moved) / 6
+        return float(work)
 
     def memory(self) -> np.ndarray:
-        """Loads and forces of the accepted states that it remembers, (10,); a 0 before those that it lacks."""
-        row = np.zeros((2, 5))
-        for k, (load, force) in enumerate(self._states):
-            row[k] = 1.0, load, *force
-        return row.ravel()
+        """Load, force and place of the states that it remembers, (3, 2 + 2 n); a 0 before those that it lacks."""
+        rows = np.zeros((STATES, 2 + (self._states[0][1].size if self._states else 0)))
+        for row, (load, state) in zip(rows, self._states):
+            row[:] = 1.0, load, *state.ravel()
+        return rows
 
-    def recall(self, row: np.ndarray) -> None:
-        """Take back what `memory` gave; `accept` then gives the place."""
-        states = row.reshape(2, 5)
-        self._states = [(float(load), np.array(force)) for known, load, *force in states if known]
+    def recall(self, rows: np.ndarray) -> None:
+        """Take back what `memory` gave."""
+        self._states = [(float(row[1]), row[2:].reshape(2, -1).copy()) for row in rows if row[0]]
+
+
+def _curvature(loads, states):
+    """Second divided differences of the last states, bounded by those before them."""
+    slopes = [(b - a) / (y - x) for a, b, x, y in zip(states, states[1:], loads, loads[1:])]
+    bends = [(b - a) / (y - x) for a, b, x, y in zip(slopes, slopes[1:], loads, loads[2:])]
+    if not bends:
+        return np.zeros_like(states[0])
+    bound = GROWTH * bends[0]  # of itself after two steps
+    return np.clip(bends[-1], np.minimum(bound, 0), np.maximum(bound, 0))

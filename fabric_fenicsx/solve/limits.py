@@ -14,7 +14,7 @@ def _limit(default: float, text: str) -> float:
 class Limits:
     """Largest values of a result that is believed."""
 
-    imbalance: float = _limit(0.1, "difference of external work and energies, of these (0.1, with --quick 0.3)")
+    imbalance: float = _limit(0.05, "difference of external work and energies, of these")
     viscous: float = _limit(0.05, "energy that regularisation took, of the strain energy")
     penetration: float = _limit(0.1, "of tools into the sheet, of its thickness")
     strain: float = _limit(0.1, "of yarns in tension, nominal, but for the edges' singular points")

@@ -114,8 +114,8 @@ def march(
     steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is halved down to
     `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load 0 and at each accepted state,
     with the scene in that state, on_reject(load, Report) after each failed step. stop() is asked after each step,
-    failed ones too, on all ranks; a text that it returns ends the march, with that reason. Work of supports, loads and
-    tools is summed by the trapezoidal rule.
+    failed ones too, on all ranks; a text that it returns ends the march, with that reason. Work of supports and tools
+    is summed by parabolas, see `Work`.
     milestones: load factors to be hit exactly.
     viscosity: whether steps that halving does not mend get a drag on every node, strengthened until they pass; it
     fades in those that follow, at full load in steps without load, so the last state is in equilibrium without it.
@@ -153,7 +153,9 @@ def march(
         newton.recall(at.solver)
     scene.accept()
     back()
-    forces, cuts, rests, clock = scene.held_forces(), 0, 0, time.perf_counter()
+    if not at.memory:
+        scene.support_work.accept(at.load, scene.held_forces(), at.x.array[scene.held])
+    cuts, rests, clock = 0, 0, time.perf_counter()
     settled = start is not None or newton.is_at_rest(at.x)
     if on_accept and start is None and settled:
         on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(converged=True), 0, 0.0, at))
@@ -210,15 +212,12 @@ def march(
         at.viscosity.energy += 2 * scene.drag_energy()
         at.previous, at.x = at.x, at.previous
         x.copy(at.x)
-        new_forces = scene.held_forces()
+        forces = scene.held_forces()
         energies = _energies(scene, at)
-        at.work += scene.work()
+        at.work += scene.work() + scene.comm.allreduce(scene.support_work.since(load, forces, values))
+        scene.support_work.accept(load, forces, values)
         scene.accept()
         at.memory, at.solver = scene.memory(), newton.memory()
-        at.work += scene.comm.allreduce(
-            float((0.5 * (forces + new_forces) * (values - at.previous.array[scene.held])).sum())
-        )
-        forces = new_forces
         at.accepted += settled  # equilibrium at load 0 is no step
         if not settled:
             settled, at.work = True, sum(energies.values())

@@ -1,4 +1,4 @@
-"""Work of tools over accepted states."""
+"""Work over accepted states."""
 
 import numpy as np
 import pytest
@@ -51,3 +51,28 @@ def test_a_state_accepted_twice_counts_once():
             for _ in range(times):
                 work.accept(load, force(load), load * SPEED)
     assert twice.since(1.0, force(1.0), SPEED) == once.since(1.0, force(1.0), SPEED)
+
+
+def test_forces_that_turn_with_what_they_move():
+    """A tangential force along a quarter of a circle: its work is the arc, where chords alone are of second order."""
+    errors = []
+    for steps in (8, 16):
+        angles = np.linspace(0, np.pi / 2, steps + 1)
+        arms = np.column_stack([np.cos(angles), np.sin(angles)])
+        tangents = np.column_stack([-np.sin(angles), np.cos(angles)])
+        work, total = Work(), 0.0
+        for k in range(steps):
+            work.accept(angles[k], tangents[k], arms[k])
+            total += work.since(angles[k + 1], tangents[k + 1], arms[k + 1])
+        errors.append(abs(total - np.pi / 2))
+    assert errors[1] < 3e-4 and errors[1] < errors[0] / 7
+
+
+def test_a_kink_is_not_rounded():
+    work, total = Work(), 0.0
+    loads = 0.0, 0.2, 0.4, 0.7, 1.0
+    forces = [np.array([max(load - 0.4, 0.0)]) for load in loads]
+    for k in range(4):
+        work.accept(loads[k], forces[k], np.array([loads[k]]))
+        total += work.since(loads[k + 1], forces[k + 1], np.array([loads[k + 1]]))
+    assert total == pytest.approx(0.18, rel=1e-12)

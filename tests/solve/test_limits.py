@@ -8,7 +8,7 @@ from fabric_fenicsx.solve.limits import Limits
 
 
 @pytest.mark.parametrize("name, value, words", [
-    ("imbalance", 0.12, ["work", "12 %", "allowed is 10 %", "--max-imbalance"]),
+    ("imbalance", 0.06, ["work", "6 %", "allowed is 5 %", "--max-imbalance"]),
     ("viscous", 0.2, ["regularisation", "20 %", "--max-viscous"]),
     ("penetration", 0.7, ["70 %", "thickness", "--max-penetration"]),
     ("imbalance", math.nan, ["nan"]),
@@ -19,7 +19,7 @@ def test_what_is_beyond_a_limit_is_said(name, value, words):
 
 
 def test_what_is_within_is_believed():
-    assert Limits().exceeded({"imbalance": 0.1, "viscous": 0.0, "penetration": 0.1}) == []
+    assert Limits().exceeded({"imbalance": 0.05, "viscous": 0.0, "penetration": 0.1}) == []
     assert Limits(viscous=0.3).exceeded({"viscous": 0.2}) == []
 
 
