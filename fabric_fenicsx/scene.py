@@ -272,7 +272,8 @@ class Scene:
             term.recall({key: memory[f"{i} {key}"] for key in term.memory()})
         states = len(self.support_work.memory())
         nodal = memory["supports"].reshape(-1, states, 4)
-        known = self.comm.allreduce(nodal[:, :, :2].max(0, initial=0.0), MPI.MAX)  # a rank may have no node
+        known = nodal[:, :, :2].max(0, initial=0.0)
+        self.comm.Allreduce(MPI.IN_PLACE, known, MPI.MAX)  # a rank may have no node
         self.support_work.recall(np.hstack([known, nodal[self.held, :, 2:].transpose(1, 2, 0).reshape(states, -1)]))
 
     def held_values(self, load: float) -> np.ndarray:
