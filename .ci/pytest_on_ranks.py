@@ -1,4 +1,5 @@
-"""pytest on every rank of mpirun. A rank whose test fails ends them all, where the others would wait for it for ever."""
+"""pytest on every rank of mpirun. A rank whose test fails ends them all, where the others would
+wait for it for ever."""
 
 import sys
 

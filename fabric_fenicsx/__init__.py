@@ -1,3 +1,86 @@
-"""Quasi-static membrane finite elements for woven fabrics on FEniCSx (mm, N, MPa, rad)."""
+"""Quasi-static membrane finite elements for woven fabrics on FEniCSx (mm, N, MPa, rad).
+
+`import fabric_fenicsx as ff` offers what `__all__` lists; each name is imported when it is first
+used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from .errors import InputError, Interrupted, SolverFailure
+    from .job import Job, Result
+    from .material.laws.base import Law
+    from .material.laws.coupled import WovenFabric, Yarn
+    from .material.laws.tabulated import TabulatedFabric
+    from .material.presets import load
+    from .mechanics.bending import Bending
+    from .mechanics.contact import Contact
+    from .mechanics.friction import Friction
+    from .mechanics.load import DeadPressure, EdgeTension
+    from .mechanics.membrane import Membrane
+    from .mechanics.pressing import BlankHolderPressure
+    from .mechanics.term import Term
+    from .scenarios.bias_extension import BiasExtension
+    from .scenarios.forming import Forming
+    from .scenarios.picture_frame import PictureFrame
+    from .scenarios.tensile import Tensile
+    from .scene import Scene
+    from .sheets.blank import Blank
+    from .solve.limits import Limits
+    from .supports import Support, clamped_ends, frame, rolling_ends
+    from .tools import Cylinder, DoubleDome, Plane, Plate, Sphere, Tool, Torus, TriangulatedSurface
+
+# where each name lives
+_HOMES = {
+    "errors": ("InputError", "Interrupted", "SolverFailure"),
+    "job": ("Job", "Result"),
+    "material.laws.base": ("Law",),
+    "material.laws.coupled": ("WovenFabric", "Yarn"),
+    "material.laws.tabulated": ("TabulatedFabric",),
+    "material.presets": ("load",),
+    "mechanics.bending": ("Bending",),
+    "mechanics.contact": ("Contact",),
+    "mechanics.friction": ("Friction",),
+    "mechanics.load": ("DeadPressure", "EdgeTension"),
+    "mechanics.membrane": ("Membrane",),
+    "mechanics.pressing": ("BlankHolderPressure",),
+    "mechanics.term": ("Term",),
+    "scenarios.bias_extension": ("BiasExtension",),
+    "scenarios.forming": ("Forming",),
+    "scenarios.picture_frame": ("PictureFrame",),
+    "scenarios.tensile": ("Tensile",),
+    "scene": ("Scene",),
+    "sheets.blank": ("Blank",),
+    "solve.limits": ("Limits",),
+    "supports": ("Support", "clamped_ends", "frame", "rolling_ends"),
+    "tools": (
+        "Cylinder",
+        "DoubleDome",
+        "Flipped",
+        "ImplicitSurface",
+        "Offset",
+        "Plane",
+        "Plate",
+        "Reversed",
+        "Sphere",
+        "Surface",
+        "Tool",
+        "Torus",
+        "TriangulatedSurface",
+    ),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+__all__ = sorted(_HOME_OF)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__} has no attribute {name}")
+    return getattr(import_module(f".{_HOME_OF[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

@@ -27,10 +27,12 @@ OLD = VERSION < (0, 8)
 if not OLD:
     import basix.ufl
 
-# None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional may be computed side by
-# side; sums may be taken in another order and quotients as products; and instructions are ordered for few registers.
+# None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional
+# may be computed side by side; sums may be taken in another order and quotients as products; and
+# instructions are ordered for few registers.
 _C_FLAGS = (
-    "-O3 -fno-math-errno -fno-trapping-math -fno-signed-zeros -fassociative-math -freciprocal-math -fschedule-insns -fsched-pressure"
+    "-O3 -fno-math-errno -fno-trapping-math -fno-signed-zeros -fassociative-math "
+    "-freciprocal-math -fschedule-insns -fsched-pressure"
 ).split()
 
 
@@ -50,25 +52,36 @@ def _compiling() -> Iterator[None]:
         logging.disable(logging.NOTSET)
 
 
-def create_mesh(comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, cell: str, degree: int) -> Mesh:
-    """Distributed mesh of `cells` (m, k), in DOLFINx order, and `points` (n, gdim) [mm]; each rank gives its part.
+def create_mesh(
+    comm: MPI.Comm, cells: np.ndarray, points: np.ndarray, cell: str, degree: int
+) -> Mesh:
+    """Distributed mesh of `cells` (m, k), in DOLFINx order, and `points` (n, gdim) [mm]; each rank
+    gives its part.
 
     cell: "triangle" or "quadrilateral", of geometric degree `degree`.
     """
     gdim = points.shape[1]
     if OLD:
-        # FFCx 0.5 sets the variant itself when it first compiles, and forms made after that would be other ones
+        # FFCx 0.5 sets the variant itself when it first compiles, and forms made after that would
+        # be other ones
         element = ufl.VectorElement(
-            "Lagrange", ufl.Cell(cell, geometric_dimension=gdim), degree, dim=gdim, variant="equispaced"
+            "Lagrange",
+            ufl.Cell(cell, geometric_dimension=gdim),
+            degree,
+            dim=gdim,
+            variant="equispaced",
         )
         return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, domain=ufl.Mesh(element))
     domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
-    ghosts = dolfinx.mesh.create_cell_partitioner(dolfinx.mesh.GhostMode.shared_facet)  # what is OLD's default
+    ghosts = dolfinx.mesh.create_cell_partitioner(
+        dolfinx.mesh.GhostMode.shared_facet
+    )  # what is OLD's default
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=ghosts)
 
 
 def to_dolfinx_order(cell: str, nodes: int) -> np.ndarray:
-    """Permutation p with cells[:, p] in DOLFINx order if cells are in gmsh's; for `nodes` nodes a cell."""
+    """Permutation p with cells[:, p] in DOLFINx order if cells are in gmsh's; for `nodes` nodes a
+    cell."""
     return np.asarray(dolfinx.cpp.io.perm_gmsh(getattr(dolfinx.mesh.CellType, cell), nodes))
 
 
@@ -87,7 +100,12 @@ def geometry_dofmap(mesh: Mesh) -> np.ndarray:
     dofmap = mesh.geometry.dofmap
     if isinstance(dofmap, np.ndarray):
         return dofmap
-    nodes = {("triangle", 1): 3, ("triangle", 2): 6, ("quadrilateral", 1): 4, ("quadrilateral", 2): 9}
+    nodes = {
+        ("triangle", 1): 3,
+        ("triangle", 2): 6,
+        ("quadrilateral", 1): 4,
+        ("quadrilateral", 2): 9,
+    }
     return dofmap.array.reshape(dofmap.num_nodes, nodes[cell_name(mesh), mesh.geometry.cmap.degree])
 
 
@@ -114,11 +132,14 @@ def form(ufl_form: ufl.Form) -> "fem.Form":
 class PointEvaluation:
     """Values of a UFL expression at the quadrature points of the owned cells.
 
-    degree: of the quadrature; weights: its weights (points,), which sum to the reference cell's area.
+    degree: of the quadrature; weights: its weights (points,), which sum to the reference cell's
+    area.
     """
 
     def __init__(self, expression: Expr, mesh: Mesh, degree: int) -> None:
-        points, self.weights = basix.make_quadrature(getattr(basix.CellType, cell_name(mesh)), degree)
+        points, self.weights = basix.make_quadrature(
+            getattr(basix.CellType, cell_name(mesh)), degree
+        )
         with _compiling():
             self._expression = fem.Expression(expression, points, **_jit())
         self._mesh = mesh
@@ -128,17 +149,26 @@ class PointEvaluation:
 
     def __call__(self) -> np.ndarray:
         """Array (owned cells, points a cell, *shape of the expression)."""
-        values = self._expression.eval(self._cells) if OLD else self._expression.eval(self._mesh, self._cells)
+        values = (
+            self._expression.eval(self._cells)
+            if OLD
+            else self._expression.eval(self._mesh, self._cells)
+        )
         return np.asarray(values).reshape(self._shape)
 
 
 def values_at(function: fem.Function, points: np.ndarray) -> np.ndarray:
-    """Values (n, components) of a function at points (n, 3), NaN where none of this rank's cells holds the point."""
+    """Values (n, components) of a function at points (n, 3), NaN where none of this rank's cells
+    holds the point."""
     mesh, geometry = function.function_space.mesh, dolfinx.geometry
     if OLD:
-        found = geometry.compute_collisions(geometry.BoundingBoxTree(mesh, mesh.topology.dim), points)
+        found = geometry.compute_collisions(
+            geometry.BoundingBoxTree(mesh, mesh.topology.dim), points
+        )
     else:
-        found = geometry.compute_collisions_points(geometry.bb_tree(mesh, mesh.topology.dim), points)
+        found = geometry.compute_collisions_points(
+            geometry.bb_tree(mesh, mesh.topology.dim), points
+        )
     found = geometry.compute_colliding_cells(mesh, found, points)
     inside = np.diff(found.offsets) > 0
     values = np.full((len(points), function.function_space.dofmap.index_map_bs), np.nan)
@@ -158,7 +188,7 @@ def petsc_vector(function: fem.Function) -> PETSc.Vec:
 
 
 def vtk_mesh(space: fem.FunctionSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """VTK cells (one flat array), cell types (cells,) and points (nodes, 3) of a Lagrange space's owned cells; of
-    higher order from degree 2 on."""
+    """VTK cells (one flat array), cell types (cells,) and points (nodes, 3) of a Lagrange space's
+    owned cells; of higher order from degree 2 on."""
     make = dolfinx.plot.create_vtk_mesh if OLD else dolfinx.plot.vtk_mesh
     return make(space)

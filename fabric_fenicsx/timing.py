@@ -5,13 +5,14 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-seconds: defaultdict[str, float] = defaultdict(float)  # by phase: setup, compile, assemble, linear_solve, output
+# by phase: setup, compile, assemble, linear_solve, output
+seconds: defaultdict[str, float] = defaultdict(float)
 _open: list[list] = []
 
 
 @contextmanager
 def phase(name: str) -> Iterator[None]:
-    """Charge the time within to `name`, and to nothing else that is open."""
+    """Count the time inside as that of `name` alone; a phase around it is halted meanwhile."""
     now = time.perf_counter()
     if _open:
         seconds[_open[-1][0]] += now - _open[-1][1]

@@ -1,4 +1,5 @@
-"""Triangles of the double dome's surface, a quarter or all of it, finer on its roundings, for ParaView and as a tool.
+"""Triangles of the double dome's surface, a quarter or all of it, finer on its roundings, for
+ParaView and as a tool.
 
 python3 meshes/double_dome.py --depth 60 --saddle-depth 15 --size 10 --turn 10 --out double_dome.stl
 """
@@ -24,9 +25,12 @@ def double_dome(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) [mm] on the surface and triangles (m, 3), seen from above anticlockwise.
 
-    dome: a `DoubleDome`, by default that of its defaults. length, width: of the flange's outline, along x and y [mm].
-    size: of the edges where the surface is flat [mm]; turn: of the normal along an edge on roundings and fillets [deg].
-    quarter: only x >= 0, y >= 0, with nodes on both planes of symmetry. Raises InputError where they do not fit.
+    dome: a `DoubleDome`, by default that of its defaults. length, width: of the flange's outline,
+    along x and y [mm].
+    size: of the edges where the surface is flat [mm]; turn: of the normal along an edge on
+    roundings and fillets [deg].
+    quarter: only x >= 0, y >= 0, with nodes on both planes of symmetry. Raises InputError where
+    they do not fit.
     """
     dome = dome or DoubleDome()
     for name, value, high in (
@@ -37,7 +41,8 @@ def double_dome(
     ):
         if not 0 < value < high:
             raise InputError(
-                f"{name} is {value}, but it must be above 0 and {'finite' if high == math.inf else f'below {high}'}"
+                f"{name} is {value}; allowed is above 0 and "
+                f"{'finite' if high == math.inf else f'below {high}'}"
             )
     foot = dome.foot
     for name, value, half in (
@@ -46,7 +51,8 @@ def double_dome(
     ):
         if value <= 2 * (half + foot):
             raise InputError(
-                f"{name} is {value:g}, but it must be above {2 * (half + foot):g}, where the flange begins"
+                f"{name} is {value:g}; allowed is above {2 * (half + foot):g}, "
+                "where the flange begins"
             )
     points, triangles = _quarter(dome, length / 2, width / 2, size, math.radians(turn))
     if not quarter:
@@ -56,13 +62,18 @@ def double_dome(
 
 
 def _quarter(dome, x, y, size, turn):
-    """The quarter up to the corner (x, y), meshed in the developed plan, where no wall is seen edge-on."""
+    """The quarter up to the corner (x, y), meshed in the developed plan, where no wall is seen
+    edge-on."""
     import gmsh
 
-    # The flange's outline, from the x axis over the corner to the y axis, moved outwards by what the profile is longer.
+    # The flange's outline, from the x axis over the corner to the y axis, moved outwards by what
+    # the profile is longer.
     along, up = (np.linspace(0, end, max(2, math.ceil(end / size) + 1)) for end in (x, y))
     outline = np.vstack(
-        [np.column_stack([np.full(len(up), x), up]), np.column_stack([along, np.full(len(along), y)])[-2::-1]]
+        [
+            np.column_stack([np.full(len(up), x), up]),
+            np.column_stack([along, np.full(len(along), y)])[-2::-1],
+        ]
     )
     outline = outline + (dome.developed[-1] - dome.foot) * dome.plan(*outline.T)[1].T
 
@@ -93,18 +104,24 @@ def _quarter(dome, x, y, size, turn):
     number[tags.astype(np.int64)] = np.arange(len(tags))
     places = places.reshape(-1, 3)[:, :2]
     places[abs(places) < 1e-9 * x] = 0
-    used, triangles = np.unique(number[triangles.astype(np.int64)], return_inverse=True)  # without centres of arcs
+    used, triangles = np.unique(
+        number[triangles.astype(np.int64)], return_inverse=True
+    )  # without centres of arcs
     return dome.lift(*places[used].T), triangles.reshape(-1, 3)
 
 
 def _lines_of_dome(geo, dome, outline):
-    """A quarter of the developed plan in gmsh: lines where the curvature jumps, so that no triangle lies across them, and
-    their faces. The parts begin at lines beside the outline, arcs about the dome and, beyond a line across, about the
-    centre of the waist."""
+    """A quarter of the developed plan in gmsh: lines where the curvature jumps, so that no triangle
+    lies across them, and their faces. The parts begin at lines beside the outline, arcs about the
+    dome and, beyond a line across, about the centre of the waist."""
     centre, waist = np.array([dome.dome_distance / 2, 0.0]), dome.waist
     turn = -dome.plan(np.zeros(1), np.array([waist]))[2][0]
     middle = np.array([0.0, waist + 1 / turn]) if turn else None  # of the waist's arc
-    across = np.array([0.0, 1.0]) if middle is None else (middle - centre) / np.linalg.norm(middle - centre)
+    across = (
+        np.array([0.0, 1.0])
+        if middle is None
+        else (middle - centre) / np.linalg.norm(middle - centre)
+    )
 
     def point(place):
         return geo.addPoint(*place, 0)
@@ -112,11 +129,19 @@ def _lines_of_dome(geo, dome, outline):
     dome_at = point(centre)
     waist_at = None if middle is None else point(middle)
     corner = point((0, 0))
-    start, end, lines = corner, corner, []  # the last level's points on the axes, and its lines between them
+    start, end, lines = (
+        corner,
+        corner,
+        [],
+    )  # the last level's points on the axes, and its lines between them
     joint = None
     for s in dome.developed:
         radius = dome.dome_radius + s
-        a, j, b = point(centre + [radius, 0]), point(centre + radius * across), point((0.0, waist + s))
+        a, j, b = (
+            point(centre + [radius, 0]),
+            point(centre + radius * across),
+            point((0.0, waist + s)),
+        )
         curve = geo.addCircleArc(a, dome_at, j)
         rest = geo.addLine(j, b) if waist_at is None else geo.addCircleArc(j, waist_at, b)
         x, y = geo.addLine(start, a), geo.addLine(b, end)
@@ -143,12 +168,14 @@ def _mirrored(points, triangles, axis):
     image[off] = len(points) + np.arange(off.sum())
     mirror = np.ones(3)
     mirror[axis] = -1
-    return np.vstack([points, points[off] * mirror]), np.vstack([triangles, image[triangles][:, ::-1]])
+    return np.vstack([points, points[off] * mirror]), np.vstack(
+        [triangles, image[triangles][:, ::-1]]
+    )
 
 
 def write(path: Path | str, points: np.ndarray, triangles: np.ndarray) -> None:
-    """Write triangles (m, 3) over points (n, 3) [mm] to a file of any format that PyVista (VTP, STL, PLY) or meshio
-    (MSH, VTU, INP, ...) writes.
+    """Write triangles (m, 3) over points (n, 3) [mm] to a file of any format that PyVista (VTP,
+    STL, PLY) or meshio (MSH, VTU, INP, ...) writes.
 
     Raises InputError where it cannot be written.
     """
@@ -158,13 +185,16 @@ def write(path: Path | str, points: np.ndarray, triangles: np.ndarray) -> None:
     try:
         if str(path).lower().endswith((".vtp", ".stl", ".ply")):
             open(path, "wb").close()  # VTK only logs that it could not write
-            pyvista.PolyData(points, np.column_stack([np.full(len(triangles), 3), triangles]).ravel()).save(path)
+            pyvista.PolyData(
+                points, np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
+            ).save(path)
         else:
             meshio.write(path, meshio.Mesh(points, {"triangle": triangles}))
     except (OSError, ValueError, SystemExit, meshio.ReadError, meshio.WriteError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(
-            f"{path} cannot be written ({reason}); allowed is a file like tool.stl, tool.vtp or tool.msh"
+            f"{path} cannot be written ({reason}); allowed is a file like "
+            "tool.stl, tool.vtp or tool.msh"
         ) from None
 
 
@@ -174,20 +204,31 @@ def main() -> None:
     dimensions = dataclasses.fields(DoubleDome)
     for each in dimensions:
         parser.add_argument(
-            f"--{each.name.replace('_', '-')}", type=float, default=each.default, help=each.metadata["help"]
+            f"--{each.name.replace('_', '-')}",
+            type=float,
+            default=each.default,
+            help=each.metadata["help"],
         )
     parser.add_argument("--length", type=float, default=520.0, help="of the flange along x [mm]")
     parser.add_argument("--width", type=float, default=320.0, help="of the flange along y [mm]")
-    parser.add_argument("--size", type=float, default=10.0, help="of the edges where it is flat [mm]")
-    parser.add_argument("--turn", type=float, default=10.0, help="of the normal along an edge on roundings [deg]")
+    parser.add_argument(
+        "--size", type=float, default=10.0, help="of the edges where it is flat [mm]"
+    )
+    parser.add_argument(
+        "--turn", type=float, default=10.0, help="of the normal along an edge on roundings [deg]"
+    )
     parser.add_argument("--quarter", action="store_true", help="only x >= 0, y >= 0")
     parser.add_argument(
-        "--out", default="double_dome.stl", help="file to write, of any format that PyVista or meshio writes"
+        "--out",
+        default="double_dome.stl",
+        help="file to write, of any format that PyVista or meshio writes",
     )
     args = parser.parse_args()
     try:
         dome = DoubleDome(**{each.name: getattr(args, each.name) for each in dimensions})
-        points, triangles = double_dome(dome, args.length, args.width, args.size, args.turn, args.quarter)
+        points, triangles = double_dome(
+            dome, args.length, args.width, args.size, args.turn, args.quarter
+        )
         write(args.out, points, triangles)
     except InputError as error:
         parser.error(str(error))

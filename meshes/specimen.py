@@ -1,6 +1,8 @@
-"""Rectangular specimen: structured (crossed, left, right), unstructured or with edges along yarns, of triangles or quadrilaterals.
+"""Rectangular specimen: structured (crossed, left, right), unstructured or with edges along yarns,
+of triangles or quadrilaterals.
 
-python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern crossed --out specimen.msh
+python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern crossed --out
+specimen.msh
 """
 
 import argparse
@@ -25,17 +27,23 @@ def specimen(
     cell: str = "triangle",
     yarns: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Points (n, 3) [mm], cells (m, k) in gmsh's order and their kind, of the sheet [0, length] x [0, width].
+    """Points (n, 3) [mm], cells (m, k) in gmsh's order and their kind, of the sheet [0, length] x
+    [0, width].
 
-    pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right` two by the
-    diagonal that rises to the right, `left` by the other; `graded` is `crossed` with cells small across the lines at
-    45 deg through the corners, where a bias test's shear angle jumps; `unstructured` meshes with cells of about those
-    sizes, and so does `yarns`, but with edges along the yarns through the corners.
-    cell: "triangle" or "quadrilateral" (nx x ny rectangles, or unstructured). yarns: angle of one family of yarns to
-    the length [rad], the other is perpendicular. Raises InputError for other patterns and cells, sizes or numbers that
-    are not above 0, and for `graded` if the length is not a multiple of the width.
+    pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right`
+    two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
+    cells small across the lines at 45 deg through the corners, where a bias test's shear angle
+    jumps; `unstructured` meshes with cells of about those sizes, and so does `yarns`, but with
+    edges along the yarns through the corners.
+    cell: "triangle" or "quadrilateral" (nx x ny rectangles, or unstructured). yarns: angle of one
+    family of yarns to the length [rad], the other is perpendicular. Raises InputError for other
+    patterns and cells, sizes or numbers that are not above 0, and for `graded` if the length is not
+    a multiple of the width.
     """
-    for name, value, allowed in (("pattern", pattern, PATTERNS), ("cell", cell, ("triangle", "quadrilateral"))):
+    for name, value, allowed in (
+        ("pattern", pattern, PATTERNS),
+        ("cell", cell, ("triangle", "quadrilateral")),
+    ):
         if value not in allowed:
             raise InputError(f"{name} is {value!r}; allowed are {', '.join(allowed)}")
     for name, size in (("length", length), ("width", width), ("nx", nx), ("ny", ny)):
@@ -43,7 +51,8 @@ def specimen(
             raise InputError(f"{name} is {size}; allowed is a finite value above 0")
     if pattern == "graded" and not can_be_graded(length, width):
         raise InputError(
-            f"a strip of {length:g} x {width:g} mm is asked in pattern graded; allowed is a length that is a multiple of the width"
+            f"a strip of {length:g} x {width:g} mm is asked in pattern graded; allowed is a "
+            "length that is a multiple of the width"
         )
     if pattern in ("unstructured", "yarns"):
         lines = yarns_through_corners(length, width, yarns) if pattern == "yarns" else ()
@@ -67,24 +76,30 @@ def specimen(
     if pattern == "graded":
         points = graded(points, width)
     numbers = np.stack([np.column_stack(c) for c in cells], 1).reshape(-1, len(cells[0]))
-    return np.column_stack([points, np.zeros(len(points))]), numbers, "quad" if cell == "quadrilateral" else "triangle"
+    return (
+        np.column_stack([points, np.zeros(len(points))]),
+        numbers,
+        "quad" if cell == "quadrilateral" else "triangle",
+    )
 
 
 def can_be_graded(length: float, width: float) -> bool:
-    """Whether lines at 45 deg from the corners at both ends of a strip meet the others' ends on its edges."""
+    """Whether lines at 45 deg from the corners at both ends of a strip meet the others' ends on its
+    edges."""
     return abs(length / width - round(length / width)) <= 1e-9
 
 
 def graded(points: np.ndarray, width: float) -> np.ndarray:
-    """Points (n, 2) [mm] moved along both diagonals towards the lines at 45 deg through a strip's corners; its edges
-    stay, and so do the directions of edges at 45 deg."""
+    """Points (n, 2) [mm] moved along both diagonals towards the lines at 45 deg through a strip's
+    corners; its edges stay, and so do the directions of edges at 45 deg."""
     along = np.stack([points[:, 0] + points[:, 1], points[:, 0] - points[:, 1]])
     along -= GRADING * width / (2 * np.pi) * np.sin(2 * np.pi * along / width)
     return np.column_stack([along.sum(0) / 2, (along[0] - along[1]) / 2])
 
 
 def yarns_through_corners(length: float, width: float, angle: float) -> np.ndarray:
-    """Segments (n, 2, 2) [mm] inside the sheet of the yarns that start at its corners, at `angle` [rad] and across it."""
+    """Segments (n, 2, 2) [mm] inside the sheet of the yarns that start at its corners, at `angle`
+    [rad] and across it."""
     size, segments = np.array([length, width]), []
     for corner in np.array([(0, 0), (1, 0), (1, 1), (0, 1)]):
         for quarter in range(4):
@@ -134,8 +149,8 @@ def _unstructured(
 
 
 def write(path: Path | str, points: np.ndarray, cells: np.ndarray, kind: str) -> None:
-    """Write what `specimen` gives, and its four edges, as physical groups (sheet, left, right, bottom, top) to a .msh
-    file."""
+    """Write what `specimen` gives, and its four edges, as physical groups (sheet, left, right,
+    bottom, top) to a .msh file."""
     import gmsh
 
     gmsh.initialize(readConfigFiles=False)
@@ -144,14 +159,21 @@ def write(path: Path | str, points: np.ndarray, cells: np.ndarray, kind: str) ->
         gmsh.model.add("specimen")
         sheet = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, sheet, np.arange(1, len(points) + 1), points.ravel())
-        gmsh.model.mesh.addElementsByType(sheet, 3 if kind == "quad" else 2, [], (cells + 1).ravel())
+        gmsh.model.mesh.addElementsByType(
+            sheet, 3 if kind == "quad" else 2, [], (cells + 1).ravel()
+        )
         gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [sheet]), "sheet")
         sides = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
         sides, count = np.unique(sides, axis=0, return_counts=True)
         sides = sides[count == 1]
         low, high = points.min(0), points.max(0)
         tolerance = 1e-9 * (high - low).max()
-        for name, axis, value in (("left", 0, low), ("right", 0, high), ("bottom", 1, low), ("top", 1, high)):
+        for name, axis, value in (
+            ("left", 0, low),
+            ("right", 0, high),
+            ("bottom", 1, low),
+            ("top", 1, high),
+        ):
             on = (np.abs(points[sides][:, :, axis] - value[axis]) <= tolerance).all(1)
             edge = gmsh.model.addDiscreteEntity(1)
             gmsh.model.mesh.addElementsByType(edge, 1, [], (sides[on] + 1).ravel())
@@ -169,9 +191,13 @@ def main() -> None:
     parser.add_argument("--nx", type=int, default=100, help="rectangles along the length")
     parser.add_argument("--ny", type=int, default=25, help="rectangles across the width")
     parser.add_argument("--pattern", choices=PATTERNS, default="crossed")
-    parser.add_argument("--fibre-angle", type=float, default=0.0, help="of the yarns of pattern `yarns` [deg]")
+    parser.add_argument(
+        "--fibre-angle", type=float, default=0.0, help="of the yarns of pattern `yarns` [deg]"
+    )
     parser.add_argument("--cell", choices=("triangle", "quadrilateral"), default="triangle")
-    parser.add_argument("--out", default="specimen.msh", help="file to write, of any format that gmsh writes")
+    parser.add_argument(
+        "--out", default="specimen.msh", help="file to write, of any format that gmsh writes"
+    )
     args = parser.parse_args()
     if not math.isfinite(args.fibre_angle):
         parser.error(f"--fibre-angle is {args.fibre_angle}; allowed is a finite angle in deg")
@@ -180,14 +206,17 @@ def main() -> None:
             parser.error(f"--{name} is {getattr(args, name)}; allowed is a finite value above 0")
     sizes = args.length, args.width, args.nx, args.ny
     try:
-        points, cells, kind = specimen(*sizes, args.pattern, args.cell, math.radians(args.fibre_angle))
+        points, cells, kind = specimen(
+            *sizes, args.pattern, args.cell, math.radians(args.fibre_angle)
+        )
     except InputError as error:
         parser.error(str(error))
     try:
         open(args.out, "w").close()  # gmsh only logs that it could not write
     except OSError as error:
         parser.error(
-            f"--out {args.out} can't be written ({error.strerror}); allowed is a file in a folder that is there"
+            f"--out {args.out} can't be written ({error.strerror}); allowed is a file "
+            "in a folder that is there"
         )
     write(args.out, points, cells, kind)
     print(f"{args.out}: {len(points)} nodes, {len(cells)} {args.cell}s")

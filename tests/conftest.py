@@ -1,34 +1,112 @@
 """What tests of several folders share."""
 
+import gc
+import io
 import json
+import logging
 import os
+import runpy
+import signal
 import subprocess
 import sys
 import time
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
+COMM = MPI.COMM_WORLD
 ROOT = Path(__file__).parents[1]
-# Seconds after which what a test started counts as hung: far more than the slowest takes on a machine with other work.
+# Seconds after which what a test started counts as hung: far more than the slowest takes on a
+# machine with other work.
 HANG = 3600
+
+
+RANKS_ENVIRONMENT = {
+    "OMPI_ALLOW_RUN_AS_ROOT": "1",
+    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    "OMP_NUM_THREADS": "1",
+    "OMPI_MCA_mpi_yield_when_idle": "1",
+}
+
+
+def on_ranks(ranks):
+    """What starts a command on some ranks, its first words."""
+    return ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", str(ranks)]
+
+
+def wait_and_kill(command, cwd, history, rows):
+    """Start a study and kill it once its history has some rows."""
+    process = subprocess.Popen(command, cwd=cwd, env=os.environ | RANKS_ENVIRONMENT)
+    while not history.exists() or history.read_text().count("\n") <= rows:
+        assert process.poll() is None
+        time.sleep(0.002)
+    process.kill()
+    process.wait()
+
+
+def run_here(patch, script):
+    """Run a study in this process: status, standard output and standard error. What a process's
+    end would undo is undone; an exception that a study does not expect is raised."""
+    from fabric_fenicsx import timing
+    from fabric_fenicsx.command_line import study
+
+    made, log = [], logging.getLogger("fabric_fenicsx")
+
+    class Noted(study.Study):
+        def __init__(self, *args):
+            made.append(self)
+            super().__init__(*args)
+
+    def unexpected():
+        raise
+
+    patch.setattr(study, "Study", Noted)
+    patch.setattr(study, "traceback", SimpleNamespace(print_exc=unexpected))
+    for name in ("level", "propagate"):
+        patch.setattr(log, name, getattr(log, name))
+    patch.setattr(log, "handlers", [])
+    signals = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM)}
+    timing.seconds.clear()
+    out, err, status = io.StringIO(), io.StringIO(), 0
+    try:
+        with redirect_stdout(out), redirect_stderr(err):
+            runpy.run_path(str(script), run_name="__main__")
+    except SystemExit as end:
+        status = end.code or 0
+    finally:
+        for each in made:
+            if hasattr(each, "_lock"):  # otherwise it was refused before
+                each.close()
+        for each, handler in signals.items():
+            signal.signal(each, handler)
+        if COMM.size == 1:  # PETSc's objects are in circles; ranks would free them out of order
+            made.clear()
+            gc.collect()
+    return status, out.getvalue(), err.getvalue()
 
 
 @pytest.fixture(scope="session")
 def hang():
-    """Time limit [s] for whatever a test starts; for hangs alone, so no test sets one of its own."""
+    """Time limit [s] for whatever a test starts; for hangs alone, so no test sets one of its
+    own."""
     return HANG
 
 
 @pytest.fixture(scope="session")
 def by_position():
-    """Function that gathers rows of owned nodes or cells on all ranks, in the order of their places: by_position(comm,
-    places, *rows). Two meshes of the same sheet may be shared out differently, so rows of a rank must not be compared."""
+    """Function that gathers rows of owned nodes or cells on all ranks, in the order of their
+    places: by_position(comm, places, *rows). Two meshes of the same sheet may be shared out
+    differently, so rows of a rank
+    must not be compared."""
 
     def gather(comm, places, *rows):
-        places, *rows = (np.concatenate(comm.allgather(np.asarray(part))) for part in (places, *rows))
+        places, *rows = (
+            np.concatenate(comm.allgather(np.asarray(part))) for part in (places, *rows)
+        )
         order = np.lexsort((places.round(6) + 0.0).T)
         return [part[order] for part in (places, *rows)]
 
@@ -38,17 +116,19 @@ def by_position():
 @pytest.fixture(scope="session")
 def unbalanced():
     """A fabric whose directions differ in every parameter."""
-    from fabric_fenicsx.material.parameters import WovenFabric, Yarn
+    from fabric_fenicsx.material.laws.coupled import WovenFabric, Yarn
 
     warp = Yarn(a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0)
     weft = Yarn(a=2100.0, b=410.0, d=1.9, p_min=0.6, c=17.0, s_T=900.0, s_C=140.0)
-    return WovenFabric(warp, weft, s1=0.02506, s2=-0.18679, s3=0.56239, thickness=0.8, name="unbalanced")
+    return WovenFabric(
+        warp, weft, s1=0.02506, s2=-0.18679, s3=0.56239, thickness=0.8, name="unbalanced"
+    )
 
 
 @pytest.fixture(scope="session")
 def random_states():
-    """Function of n: C (n, 2, 2) and unit fibres a0, b0 (n, 2) over all four quadrants of strain, gamma to +-80 deg,
-    initial angles from 50 to 130 deg."""
+    """Function of n: C (n, 2, 2) and unit fibres a0, b0 (n, 2) over all four quadrants of strain,
+    gamma to +-80 deg, initial angles from 50 to 130 deg."""
 
     def make(n, seed=1):
         rng = np.random.default_rng(seed)
@@ -61,7 +141,9 @@ def random_states():
         a0 = np.stack([np.cos(turn), np.sin(turn)], -1)
         b0 = np.stack([np.cos(turn + angle), np.sin(turn + angle)], -1)
         G = np.linalg.inv(np.stack([a0, b0], -1))
-        metric = np.stack([la**2, la * lb * np.cos(now), la * lb * np.cos(now), lb**2], -1).reshape(-1, 2, 2)
+        metric = np.stack([la**2, la * lb * np.cos(now), la * lb * np.cos(now), lb**2], -1).reshape(
+            -1, 2, 2
+        )
         C = np.einsum("nki,nkl,nlj->nij", G, metric, G)
         return (C + C.swapaxes(1, 2)) / 2, a0, b0
 
@@ -69,40 +151,52 @@ def random_states():
 
 
 @pytest.fixture
-def launch(tmp_path):
-    """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status, output, results.
+def shared_path(tmp_path):
+    """`tmp_path`, one for all ranks of a test."""
+    return COMM.bcast(tmp_path)
 
-    kill_at_row: kill it once its history has that many rows; overwrite: what an earlier launch left.
+
+@pytest.fixture
+def launch(shared_path, monkeypatch):
+    """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status,
+    output, results. By default it runs in this process, on the ranks of the test, which saves the
+    start of another.
+
+    apart: in a process of its own all the same; kill_at_row: kill it once its history has that many
+    rows; overwrite: what an earlier launch left.
     """
 
-    def run(name, *options, ranks=1, out=True, kill_at_row=None, overwrite=True):
-        environment = os.environ | {
-            "OMPI_ALLOW_RUN_AS_ROOT": "1",
-            "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-            "OMP_NUM_THREADS": "1",
-            "OMPI_MCA_mpi_yield_when_idle": "1",
-        }
-        command = [sys.executable, str(ROOT / "studies" / f"{name}.py"), *map(str, options)]
-        folder = tmp_path / "out"
+    def run(name, *options, ranks=1, out=True, kill_at_row=None, overwrite=True, apart=False):
+        script, folder = ROOT / "studies" / f"{name}.py", shared_path / "out"
+        words = [str(script), *map(str, options)]
         if out:
-            command += ["--out", str(folder)]
-            command += ["--overwrite"] if overwrite and "--resume" not in options else []
-        if ranks > 1:
-            command = ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", str(ranks), *command]
+            words += ["--out", str(folder)]
+            words += ["--overwrite"] if overwrite and "--resume" not in options else []
+        command = [*(on_ranks(ranks) if ranks > 1 else ()), sys.executable, *words]
         if kill_at_row:
-            process, history = subprocess.Popen(command, cwd=tmp_path, env=environment), folder / "history.csv"
-            while not history.exists() or history.read_text().count("\n") <= kill_at_row:
-                assert process.poll() is None
-                time.sleep(0.002)
-            process.kill()
-            process.wait()
+            wait_and_kill(command, shared_path, folder / "history.csv", kill_at_row)
             return None
-        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, timeout=HANG)
+        if ranks > 1 or apart:
+            done = subprocess.run(
+                command,
+                capture_output=True,
+                text=True,
+                cwd=shared_path,
+                env=os.environ | RANKS_ENVIRONMENT,
+                timeout=HANG,
+            )
+            status, out_text, err_text = done.returncode, done.stdout, done.stderr
+        else:
+            with monkeypatch.context() as patch:
+                patch.chdir(shared_path)
+                patch.setattr(sys, "argv", words)
+                status, *texts = run_here(patch, script)
+                out_text, err_text = COMM.bcast(texts)  # rank 0 speaks; and all have written
         summary = folder / "summary.json"
         return SimpleNamespace(
-            status=done.returncode,
-            out=done.stdout,
-            err=done.stderr,
+            status=status,
+            out=out_text,
+            err=err_text,
             folder=folder,
             summary=json.loads(summary.read_text()) if summary.is_file() else None,
         )

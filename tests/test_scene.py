@@ -4,27 +4,24 @@ import math
 
 import numpy as np
 import pytest
+from builders import sheet
 from mpi4py import MPI
 
-from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.bending import Bending
 from fabric_fenicsx.mechanics.load import DeadPressure
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import Scene, Support, grips
+from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
+from fabric_fenicsx.supports import Support, clamped_ends
 
 COMM = MPI.COMM_WORLD
 D = 8.33  # [N mm]
 pytestmark = pytest.mark.mpi
-
-
-def strip(length, width, nx, ny, **options):
-    arrays = specimen(length, width, nx, ny) if COMM.rank == 0 else (None,) * 3
-    return Blank.from_arrays(COMM, *arrays, **options)
 
 
 def test_a_sheet_that_may_leave_its_plane_is_meshed_in_space():
@@ -38,8 +35,10 @@ def test_a_sheet_that_may_leave_its_plane_is_meshed_in_space():
 
 @pytest.mark.parametrize("held", [True, False])
 def test_tangent_is_the_derivative_of_the_residual(held):
-    blank = strip(40, 20, 6, 3, a=math.pi / 4, spatial=True)
-    scene = Scene(blank, [Membrane(blank, load("komeili")), Bending(blank, D, D_t=D, in_plane=0.1)], grips(blank, 1.0))
+    blank = sheet(40, 20, 6, 3, a=math.pi / 4, spatial=True)
+    scene = Scene(
+        blank, [Membrane(load("komeili")), Bending(D, D_t=D, in_plane=0.1)], clamped_ends(1.0)
+    )
     A, u, d = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
     x = blank.coordinates()[: len(u.array) // 3]
     u.array[:] = (np.sin(x[:, ::-1] / 7) * [1e-2, 1e-2, 1.0]).ravel() + np.tile([0.0, 0, 0], len(x))
@@ -67,14 +66,14 @@ def test_tangent_is_the_derivative_of_the_residual(held):
 def test_cantilever_by_steps():
     """Peirce's: a strip clamped at one end sags by p L^4 / (8 D) under a pressure."""
     length, width, sag = 100.0, 20.0, 2.0
-    blank = strip(length, width, 20, 4, spatial=True)
+    blank = sheet(length, width, 20, 4, spatial=True)
     pressure = 8 * D * sag / length**4
 
     def clamp(x):
         return x[0] < 1e-6
 
-    terms = [Membrane(blank, load("komeili")), Bending(blank, D, D_t=2 * D, clamped=clamp)]
-    terms += [DeadPressure(blank, pressure, (0, 0, -1))]
+    terms = [Membrane(load("komeili")), Bending(D, D_t=2 * D, clamped=clamp)]
+    terms += [DeadPressure(pressure, (0, 0, -1))]
     scene = Scene(blank, terms, [Support("clamp", clamp, (0, 1, 2))])
     states = []
     outcome = march(Newton(scene), steps=4, on_accept=states.append)
@@ -89,9 +88,9 @@ def test_cantilever_by_steps():
 def test_yarns_stiff_in_their_plane_widen_the_zones_of_a_bias_test():
     reactions = []
     for fraction in (1e-4, 1e-2):
-        blank = strip(100, 25, 20, 5, a=math.pi / 4)
+        blank = sheet(100, 25, 20, 5, a=math.pi / 4)
         scene = Scene(
-            blank, [Membrane(blank, load("komeili")), Bending(blank, D, in_plane=fraction)], grips(blank, 10.0)
+            blank, [Membrane(load("komeili")), Bending(D, in_plane=fraction)], clamped_ends(10.0)
         )
         outcome = march(Newton(scene), steps=5)
         assert not outcome.reason
@@ -100,9 +99,11 @@ def test_yarns_stiff_in_their_plane_widen_the_zones_of_a_bias_test():
 
 
 def test_what_a_scene_cannot_be_made_of_is_named():
-    blank = strip(40, 20, 6, 3)
+    blank = sheet(40, 20, 6, 3)
     with pytest.raises(InputError, match="no elastic term"):
         Scene(blank, [])
-    scene = Scene(blank, [Membrane(blank, load("komeili"))], grips(blank, 0.1))
-    with pytest.raises(InputError, match="'grip' is not of this scene; allowed are fixed grip, moving grip"):
+    scene = Scene(blank, [Membrane(load("komeili"))], clamped_ends(0.1))
+    with pytest.raises(
+        InputError, match="'grip' is not of this scene; allowed are fixed grip, moving grip"
+    ):
         scene.reaction("grip")

@@ -1,1 +1,1 @@
-"""The law at a point: parameters, energy, kernel, stability, identification. Nothing here imports DOLFINx."""
+"""Fabrics at a point: laws, kernel, stability, identification. Nothing here imports DOLFINx."""

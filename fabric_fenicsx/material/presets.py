@@ -2,35 +2,56 @@
 
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 from ..errors import InputError
-from .baseline import Fabric, TabulatedFabric
-from .parameters import WovenFabric, from_document, read_toml, shown
+from .files import read_toml
+from .laws import LAWS, Law
+from .laws.coupled import WovenFabric
+from .validation import shown, unknown_key
 
 _KOMEILI = WovenFabric.balanced(  # Table 1
-    a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0,
-    s1=25.06e-3, s2=-186.79e-3, s3=562.39e-3, thickness=1.0, density=0.75, name="komeili",
-)  # fmt: skip
+    a=4130.0,
+    b=667.5,
+    d=0.65,
+    p_min=0.75,
+    c=23.67,
+    s_T=1467.6,
+    s_C=100.0,
+    s1=25.06e-3,
+    s2=-186.79e-3,
+    s3=562.39e-3,
+    thickness=1.0,
+    density=0.75,
+    name="komeili",
+)
 PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
     {"komeili": _KOMEILI, "fabric": _KOMEILI.decoupled().replace(name="fabric")}
 )
 
 
-def load(source: str | os.PathLike[str]) -> Fabric:
-    """The preset of this name, else the material in the TOML file at this path; InputError if neither exists.
+def load(source: str | os.PathLike[str]) -> Law:
+    """The preset of this name, else the material in the TOML file at this path; InputError if
+    neither exists.
 
-    A `WovenFabric`, or with `model = "fabric"` in the file a `TabulatedFabric`.
+    Its law is what the file says, `law = "NAME"`, by default `coupled`; `model = "fabric"` is
+    another way to say `law = "tabulated"`.
     """
     if isinstance(source, str) and source in PRESETS:
         return PRESETS[source]
     if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        return read_toml(
-            source,
-            lambda document: (
-                TabulatedFabric.from_toml(source, document)
-                if document.get("model") == "fabric"
-                else WovenFabric(**from_document(document))
-            ),
-        )
-    raise InputError(f"material {shown(source)} is neither a preset ({', '.join(PRESETS)}) nor a file that exists")
+        folder = Path(source).parent
+        return read_toml(source, lambda document: _law(document).from_document(document, folder))
+    names = ", ".join(PRESETS)
+    raise InputError(
+        f"material {shown(source)} is unknown; allowed is a preset ({names}) or a file that exists"
+    )
+
+
+def _law(document: dict[str, Any]) -> type[Law]:
+    name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
+    if not isinstance(name, str) or name not in LAWS:
+        raise unknown_key(name, LAWS, f"law {shown(name)}")
+    return LAWS[name]

@@ -1,84 +1,113 @@
-"""Material stability at n states at once, in NumPy: convexity in the yarn strains, ellipticity in and out of the plane.
+"""Material stability at n states at once, in NumPy: convexity in the yarn strains, ellipticity in
+and out of the plane.
 
 Convexity: the Hessian of W in (eps_a, eps_b) at fixed gamma has no negative eigenvalue.
-Ellipticity (Legendre-Hadamard, the local form of rank-one convexity; Ball 1977, Arch. Rational Mech. Anal. 63, 337-403):
-m·Q(N) m >= 0 for all unit N of the undeformed and m of the deformed sheet, Q_ij(N) = d2W/dF_iA dF_jB N_A N_B. Where it
-fails, the law itself allows a band normal to N. m lies in the plane here; for m out of the plane Q is N·S N, so that a
-membrane is stable against wrinkling where its smallest principal S is not negative.
+Ellipticity (Legendre-Hadamard, the local form of rank-one convexity; Ball 1977, Arch. Rational
+Mech. Anal. 63, 337-403): m·Q(N) m >= 0 for all unit N of the undeformed and m of the deformed
+sheet, Q_ij(N) = d2W/dF_iA dF_jB N_A N_B. Where it fails, the law itself allows a band normal to N.
+m lies in the plane here; for m out of the plane Q is N·S N, so that a membrane is stable against
+wrinkling where its smallest principal S is not negative.
 
-Neither implies the other. The shear stiffness is so small that a few hundredths of a MPa of compression along a yarn
-already end ellipticity (yarns kink as they buckle); a Hessian that is indefinite need not, as no band strains both yarns freely.
+Neither implies the other. The shear stiffness is so small that a few hundredths of a MPa of
+compression along a yarn already end ellipticity (yarns kink as they buckle); a Hessian that is
+indefinite need not, as no band strains both yarns freely.
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .pointwise import derivatives
+from .laws import Law
+from .strains import nominal_strain
 
-if TYPE_CHECKING:
-    from .baseline import Fabric
-
-KINK = 1e-10  # |I - 1| up to which a yarn counts as unstrained: there the softer side is taken, compression (d << b)
-OUTER, INNER = 60, 4  # iterations of `_smallest`; most points end after 2 to 5 outer ones
+# |I - 1| up to which a yarn counts as unstrained: the softer side is taken, compression (d << b)
+KINK = 1e-10
+OUTER, INNER = 60, 4  # iterations of `smallest_eigenvalue`; most points end after 2 to 5 outer ones
 
 
 class Stability(NamedTuple):
-    """Result of `evaluate`; arrays in the leading shape of its input."""
+    """Result of `evaluate`; arrays in the leading shape of its input.
 
-    convexity: np.ndarray  # indicator [-]: hessian over its value at rest; 1 at rest, negative where convexity is lost
-    ellipticity: (
-        np.ndarray
-    )  # indicator [-]: acoustic over s1; 1 at rest for orthogonal yarns, negative where it is lost
-    hessian: np.ndarray  # smallest eigenvalue of d2W/d(eps_a, eps_b)2 [MPa]
-    acoustic: np.ndarray  # smallest eigenvalue of Q over all directions N [MPa]
-    direction: np.ndarray  # its N: angle from a0 towards b0 [rad], above -pi/2 and up to pi/2
-    out_of_plane: np.ndarray  # smallest principal S, the smallest N·S N [MPa]
+    - convexity: indicator [-], hessian over its value at rest; 1 at rest, negative where it is lost
+    - ellipticity: indicator [-], acoustic over the shear stiffness at rest; 1 at rest for
+      orthogonal yarns, negative where it is lost
+    - hessian: smallest eigenvalue of d2W/d(eps_a, eps_b)2 [MPa]
+    - acoustic: smallest eigenvalue of Q over all directions N [MPa]
+    - direction: its N, angle from a0 towards b0 [rad], above -pi/2 and up to pi/2
+    - out_of_plane: smallest principal S, the smallest N·S N [MPa]
+    """
+
+    convexity: np.ndarray
+    ellipticity: np.ndarray
+    hessian: np.ndarray
+    acoustic: np.ndarray
+    direction: np.ndarray
+    out_of_plane: np.ndarray
 
 
-def invariants(eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike = 0.0, angle: ArrayLike = np.pi / 2) -> np.ndarray:
-    """I4, I6, I8, I10 (..., 4) of eqs (5)-(8) from yarn strains [-], shear angle and initial angle between the yarns [rad]."""
-    ea, eb, g, rest = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma, angle)))
+def invariants(
+    eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike = 0.0, angle: ArrayLike = np.pi / 2
+) -> np.ndarray:
+    """I4, I6, I8, I10 (..., 4) of eqs (5)-(8) from yarn strains [-], shear angle and initial angle
+    between the yarns [rad]."""
+    ea, eb, g, rest = np.broadcast_arrays(
+        *(np.asarray(v, float) for v in (eps_a, eps_b, gamma, angle))
+    )
     la, lb = 1 + ea, 1 + eb
     return np.stack([la**2, la * lb * np.cos(rest - g), lb**2, g], -1)
 
 
-def convexity(fabric: "Fabric", eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike = 0.0) -> np.ndarray:
-    """Smallest eigenvalue of the Hessian of W in (eps_a, eps_b) at fixed gamma [MPa], in the broadcast shape of the strains [-, rad]."""
+def convexity(
+    fabric: Law, eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike = 0.0
+) -> np.ndarray:
+    """Smallest eigenvalue of the Hessian of W in (eps_a, eps_b) at fixed gamma [MPa], in the
+    broadcast shape of the strains [-, rad]."""
     ea, eb, g = np.broadcast_arrays(*(np.asarray(v, float) for v in (eps_a, eps_b, gamma)))
     W = _in_strains(fabric, (1 + ea.ravel()) ** 2, (1 + eb.ravel()) ** 2, g.ravel())
     return _hessian(W).reshape(ea.shape)
 
 
-def evaluate(fabric: "Fabric", invariants: ArrayLike) -> Stability:
-    """Stability at states given by their invariants (..., 4) as in `pointwise.State`, which also tell the initial angle of the yarns
-    (or the weave's, if shear counts from that; signs do not depend on it).
+def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
+    """Stability at states given by their invariants (..., 4) as in `kernel.State`, which also tell
+    the initial angle of the yarns (or the weave's, if shear counts from that; signs do not depend
+    on it).
 
-    fabric: `WovenFabric` or `TabulatedFabric`; nothing else of a state is needed, as W has no other argument.
-    A state that is not finite gives nan.
+    Nothing else of a state is needed, as W has no other argument. A state that is not finite gives
+    nan.
     """
     given = np.asarray(invariants, float)
     W, Q, out_of_plane = _second(fabric, given.reshape(-1, 4))
-    hessian, (acoustic, direction) = _hessian(W), _smallest(Q)
+    hessian, (acoustic, direction) = _hessian(W), smallest_eigenvalue(Q)
     rest = _hessian(_in_strains(fabric, np.ones(1), np.ones(1), np.zeros(1)))[0]
-    values = hessian / (rest or 1.0), acoustic / (fabric.s1 or 1.0), hessian, acoustic, direction, out_of_plane
+    values = (
+        hessian / (rest or 1.0),
+        acoustic / (fabric.shear_stiffness or 1.0),
+        hessian,
+        acoustic,
+        direction,
+        out_of_plane,
+    )
     return Stability(*(v.reshape(given.shape[:-1]) for v in values))
 
 
-def least_ellipticity(fabric: "Fabric", invariants: ArrayLike) -> float:
-    """The least of `evaluate`'s ellipticity indicators over all states, at about half the cost; inf without states."""
+def least_ellipticity(fabric: Law, invariants: ArrayLike) -> float:
+    """The least of `evaluate`'s ellipticity indicators over all states, at about half the cost; inf
+    without states."""
     _, Q, _ = _second(fabric, np.asarray(invariants, float).reshape(-1, 4))
-    return float(_smallest(Q, only_least=True)[0].min(initial=np.inf)) / (fabric.s1 or 1.0)
+    return float(smallest_eigenvalue(Q, only_least=True)[0].min(initial=np.inf)) / (
+        fabric.shear_stiffness or 1.0
+    )
 
 
 def first_loss(
     value: Callable[[np.ndarray], np.ndarray], start: ArrayLike, end: ArrayLike, samples: int = 500
 ) -> np.ndarray:
-    """First negative `value` on the way from `start` to `end`, (n,), nan where there is none.
+    """First negative `value` between `start` and `end`, (n,), nan where there is none.
 
-    value: function of parameters (n, k) to values (n, k); start, end: (n,) or numbers. Bisected to rounding after a scan of `samples`.
+    value: function of parameters (n, k) to values (n, k); start, end: (n,) or numbers. Bisected to
+    rounding after a scan of `samples`.
     """
     first, last = (np.atleast_1d(np.asarray(v, float))[:, None] for v in (start, end))
     s = first + (last - first) * np.linspace(0, 1, samples)
@@ -93,14 +122,10 @@ def first_loss(
 
 
 def _in_strains(fabric, I4, I8, gamma):
-    """dW/d(a, b, g) and d2W (aa, ab, bb, ag, bg, gg) in eps_a, eps_b, gamma, from the kernel's in I4, I8, gamma."""
-    I4, I8 = (np.where(np.abs(I - 1) <= KINK, 1.0, I) for I in (I4, I8))
-    _, (W4, W8, Wg), second = derivatives(fabric, I4, I8, gamma, True)
-    assert second
-    W44, W48, W88, W4g, W8g, Wgg = second
-    la, lb = np.sqrt(I4), np.sqrt(I8)
-    first = 2 * la * W4, 2 * lb * W8, Wg
-    return *first, 2 * W4 + 4 * I4 * W44, 4 * la * lb * W48, 2 * W8 + 4 * I8 * W88, 2 * la * W4g, 2 * lb * W8g, Wgg
+    """dW/d(a, b, g) and d2W (aa, ab, bb, ag, bg, gg) in eps_a, eps_b, gamma."""
+    eps_a, eps_b = (nominal_strain(np.where(np.abs(I - 1) <= KINK, 1.0, I)) for I in (I4, I8))
+    _, first, second = fabric.derivatives(eps_a, eps_b, gamma)
+    return *first, *second
 
 
 def _second(fabric, invariants):
@@ -118,11 +143,12 @@ def _hessian(W):
 
 
 def _acoustic(W, la, lb, now, rest):
-    """Q(N) in a frame along the deformed a, as half trace, half difference and off-diagonal over 1, cos, sin of 2 theta, (3, 3, n);
-    and the smallest N·S N.
+    """Q(N) in a frame along the deformed a, as half trace, half difference and off-diagonal over 1,
+    cos, sin of 2 theta, (3, 3, n); and the smallest N·S N.
 
-    now, rest: angle between the yarns, deformed and not. With F + s m N the yarns change by s (N·a0) m and s (N·b0) m, so that
-    Q = (N·a0)^2 A + (N·b0)^2 B + 2 (N·a0)(N·b0) X with three blocks of the Hessian of W in (fa, fb).
+    now, rest: angle between the yarns, deformed and not. With F + s m N the yarns change by
+    s (N·a0) m and s (N·b0) m, so that Q = (N·a0)^2 A + (N·b0)^2 B + 2 (N·a0)(N·b0) X with three
+    blocks of the Hessian of W in (fa, fb).
     """
     Wa, Wb, Wg, aa, ab, bb, ag, bg, gg = W
     c, s = np.cos(now), np.sin(now)
@@ -130,9 +156,13 @@ def _acoustic(W, la, lb, now, rest):
     def block(xx, xy, yx, yy):
         return (xx + yy) / 2, (xx - yy) / 2, (xy + yx) / 2
 
-    # along and across each yarn: eps'' = across^2 / l, gamma' = across_a / la - across_b / lb, gamma'' = -+2 along across / l^2
+    # along and across each yarn: eps'' = across^2 / l, gamma' = across_a / la - across_b / lb,
+    # gamma'' = -+2 along across / l^2
     off_a, off_b = ag / la - Wg / la**2, Wg / lb**2 - bg / lb
-    A, B = block(aa, off_a, off_a, gg / la**2 + Wa / la), block(bb, off_b, off_b, gg / lb**2 + Wb / lb)
+    A, B = (
+        block(aa, off_a, off_a, gg / la**2 + Wa / la),
+        block(bb, off_b, off_b, gg / lb**2 + Wb / lb),
+    )
     C, S = c * c - s * s, 2 * c * s
     B = B[0], B[1] * C - B[2] * S, B[1] * S + B[2] * C  # turned from b's frame to a's
     x, y, z, w = ab, -ag / lb, bg / la, -gg / (la * lb)
@@ -140,7 +170,12 @@ def _acoustic(W, la, lb, now, rest):
     # (N·b0)^2 and (N·a0)(N·b0) in cos and sin of 2 theta
     c0, s0 = np.cos(rest), np.sin(rest)
     C0, S0 = c0 * c0 - s0 * s0, 2 * c0 * s0
-    Q = np.array([[(p + q) / 2 + r * c0, (p + q * C0) / 2 + r * c0, q * S0 / 2 + r * s0] for p, q, r in zip(A, B, X)])
+    Q = np.array(
+        [
+            [(p + q) / 2 + r * c0, (p + q * C0) / 2 + r * c0, q * S0 / 2 + r * s0]
+            for p, q, r in zip(A, B, X)
+        ]
+    )
     # the same for m out of the plane, where only lengths and angle change
     with np.errstate(invalid="ignore", divide="ignore"):
         p, q, r = Wa / la - Wg * c / (s * la**2), Wb / lb - Wg * c / (s * lb**2), Wg / (s * la * lb)
@@ -148,32 +183,39 @@ def _acoustic(W, la, lb, now, rest):
     return Q, tension
 
 
-def _smallest(Q, only_least=False):
-    """Smallest eigenvalue over all directions (n,) and its theta (n,), from `_acoustic`'s coefficients (3, 3, n).
+def smallest_eigenvalue(Q: np.ndarray, only_least: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest eigenvalue over all directions (n,) and its theta (n,), from `_acoustic`'s
+    coefficients (3, 3, n).
 
-    No scan: wells near N across a stiff yarn are a fraction of a degree wide. det(Q - l) for a given l is a quadratic function of
-    x = (cos, sin) of 2 theta, whose least value on the unit circle is global in one secular equation (More and Sorensen 1983,
-    SIAM J. Sci. Stat. Comput. 4, 553-572). Where it is negative at x, the smaller eigenvalue at x is the next l; l falls, faster
-    than linearly, until no direction is left whose eigenvalue is below it. only_least: only the least of all n is wanted; all
-    start from the value of a likely point, or below, and most end there.
+    No scan: wells near N across a stiff yarn are a fraction of a degree wide. det(Q - l) for a
+    given l is a quadratic function of x = (cos, sin) of 2 theta, whose least value on the unit
+    circle is global in one secular equation (More and Sorensen 1983, SIAM J. Sci. Stat. Comput. 4,
+    553-572). Where it is negative at x, the smaller eigenvalue at x is the next l; l falls, faster
+    than linearly, until no direction is left whose eigenvalue is below it. only_least: only the
+    least of all n is wanted; all start from the value of a likely point, or below, and most end
+    there.
     """
     n = Q.shape[2]
     (t0, t1, t2), (h0, h1, h2), (o0, o1, o2) = Q
-    half, off = (t1 * t1 - h1 * h1 - o1 * o1 - t2 * t2 + h2 * h2 + o2 * o2) / 2, t1 * t2 - h1 * h2 - o1 * o2
-    gap, turn = (
-        2 * np.hypot(half, off),
-        (np.arctan2(off, half) + np.pi) / 2,
-    )  # of the quadratic's two curvatures; axis of the smaller
+    half, off = (
+        (t1 * t1 - h1 * h1 - o1 * o1 - t2 * t2 + h2 * h2 + o2 * o2) / 2,
+        t1 * t2 - h1 * h2 - o1 * o2,
+    )
+    # of the quadratic's two curvatures; axis of the smaller
+    gap, turn = 2 * np.hypot(half, off), (np.arctan2(off, half) + np.pi) / 2
     c, s = np.cos(turn), np.sin(turn)
-    (t1, t2), (h1, h2), (o1, o2) = ((x * c + y * s, y * c - x * s) for x, y in ((t1, t2), (h1, h2), (o1, o2)))
+    (t1, t2), (h1, h2), (o1, o2) = (
+        (x * c + y * s, y * c - x * s) for x, y in ((t1, t2), (h1, h2), (o1, o2))
+    )
     tiny = np.finfo(float).tiny
-    # from the least half trace, which no larger eigenvalue is below, so that a negative det means one eigenvalue below l, never both
+    # from the least half trace, which no larger eigenvalue is below, so that a negative det means
+    # one eigenvalue below l, never both
     half_trace = np.hypot(t1, t2)
     x1, x2 = -t1 / np.maximum(half_trace, tiny), -t2 / np.maximum(half_trace, tiny)
     value = t0 - half_trace - np.hypot(h0 + h1 * x1 + h2 * x2, o0 + o1 * x1 + o2 * x2)
     if only_least and n:
         first = value.argmin()
-        value = np.minimum(value, _smallest(Q[:, :, first : first + 1])[0])
+        value = np.minimum(value, smallest_eigenvalue(Q[:, :, first : first + 1])[0])
     close = 1e-14 * (np.abs(Q[0]).sum(0) + np.abs(Q[1]).sum(0) + np.abs(Q[2]).sum(0))
     q, live = np.array([t0, t1, t2, h0, h1, h2, o0, o1, o2, gap, close]), np.arange(n)
     shift = np.zeros(n)
@@ -181,13 +223,19 @@ def _smallest(Q, only_least=False):
         t0, t1, t2, h0, h1, h2, o0, o1, o2, gap, close = q
         t = t0 - value[live]
         b1, b2 = t * t1 - h0 * h1 - o0 * o1, t * t2 - h0 * h2 - o0 * o2
-        low = np.maximum(np.maximum(np.abs(b1), np.abs(b2) - gap), tiny)  # from here Newton's method does not overshoot
+        low = np.maximum(
+            np.maximum(np.abs(b1), np.abs(b2) - gap), tiny
+        )  # from here Newton's method does not overshoot
         shift = np.maximum(shift, low)
         for _ in range(INNER):
             r1, r2 = (b1 / shift) ** 2, (b2 / (shift + gap)) ** 2
             length = r1 + r2
             shift = np.maximum(
-                shift + length * (np.sqrt(length) - 1) / np.maximum(r1 / shift + r2 / (shift + gap), tiny), low
+                shift
+                + length
+                * (np.sqrt(length) - 1)
+                / np.maximum(r1 / shift + r2 / (shift + gap), tiny),
+                low,
             )
         y2 = np.clip(-b2 / (shift + gap), -1, 1)
         y1 = -np.copysign(np.sqrt(1 - y2 * y2), b1)

@@ -3,46 +3,75 @@
 import numpy as np
 
 from ..errors import InputError
-from .contact import Contact, Pressing
+from ..tools import Tool
+from .nodes import PressingTerm
+from .term import SceneFacts, Term, Triplets
 
 
-class Friction:
-    """Friction of coefficient `mu` where a `Contact` or `Pressing` presses the nodes.
+class Friction(Term):
+    """Friction of coefficient `mu` with a `tool`, where a term of the scene presses nodes with it.
 
-    Sliding along the tool since the last accepted state adds to an elastic slip z, in the plane that was tangent then,
-    and takes mu P (|z|^2 / 2 s up to |z| = s, |z| - s / 2 beyond) from a node pressed by P [N]: a potential, as P is
-    that of the last accepted state. In sticking a node so slips by at most `slip` s [mm]; an accepted state keeps of z
-    what is elastic. Pressed nodes start from z = 0. In a scene it comes after what presses.
-    lag: how much of the normal forces may differ from those that friction was reckoned with, of their sum, before the
-    state is solved for anew with these; None: any, as they follow a step behind. Raises InputError for numbers out of
-    range. settled: force of the tool on the ply (3,) [N] in the last accepted state, before normal forces were taken
-    anew.
+    Sliding along the tool since the last accepted state adds to an elastic slip z, in the plane
+    that was tangent then, and takes mu P (|z|^2 / 2 s up to |z| = s, |z| - s / 2 beyond) from a
+    node pressed by P [N]: a potential, as P is that of the last accepted state. In sticking a node
+    so slips by at most `slip` s [mm]; an accepted state keeps of z what is elastic. Pressed nodes
+    start from z = 0.
+
+    lag: how much of the normal forces may differ from those that friction was reckoned with, of
+    their sum, before the state is solved for anew with these; None: any, as they follow a step
+    behind. settled: force of the tool on the ply (3,) [N] in the last accepted state, before normal
+    forces were taken anew. Raises InputError for numbers out of range, and if not exactly one term
+    of the scene presses with the tool.
     """
 
-    energy_kind = "friction"
+    name = energy_kind = "friction"
 
-    def __init__(self, pressing: Contact | Pressing, mu: float, slip: float = 0.1, lag: float | None = None) -> None:
-        for name, value, fits in (
-            ("coefficient", mu, mu >= 0), ("slip", slip, slip > 0), ("lag", lag, lag is None or lag > 0)
-        ):  # fmt: skip
+    def __init__(self, tool: Tool, mu: float, slip: float = 0.1, lag: float | None = None) -> None:
+        checks = (
+            ("coefficient", mu, mu >= 0),
+            ("slip", slip, slip > 0),
+            ("lag", lag, lag is None or lag > 0),
+        )
+        for name, value, fits in checks:
             if not (fits and np.isfinite(value or 0.0)):
                 allowed = "from 0" if name == "coefficient" else "above 0"
-                raise InputError(f"friction on {pressing.tool.name} has {name} {value}; allowed is a number {allowed}")
-        self.pressing, self.nodes, self.tool = pressing, pressing.nodes, pressing.tool
-        self.name = "friction"
-        self.mu, self.slip, self.lag = mu, slip, lag
+                raise InputError(
+                    f"friction on {tool.name} has {name} {value}; allowed is a number {allowed}"
+                )
+        self.tool, self.mu, self.slip, self.lag = tool, mu, slip, lag
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        pressing = [
+            term
+            for term in scene.terms
+            if isinstance(term, PressingTerm) and term.tool is self.tool
+        ]
+        if len(pressing) != 1:
+            raise InputError(
+                f"friction on {self.tool.name} finds {len(pressing)} terms of its scene that press "
+                "with this tool; allowed is one, a contact or a blank holder's pressure"
+            )
+        (self._pressing,) = pressing
+        self._pressing.bind(scene)  # before this one, in whatever order they are given
+        self.nodes = self._pressing.nodes
         if self.tool.force:
-            assert isinstance(pressing, Contact)
-            pressing.rubs.append(self)
+            self._pressing.add_friction(self)
         self._taken = np.zeros(self.nodes.count)  # of energy at accepted states
         self._z, self._limit = np.zeros((self.nodes.count, 3)), np.zeros(self.nodes.count)
         self._start()
+        self.settled = self.force()
 
     # -- what a scene calls
 
     def at(self, load: float) -> None:
-        """Go back to the normal forces of the last accepted state, or take those that the load factor prescribes."""
-        self._limit = self.mu * self._normal_forces()[0] if self.pressing.prescribed else self._accepted_limit
+        """Go back to the normal forces of the last accepted state, or take those that the load
+        factor prescribes."""
+        self._limit = (
+            self.mu * self._normal_forces()[0]
+            if self._pressing.prescribed
+            else self._accepted_limit
+        )
 
     def accept(self) -> None:
         """Keep what slip is elastic; what energy changes as normal forces do counts as taken."""
@@ -59,42 +88,43 @@ class Friction:
         work = 0.5 * (self._force + self.force()) @ (self.tool.displacement - self._tool)
         return float(work) if self.nodes.comm.rank == 0 else 0.0
 
-    def revise(self) -> bool:
+    def update_lagged(self) -> bool:
         """Take the present normal forces, if they differ by more than allowed; whether they did."""
         if self.lag is None:
             return False
         now = self._normal_forces()[0]
-        changed, all_of_it = self.nodes.total(np.column_stack([abs(self.mu * now - self._limit), self.mu * now]))
+        changed, all_of_it = self.nodes.total(
+            np.column_stack([abs(self.mu * now - self._limit), self.mu * now])
+        )
         if changed <= self.lag * all_of_it:
             return False
         self._limit = self.mu * now
-        if self.tool.force:
-            assert isinstance(self.pressing, Contact)
-            self.pressing.forget()
+        self._pressing.rebalance()
         return True
 
     def stored(self) -> float:
         """Energy taken by this rank's nodes, elastic and dissipated [N mm]."""
-        self.pressing.pushes()  # puts a tool moved by force where it is balanced, here and below
+        # puts a tool moved by force where it is balanced, here and below
+        self._pressing.normal_forces()
         return float((self._taken + self._potential(self._slipped())).sum())
 
     def add_forces(self, f: np.ndarray) -> None:
         """Add the potential's derivative to f, of this rank's degrees of freedom [N]."""
-        self.pressing.pushes()
+        self._pressing.normal_forces()
         f[: 3 * self.nodes.count] -= self.forces().ravel()
 
-    def pushes(self) -> np.ndarray:
-        """Nodal forces (nodes, 3) [N] that a residual is to be small beside."""
-        return self.forces()
+    def applied_forces(self) -> np.ndarray:
+        """As in `Term`."""
+        return self.forces().ravel()
 
-    def stiffness(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The potential's second derivative as triplets (rows, columns, values), (9 nodes,) each [N/mm]; rows and
-        columns are global degrees of freedom."""
-        self.pressing.pushes()
+    def tangent(self) -> Triplets:
+        """As in `Term`, (9 nodes,) each [N/mm]."""
+        self._pressing.normal_forces()
         return self.nodes.rows, self.nodes.cols, self.blocks().ravel()
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Elastic slip (nodes, 3) [mm] and energy taken (nodes, 1) [N mm] in the last accepted state."""
+        """Elastic slip (nodes, 3) [mm] and energy taken (nodes, 1) [N mm] when last
+        accepted."""
         energy = self._taken + self._potential(self._z)
         return {"slip": self._z, "energy": energy[:, None]}
 
@@ -112,8 +142,8 @@ class Friction:
         return -(self._limit / np.maximum(np.linalg.norm(z, axis=1), self.slip))[:, None] * z
 
     def blocks(self) -> np.ndarray:
-        """By which forces fall as nodes move, (nodes, 3, 3) [N/mm]: mu P / max(|z|, s) times the tangent plane, less the
-        direction of slip where it slides."""
+        """By which forces fall as nodes move, (nodes, 3, 3) [N/mm]: mu P / max(|z|, s) times the
+        tangent plane, less the direction of slip where it slides."""
         z = self._slipped()
         length = np.linalg.norm(z, axis=1)
         blocks = np.eye(3) - self._normal[:, :, None] * self._normal[:, None]
@@ -122,6 +152,10 @@ class Friction:
         blocks[slides] -= along[:, :, None] * along[:, None]
         return blocks * (self._limit / np.maximum(length, self.slip))[:, None, None]
 
+    def tool_force(self, tool: Tool) -> np.ndarray:
+        """As in `Term`."""
+        return self.settled if tool is self.tool else np.zeros(3)
+
     def force(self) -> np.ndarray:
         """Of the tool on the ply, of all ranks (3,) [N]."""
         return self.nodes.total(self.forces())
@@ -129,7 +163,8 @@ class Friction:
     # --
 
     def _start(self):
-        """Take normal forces, their directions and places from the present state, and turn the slip with them."""
+        """Take normal forces, their directions and places from the present state, and turn the slip
+        with them."""
         normal_forces, self._normal = self._normal_forces()
         self._limit = self._accepted_limit = self.mu * normal_forces
         length = np.linalg.norm(self._z, axis=1)
@@ -140,7 +175,7 @@ class Friction:
         self._force = self.force()
 
     def _normal_forces(self):
-        return np.linalg.norm(self.pressing.pushes(), axis=1), self.pressing.normals()
+        return np.linalg.norm(self._pressing.normal_forces(), axis=1), self._pressing.normals()
 
     def _along(self, vectors):
         """What of vectors (nodes, 3) is tangent."""

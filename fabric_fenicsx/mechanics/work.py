@@ -9,14 +9,15 @@ GROWTH = 10  # of the bend from one step to the next, beyond which it is a kink
 class Work:
     """Work of forces (n,) [N] whose points move: of a tool, or of the supports.
 
-    Between two accepted states forces and places are parabolas in the load, so that work over few steps, in which
-    forces grow as a power of the load or turn with what they move, is as exact as energies are. A parabola goes through
-    the last three states; it is bent at most `GROWTH` times as much as the one before it, so that a kink, as where
-    friction begins to slip, stays one.
+    Between two accepted states forces and places are parabolas in the load, so that work over few
+    steps, in which forces grow as a power of the load or turn with what they move, is as exact as
+    energies are. A parabola goes through the last three states; it is bent at most `GROWTH` times
+    as much as the one before it, so that a kink, as where friction begins to slip, stays one.
     """
 
     def __init__(self) -> None:
-        self._states: list[tuple[float, np.ndarray]] = []  # loads, forces and places: the last accepted
+        # loads, forces and places: the last accepted
+        self._states: list[tuple[float, np.ndarray]] = []
 
     def accept(self, load: float, force: np.ndarray, place: np.ndarray) -> None:
         """Take load, force and place (n,) [mm] as those of the last accepted state."""
@@ -34,7 +35,8 @@ class Work:
         return float(work)
 
     def memory(self) -> np.ndarray:
-        """Load, force and place of the states that it remembers, (3, 2 + 2 n); a 0 before those that it lacks."""
+        """Load, force and place of the states that it remembers, (3, 2 + 2 n); a 0 before those
+        that it lacks."""
         rows = np.zeros((STATES, 2 + (self._states[0][1].size if self._states else 0)))
         for row, (load, state) in zip(rows, self._states):
             row[:] = 1.0, load, *state.ravel()

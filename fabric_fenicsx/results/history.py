@@ -1,24 +1,43 @@
 """history.csv: one row an accepted step, written as it comes."""
 
 import csv
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
+from ..errors import InputError
 from ..solve.stepping import Accepted
 
-ENERGIES = ("strain", "bending", "contact", "friction", "viscous")
+ENERGIES = ("strain", "bending", "contact", "friction", "viscous")  # whose columns are always there
 COLUMNS = (
-    "step", "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "bending_energy_Nmm", "contact_energy_Nmm",
-    "friction_energy_Nmm", "viscous_energy_Nmm", "external_work_Nmm", "energy_imbalance", "iterations",
-    "saddles", "shifts", "line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N", "min_stability", "wall_s",
-)  # fmt: skip
+    "step",
+    "load",
+    "displacement_mm",
+    "reaction_N",
+    *(f"{kind}_energy_Nmm" for kind in ENERGIES),
+    "external_work_Nmm",
+    "energy_imbalance",
+    "iterations",
+    "saddles",
+    "shifts",
+    "line_search_cuts",
+    "cuts",
+    "negative_pivots",
+    "residual_N",
+    "force_scale_N",
+    "min_stability",
+    "wall_s",
+)
+# None where nothing was factorised, or no law told
+MAY_BE_EMPTY = "negative_pivots", "min_stability"
 
 
 class History:
-    """Rows of `COLUMNS`, kept as dicts in `rows` on every rank and flushed one by one to `path` on rank 0.
+    """Rows with `COLUMNS` and, after them, those of the scene's further energies and terms, kept as
+    dicts in `rows` on every rank and flushed one by one to `path` on rank 0.
 
     rows: those of a run that is resumed.
     """
@@ -26,29 +45,46 @@ class History:
     def __init__(self, path: Path, comm: MPI.Comm, rows: Iterable[dict[str, Any]] = ()) -> None:
         self.rows = list(rows)
         self._file = open(path, "w", newline="") if comm.rank == 0 else None
-        if self._file:
-            self._writer = csv.DictWriter(self._file, COLUMNS)
-            self._writer.writeheader()
-            self._writer.writerows(self.rows)
-            self._file.flush()
+        self._writer: csv.DictWriter | None = None
+        for row in self.rows:
+            self._write(row)
 
-    def add(self, accepted: Accepted, displacement: float, reaction: float, min_stability: float) -> None:
-        """Append an `Accepted` state at which the grips moved by `displacement` [mm] under `reaction` [N].
-
-        min_stability: least ellipticity indicator of all points, see `material.stability`; a band is the material's only where it is negative.
-        """
+    def add(
+        self, accepted: Accepted, displacement: float, reaction: float, further: Mapping[str, Any]
+    ) -> None:
+        """Append an `Accepted` state at which the grips moved by `displacement` [mm] under
+        `reaction` [N]; further: what the terms add to it, see `Term.add_history`."""
         report = accepted.report
         stored = sum(accepted.energies.values())
-        row = {
-            "step": len(self.rows), "load": accepted.load, "displacement_mm": displacement, "reaction_N": reaction,
+        imbalance = abs(accepted.external_work - stored) / max(abs(stored), 1e-300)
+        row = dict.fromkeys(COLUMNS, None) | {f"{kind}_energy_Nmm": 0.0 for kind in ENERGIES}
+        row |= {
+            "step": len(self.rows),
+            "load": accepted.load,
+            "displacement_mm": displacement,
+            "reaction_N": reaction,
             "external_work_Nmm": accepted.external_work,
-            "energy_imbalance": abs(accepted.external_work - stored) / max(abs(stored), 1e-300) if accepted.load else 0.0,
-            "saddles": report.saddles, "iterations": report.iterations, "shifts": report.shifts, "line_search_cuts": report.cuts, "cuts": accepted.cuts,
-            "negative_pivots": report.negative_pivots, "residual_N": report.residuals[-1] if report.residuals else 0.0,
-            "force_scale_N": report.scale, "min_stability": min_stability, "wall_s": round(accepted.wall, 4),
-        } | {f"{kind}_energy_Nmm": accepted.energies.get(kind, 0.0) for kind in ENERGIES}  # fmt: skip
+            "energy_imbalance": imbalance if accepted.load else 0.0,
+            "saddles": report.saddles,
+            "iterations": report.iterations,
+            "shifts": report.shifts,
+            "line_search_cuts": report.cuts,
+            "cuts": accepted.cuts,
+            "negative_pivots": report.negative_pivots,
+            "residual_N": report.residuals[-1] if report.residuals else 0.0,
+            "force_scale_N": report.scale,
+            "wall_s": round(accepted.wall, 4),
+        }
+        row |= {f"{kind}_energy_Nmm": energy for kind, energy in accepted.energies.items()}
+        row |= further
         self.rows.append(row)
+        self._write(row)
+
+    def _write(self, row):
         if self._file:
+            if not self._writer:
+                self._writer = csv.DictWriter(self._file, list(row))
+                self._writer.writeheader()
             self._writer.writerow(row)
             self._file.flush()
 
@@ -56,3 +92,31 @@ class History:
         """Close the file."""
         if self._file:
             self._file.close()
+
+
+def check_notes(notes: Mapping[str, Any], path: Path) -> None:
+    """Raise InputError unless `notes` of the checkpoint `path` hold rows of a history and states
+    that were written."""
+
+    def numbers(values):
+        return all(isinstance(v, (int, float)) and math.isfinite(v) for v in values)
+
+    rows, states = notes.get("rows"), notes.get("states")
+    if not isinstance(rows, list) or not isinstance(states, list):
+        wrong = "its notes lack rows or states"
+    elif any(
+        not isinstance(row, dict) or not set(COLUMNS) <= set(row) == set(rows[0]) for row in rows
+    ):
+        wrong = "its rows are none of a history"
+    elif any(
+        not numbers(v for k, v in row.items() if v is not None or k not in MAY_BE_EMPTY)
+        for row in rows
+    ):
+        wrong = "its rows are none of a history"
+    elif any(not isinstance(s, list) or len(s) != 2 or not isinstance(s[1], list) for s in states):
+        wrong = "its states are none of a time series"
+    elif any(not numbers([state[0], *state[1]]) for state in states):
+        wrong = "its states are none of a time series"
+    else:
+        return
+    raise InputError(f"checkpoint {path} is damaged: {wrong}; allowed is one that a study wrote")

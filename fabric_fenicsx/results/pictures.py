@@ -24,7 +24,8 @@ SHOWN = {
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
-    """Colour map and its limits for values from `low` to `high`: those of `coolwarm` are the same on both sides of 0."""
+    """Colour map and its limits for values from `low` to `high`: those of `coolwarm` are the same
+    on both sides of 0."""
     if colours == "coolwarm":
         low, high = -max(-low, high), max(-low, high)
     if high - low < 1e-6 * max(1.0, abs(high)):
@@ -33,26 +34,32 @@ def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, flo
 
 
 def cells_range(values: np.ndarray) -> str:
-    """Words for the least and the largest of the `values`, with their signs, as summary.json has them."""
-    low, high = (round(float(v), 6) + 0.0 for v in (values.min(), values.max()))  # rounding is no strain
+    """Words for the least and the largest of the `values`, with their signs, as summary.json has
+    them."""
+    low, high = (
+        round(float(v), 6) + 0.0 for v in (values.min(), values.max())
+    )  # rounding is no strain
     return f"cells: {low:.4g} to {high:.4g}"
 
 
 def _polygons(grid):
     """Deformed corner polygons (cells, k, 2) of a plane sheet."""
-    # not cells_dict, which before PyVista 0.45 gives every higher-order cell as many nodes as its linear one
+    # not cells_dict: before PyVista 0.45 it gives higher-order cells the nodes of linear ones
     kind, cells = grid.celltypes[0], grid.cells.reshape(grid.n_cells, -1)[:, 1:]
     corners = 3 if kind in (pyvista.CellType.TRIANGLE, pyvista.CellType.LAGRANGE_TRIANGLE) else 4
     x = np.asarray(grid.points) + grid.point_data["u"]
     return x[cells[:, :corners], :2]
 
 
-def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers: float = 0.0) -> None:
-    """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour scale a field.
+def maps(
+    path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers: float = 0.0
+) -> None:
+    """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour
+    scale a field.
 
-    Values keep their signs; above each map stand the least and the largest of a cell.
-    One variant's maps stand below each other; several variants make a row each. outliers: share of all cells, at each end
-    of the scale, that may lie beyond it.
+    Values keep their signs; above each map stand the least and the largest of a cell. One variant's
+    maps stand below each other; several variants make a row each. outliers: share of all cells, at
+    each end of the scale, that may lie beyond it.
     """
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
@@ -70,18 +77,24 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
     )
     for name, mine in zip(names, axes if one else axes.T):
         label, factor, colours = SHOWN[name]
-        values = {title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()}
+        values = {
+            title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()
+        }
         every = np.concatenate(list(values.values()))
         low, high = np.quantile(every, (outliers, 1 - outliers))
         colours, low, high = colour_scale(colours, low, high)
         for ax, title in zip(mine, variants):
-            patches = PolyCollection(polygons[title], array=values[title], cmap=colours, antialiased=False)
+            patches = PolyCollection(
+                polygons[title], array=values[title], cmap=colours, antialiased=False
+            )
             patches.set_clim(low, high)
             ax.add_collection(patches)
             ax.autoscale_view()
             ax.set_aspect("equal")
             shown = cells_range(values[title])
-            ax.set_title(shown if one else f"{title}\n{shown}", fontsize="small" if one else "medium")
+            ax.set_title(
+                shown if one else f"{title}\n{shown}", fontsize="small" if one else "medium"
+            )
         figure.colorbar(
             patches,
             ax=list(mine),
@@ -99,8 +112,11 @@ def maps(path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers
     plt.close(figure)
 
 
-def curves(path: Path, series: Mapping[str, Sequence], xlabel: str, ylabel: str, scale: str = "linear") -> None:
-    """Curves of {label: (x, y)} or {label: (x, y, matplotlib format)} in one diagram; scale: of both axes."""
+def curves(
+    path: Path, series: Mapping[str, Sequence], xlabel: str, ylabel: str, scale: str = "linear"
+) -> None:
+    """Curves of {label: (x, y)} or {label: (x, y, matplotlib format)} in one diagram; scale: of
+    both axes."""
     figure, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
     ax.set(xscale=scale, yscale=scale)
     for label, (x, y, *style) in series.items():
@@ -117,6 +133,20 @@ def curves(path: Path, series: Mapping[str, Sequence], xlabel: str, ylabel: str,
     plt.close(figure)
 
 
+def reactions(
+    path: Path,
+    results: Mapping[str, Any],
+    xlabel: str = "displacement / mm",
+    ylabel: str = "reaction / N",
+) -> None:
+    """Curves of force over displacement of runs {label: `job.Result`} in one diagram."""
+    series = {
+        label: ([r["displacement_mm"] for r in result.rows], [r["reaction_N"] for r in result.rows])
+        for label, result in results.items()
+    }
+    curves(path, series, xlabel, ylabel)
+
+
 def bars(path: Path, values: Mapping[str, tuple[float, str, str]], xlabel: str) -> None:
     """Horizontal bars of {label: (value, text behind it, colour)}, the first on top."""
     figure, ax = plt.subplots(figsize=(8.0, 0.5 + 0.36 * len(values)), layout="constrained")
@@ -131,11 +161,14 @@ def bars(path: Path, values: Mapping[str, tuple[float, str, str]], xlabel: str) 
 
 
 def panels(path: Path, series: Mapping[str, Mapping], labels: Mapping[str, tuple]) -> None:
-    """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and {title: (x label, y label, x limits)}.
+    """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and
+    {title: (x label, y label, x limits)}.
 
     Closed form is a line (the second model's dashed), the kernel a square, elements a dot.
     """
-    figure, axes = plt.subplots(2, (len(series) + 1) // 2, figsize=(11, 8), squeeze=False, layout="constrained")
+    figure, axes = plt.subplots(
+        2, (len(series) + 1) // 2, figsize=(11, 8), squeeze=False, layout="constrained"
+    )
     for ax, (title, curves) in zip(axes.flat, series.items()):
         colours: dict[str, str] = {}
         models: list[str] = []
@@ -143,11 +176,18 @@ def panels(path: Path, series: Mapping[str, Mapping], labels: Mapping[str, tuple
             colour = colours.setdefault(label, f"C{len(colours)}")
             models += [] if model in models else [model]
             second = models.index(model) > 0
-            ax.plot(x, closed, "--" if second else "-", color=colour, lw=1, label=f"{label}" if not second else None)
+            ax.plot(
+                x,
+                closed,
+                "--" if second else "-",
+                color=colour,
+                lw=1,
+                label=f"{label}" if not second else None,
+            )
             ax.plot(x[::4], kernel[::4], "s", color=colour, ms=5, mfc="none", mew=0.6)
             ax.plot(x[2::4], elements[2::4], ".", color=colour, ms=4)
         ax.set_title(
-            f"{title}: {', '.join(f'{m} {style}' for m, style in zip(models, ('(line)', '(dashed)')))}",
+            f"{title}: {', '.join(f'{m} {s}' for m, s in zip(models, ('(line)', '(dashed)')))}",
             fontsize="medium",
         )
         ax.set_xlabel(labels[title][0])
@@ -159,10 +199,18 @@ def panels(path: Path, series: Mapping[str, Mapping], labels: Mapping[str, tuple
     plt.close(figure)
 
 
-def regions(path: Path, x: np.ndarray, panels: Mapping[tuple[str, str], tuple], xlabel: str, ylabel: str) -> None:
-    """Where two indicators are negative, over a square grid: {(row, column): (convexity, ellipticity)}, each (n, n) with x (n,) along its last axis."""
+def regions(
+    path: Path, x: np.ndarray, panels: Mapping[tuple[str, str], tuple], xlabel: str, ylabel: str
+) -> None:
+    """Where two indicators are negative, over a square grid: {(row, column): (convexity,
+    ellipticity)}, each (n, n) with x (n,) along its last axis."""
     rows, columns = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
-    kinds = {"stable": "#f2f2f2", "convexity lost": "#f4b942", "ellipticity lost": "#7fb2d9", "both lost": "#b0413e"}
+    kinds = {
+        "stable": "#f2f2f2",
+        "convexity lost": "#f4b942",
+        "ellipticity lost": "#7fb2d9",
+        "both lost": "#b0413e",
+    }
     figure, axes = plt.subplots(
         len(rows),
         len(columns),
@@ -192,7 +240,13 @@ def regions(path: Path, x: np.ndarray, panels: Mapping[tuple[str, str], tuple], 
     for ax in axes[:, 0]:
         ax.set_ylabel(ylabel)
     bar = figure.colorbar(
-        image, ax=list(axes.flat), ticks=range(4), location="bottom", fraction=0.05, aspect=60, pad=0.02
+        image,
+        ax=list(axes.flat),
+        ticks=range(4),
+        location="bottom",
+        fraction=0.05,
+        aspect=60,
+        pad=0.02,
     )
     bar.ax.set_xticklabels(list(kinds))
     figure.savefig(path, dpi=130)

@@ -1,4 +1,5 @@
-"""report.html: what a run was asked, what was on, what came out, how good that is and what it cost, in one file."""
+"""report.html: what a run was asked, what was on, what came out, how good that is and what it cost,
+in one file."""
 
 import base64
 import json
@@ -10,7 +11,8 @@ import jinja2
 
 # picture -> what it shows
 CAPTIONS = {
-    "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where the angle from yarns a to b grows), on the deformed sheet",
+    "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where "
+    "the angle from yarns a to b grows), on the deformed sheet",
     "curve": "Reaction over displacement",
     "axis": "Magnitude of the shear angle along the strip's axis",
     "measured": "Normalised shear force, simulated and measured",
@@ -33,13 +35,17 @@ def page(
     ending: str,
     log: Path | None = None,
 ) -> str:
-    """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}; what is not there is left out.
+    """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}; what
+    is not there is left out.
 
     description: of the study; ending: how it ended, in words; log: path of a text.
     """
     environment = jinja2.Environment(loader=jinja2.PackageLoader(__package__, "."), autoescape=True)
     environment.filters |= {"number": _number, "words": lambda name: name.replace("_", " ")}
-    environment.tests |= {"rows": _are_rows, "grid": lambda value: len(value) > 1 and _are_rows(list(value.values()))}
+    environment.tests |= {
+        "rows": _are_rows,
+        "grid": lambda value: len(value) > 1 and _are_rows(list(value.values())),
+    }
     environment.trim_blocks = environment.lstrip_blocks = True
     shown = [_shown(name, *files) for name, files in runs.items()]
     return environment.get_template("report.html.jinja").render(
@@ -61,7 +67,10 @@ def _shown(name, summary, pictures):
         "name": name,
         "summary": facts and {"quantities": own} | facts,
         "pictures": [
-            (CAPTIONS.get(file.stem, file.stem.replace("_", " ")), base64.b64encode(file.read_bytes()).decode())
+            (
+                CAPTIONS.get(file.stem, file.stem.replace("_", " ")),
+                base64.b64encode(file.read_bytes()).decode(),
+            )
             for file in sorted(pictures)
         ],
     }

@@ -13,12 +13,13 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
-from ..blank import Blank
 from ..errors import InputError
-from ..running import replace
+from ..files import replace_file
+from ..sheets.blank import Blank
 from .stepping import Progress, Viscosity
 
-FORMAT = 2  # of the file; the first one told the nodes of a slit's two lips apart by chance
+# of the file; the first told a slit's lips apart by chance, those after it had other names
+FORMAT = 4
 SCALARS = ("load", "step", "last_step", "work", "solver", "accepted", "rejected", "iterations")
 COUNTS = ("accepted", "rejected", "iterations")
 NODAL = ("x", "around", "u", "previous")
@@ -26,10 +27,10 @@ MEMORY = "memory "  # before the names of the terms' arrays
 
 
 class Checkpoint:
-    """`path` (.npz) with the last accepted state of `blank`, its nodes known by their position and
-    the cells around them.
+    """A file `path` (.npz) with the last accepted state of `blank`. It identifies nodes by their
+    position and by the cells around them.
 
-    problem: what defines the run, a dict that JSON can hold; a checkpoint of another problem is
+    problem: what defines the run, a dict that JSON can hold. A checkpoint of another problem is
     refused.
     """
 
@@ -50,25 +51,31 @@ class Checkpoint:
         return blank.summed(arms)[: self.owned]
 
     def save(self, progress: Progress, notes: dict[str, Any]) -> None:
-        """Write a `Progress` and `notes` (for JSON); the file is whole at any moment. Raises
-        OSError where it can't be."""
+        """Write a `Progress` and `notes` (for JSON); the file is complete at any moment. Raises
+        OSError if it can't be written."""
         gdim = self.blank.mesh.geometry.dim
         parts = {}
         for name, vector in (("u", progress.x), ("previous", progress.previous)):
             parts[name] = self.comm.gather(vector.array.reshape(-1, gdim)[: self.owned])
-        memory = {MEMORY + name: self.comm.gather(values) for name, values in progress.memory.items()}
+        memory = {
+            MEMORY + name: self.comm.gather(values) for name, values in progress.memory.items()
+        }
         if self.comm.rank != 0:
             return
         parts |= memory
-        meta = {"format": FORMAT, "problem": self.problem, "notes": notes} | {k: getattr(progress, k) for k in SCALARS}
+        meta = {"format": FORMAT, "problem": self.problem, "notes": notes} | {
+            k: getattr(progress, k) for k in SCALARS
+        }
         meta["viscosity"] = dataclasses.asdict(progress.viscosity)
         content = io.BytesIO()
         arrays = {k: np.concatenate(v) for k, v in (parts | dict(zip(NODAL, self._known))).items()}
         np.savez(content, meta=json.dumps(meta), **arrays)
-        replace(self.path, content.getvalue(), lasting=True)
+        replace_file(self.path, content.getvalue(), lasting=True)
 
     def load(
-        self, memory: Mapping[str, np.ndarray] | None = None, solver: Mapping[str, Any] | None = None
+        self,
+        memory: Mapping[str, np.ndarray] | None = None,
+        solver: Mapping[str, Any] | None = None,
     ) -> tuple[Progress, dict[str, Any]]:
         """The saved `Progress` and notes. memory, solver: what scene and solver would give now,
         whose names and shapes the saved ones must have (None: any).
@@ -86,43 +93,61 @@ class Checkpoint:
         distance, node = cKDTree(np.hstack([x, around])).query(np.hstack(self._places))
         if nodes != len(x) or self.comm.allreduce(distance.max(initial=0.0), MPI.MAX) > 1e-9 * size:
             raise InputError(
-                f"checkpoint {self.path} is of another mesh, with {len(x)} nodes, now there are {nodes} or they lie "
-                "elsewhere; allowed is the same mesh"
+                f"checkpoint {self.path} is of another mesh, with {len(x)} nodes, now there are "
+                f"{nodes} or they lie elsewhere; allowed is the same mesh"
             )
         if self.comm.allreduce(np.bincount(node, minlength=nodes)).max() > 1:
             raise InputError(
-                f"checkpoint {self.path} has nodes that lie at one place amid the same cells; allowed is a mesh whose "
-                "nodes can be told apart"
+                f"checkpoint {self.path} has nodes that lie at one place amid the same cells; "
+                "allowed is a mesh whose nodes can be told apart"
             )
         vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
         for vector, name in zip(vectors, ("u", "previous")):
             vector.array[:] = arrays[name][node].ravel()
-        remembered = {k.removeprefix(MEMORY): values[node] for k, values in arrays.items() if k.startswith(MEMORY)}
-        state = {k: meta[k] for k in SCALARS} | {"viscosity": Viscosity(**meta["viscosity"]), "memory": remembered}
+        remembered = {
+            k.removeprefix(MEMORY): values[node]
+            for k, values in arrays.items()
+            if k.startswith(MEMORY)
+        }
+        state = {k: meta[k] for k in SCALARS} | {
+            "viscosity": Viscosity(**meta["viscosity"]),
+            "memory": remembered,
+        }
         return Progress(x=vectors[0], previous=vectors[1], **state), meta["notes"]
 
     def _read(self, memory, solver):
         """Meta data and arrays of the file, or what is wrong with it."""
         if not self.path.is_file():
-            return f"--resume finds no checkpoint {self.path}; allowed is the --out of a run that was begun"
+            return (
+                f"--resume finds no checkpoint {self.path}; allowed is the --out "
+                "of a run that was begun"
+            )
         try:
             with np.load(self.path) as file:
                 meta = json.loads(str(file["meta"]))
                 arrays = {k: file[k] for k in file.files if k != "meta"}
         except Exception as e:  # readers raise whatever their parsing stumbles on
             reason = " ".join(str(e).split()) or type(e).__name__
-            return f"checkpoint {self.path} cannot be read ({reason}); allowed is one that a study wrote"
+            return (
+                f"checkpoint {self.path} cannot be read ({reason}); allowed is "
+                "one that a study wrote"
+            )
         version = meta.get("format", 1) if isinstance(meta, dict) else None
         if version != FORMAT:
-            return f"checkpoint {self.path} is of format {version}; allowed is {FORMAT}, which this version writes"
-        wrong = self._wrong_meta(meta, solver) or self._wrong_arrays(arrays, memory, begun=bool(meta["accepted"]))
+            return (
+                f"checkpoint {self.path} is of format {version}; allowed is {FORMAT}, "
+                "which this version writes"
+            )
+        wrong = self._wrong_meta(meta, solver) or self._wrong_arrays(
+            arrays, memory, begun=bool(meta["accepted"])
+        )
         if wrong:
             return f"checkpoint {self.path} is damaged: {wrong}; allowed is one that a study wrote"
         for key, now in self.problem.items():
             if meta["problem"].get(key) != now:
                 return (
-                    f"checkpoint {self.path} was made with {key} = {meta['problem'].get(key)}, now it is {now}; "
-                    "allowed is the same problem"
+                    f"checkpoint {self.path} was made with {key} = {meta['problem'].get(key)}, "
+                    f"now it is {now}; allowed is the same problem"
                 )
         return meta, arrays
 
@@ -137,10 +162,15 @@ class Checkpoint:
                 return f"{name} is {meta[name]!r}"
         fields = [f.name for f in dataclasses.fields(Viscosity)]
         if sorted(meta["viscosity"]) != sorted(fields):
-            return f"viscosity has {', '.join(meta['viscosity']) or 'nothing'} where {', '.join(fields)} should be"
+            return (
+                f"viscosity has {', '.join(meta['viscosity']) or 'nothing'} where "
+                f"{', '.join(fields)} should be"
+            )
         if solver is not None and meta["solver"] and sorted(meta["solver"]) != sorted(solver):
             return f"solver has {', '.join(meta['solver'])} where {', '.join(solver)} should be"
-        numbers = {k: meta[k] for k in SCALARS if k != "solver"} | meta["viscosity"] | meta["solver"]
+        numbers = (
+            {k: meta[k] for k in SCALARS if k != "solver"} | meta["viscosity"] | meta["solver"]
+        )
         if meta["last_step"] is None:  # before the first step
             del numbers["last_step"]
         for name, value in numbers.items():
@@ -159,11 +189,19 @@ class Checkpoint:
         if missing:
             return f"{', '.join(missing)} is missing"
         gdim, nodes = self.blank.mesh.geometry.dim, len(np.atleast_1d(arrays["x"]))
-        shapes = {"x": (nodes, 3), "around": (nodes, gdim), "u": (nodes, gdim), "previous": (nodes, gdim)}
+        shapes = {
+            "x": (nodes, 3),
+            "around": (nodes, gdim),
+            "u": (nodes, gdim),
+            "previous": (nodes, gdim),
+        }
         names = sorted(k.removeprefix(MEMORY) for k in arrays if k not in NODAL)
         if memory is not None and (names or begun):
             if names != sorted(memory):
-                return f"it remembers {', '.join(names) or 'nothing'} where {', '.join(memory) or 'nothing'} should be"
+                return (
+                    f"it remembers {', '.join(names) or 'nothing'} where "
+                    f"{', '.join(memory) or 'nothing'} should be"
+                )
             shapes |= {MEMORY + name: (nodes, *values.shape[1:]) for name, values in memory.items()}
         for name in (*NODAL, *(k for k in arrays if k not in NODAL)):
             values = arrays[name]

@@ -20,14 +20,17 @@ class Limits:
     strain: float = _limit(0.1, "of yarns in tension, nominal, but for the edges' singular points")
 
     def exceeded(self, found: Mapping[str, float]) -> list[str]:
-        """What is wrong with a result, a sentence each, of values `found` under names above other than strain."""
+        """What is wrong with a result, one sentence for each limit that is exceeded; found: values
+        under the names above, without strain."""
         words = {
-            "imbalance": "work of supports and tools differs from the energies by {:.3g} % of these",
+            "imbalance": "work of supports and tools differs from the energies "
+            "by {:.3g} % of these",
             "viscous": "regularisation took {:.3g} % of the strain energy",
             "penetration": "a tool reaches {:.3g} % of the thickness into the sheet",
         }
         return [
-            f"{words[name].format(100 * value)}; allowed is {100 * getattr(self, name):.3g} % (--max-{name})"
+            f"{words[name].format(100 * value)}; allowed is "
+            f"{100 * getattr(self, name):.3g} % (--max-{name})"
             for name, value in found.items()
             if not value <= getattr(self, name)
         ]

@@ -25,18 +25,27 @@ SNES_WORDS = {
     Reason.DIVERGED_LOCAL_MIN: "the state is a saddle of the energy that could not be left",
 }
 KSP_WORDS = {
-    value: name.lower().replace("_", " ").replace("diverged ", "") for name, value in vars(PETSc.KSP.ConvergedReason).items()
+    value: name.lower().replace("_", " ").replace("diverged ", "")
+    for name, value in vars(PETSc.KSP.ConvergedReason).items()
     if isinstance(value, int)
-}  # fmt: skip
+}
 NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness across itself
-    getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name) for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
-}  # fmt: skip
+    getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name)
+    for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
+}
 
 LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
     "mumps-cholesky": {"ksp_type": "preonly", "pc_type": "cholesky", "mat_mumps_icntl_24": 1},
     "mumps-lu": {"ksp_type": "preonly", "pc_type": "lu"},
-    # flexible: their smoothers are not quite symmetric, and yarns 50 000 times stiffer than shear tell
-    "cg-gamg": {"ksp_type": "fcg", "pc_type": "gamg", "pc_gamg_agg_nsmooths": 0, "ksp_rtol": 1e-8, "ksp_max_it": 2000},
+    # flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times
+    # stiffer than shear
+    "cg-gamg": {
+        "ksp_type": "fcg",
+        "pc_type": "gamg",
+        "pc_gamg_agg_nsmooths": 0,
+        "ksp_rtol": 1e-8,
+        "ksp_max_it": 2000,
+    },
     "cg-hypre": {"ksp_type": "fcg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
 }
 MUMPS_ROOM = 14  # its option for how much more than estimated it may take [%]
@@ -44,9 +53,10 @@ MUMPS_ROOM = 14  # its option for how much more than estimated it may take [%]
 
 @dataclass
 class Report:
-    """How a solve ended: `residuals` are norms over the free degrees of freedom [N], one before each iteration and
-    one at the end, `scale` the force [N] they are measured by; `negative_pivots` those of the last tangent (None
-    for solvers that do not tell); `saddles` those that were left: there the path branches."""
+    """How a solve ended: `residuals` are norms over the free degrees of freedom [N], one before
+    each iteration and one at the end, `scale` the force [N] they are measured by; `negative_pivots`
+    those of the last tangent (None for solvers that do not tell); `saddles` those that were left:
+    there the path branches."""
 
     converged: bool = False
     reason: str = ""
@@ -64,36 +74,47 @@ class _Ended(Exception):
 
 
 class Newton:
-    """Minimises the scene's energy at fixed supports, from a start at which the supports have their values.
+    """Minimises the scene's energy at fixed supports, from a start at which the supports have their
+    values.
 
-    tolerance: of the residual's norm over that of the support forces. Each step is the tangent's, taken as far as the
-    energy falls along it; where the energy's differences drown in rounding, as far as the residual falls. A tangent
-    with negative pivots is shifted along its diagonal until it has none, and a saddle, known to the full tolerance, is left
-    along a direction of negative curvature that depends on neither the ranks nor chance. Forces or corrections at the rounding of displacements and positions end it too, as no tolerance
-    can ask for more. Where a looser tolerance is asked, corrections near the state sought keep the last tangent's factors.
-    MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots. Each iteration is logged
-    (`logging`, level DEBUG) on rank 0.
+    tolerance: of the residual's norm over that of the support forces. Each step is the tangent's,
+    taken as far as the energy falls along it; where the energy's differences drown in rounding, as
+    far as the residual falls. A tangent with negative pivots is shifted along its diagonal until it
+    has none, and a saddle, known to the full tolerance, is left along a direction of negative
+    curvature that depends on neither the ranks nor chance. Forces or corrections at the rounding of
+    displacements and positions end it too, as no tolerance can ask for more. Where a looser
+    tolerance is asked, corrections near the state sought keep the last tangent's factors. MUMPS
+    keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots. Each iteration is
+    logged (`logging`, level DEBUG) on rank 0.
     """
 
     FLAT = 0.7  # slope left at the end of a line search, of the one at its start
     ROUNDING = 1e-12  # of the energy, below which its differences are noise
     DIGIT = 2.0**-52  # of the displacements: the forces that it makes through the tangent are noise
     RESOLUTION = 1e-14  # of the blank's size, below which displacements are noise
-    EASY = 5  # iterations
-    LONGEST = 0.1  # of the blank's size, to which a correction is cut: soft modes would send the sheet to infinity
-    NEAR, SMALL = 300.0, 3e-3  # residuals, over the tolerance and over the forces of supports, that take no new tangent
+    FEW = 5  # iterations, within which a solve counts as easy
+    # of the blank's size, to which a correction is cut: soft modes would send the sheet to infinity
+    LONGEST = 0.1
+    # residuals, over the tolerance and over the forces of supports, that take no new tangent
+    NEAR, SMALL = 300.0, 3e-3
     SADDLES = 5  # to be left in one solve
 
     def __init__(
-        self, scene: Scene, tolerance: float = 1e-8, max_iterations: int = 100, linear_solver: str = "mumps-cholesky"
+        self,
+        scene: Scene,
+        tolerance: float = 1e-8,
+        max_iterations: int = 100,
+        linear_solver: str = "mumps-cholesky",
     ) -> None:
         if linear_solver not in LINEAR_SOLVERS:
-            raise InputError(f"linear solver is {linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}")
+            raise InputError(
+                f"linear solver is {linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}"
+            )
         self.scene, self.tolerance, self.max_iterations = scene, tolerance, max_iterations
         self.tells_inertia = linear_solver == "mumps-cholesky"
         self._size = np.subtract(*scene.blank.extent()[::-1]).max()
         self._smallest = self.RESOLUTION * self._size
-        self._noise, self._wary, self._shift = 0.0, False, 0.0  # wary once a tangent had a negative pivot
+        self._noise, self._negative_pivots_met, self._shift = 0.0, False, 0.0
         self.x = scene.u.duplicate()
         self._r, self._d, self._trial = (self.x.duplicate() for _ in range(3))
         self.A = scene.create_matrix()
@@ -113,31 +134,33 @@ class Newton:
         self.snes.setFromOptions()
         self.snes.ksp.setFromOptions()
         for key in given:
-            if (
-                key == "mat_mumps_icntl_24"
-            ):  # read only when the factor is made; asked here, as PETSc tells of unused ones
+            # read only when the factor is made; read here too, as PETSc reports unused options
+            if key == "mat_mumps_icntl_24":
                 options.getInt(key)
             else:
                 options.delValue(key)
 
     def solve_for(self, x: PETSc.Vec, tolerance: float | None = None) -> Report:
-        """Solve from x, overwritten by the solution, to the solver's tolerance or a looser one; returns a `Report`."""
+        """Solve from x, overwritten by the solution, to the solver's tolerance or a looser one;
+        returns a `Report`."""
         self.report, self._allowed = Report(), max(self.tolerance, tolerance or 0.0)
         self.snes.solve(None, x)
         reason = self.snes.getConvergedReason()
         self.report.converged = reason > 0
         self.report.reason = SNES_WORDS.get(reason, f"SNES reason {reason}")
         if reason == Reason.DIVERGED_LINEAR_SOLVE:
-            self.report.reason += f" ({KSP_WORDS.get(self.snes.ksp.getConvergedReason(), 'unknown reason')})"
+            self.report.reason += (
+                f" ({KSP_WORDS.get(self.snes.ksp.getConvergedReason(), 'unknown reason')})"
+            )
         return self.report
 
     def memory(self) -> dict[str, Any]:
-        """What the next solve knows of those before it, for `recall` by another."""
-        return {"wary": self._wary, "shift": self._shift}
+        """What this solver remembers of earlier solves, for `recall` by another one."""
+        return {"negative_pivots_met": self._negative_pivots_met, "shift": self._shift}
 
     def recall(self, memory: dict[str, Any]) -> None:
-        """Know what another solver's `memory` tells."""
-        self._wary, self._shift = memory["wary"], memory["shift"]
+        """Take over the `memory` of another solver."""
+        self._negative_pivots_met, self._shift = memory["negative_pivots_met"], memory["shift"]
 
     def stiffness(self, x: PETSc.Vec) -> float:
         """Mean diagonal of the tangent at x [N/mm]."""
@@ -146,14 +169,16 @@ class Newton:
         return self.A.getDiagonal().sum() / self.A.size[0]
 
     def is_at_rest(self, x: PETSc.Vec) -> bool:
-        """Whether the scene is in equilibrium at x, but for forces that its stiffness turns into the rounding of positions."""
+        """Whether the scene is in equilibrium at x, but for forces that its stiffness turns into
+        the rounding of positions."""
         self.scene.set(x)
         self.scene.residual(self._r)
         force = self._r.norm()
         return bool(force <= self._smallest * self.stiffness(x)) if force else True
 
     def tangent_predictor(self, x: PETSc.Vec, change: np.ndarray) -> None:
-        """Linear response at x to a `change` (held dofs of this rank) [mm] of the support values, added to x."""
+        """Linear response at x to a `change` (held dofs of this rank) [mm] of the support values,
+        added to x."""
         scene, d, rhs = self.scene, self._d, self._trial
         scene.set(x)
         d.set(0)
@@ -200,10 +225,10 @@ class Newton:
                 if report.iterations == self.max_iterations:
                     raise _Ended(Reason.DIVERGED_MAX_IT)
                 if kept := self._nearly_there(kept):
-                    self._tell("              with the last tangent's factors")
+                    self._log("              with the last tangent's factors")
                     with phase("linear_solve"):
                         snes.ksp.solve(r, d)
-                        kept = snes.ksp.getConvergedReason() > 0 and self._comply(d)
+                        kept = snes.ksp.getConvergedReason() > 0 and self._add_tool_compliance(d)
                 if not kept:
                     self.scene.set(x)
                     self.scene.anticipate()
@@ -214,7 +239,10 @@ class Newton:
                     self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * stiffness
                     self._linear_solve(r, d)
                 d.scale(-1)
-                if report.shifts == shifts and d.norm(PETSc.NormType.NORM_INFINITY) <= self._smallest:
+                if (
+                    report.shifts == shifts
+                    and d.norm(PETSc.NormType.NORM_INFINITY) <= self._smallest
+                ):
                     reason = Reason.CONVERGED_SNORM_RELATIVE
             if reason:
                 if not self._is_saddle(snes, x):
@@ -231,10 +259,16 @@ class Newton:
             report.iterations += 1
 
     def _nearly_there(self, kept):
-        """Whether a correction with the last tangent's factors will do: for a state on the way, when it is near, and as long
-        as they gain digits; `kept`: the iteration before had no tangent of its own either."""
+        """Whether a correction with the last tangent's factors will do: for a state on the way,
+        when it is near, and as long as they gain digits; `kept`: the iteration before had no
+        tangent of its own either."""
         report = self.report
-        if self._allowed <= self.tolerance or report.iterations == 0 or report.shifts or report.cuts:
+        if (
+            self._allowed <= self.tolerance
+            or report.iterations == 0
+            or report.shifts
+            or report.cuts
+        ):
             return False
         before, now = report.residuals[-2:]
         near = min(self.NEAR * self._allowed, self.SMALL) * report.scale
@@ -246,8 +280,9 @@ class Newton:
         report.residuals.append(norm)
         report.scale = self.scene.force_scale()
         snes.monitor(report.iterations, norm)
-        self._tell(
-            f"iteration {report.iterations:2d}  residual {norm:9.3e} N of {report.scale:9.3e} N  energy {energy:.12e} N mm"
+        self._log(
+            f"iteration {report.iterations:2d}  residual {norm:9.3e} N of "
+            f"{report.scale:9.3e} N  energy {energy:.12e} N mm"
         )
         if not (np.isfinite(norm) and np.isfinite(energy)):
             raise _Ended(Reason.DIVERGED_FNORM_NAN)
@@ -256,34 +291,40 @@ class Newton:
         return Reason.CONVERGED_FNORM_RELATIVE if norm <= self._allowed * report.scale else 0
 
     def _line_search(self, x, energy, shifted):
-        """Go along d from x to where the energy's slope is small, bracketed by its sign; returns the energy there.
+        """Go along d from x to where the energy's slope is small, bracketed by its sign; returns
+        the energy there.
 
-        The energy is piecewise smooth with kinks in its slope, where a parabola through energies misleads; its slope,
-        the residual along d, is continuous. Leaves residual and scene at the new x.
+        The energy is piecewise smooth with kinks in its slope, where a parabola through energies
+        misleads; its slope, the residual along d, is continuous. Leaves residual and scene at the
+        new x.
         """
         r, d, trial, snes, report = self._r, self._d, self._trial, self.snes, self.report
         longest = d.norm(PETSc.NormType.NORM_INFINITY)
         if longest > self.LONGEST * self._size:
             d.scale(self.LONGEST * self._size / longest)
         norm, slope = r.norm(), r.dot(d)
-        self._tell(f"              step of {np.sqrt(abs(slope)):9.3e} in the energy norm / sqrt(N mm)")
-        walled = False
+        self._log(
+            f"              step of {np.sqrt(abs(slope)):9.3e} in the energy norm / sqrt(N mm)"
+        )
+        met_inverted_cell = False
         if slope >= 0:  # only solvers that do not tell inertia get here
             raise _Ended(Reason.DIVERGED_LINE_SEARCH)
-        drowned = -slope <= self.ROUNDING * abs(energy)
+        within_rounding = -slope <= self.ROUNDING * abs(energy)
         low, high, length = (0.0, slope), None, 1.0
         while True:
             x.copy(trial)
             trial.axpy(length, d)
             snes.computeFunction(trial, r)
-            there = self.scene.energy()
-            along = r.dot(d) if there != self.scene.INVERTED else np.nan
-            walled |= there == self.scene.INVERTED
-            if drowned:  # away from a saddle forces grow, so there the slope is asked
-                fell = there != self.scene.INVERTED and (along < 0 if shifted else r.norm() < norm)
+            trial_energy = self.scene.energy()
+            along = r.dot(d) if trial_energy != self.scene.INVERTED else np.nan
+            met_inverted_cell |= trial_energy == self.scene.INVERTED
+            if within_rounding:  # away from a saddle forces grow, so there the slope decides
+                fell = trial_energy != self.scene.INVERTED and (
+                    along < 0 if shifted else r.norm() < norm
+                )
             else:
-                fell = there < energy
-            if fell and ((drowned and not shifted) or abs(along) <= -self.FLAT * slope):
+                fell = trial_energy < energy
+            if fell and ((within_rounding and not shifted) or abs(along) <= -self.FLAT * slope):
                 break
             if high is None and fell and along < 0 and length < 8:  # still downhill
                 low, length = (length, along), 2 * length
@@ -299,31 +340,40 @@ class Newton:
             inside = a - sa * (b - a) / (sb - sa) if np.isfinite(sb) and sb > 0 else 0.5 * (a + b)
             length = float(np.clip(inside, a + 0.1 * (b - a), b - 0.1 * (b - a)))
             if b - a <= 1e-9:
-                raise _Ended(Reason.DIVERGED_FUNCTION_DOMAIN if walled else Reason.DIVERGED_LINE_SEARCH)
+                raise _Ended(
+                    Reason.DIVERGED_FUNCTION_DOMAIN
+                    if met_inverted_cell
+                    else Reason.DIVERGED_LINE_SEARCH
+                )
         trial.copy(x)
-        return there
+        return trial_energy
 
     def _linear_solve(self, rhs, d):
-        """Solve A d = rhs, with A shifted until it is positive definite; returns the shift, notes negative pivots of A itself."""
+        """Solve A d = rhs, with A shifted until it is positive definite; returns the shift, notes
+        negative pivots of A itself."""
         report, ksp, shift = self.report, self.snes.ksp, 0.0
         for attempt in range(20):
             with phase("linear_solve"):
                 ksp.setOperators(self.A)
                 ksp.solve(rhs, d)
-                while not self._factors_fit():
+                while not self._factorisation_had_room():
                     ksp.setOperators(self.A)
                     ksp.solve(rhs, d)
                 reason = ksp.getConvergedReason()
                 negative, zero = self._pivots() if reason > 0 else (None, None)
             if attempt == 0:
                 report.negative_pivots = negative
-            if not negative and not zero and reason > 0 and self._comply(d):
+            if not negative and not zero and reason > 0 and self._add_tool_compliance(d):
                 self._shift = shift or self._shift
                 return shift
-            reason = reason if negative or zero or reason < 0 else PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT
+            reason = (
+                reason
+                if negative or zero or reason < 0
+                else PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT
+            )
             if not negative and not zero and reason not in NOT_DEFINITE:
                 raise _Ended(Reason.DIVERGED_LINEAR_SOLVE)
-            report.shifts, self._wary = report.shifts + 1, True
+            report.shifts, self._negative_pivots_met = report.shifts + 1, True
             if shift == 0:
                 mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
                 larger = max(1e-8 * mean, self._shift / 4) if self._shift else 1e-4 * mean
@@ -333,9 +383,10 @@ class Newton:
             shift = larger
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
 
-    def _factors_fit(self):
-        """False if MUMPS ran out of the room that its analysis foresaw, as where many pivots were zero then and are not now.
-        It then starts anew, with more: after an error it would never factor again."""
+    def _factorisation_had_room(self):
+        """False if MUMPS ran out of the room that its analysis foresaw, as where many pivots were
+        zero then and are not now. It then starts anew, with more: after an error it would never
+        factor again."""
         pc = self.snes.ksp.pc
         if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
             return True
@@ -347,8 +398,9 @@ class Newton:
         pc.reset()
         return False
 
-    def _comply(self, d):
-        """Let d know of tools that give way (Woodbury); False if the tangent then is not positive definite."""
+    def _add_tool_compliance(self, d):
+        """Make the correction d that of a tangent in which tools moved by force give way
+        (Woodbury); False if that is not positive definite."""
         given = self.scene.compliances()
         if not given:
             return True
@@ -361,19 +413,26 @@ class Newton:
         # what rounding leaves of nothing: sheet and tool can go together unresisted
         if np.linalg.eigvalsh(left)[0] <= self.ROUNDING * stiffness.max():
             return False
-        for way, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
-            d.axpy(way, y)
+        for travel, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
+            d.axpy(travel, y)
         return True
 
     def _pivots(self):
         """Negative and zero pivots of the last factorisation, None for solvers that do not tell."""
-        return self.snes.ksp.pc.getFactorMatrix().getInertia()[:2] if self.tells_inertia else (None, None)
+        return (
+            self.snes.ksp.pc.getFactorMatrix().getInertia()[:2]
+            if self.tells_inertia
+            else (None, None)
+        )
 
     def _is_saddle(self, snes, x):
-        """Whether the tangent at the converged x has negative pivots; the last one's word is taken after an easy solve where none was met yet."""
+        """Whether the tangent at the converged x has negative pivots; the last one's word is taken
+        after an easy solve where none was met yet."""
         report = self.report
-        easy = 0 < report.iterations <= self.EASY and not report.cuts and not self._wary
-        if easy or not self.tells_inertia:
+        quick = (
+            0 < report.iterations <= self.FEW and not report.cuts and not self._negative_pivots_met
+        )
+        if quick or not self.tells_inertia:
             return False
         snes.computeJacobian(x, self.A)
         with phase("linear_solve"):
@@ -383,9 +442,10 @@ class Newton:
         return report.negative_pivots > 0
 
     def _leave_saddle(self, x, energy):
-        """Go downhill from the saddle x along its softest direction, found by inverse iteration; returns the energy."""
+        """Go downhill from the saddle x along its softest direction, found by inverse iteration;
+        returns the energy."""
         d, trial, r, negative = self._d, self._trial, self._r, self.report.negative_pivots
-        d.array[:] = self._any_field()
+        d.array[:] = self._generic_displacement()
         d.array[self.scene.held] = 0
         shift, curvature = 0.0, np.inf
         for _ in range(50):
@@ -401,24 +461,26 @@ class Newton:
                 x.copy(trial)
                 trial.axpy(sign, d)
                 self.snes.computeFunction(trial, r)
-                there = self.scene.energy()
-                drowned = abs(there - energy) <= self.ROUNDING * abs(energy)
-                if sign * r.dot(d) < 0 if drowned else there < energy:
-                    self._tell(f"              left a saddle of {negative} negative pivots")
+                trial_energy = self.scene.energy()
+                within_rounding = abs(trial_energy - energy) <= self.ROUNDING * abs(energy)
+                if sign * r.dot(d) < 0 if within_rounding else trial_energy < energy:
+                    self._log(f"              left a saddle of {negative} negative pivots")
                     trial.copy(x)
-                    return there
+                    return trial_energy
             d.scale(0.5)
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
 
-    def _any_field(self):
-        """A displacement of this rank's nodes that no mode is orthogonal to: a function of their place in the blank, so that
-        neither ranks nor their numbering matter."""
+    def _generic_displacement(self):
+        """A displacement of this rank's nodes that no mode is orthogonal to: a function of their
+        place in the blank, so that neither ranks nor their numbering matter."""
         blank = self.scene.blank
         owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
         x = (blank.along(blank.coordinates()[:owned].T).T - blank.extent()[0]) / self._size
-        waves = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0])[: gdim**2].reshape(gdim, gdim)
+        waves = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0])[: gdim**2].reshape(
+            gdim, gdim
+        )
         return (np.cos(3 * x @ waves) + np.sin(17 * x @ waves.T)).ravel()
 
-    def _tell(self, text):
+    def _log(self, text):
         if self.scene.comm.rank == 0:
             log.debug("    %s", text)

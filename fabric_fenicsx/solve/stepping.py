@@ -1,4 +1,4 @@
-"""Load stepping: from the unloaded scene to the full load, in steps that adapt to how hard they are."""
+"""Load stepping: from the unloaded scene to the full load, in steps as large as they converge."""
 
 import time
 from collections.abc import Callable, Iterable
@@ -11,46 +11,48 @@ from petsc4py import PETSc
 from ..errors import InputError
 from .newton import Newton, Report
 
-EASY = 15  # iterations up to which the next step may grow
+EASY_ITERATIONS = 15  # iterations up to which the next step may grow
 GROWTH, CUT = 1.5, 0.5
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
-REVISIONS = 30  # of what terms hold during a solve
-RESTS = 40  # steps without load, to let a held sheet creep to where no drag is needed
+LAGGED_UPDATES = 30  # of what terms hold during a solve, at most in one step
+STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
 
 
 @dataclass
 class Viscosity:
-    """Regularisation by a drag on every node [N/mm per step], measured by the mean `stiffness` of one [N/mm]; energy
-    taken by it [N mm]. It fades by one stage after `patience` easy steps in a row, of which each failure asks more."""
+    """Regularisation by a drag on every node [N/mm per step], measured by the mean `stiffness` of
+    one [N/mm]; energy taken by it [N mm]. It fades by one stage after `easy_steps_asked` easy steps
+    in a row, a number that each failure doubles."""
 
     drag: float = 0.0
     energy: float = 0.0
     stiffness: float = 0.0
-    easy: int = 0
-    patience: int = 1
+    easy_steps: int = 0
+    easy_steps_asked: int = 1
 
     def strengthen(self) -> bool:
         """One stage more; False if it is as strong as allowed."""
         if self.drag >= STRONG * self.stiffness:
             return False
         if self.drag:
-            self.patience = min(2 * self.patience, 16)
-        self.drag, self.easy = max(WEAK * self.stiffness, 10 * self.drag), 0
+            self.easy_steps_asked = min(2 * self.easy_steps_asked, 16)
+        self.drag, self.easy_steps = max(WEAK * self.stiffness, 10 * self.drag), 0
         return True
 
-    def passed(self, easy: bool, resting: bool) -> None:
+    def note_accepted(self, easy: bool, at_rest: bool) -> None:
         """Note a step that passed, whether easily and whether without load."""
-        self.easy = self.easy + 1 if easy else 0
-        if self.easy >= (1 if resting else self.patience):
-            self.drag, self.easy = (self.drag / 4 if self.drag > WEAK * self.stiffness else 0.0), 0
+        self.easy_steps = self.easy_steps + 1 if easy else 0
+        if self.easy_steps >= (1 if at_rest else self.easy_steps_asked):
+            self.drag = self.drag / 4 if self.drag > WEAK * self.stiffness else 0.0
+            self.easy_steps = 0
 
 
 @dataclass
 class Progress:
-    """Where a march stands: load factor, size of the next step and of the last one (None before the first), work of
-    supports, loads and tools [N mm], displacement and the one before it (PETSc vectors, of the march itself), the
-    memories of scene and solver, and what it cost so far."""
+    """Where a march stands: load factor, size of the next step and of the last one (None before the
+    first), work of supports, loads and tools [N mm], displacement and the one before it (PETSc
+    vectors, of the march itself), the memories of scene and solver, and what it cost so far."""
 
     load: float
     step: float
@@ -68,8 +70,8 @@ class Progress:
 
 @dataclass(frozen=True)
 class Accepted:
-    """An accepted state: load factor, energies by kind (with "viscous", what drag took so far) and external work
-    [N mm], its solve's report and cost."""
+    """An accepted state: load factor, energies by kind (with "viscous", what drag took so far) and
+    external work [N mm], its solve's report and cost."""
 
     load: float
     energies: dict[str, float]
@@ -82,8 +84,8 @@ class Accepted:
 
 @dataclass
 class Outcome:
-    """How a march ended: `reached` in [0, 1] and, if that is below 1 or the state there is not at rest, why; steps and
-    iterations, also of the march that this one went on from."""
+    """How a march ended: `reached` in [0, 1] and, if that is below 1 or the state there is not at
+    rest, why; steps and iterations, also of the march that this one went on from."""
 
     reached: float
     reason: str
@@ -106,23 +108,25 @@ def march(
     path_tolerance: float | None = None,
     stop: Callable[[], str] | None = None,
 ) -> Outcome:
-    """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`; an `Outcome`.
+    """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`;
+    an `Outcome`.
 
-    A scene that is not in equilibrium at load 0, as under a blank holder's dead pressure, is first brought to it there:
-    what it then stores counts as work done.
+    A scene that is not in equilibrium at load 0, as under a blank holder's dead pressure, is first
+    brought to it there: what it then stores counts as work done.
 
-    steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is halved down to
-    `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load 0 and at each accepted state,
-    with the scene in that state, on_reject(load, Report) after each failed step. stop() is asked after each step,
-    failed ones too, on all ranks; a text that it returns ends the march, with that reason. Work of supports and tools
-    is summed by parabolas, see `Work`.
-    milestones: load factors to be hit exactly.
-    viscosity: whether steps that halving does not mend get a drag on every node, strengthened until they pass; it
-    fades in those that follow, at full load in steps without load, so the last state is in equilibrium without it.
-    accuracy: for scenes that depend on the path, the largest distance between a state and its linear extrapolation
-    from the two before, over the displacement's norm; steps beyond twice that are cut. None: any.
-    path_tolerance: looser than the solver's, for the states between the start and the next milestone or full load.
-    Raises InputError for steps or an accuracy that are not above 0.
+    steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is
+    halved down to `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load
+    0 and at each accepted state, with the scene in that state, on_reject(load, Report) after each
+    failed step. stop() is asked after each step, failed ones too, on all ranks; a text that it
+    returns ends the march, with that reason. Work of supports and tools is summed by parabolas, see
+    `Work`. milestones: load factors to be hit exactly.
+    viscosity: whether steps that halving does not mend get a drag on every node, strengthened until
+    they pass; it fades in those that follow, at full load in steps without load, so the last state
+    is in equilibrium without it. accuracy: for scenes that depend on the path, the largest distance
+    between a state and its linear extrapolation from the two before, over the displacement's norm;
+    steps beyond twice that are cut. None: any. path_tolerance: looser than the solver's, for the
+    states between the start and the next milestone or full load. Raises InputError for steps or an
+    accuracy that are not above 0.
     """
     if not (np.isfinite(steps) and steps >= 1):
         raise InputError(f"steps is {steps}; allowed is 1 or more")
@@ -133,131 +137,159 @@ def march(
         raise InputError(f"accuracy is {accuracy}; allowed is a number above 0")
     scene, x = newton.scene, newton.x
     scene.check_held()
-    at, r, predicted = start, x.duplicate(), x.duplicate()
-    if at is None:
-        at = Progress(0.0, min(1.0 / steps, max_step), None, 0.0, Viscosity(), scene.u.copy(), x.duplicate())
-    at.step = min(at.step, max_step)
+    progress, r, predicted = start, x.duplicate(), x.duplicate()
+    if progress is None:
+        progress = Progress(
+            0.0, min(1.0 / steps, max_step), None, 0.0, Viscosity(), scene.u.copy(), x.duplicate()
+        )
+    progress.step = min(progress.step, max_step)
     reason = ""
 
-    def back():
+    def restore_accepted():
         scene.drag = 0.0
-        scene.set(at.x)
-        scene.at(at.load)
+        scene.set(progress.x)
+        scene.at(progress.load)
         scene.residual(r)
 
-    scene.set(at.x)
-    scene.at(at.load)
-    if at.memory:
-        scene.recall(at.memory)
-    if at.solver:
-        newton.recall(at.solver)
+    scene.set(progress.x)
+    scene.at(progress.load)
+    if progress.memory:
+        scene.recall(progress.memory)
+    if progress.solver:
+        newton.recall(progress.solver)
     scene.accept()
-    back()
-    if not at.memory:
-        scene.support_work.accept(at.load, scene.held_forces(), at.x.array[scene.held])
-    cuts, rests, clock = 0, 0, time.perf_counter()
-    settled = start is not None or newton.is_at_rest(at.x)
+    restore_accepted()
+    if not progress.memory:
+        scene.support_work.accept(progress.load, scene.held_forces(), progress.x.array[scene.held])
+    cuts, steps_at_rest, clock = 0, 0, time.perf_counter()
+    settled = start is not None or newton.is_at_rest(progress.x)
     if on_accept and start is None and settled:
-        on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(converged=True), 0, 0.0, at))
-    while at.load < 1 or at.viscosity.drag or not settled:
+        on_accept(
+            Accepted(0.0, _energies(scene, progress), 0.0, Report(converged=True), 0, 0.0, progress)
+        )
+    while progress.load < 1 or progress.viscosity.drag or not settled:
         reason = stop() if stop else ""
         if reason:
             break
-        load = at.load + at.step if settled else at.load
+        load = progress.load + progress.step if settled else progress.load
         if abs(load * steps - round(load * steps)) < 1e-9:  # so that tenths are tenths
             load = round(load * steps) / steps
-        goal = min((m for m in milestones if m > at.load), default=1.0)
-        if settled and load > goal - 1e-3 * at.step:  # nor is a sliver left before it
+        goal = min((m for m in milestones if m > progress.load), default=1.0)
+        if settled and load > goal - 1e-3 * progress.step:  # nor is a sliver left before it
             load = goal
-        taken = load - at.load
+        taken = load - progress.load
         values = scene.held_values(load)
         scene.at(load)
-        _predict(newton, at, taken, values)
+        _predict(newton, progress, taken, values)
         x.copy(predicted)
-        scene.drag, scene.origin = at.viscosity.drag, at.x
+        scene.drag, scene.origin = progress.viscosity.drag, progress.x
         allowed = None if load == goal or not settled else path_tolerance
         report = newton.solve_for(x, allowed)
-        at.iterations += report.iterations
-        for revision in range(REVISIONS):
-            if not (report.converged and scene.revise()):
+        progress.iterations += report.iterations
+        for update in range(LAGGED_UPDATES):
+            if not (report.converged and scene.update_lagged()):
                 break
             before = report.iterations
             report = newton.solve_for(x, allowed)
-            at.iterations += report.iterations
+            progress.iterations += report.iterations
             report.iterations = max(before, report.iterations)
-            if revision == REVISIONS - 1:
-                report.converged, report.reason = False, f"contact was not settled by {REVISIONS} solutions"
-        error = (x - predicted).norm() / max(x.norm(), 1e-300) if accuracy and at.last_step else 0.0
+            if update == LAGGED_UPDATES - 1:
+                report.converged = False
+                report.reason = f"contact was not settled by {LAGGED_UPDATES} solutions"
+        error = (
+            (x - predicted).norm() / max(x.norm(), 1e-300)
+            if accuracy and progress.last_step
+            else 0.0
+        )
         if report.converged and accuracy and error > 2 * accuracy:
             report.converged, report.reason = False, f"the path is not known to {accuracy:g}"
         if not report.converged:
-            at.rejected += 1
+            progress.rejected += 1
             cuts += 1
             if on_reject:
                 on_reject(load, report)
-            back()
-            at.viscosity.stiffness = at.viscosity.stiffness or newton.stiffness(at.x)
-            if not np.isfinite(at.viscosity.stiffness):
-                reason = f"gave up at load factor {at.load:.6g}: the tangent of the state there is not a number"
+            restore_accepted()
+            progress.viscosity.stiffness = progress.viscosity.stiffness or newton.stiffness(
+                progress.x
+            )
+            if not np.isfinite(progress.viscosity.stiffness):
+                reason = (
+                    f"gave up at load factor {progress.load:.6g}: the tangent of the state "
+                    "there is not a number"
+                )
                 break
             hard = viscosity and taken <= HARD * max_step
-            if hard and at.viscosity.strengthen():
+            if hard and progress.viscosity.strengthen():
                 pass
             elif taken > 2 * min_step:
-                at.step = CUT * taken
+                progress.step = CUT * taken
             else:
-                reason = f"gave up at load factor {at.load:.6g}: {report.reason}, even with a step of {taken:.3g}"
+                reason = (
+                    f"gave up at load factor {progress.load:.6g}: {report.reason}, even "
+                    f"with a step of {taken:.3g}"
+                )
                 break
             continue
-        at.viscosity.energy += 2 * scene.drag_energy()
-        at.previous, at.x = at.x, at.previous
-        x.copy(at.x)
+        progress.viscosity.energy += 2 * scene.drag_energy()
+        progress.previous, progress.x = progress.x, progress.previous
+        x.copy(progress.x)
         forces = scene.held_forces()
-        energies = _energies(scene, at)
-        at.work += scene.work() + scene.comm.allreduce(scene.support_work.since(load, forces, values))
+        energies = _energies(scene, progress)
+        progress.work += scene.work() + scene.comm.allreduce(
+            scene.support_work.since(load, forces, values)
+        )
         scene.support_work.accept(load, forces, values)
         scene.accept()
-        at.memory, at.solver = scene.memory(), newton.memory()
-        at.accepted += settled  # equilibrium at load 0 is no step
+        progress.memory, progress.solver = scene.memory(), newton.memory()
+        progress.accepted += settled  # equilibrium at load 0 is no step
         if not settled:
-            settled, at.work = True, sum(energies.values())
-        at.load = load
-        at.last_step = taken or at.last_step
+            settled, progress.work = True, sum(energies.values())
+        progress.load = load
+        progress.last_step = taken or progress.last_step
         if accuracy and error:
-            at.step = min(max(taken * np.clip(np.sqrt(accuracy / error), CUT, GROWTH), 2 * min_step), max_step)
-        elif report.iterations <= EASY:
-            at.step = min(GROWTH * at.step, max_step)
-        if at.viscosity.drag:
-            at.viscosity.passed(report.iterations <= EASY, resting=not taken)
+            progress.step = min(
+                max(taken * np.clip(np.sqrt(accuracy / error), CUT, GROWTH), 2 * min_step), max_step
+            )
+        elif report.iterations <= EASY_ITERATIONS:
+            progress.step = min(GROWTH * progress.step, max_step)
+        if progress.viscosity.drag:
+            progress.viscosity.note_accepted(
+                report.iterations <= EASY_ITERATIONS, at_rest=not taken
+            )
         now = time.perf_counter()
         if on_accept:
-            on_accept(Accepted(load, energies, at.work, report, cuts, now - clock, at))
+            on_accept(Accepted(load, energies, progress.work, report, cuts, now - clock, progress))
         clock, cuts = now, 0
-        rests += load == 1 and not taken
-        if at.viscosity.drag and rests == RESTS:
-            reason = f"the state at full load still creeps after {RESTS} steps at rest"
+        steps_at_rest += load == 1 and not taken
+        if progress.viscosity.drag and steps_at_rest == STEPS_AT_REST:
+            reason = f"the state at full load still creeps after {STEPS_AT_REST} steps at rest"
             break
     scene.drag = 0.0
     if on_accept and not settled:  # whoever listens hears of one state at least
-        on_accept(Accepted(0.0, _energies(scene, at), 0.0, Report(reason=reason), cuts, 0.0, at))
-    return Outcome(at.load, reason, at.accepted, at.rejected, at.iterations)
+        on_accept(
+            Accepted(
+                0.0, _energies(scene, progress), 0.0, Report(reason=reason), cuts, 0.0, progress
+            )
+        )
+    return Outcome(progress.load, reason, progress.accepted, progress.rejected, progress.iterations)
 
 
-def _energies(scene, at):
-    return scene.energies() | {"viscous": at.viscosity.energy}
+def _energies(scene, progress):
+    return scene.energies() | {"viscous": progress.viscosity.energy}
 
 
-def _predict(newton, at, taken, values):
-    """A start for the step `taken` [load factor] to support `values`, into newton.x: extrapolated if cells allow it."""
+def _predict(newton, progress, taken, values):
+    """A start for the step `taken` [load factor] to support `values`, into newton.x: extrapolated
+    if cells allow it."""
     scene, x = newton.scene, newton.x
-    at.x.copy(x)
+    progress.x.copy(x)
     if not taken:
         return
-    if at.last_step:
-        x.axpby(-taken / at.last_step, 1 + taken / at.last_step, at.previous)
+    if progress.last_step:
+        x.axpby(-taken / progress.last_step, 1 + taken / progress.last_step, progress.previous)
         x.array[scene.held] = values
         scene.set(x)
         if scene.energy() != scene.INVERTED:
             return
-        at.x.copy(x)
+        progress.x.copy(x)
     newton.tangent_predictor(x, values - x.array[scene.held])

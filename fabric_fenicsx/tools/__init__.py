@@ -1,16 +1,16 @@
-"""Rigid surfaces of tools: signed distance, normal and curvature at many points at once, and the tools that carry them.
+"""Rigid surfaces of tools: signed distance, normal and curvature at many points at once, and the
+tools that carry them.
 
-A surface bounds a body; its normal points out of it, and the gap (signed distance) is positive outside.
-`Surface` and `ImplicitSurface` are the bases of own surfaces.
+A surface bounds a body; its normal points out of it, and the gap (signed distance) is positive
+outside. `Surface` and `ImplicitSurface` are the bases of own surfaces.
 """
 
 from .checks import check_motion, check_punch, check_triangles
 from .double_dome import DoubleDome
 from .primitives import Cylinder, Plane, Plate, Sphere, Torus
 from .surfaces import Flipped, ImplicitSurface, Nearest, Offset, Reversed, Surface
-from .tool import OfLoad, Tool, Way
+from .tool import OfLoad, Tool
 from .triangulated import TriangulatedSurface
-from .values import _vector as _vector
 
 __all__ = [
     "Cylinder",
@@ -28,7 +28,6 @@ __all__ = [
     "Tool",
     "Torus",
     "TriangulatedSurface",
-    "Way",
     "check_motion",
     "check_punch",
     "check_triangles",

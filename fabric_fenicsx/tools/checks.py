@@ -12,52 +12,67 @@ from .triangulated import TriangulatedSurface
 
 COARSE = 20.0  # deg, by which neighbouring facets turn on a surface that is to be smooth
 UNITS = {"metres": 1000.0, "inches": 25.4}
-FLANGE = 0.05  # of the thickness: how far a flange may be off its plane, and how deep a tool may be at the start
+# of the thickness: how far a flange may be off its plane, and how deep a tool may be at the start
+FLANGE = 0.05
 
 
 def _at(place):
     return "(" + ", ".join(f"{each:.4g}" for each in place) + ")"
 
 
-def check_triangles(surface: TriangulatedSurface, name: str, thickness: float, warn: Callable[[str], None]) -> None:
-    """Raise InputError for a surface `name` that is no surface or too coarse for a ply of this thickness [mm]; call `warn`
-    with a sentence for what can only be doubted."""
+def check_triangles(
+    surface: TriangulatedSurface, name: str, thickness: float, warn: Callable[[str], None]
+) -> None:
+    """Raise InputError for a surface `name` that is no surface or too coarse for a ply of this
+    thickness [mm]; call `warn` with a sentence for what can only be doubted."""
     x = surface.points
     if len(surface.forks):
         raise InputError(
-            f"{name} has {len(surface.forks)} edges with more than two triangles, one at {_at(x[surface.forks[0]].mean(0))}; "
+            f"{name} has {len(surface.forks)} edges with more than two triangles, one at "
+            f"{_at(x[surface.forks[0]].mean(0))}; "
             "allowed are at most two at an edge"
         )
     if not surface.one_sided:
-        raise InputError(f"{name} has only one side, as a Moebius strip; allowed is a surface with two")
+        raise InputError(
+            f"{name} has only one side, as a Moebius strip; allowed is a surface with two"
+        )
     if surface.turned:
         warn(
-            f"{name}: {surface.turned} of {len(surface.triangles)} triangles were turned round to agree with the others"
+            f"{name}: {surface.turned} of {len(surface.triangles)} triangles were turned round to "
+            "agree with the others"
         )
     off = 0.75 * surface.bulges
     worst = int(off.argmax())
     if off[worst] > thickness:
         raise InputError(
-            f"{name} has facets that are {off[worst]:.3g} mm off the curved surface through their corners, at "
-            f"{_at(x[surface.triangles[worst]].mean(0))}; allowed is up to the ply's thickness {thickness:g} mm"
+            f"{name} has facets that are {off[worst]:.3g} mm off the curved surface through their "
+            "corners, at "
+            f"{_at(x[surface.triangles[worst]].mean(0))}; allowed is up to the ply's thickness "
+            f"{thickness:g} mm"
         )
     edges, turn = surface.turns
     if len(turn) and np.degrees(turn.max()) > COARSE:
         worst = int(turn.argmax())
         warn(
-            f"{name} is coarse: its facets turn by {np.degrees(turn[worst]):.0f} deg at {_at(x[edges[worst]].mean(0))} where "
+            f"{name} is coarse: its facets turn by {np.degrees(turn[worst]):.0f} deg at "
+            f"{_at(x[edges[worst]].mean(0))} where "
             f"it is to be smooth; beyond {COARSE:g} deg its curvature is a guess"
         )
 
 
 def check_punch(
-    surface: TriangulatedSurface, name: str, half: ArrayLike, thickness: float, warn: Callable[[str], None]
+    surface: TriangulatedSurface,
+    name: str,
+    half: ArrayLike,
+    thickness: float,
+    warn: Callable[[str], None],
 ) -> TriangulatedSurface:
-    """The surface if it can be a punch from below with its flange in z = 0, its normals up, for a ply that reaches to
-    +-half (2,) [mm] along x and y; it is turned round where its flange's normals point down.
+    """The surface if it can be a punch from below with its flange in z = 0, its normals up, for a
+    ply that reaches to +-half (2,) [mm] along x and y; it is turned round where its flange's
+    normals point down.
 
-    Raises InputError as `check_triangles` does, and for a size that is not in mm, for open edges beneath the ply and for
-    a flange that is not there.
+    Raises InputError as `check_triangles` does, and for a size that is not in mm, for open edges
+    beneath the ply and for a flange that is not there.
     """
     x, end = surface.points, np.asarray(half, dtype=float)
     size, needed = np.ptp(x, 0)[:2].max(), 2 * float(end.max())
@@ -65,27 +80,36 @@ def check_punch(
     for unit, factor in UNITS.items():
         if size < 0.2 * needed and 0.5 < size * factor / needed < 10:
             raise InputError(
-                f"{name} is {size:.4g} mm large, which speaks of {unit}; allowed is a surface in mm, larger than {ply}"
+                f"{name} is {size:.4g} mm large, which speaks of {unit}; allowed is a surface in "
+                f"mm, larger than {ply}"
             )
     if size > 50 * needed:
-        raise InputError(f"{name} is {size:.4g} mm large; allowed is a surface in mm, up to 50 times as large as {ply}")
+        raise InputError(
+            f"{name} is {size:.4g} mm large; allowed is a surface in mm, up to 50 times as large "
+            f"as {ply}"
+        )
     side = np.linspace(-1, 1, 21)
     outline = np.vstack([np.column_stack([side, 0 * side + s]) for s in (-1, 1)])
     outline = np.vstack([outline, outline[:, ::-1]]) * end
     found = surface.evaluate(np.column_stack([outline, np.zeros(len(outline))]))
-    off = np.where(abs(found.normal[:, 2]) > 0.99, abs(found.gap), np.maximum(abs(found.gap), thickness))
+    off = np.where(
+        abs(found.normal[:, 2]) > 0.99, abs(found.gap), np.maximum(abs(found.gap), thickness)
+    )
     worst = int(off.argmax())
     if off[worst] > FLANGE * thickness:
         raise InputError(
-            f"{name} has no flange in z = 0 under the ply's edge at {_at(outline[worst])}: the nearest surface lies "
-            f"{abs(found.gap[worst]):.3g} mm off; allowed is a punch with a flange there that reaches beyond {ply}"
+            f"{name} has no flange in z = 0 under the ply's edge at {_at(outline[worst])}: the "
+            "nearest surface lies "
+            f"{abs(found.gap[worst]):.3g} mm off; allowed is a punch with a flange there that "
+            f"reaches beyond {ply}"
         )
     check_triangles(surface, name, thickness, warn)
     middle = x[surface.rim].mean(1)
     within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
     if within.any():
         raise InputError(
-            f"{name} is open at {_at(middle[within][0])}, beneath the ply; allowed is a surface without holes that reaches "
+            f"{name} is open at {_at(middle[within][0])}, beneath the ply; allowed is a surface "
+            "without holes that reaches "
             f"beyond {ply}"
         )
     if found.normal[:, 2].mean() < 0:
@@ -94,24 +118,31 @@ def check_punch(
     return surface
 
 
-def check_motion(tools: Sequence[Tool], places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
-    """Raise InputError on all ranks for a tool that is in the flat blank at load 0, whose nodes of this rank are at places
-    (n, 3) [mm], or that has not reached it at load 1; the tools are left at load 0."""
+def check_motion(
+    tools: Sequence[Tool], places: np.ndarray, thickness: float, comm: MPI.Comm
+) -> None:
+    """Raise InputError on all ranks for a tool that is in the flat blank at load 0, whose nodes of
+    this rank are at places (n, 3) [mm], or that has not reached it at load 1; the tools are left at
+    load 0."""
     for tool in tools:
         for load in (0.0, 1.0):
             tool.at(load)
             gap = tool.evaluate(places, reach=thickness).gap - thickness / 2
             least = int(np.nanargmin(gap)) if len(gap) else None
-            seen = comm.allgather((float(gap[least]), places[least].tolist()) if least is not None else (np.inf, []))
+            seen = comm.allgather(
+                (float(gap[least]), places[least].tolist()) if least is not None else (np.inf, [])
+            )
             nearest, place = min(seen)
             if load == 0 and nearest < -FLANGE * thickness:
                 raise InputError(
-                    f"{tool.name} cuts into the blank by {-nearest:.3g} mm at {_at(place)} before anything moves; allowed is "
+                    f"{tool.name} cuts into the blank by {-nearest:.3g} mm at {_at(place)} before "
+                    "anything moves; allowed is "
                     f"up to {FLANGE * thickness:g} mm"
                 )
             if load == 1 and nearest > 0:
                 raise InputError(
-                    f"{tool.name} never reaches the blank: at the end of its stroke it is still {nearest:.3g} mm off or more; "
+                    f"{tool.name} never reaches the blank: at the end of its stroke it is still "
+                    f"{nearest:.3g} mm off or more; "
                     "allowed is a tool that touches it"
                 )
         tool.at(0.0)

@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from ..errors import InputError
-from .surfaces import ImplicitSurface, _in_frame, _tangents
-from .values import _number
+from .surfaces import ImplicitSurface, in_frame, tangent_vectors
+from .values import checked_number
 
 
 def _dimension(default, allowed, text, low=0.0, high=math.inf, closed=False):
@@ -19,15 +19,17 @@ def _dimension(default, allowed, text, low=0.0, high=math.inf, closed=False):
 
 @dataclass(frozen=True)
 class DoubleDome(ImplicitSurface):
-    """The project's generic double dome: two round domes joined by a lower, narrower saddle, on a flange z = 0.
+    """The project's generic double dome: two round domes joined by a lower, narrower saddle, on a
+    flange z = 0.
 
-    F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline, two circles about
-    (+-dome_distance / 2, 0) joined by concave arcs tangent to both; P is the signed distance in the (d, z) plane to the
-    profile of flat top, rounding, straight wall and fillet; H lowers the saddle. The outline is where wall and flange
-    would meet without the fillet. The surface has continuous normals; its curvature jumps between these parts.
-    The body is beneath, the normal points up; `Flipped` turns it upside down. Lengths in mm, wall_angle in deg from the
-    vertical. The saddle also flattens fillet and rounding: see `radii` for the least radii.
-    Raises InputError for a value out of its range, and for values that do not fit together.
+    F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline, two
+    circles about (+-dome_distance / 2, 0) joined by concave arcs tangent to both; P is the signed
+    distance in the (d, z) plane to the profile of flat top, rounding, straight wall and fillet; H
+    lowers the saddle. The outline is where wall and flange would meet without the fillet. The
+    surface has continuous normals; its curvature jumps between these parts. The body is beneath,
+    the normal points up; `Flipped` turns it upside down. Lengths in mm, wall_angle in deg from the
+    vertical. The saddle also flattens fillet and rounding: see `radii` for the least radii. Raises
+    InputError for a value out of its range, and for values that do not fit together.
     """
 
     dome_distance: float = _dimension(304.0, "above 0", "between the centres of the domes [mm]")
@@ -39,7 +41,9 @@ class DoubleDome(ImplicitSurface):
     )
     top_radius: float = _dimension(40.0, "above 0", "of the rounding between top and wall [mm]")
     entry_radius: float = _dimension(15.0, "above 0", "of the fillet between wall and flange [mm]")
-    saddle_depth: float = _dimension(15.0, "at least 0", "by which the middle lies lower [mm]", closed=True)
+    saddle_depth: float = _dimension(
+        15.0, "at least 0", "by which the middle lies lower [mm]", closed=True
+    )
     saddle_length: float = _dimension(304.0, "above 0", "over which the top is lowered [mm]")
     # what follows from them; each dome has its own, ClassVar only says that they are no fields
     _waist_curvature: ClassVar[float]
@@ -50,11 +54,23 @@ class DoubleDome(ImplicitSurface):
 
     def __post_init__(self) -> None:
         for each in fields(self):
-            object.__setattr__(self, each.name, _number(each.name, getattr(self, each.name), **each.metadata["limits"]))
-        c, R, w, angle = self.dome_distance / 2, self.dome_radius, self.waist, math.radians(self.wall_angle)
-        least = math.sqrt(max(0.0, R * R - c * c))  # half width at the middle where the circles overlap
+            object.__setattr__(
+                self,
+                each.name,
+                checked_number(each.name, getattr(self, each.name), **each.metadata["limits"]),
+            )
+        c, R, w, angle = (
+            self.dome_distance / 2,
+            self.dome_radius,
+            self.waist,
+            math.radians(self.wall_angle),
+        )
+        # half width at the middle where the circles overlap
+        least = math.sqrt(max(0.0, R * R - c * c))
         self._fits(
-            "waist", least < w <= R, f"above {least:g} and at most dome_radius = {R:g}, with dome_distance {2 * c:g}"
+            "waist",
+            least < w <= R,
+            f"above {least:g} and at most dome_radius = {R:g}, with dome_distance {2 * c:g}",
         )
         self._fits("saddle_depth", self.saddle_depth < self.depth, f"below depth = {self.depth:g}")
         tangent = math.tan(math.pi / 4 - angle / 2)
@@ -62,7 +78,8 @@ class DoubleDome(ImplicitSurface):
         self._fits(
             "top_radius + entry_radius",
             self.top_radius + self.entry_radius <= most,
-            f"at most {most:g}, so that they fit between top and flange with depth {self.depth:g} and wall_angle "
+            f"at most {most:g}, so that they fit between top and flange with depth {self.depth:g} "
+            "and wall_angle "
             f"{self.wall_angle:g}",
         )
         slope = self.depth * math.tan(angle)
@@ -70,28 +87,34 @@ class DoubleDome(ImplicitSurface):
         self._fits(
             "wall_angle",
             slope < w,
-            f"below {most:g}, as the walls of depth {self.depth:g} must not meet within waist {w:g}",
+            f"below {most:g}, as the walls of depth {self.depth:g} must not meet within waist "
+            f"{w:g}",
         )
         most = (w - slope) / tangent
         self._fits(
             "top_radius",
             self.top_radius < most,
-            f"below {most:g}, so that it leaves a flat top within waist {w:g} at wall_angle {self.wall_angle:g}",
+            f"below {most:g}, so that it leaves a flat top within waist {w:g} at wall_angle "
+            f"{self.wall_angle:g}",
         )
         waist_curvature = 2 * (R - w) / (c * c + w * w - R * R)
         foot = self.entry_radius * tangent
         self._fits(
             "waist",
             waist_curvature * foot < 1,
-            f"larger, as the fillet's foot, {foot:g} outside, must not reach the centre of the arc of radius "
+            f"larger, as the fillet's foot, {foot:g} outside, must not reach the centre of the "
+            "arc of radius "
             f"{1 / waist_curvature if waist_curvature else math.inf:g} there",
         )
-        wall = np.array([math.cos(angle), math.sin(angle)])  # normal of the wall in the (d, z) plane
+        # normal of the wall in the (d, z) plane
+        wall = np.array([math.cos(angle), math.sin(angle)])
         derived = {
             "_waist_curvature": waist_curvature,
             "_wall": wall,
             "_up": np.array([-wall[1], wall[0]]),
-            "_top_centre": np.array([-slope - self.top_radius * tangent, self.depth - self.top_radius]),
+            "_top_centre": np.array(
+                [-slope - self.top_radius * tangent, self.depth - self.top_radius]
+            ),
             "_entry_centre": np.array([foot, self.entry_radius]),
         }
         for name, value in derived.items():
@@ -100,10 +123,11 @@ class DoubleDome(ImplicitSurface):
     def _fits(self, names, fits, allowed):
         if not fits:
             value = sum(getattr(self, name) for name in names.split(" + "))
-            raise InputError(f"{names} is {value:g}, but it must be {allowed}")
+            raise InputError(f"{names} is {value:g}; allowed is {allowed}")
 
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of its level lines."""
+        """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of
+        its level lines."""
         c, w, k = self.dome_distance / 2, self.waist, self._waist_curvature
         u, v = abs(x), abs(y)
         arc = u * (1 + k * w) < c * (1 + k * (w - v))
@@ -111,20 +135,31 @@ class DoubleDome(ImplicitSurface):
         q = np.hypot(k * u, 1 - k * (v - w))
         q = np.where(arc, q, 1)
         r = np.maximum(np.hypot(u - c, v), 1e-9)
-        d = np.where(arc, (2 * (v - w) - k * (u * u + (v - w) ** 2)) / (1 + q), r - self.dome_radius)
+        d = np.where(
+            arc, (2 * (v - w) - k * (u * u + (v - w) ** 2)) / (1 + q), r - self.dome_radius
+        )
         dx = np.where(arc, -k * u / q, (u - c) / r)
         dy = np.where(arc, (1 - k * (v - w)) / q, v / r)
-        return d, np.array([np.where(x < 0, -dx, dx), np.where(y < 0, -dy, dy)]), np.where(arc, -k / q, 1 / r)
+        return (
+            d,
+            np.array([np.where(x < 0, -dx, dx), np.where(y < 0, -dy, dy)]),
+            np.where(arc, -k / q, 1 / r),
+        )
 
     def height(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """H (n,) and its first and second derivative at x (n,) [mm]; H is 1 beyond the saddle."""
         half = self.saddle_length / 2
         s = np.clip(x / half, -1, 1)
         t, drop = 1 - s * s, self.saddle_depth / self.depth
-        return 1 - drop * t**3, 6 * drop / half * s * t * t, 6 * drop / half**2 * t * (1 - 5 * s * s)
+        return (
+            1 - drop * t**3,
+            6 * drop / half * s * t * t,
+            6 * drop / half**2 * t * (1 - 5 * s * s),
+        )
 
     def _profile(self, d, z):
-        """Signed distance (n,) to the profile, its gradient (2, n) by d and z, curvature (n,) of its level lines."""
+        """Signed distance (n,) to the profile, its gradient (2, n) by d and z, curvature (n,) of
+        its level lines."""
         (d1, z1), (d2, z2) = self._top_centre, self._entry_centre
         along = d * self._up[0] + z * self._up[1]
         upper, lower = self._top_centre @ self._up, self._entry_centre @ self._up
@@ -135,7 +170,9 @@ class DoubleDome(ImplicitSurface):
             [
                 np.where(d <= d1, z - self.depth, none),
                 np.where((d > d1) & (along > upper), r1 - self.top_radius, none),
-                np.where((along >= lower) & (along <= upper), d * self._wall[0] + z * self._wall[1], none),
+                np.where(
+                    (along >= lower) & (along <= upper), d * self._wall[0] + z * self._wall[1], none
+                ),
                 np.where((d < d2) & (along < lower), self.entry_radius - r2, none),
                 np.where(d >= d2, z, none),
             ]
@@ -171,7 +208,8 @@ class DoubleDome(ImplicitSurface):
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
         """As in `ImplicitSurface`."""
-        # |F| is at most the distance times the largest gradient between the point and the surface, at any x.
+        # |F| is at most the distance times the largest gradient between the point and the surface,
+        # at any x.
         least = 1 - self.saddle_depth / self.depth
         steepest = 96 / (25 * math.sqrt(5)) * (1 - least) / self.saddle_length * 2
         zx = np.maximum(abs(x[2]), self.depth) * steepest / least**2
@@ -186,17 +224,19 @@ class DoubleDome(ImplicitSurface):
 
     @cached_property
     def developed(self) -> np.ndarray:
-        """Arc lengths (4,) [mm] along the profile where rounding, wall, fillet and flange begin, from the outline
-        inwards as in the plan on the flat top."""
+        """Arc lengths (4,) [mm] along the profile where rounding, wall, fillet and flange begin,
+        from the outline inwards as in the plan on the flat top."""
         turn = math.pi / 2 - math.radians(self.wall_angle)
         wall = (self._top_centre - self._entry_centre) @ self._up
-        return self._top_centre[0] + np.cumsum([0, self.top_radius * turn, wall, self.entry_radius * turn])
+        return self._top_centre[0] + np.cumsum(
+            [0, self.top_radius * turn, wall, self.entry_radius * turn]
+        )
 
     def lift(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Points (n, 3) [mm] on the surface from their places x, y (n,) [mm] in the developed plan.
 
-        There the arc length of the profile takes the place of the distance from the outline, so that walls are not seen
-        edge-on; flat top and plan coincide.
+        There the arc length of the profile takes the place of the distance from the outline, so
+        that walls are not seen edge-on; flat top and plan coincide.
         """
         s, normal, _ = self.plan(x, y)
         rounding, wall, fillet, flange = self.developed
@@ -210,7 +250,14 @@ class DoubleDome(ImplicitSurface):
             s - flange + d2,
         )
         z = np.select(
-            where, [self.depth, z1 + self.top_radius * np.cos(a), foot[:, 1], z2 - self.entry_radius * np.cos(b)], 0.0
+            where,
+            [
+                self.depth,
+                z1 + self.top_radius * np.cos(a),
+                foot[:, 1],
+                z2 - self.entry_radius * np.cos(b),
+            ],
+            0.0,
         )
         x = x + (d - s) * normal[0]
         return np.column_stack([x, y + (d - s) * normal[1], z * self.height(x)[0]])
@@ -222,6 +269,8 @@ class DoubleDome(ImplicitSurface):
         x, y = np.meshgrid(*(np.linspace(0, end + self.developed[-1], 150) for end in ends))
         _, gradient, hessian = self.implicit(self.lift(x.ravel(), y.ravel()).T)
         size = np.linalg.norm(gradient, axis=0)
-        k11, k22, k12 = _in_frame(_tangents(gradient / size), hessian) / size
+        k11, k22, k12 = in_frame(tangent_vectors(gradient / size), hessian) / size
         spread = np.hypot((k11 - k22) / 2, k12)
-        return 1 / float(((k11 + k22) / 2 + spread).max()), 1 / float((spread - (k11 + k22) / 2).max())
+        return 1 / float(((k11 + k22) / 2 + spread).max()), 1 / float(
+            (spread - (k11 + k22) / 2).max()
+        )

@@ -12,8 +12,8 @@ TURN = 0.35  # rad, by which the faces of CAD models turn along an edge at most
 
 
 def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models the normals at the triangles' corners (m, 3, 3);
-    raises whatever its reader raises."""
+    """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models the normals at the
+    triangles' corners (m, 3, 3); raises whatever its reader raises."""
     if path.suffix.lower() in CAD:
         return _mesh_of_model(path, chord)
     return *_read_mesh(path), None
@@ -43,7 +43,8 @@ def _read_mesh(path):
 
 
 def _mesh_of_model(path, chord):
-    """Triangles on the faces of a CAD model, whose edges lie up to `chord` off the faces, and the faces' normals at their corners.
+    """Triangles on the faces of a CAD model, whose edges lie up to `chord` off the faces, and the
+    faces' normals at their corners.
 
     A first mesh finds the curvature, from which the sizes of the second follow.
     """

@@ -7,33 +7,40 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .surfaces import Nearest, Surface
-from .values import _number, _vector
+from .values import checked_number, checked_vector
 
 
 class Plane(Surface):
-    """Plane through `point` [mm]; the body lies on the side from which `normal` (of any length) points away.
+    """Plane through `point` [mm]; the body lies on the side from which `normal` (of any length)
+    points away.
 
     Raises InputError unless both are three finite numbers, `normal` not all 0.
     """
 
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
-        self.point, self.normal = _vector("point", point), _vector("normal", normal, unit=True)
+        self.point, self.normal = (
+            checked_vector("point", point),
+            checked_vector("normal", normal, unit=True),
+        )
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
         return Nearest(
-            (points - self.point) @ self.normal, np.tile(self.normal, (len(points), 1)), np.zeros((len(points), 3, 3))
+            (points - self.point) @ self.normal,
+            np.tile(self.normal, (len(points), 1)),
+            np.zeros((len(points), 3, 3)),
         )
 
 
 class _Round(Surface):
-    """Sphere or cylinder: distance from its centre in the space that `_across` (3, 3) projects on."""
+    """Sphere or cylinder: distance from its centre in the space that `_across` (3, 3) projects
+    on."""
 
     _across: np.ndarray
     _any: np.ndarray
 
     def __init__(self, centre: np.ndarray, radius: float) -> None:
-        self.centre, self.radius = centre, _number("radius", radius, "above 0", low=0)
+        self.centre, self.radius = centre, checked_number("radius", radius, "above 0", low=0)
         self.radii = (self.radius, math.inf)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
@@ -44,44 +51,55 @@ class _Round(Surface):
         arm[distance < least] = least * self._any
         arm_length = np.maximum(distance, least)
         normal = arm / np.linalg.norm(arm, axis=1)[:, None]
-        curvature = (self._across - normal[:, :, None] * normal[:, None, :]) / arm_length[:, None, None]
+        curvature = (self._across - normal[:, :, None] * normal[:, None, :]) / arm_length[
+            :, None, None
+        ]
         return Nearest(distance - self.radius, normal, curvature)
 
 
 class Sphere(_Round):
-    """Ball of `radius` [mm] about `centre` (3,) [mm]; InputError for a radius not above 0 or another centre."""
+    """Ball of `radius` [mm] about `centre` (3,) [mm]; InputError for a radius not above 0 or
+    another centre."""
 
     _across, _any = np.eye(3), np.array([0.0, 0.0, 1.0])
 
-    def __init__(self, centre: ArrayLike, radius: float) -> None:
-        super().__init__(_vector("centre", centre), radius)
+    def __init__(self, radius: float, centre: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        super().__init__(checked_vector("centre", centre), radius)
 
 
 class Cylinder(_Round):
-    """Endless round bar of `radius` [mm] along `axis` (3,), of any length, through `point` (3,) [mm].
+    """Endless round bar of `radius` [mm] along `axis` (3,), of any length, through `point` (3,)
+    [mm].
 
-    Raises InputError for a radius not above 0, an axis that is all 0, or what is not three finite numbers.
+    Raises InputError for a radius not above 0, an axis that is all 0, or what is not three finite
+    numbers.
     """
 
     def __init__(self, point: ArrayLike, axis: ArrayLike, radius: float) -> None:
-        super().__init__(_vector("point", point), radius)
-        self.axis = _vector("axis", axis, unit=True)
+        super().__init__(checked_vector("point", point), radius)
+        self.axis = checked_vector("axis", axis, unit=True)
         self._across = np.eye(3) - np.outer(self.axis, self.axis)
         self._any = self._across[abs(self.axis).argmin()]
         self._any = self._any / np.linalg.norm(self._any)
 
 
 class Torus(Surface):
-    """Ring of round cross-section: a tube of radius `tube` [mm] about the circle of radius `ring` [mm] around `axis` (3,),
-    of any length, through `centre` (3,) [mm].
+    """Ring of round cross-section: a tube of radius `tube` [mm] about the circle of radius `ring`
+    [mm] around `axis` (3,), of any length, through `centre` (3,) [mm].
 
-    Raises InputError for a tube not above 0 or a ring not larger than the tube, and for what is not three finite numbers.
+    Raises InputError for a tube not above 0 or a ring not larger than the tube, and for what is not
+    three finite numbers.
     """
 
     def __init__(self, centre: ArrayLike, axis: ArrayLike, ring: float, tube: float) -> None:
-        self.centre, self.axis = _vector("centre", centre), _vector("axis", axis, unit=True)
-        self.tube = _number("tube", tube, "above 0", low=0)
-        self.ring = _number("ring", ring, f"above the tube's radius {self.tube:g}", low=self.tube)
+        self.centre, self.axis = (
+            checked_vector("centre", centre),
+            checked_vector("axis", axis, unit=True),
+        )
+        self.tube = checked_number("tube", tube, "above 0", low=0)
+        self.ring = checked_number(
+            "ring", ring, f"above the tube's radius {self.tube:g}", low=self.tube
+        )
         self.radii = (self.tube, self.ring - self.tube)
         self._bar = Cylinder(self.centre, self.axis, self.ring)
 
@@ -101,12 +119,13 @@ class Torus(Surface):
 
 
 class Plate(Surface):
-    """Thick plate with an opening through it, like a die: its face lies in the plane z = centre[2] with the normal up, and a
-    rounding of `entry` [mm] leads into the opening's upright walls.
+    """Thick plate with an opening through it, like a die: its face lies in the plane z = centre[2]
+    with the normal up, and a rounding of `entry` [mm] leads into the opening's upright walls.
 
-    length, width: of the opening along x and y [mm], without the rounding; width None: a round one of diameter `length`.
-    corner: radius of the opening's corners in the plan [mm], 0: sharp ones; a round opening has none to give.
-    centre: of the opening, in the plane of the face (3,) [mm]. Raises InputError for values out of their range.
+    length, width: of the opening along x and y [mm], without the rounding; width None: a round one
+    of diameter `length`. corner: radius of the opening's corners in the plan [mm], 0: sharp ones; a
+    round opening has none to give. centre: of the opening, in the plane of the face (3,) [mm].
+    Raises InputError for values out of their range.
     """
 
     def __init__(
@@ -118,19 +137,25 @@ class Plate(Surface):
         centre: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
         if width is None and corner is not None:
-            raise InputError(f"corner is {corner}, but a round opening has none; allowed is to give width, too")
-        self.length = _number("length", length, "above 0", low=0)
-        self.width = self.length if width is None else _number("width", width, "above 0", low=0)
+            raise InputError(
+                f"corner is {corner}, but a round opening has none; allowed is to give width, too"
+            )
+        self.length = checked_number("length", length, "above 0", low=0)
+        self.width = (
+            self.length if width is None else checked_number("width", width, "above 0", low=0)
+        )
         half = min(self.length, self.width) / 2
         corner = half if width is None else corner or 0.0
-        self.corner = _number("corner", corner, f"from 0 to {half:g}, half the opening", 0, half * (1 + 1e-12), True)
-        self.entry = _number("entry", entry, "at least 0", low=0, closed=True)
-        self.centre = _vector("centre", centre)
+        self.corner = checked_number(
+            "corner", corner, f"from 0 to {half:g}, half the opening", 0, half * (1 + 1e-12), True
+        )
+        self.entry = checked_number("entry", entry, "at least 0", low=0, closed=True)
+        self.centre = checked_vector("centre", centre)
         self.radii = (self.entry or math.inf, self.corner or math.inf)
 
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Signed distance (n,) [mm] to the opening's outline, positive on the plate, its gradient (2, n), and curvature (n,)
-        [1/mm] of its level lines, at x, y (n,) [mm] from the centre."""
+        """Signed distance (n,) [mm] to the opening's outline, positive on the plate, its gradient
+        (2, n), and curvature (n,) [1/mm] of its level lines, at x, y (n,) [mm] from the centre."""
         u = abs(x) - self.length / 2 + self.corner
         v = abs(y) - self.width / 2 + self.corner
         round_ = (u > 0) & (v > 0)
@@ -138,7 +163,11 @@ class Plate(Surface):
         distance = np.where(round_, r, np.maximum(u, v)) - self.corner
         dx = np.where(round_, u / r, u >= v)
         dy = np.where(round_, v / r, u < v)
-        return distance, np.array([np.copysign(dx, x), np.copysign(dy, y)]), np.where(round_, 1 / r, 0.0)
+        return (
+            distance,
+            np.array([np.copysign(dx, x), np.copysign(dy, y)]),
+            np.where(round_, 1 / r, 0.0),
+        )
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""

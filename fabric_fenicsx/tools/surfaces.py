@@ -1,6 +1,8 @@
-"""Base classes of rigid surfaces: signed distance, normal and curvature at many points at once; surfaces moved or turned.
+"""Base classes of rigid surfaces: signed distance, normal and curvature at many points at once;
+surfaces moved or turned.
 
-A surface bounds a body; its normal points out of it, and the gap (signed distance) is positive outside.
+A surface bounds a body; its normal points out of it, and the gap (signed distance) is positive
+outside.
 """
 
 import math
@@ -11,11 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .values import _number, _points
+from .values import checked_number, checked_points
 
 
 class Nearest(NamedTuple):
-    """Surface seen from n points: gap (n,) [mm], its gradient normal (n, 3) and Hessian curvature (n, 3, 3) [1/mm]."""
+    """Surface seen from n points: gap (n,) [mm], its gradient normal (n, 3) and Hessian curvature
+    (n, 3, 3) [1/mm]."""
 
     gap: np.ndarray
     normal: np.ndarray
@@ -23,32 +26,35 @@ class Nearest(NamedTuple):
 
 
 class Surface:
-    """Base of all surfaces. An own one gives `nearest(points, reach)`, and `radii` where it is curved:
+    """Base of all surfaces. An own one gives `nearest(points, reach)`, and `radii` where it is
+    curved:
 
         class Floor(Surface):
             def nearest(self, points, reach):
                 normal = np.tile([0.0, 0.0, 1.0], (len(points), 1))
                 return Nearest(points[:, 2].copy(), normal, np.zeros((len(points), 3, 3)))
 
-    One that is known by an equation F(x) = 0 is less work as an `ImplicitSurface`. The gap must be the distance, the normal its
-    gradient and the curvature its Hessian: forces and stiffness of contact are made of them. `Reversed`, `Offset`,
-    `Flipped` and `Tool` take any surface.
+    One that is known by an equation F(x) = 0 is less work as an `ImplicitSurface`. The gap must be
+    the distance, the normal its gradient and the curvature its Hessian: forces and stiffness of
+    contact are made of them. `Reversed`, `Offset`, `Flipped` and `Tool` take any surface.
     """
 
     radii: tuple[float, float] = (math.inf, math.inf)
-    """Least radius of curvature [mm] as seen from inside the body and from outside: nearer than that to the surface the
-    nearest point is unique, unless another part of the surface is as near. Infinite where unknown."""
+    """Least radius of curvature [mm] as seen from inside the body and from outside: nearer than
+    that to the surface the nearest point is unique, unless another part of the surface is as near.
+    Infinite where unknown."""
 
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
-        """Gap, normal and curvature at `points` (n, 3) [mm]; rows are NaN where a point is not finite.
+        """Gap, normal and curvature at `points` (n, 3) [mm]; rows are NaN where a point is not
+        finite.
 
-        reach [mm]: where |gap| surely exceeds it, the gap need only do so too, with the right sign, and normal and
-        curvature need only be finite; so far points cost little.
-        Raises InputError for points of another shape and for a reach below 0.
+        reach [mm]: where |gap| surely exceeds it, the gap need only do so too, with the right sign,
+        and normal and curvature need only be finite; so far points cost little. Raises InputError
+        for points of another shape and for a reach below 0.
         """
-        x = _points(points)
+        x = checked_points(points)
         if not reach >= 0:
-            raise InputError(f"reach is {reach}, but it must be at least 0")
+            raise InputError(f"reach is {reach}; allowed is at least 0")
         finite = np.isfinite(x).all(1)
         if finite.all():
             return self.nearest(x, reach)
@@ -57,33 +63,40 @@ class Surface:
             whole[finite] = part
         return found
 
-    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Points (n, 3) [mm], unit normals (n, 3) and triangles (m, 3), anticlockwise as the normals see them, to draw
-        what lies between the corners low and high (3,) [mm]; edges are about `size` [mm] long. A surface of triangles
-        gives these, all of them."""
-        return self._mesh(np.asarray(low, dtype=float), np.asarray(high, dtype=float), size)
-
-    def _mesh(self, low, high, size):
+    def mesh(
+        self, low: ArrayLike, high: ArrayLike, size: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points (n, 3) [mm], unit normals (n, 3) and triangles (m, 3), anticlockwise as the
+        normals see them, to draw what lies between the corners low and high (3,) [mm]; edges are
+        about `size` [mm] long. A surface of triangles gives these, all of them."""
         import pyvista
+
+        low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
 
         cells = np.ceil((high - low) / size).astype(int)
         grid = pyvista.ImageData(dimensions=cells + 1, spacing=(high - low) / cells, origin=low)
-        parts = np.array_split(np.asarray(grid.points, dtype=float), 1 + grid.n_points // 20000)  # fit the cache
+        # fit the cache
+        parts = np.array_split(np.asarray(grid.points, dtype=float), 1 + grid.n_points // 20000)
         gap = np.concatenate([self.evaluate(part, 2 * size).gap for part in parts])
         contour = grid.contour([0.0], gap, compute_normals=False, method="flying_edges")
-        points, triangles = np.array(contour.points, dtype=float), np.array(contour.faces).reshape(-1, 4)[:, 1:]
+        points, triangles = (
+            np.array(contour.points, dtype=float),
+            np.array(contour.faces).reshape(-1, 4)[:, 1:],
+        )
         for _ in range(2):  # on to the surface; the second finds what is left
             gap, normals, _ = self.evaluate(points, 2 * size)
             points = points - gap[:, None] * normals
         # where the gap jumps or there is no nearest point, there is no surface
-        used, triangles = np.unique(triangles[(abs(gap) < 0.1 * size)[triangles].all(1)], return_inverse=True)
+        used, triangles = np.unique(
+            triangles[(abs(gap) < 0.1 * size)[triangles].all(1)], return_inverse=True
+        )
         points, normals, triangles = points[used], normals[used], triangles.reshape(-1, 3)
         p, q, r = points[triangles].swapaxes(0, 1)
         turned = (np.cross(q - p, r - p) * normals[triangles[:, 0]]).sum(1) < 0
         triangles[turned] = triangles[turned, ::-1]
         return points, normals, triangles
 
-    def _behind(self) -> "Surface":
+    def from_behind(self) -> "Surface":
         """Itself as `Reversed` wants it: an open surface is open from both sides."""
         return self
 
@@ -92,7 +105,7 @@ class Surface:
         raise NotImplementedError
 
 
-def _tangents(normal):
+def tangent_vectors(normal: np.ndarray) -> np.ndarray:
     """Two unit vectors (2, 3, n) that make a right-handed frame with unit normals (3, n)."""
     x, y, z = normal
     s = np.copysign(1.0, z)
@@ -101,14 +114,16 @@ def _tangents(normal):
     return np.array([[1 + s * x * x * a, s * b, -s * x], [b, s + y * y * a, -y]])
 
 
-def _in_frame(tangents, matrix):
-    """The entries 11, 22, 12 (3, n) of symmetric matrices (3, 3, n) in a frame of tangents (2, 3, n)."""
+def in_frame(tangents: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """The entries 11, 22, 12 (3, n) of symmetric matrices (3, 3, n) in a frame of tangents (2, 3,
+    n)."""
     along = np.einsum("ijn,ajn->ain", matrix, tangents)
     return np.array([(tangents[a] * along[b]).sum(0) for a, b in ((0, 0), (1, 1), (0, 1))])
 
 
 def _hessian_of_gap(tangents, shape, gap):
-    """K (I + gap K)^-1 as (n, 3, 3), of shape operators K given by their entries 11, 22, 12 (3, n) in the frame."""
+    """K (I + gap K)^-1 as (n, 3, 3), of shape operators K given by their entries 11, 22, 12 (3, n)
+    in the frame."""
     k11, k22, k12 = shape
     det = k11 * k22 - k12 * k12
     scale = 1 + gap * (k11 + k22) + gap * gap * det
@@ -116,12 +131,15 @@ def _hessian_of_gap(tangents, shape, gap):
     # Cayley-Hamilton: K adj(I + gap K) = K + gap det(K) I
     m11, m22, m12 = (k11 + gap * det) / scale, (k22 + gap * det) / scale, k12 / scale
     (s, t) = tangents
-    half = np.einsum("in,jn->nij", m11 * s + m12 * t, s) + np.einsum("in,jn->nij", m12 * s + m22 * t, t)
+    half = np.einsum("in,jn->nij", m11 * s + m12 * t, s) + np.einsum(
+        "in,jn->nij", m12 * s + m22 * t, t
+    )
     return (half + half.swapaxes(1, 2)) / 2
 
 
 class ImplicitSurface(Surface):
-    """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method on its Lagrangian.
+    """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method on its
+    Lagrangian.
 
     An own one gives `implicit`, `bound`, where F alone is cheaper `value`, and `radii`:
 
@@ -129,17 +147,16 @@ class ImplicitSurface(Surface):
             radii = (25.0, 25.0)
 
             def implicit(self, x):
-                zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25
-                gradient = np.array([-np.cos(x[0] / 5) / 5, zero, zero + 1])
-                return x[2] - 25 * curve, gradient, np.array([[curve, zero, zero], [zero] * 3, [zero] * 3])
+                zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25 gradient = np.array([-np.cos(x[0] / 5)
+                / 5, zero, zero + 1]) return x[2] - 25 * curve, gradient, np.array([[curve, zero,
+                zero], [zero] * 3, [zero] * 3])
 
             def bound(self, F, x):
                 return abs(F) / 1.02  # by the gradient's largest length
 
-    Gap, normal and curvature are exact at
-    the point found, whose distance from the surface and from the foot of the normal is below 1e-11 mm. Rows are NaN
-    where none is found, which can happen only further away than `radii`; there it can also be a point that is not the
-    nearest of all.
+    Gap, normal and curvature are exact at the point found, whose distance from the surface and from
+    the foot of the normal is below 1e-11 mm. Rows are NaN where none is found, which can happen
+    only further away than `radii`; there it can also be a point that is not the nearest of all.
     """
 
     def value(self, x: np.ndarray) -> np.ndarray:
@@ -151,7 +168,8 @@ class ImplicitSurface(Surface):
         raise NotImplementedError
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """What the distance from x (3, n) [mm], where `value` is F (n,), surely is not below, (n,) [mm]."""
+        """What the distance from x (3, n) [mm], where `value` is F (n,), surely is not below, (n,)
+        [mm]."""
         raise NotImplementedError
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
@@ -160,10 +178,13 @@ class ImplicitSurface(Surface):
         F = self.value(x)
         bound = self.bound(F, x)
         found = Nearest(
-            np.copysign(bound, F), np.tile([0.0, 0.0, 1.0], (len(points), 1)), np.zeros((len(points), 3, 3))
+            np.copysign(bound, F),
+            np.tile([0.0, 0.0, 1.0], (len(points), 1)),
+            np.zeros((len(points), 3, 3)),
         )
         near = np.flatnonzero(bound <= reach)
-        for part in np.array_split(near, max(1, len(near) // 4096)):  # blocks that stay in the cache
+        # blocks that stay in the cache
+        for part in np.array_split(near, max(1, len(near) // 4096)):
             self._project(x[:, part], part, found)
         return found
 
@@ -182,29 +203,38 @@ class ImplicitSurface(Surface):
             F, gradient, hessian = self.implicit(trial)
             size = np.sqrt((gradient * gradient).sum(0))
             normal = gradient / size
-            tangents = _tangents(normal)
+            tangents = tangent_vectors(normal)
             arm = x - trial
             gap = (arm * normal).sum(0)
             aside = np.einsum("ajn,jn->an", tangents, arm)
-            shape = _in_frame(tangents, hessian) / size
+            shape = in_frame(tangents, hessian) / size
             new = (aside * aside).sum(0) + (F / size) ** 2
             done = new <= tolerance**2
             if done.any():
                 at = rows[done]
                 found.gap[at] = gap[done]
                 found.normal[at] = normal[:, done].T
-                found.curvature[at] = _hessian_of_gap(tangents[:, :, done], shape[:, done], gap[done])
-            # Beyond a centre of curvature the distance has no minimum here, so the model is kept convex.
+                found.curvature[at] = _hessian_of_gap(
+                    tangents[:, :, done], shape[:, done], gap[done]
+                )
+            # Beyond a centre of curvature the distance has no minimum here, so the model is kept
+            # convex.
             a, b, c = 1 + gap * shape[0], 1 + gap * shape[1], gap * shape[2]
             lift = np.maximum(0, 0.1 - (a + b) / 2 + np.hypot((a - b) / 2, c))
             a, b = a + lift, b + lift
-            s, t = np.array([b * aside[0] - c * aside[1], a * aside[1] - c * aside[0]]) / (a * b - c * c)
+            s, t = np.array([b * aside[0] - c * aside[1], a * aside[1] - c * aside[0]]) / (
+                a * b - c * c
+            )
             newton = -F / size * normal + s * tangents[0] + t * tangents[1]
-            # A step that does not help is halved; one of an eighth is taken all the same, to get over a seam. Shorter
-            # steps later on end most of the cycles that there are far inside the body.
+            # A step that does not help is halved; one of an eighth is taken all the same, to get
+            # over a seam. Shorter steps later on end most of the cycles that there are far inside
+            # the body.
             taken = (new < merit) | (factor < 0.2)
             base, step = np.where(taken, trial, base), np.where(taken, newton, step)
-            merit, factor = np.where(taken, new, merit), np.where(taken, 1.0 if iteration < 20 else 0.6, factor / 2)
+            merit, factor = (
+                np.where(taken, new, merit),
+                np.where(taken, 1.0 if iteration < 20 else 0.6, factor / 2),
+            )
             if done.any():
                 on = ~done
                 x, base, step, rows = x[:, on], base[:, on], step[:, on], rows[on]
@@ -220,12 +250,16 @@ class Offset(Surface):
     def __init__(self, surface: Surface, distance: float) -> None:
         inside, outside = surface.radii
         allowed = f"above {-inside:g} and below {outside:g}, the radii of the surface"
-        self.surface, self.distance = surface, _number("distance", distance, allowed, -inside, outside)
+        self.surface, self.distance = (
+            surface,
+            checked_number("distance", distance, allowed, -inside, outside),
+        )
         self.radii = (inside + self.distance, outside - self.distance)
 
-    def _behind(self) -> Surface:
+    def from_behind(self) -> Surface:
+        """As in `Surface`."""
         seen = copy(self)
-        seen.surface = self.surface._behind()
+        seen.surface = self.surface.from_behind()
         return seen
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
@@ -233,36 +267,46 @@ class Offset(Surface):
         gap, normal, curvature = self.surface.nearest(points, reach + abs(self.distance))
         return Nearest(gap - self.distance, normal, curvature)
 
-    def _mesh(self, low, high, size):
+    def mesh(
+        self, low: ArrayLike, high: ArrayLike, size: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As in `Surface`."""
         room = abs(self.distance)
-        points, normals, triangles = self.surface._mesh(low - room, high + room, size)
+        low, high = np.subtract(low, room), np.add(high, room)
+        points, normals, triangles = self.surface.mesh(low, high, size)
         return points + self.distance * normals, normals, triangles
 
 
 class Reversed(Surface):
-    """`surface` with the body on its other side: `Reversed(Offset(punch, clearance))` is the die of a punch."""
+    """`surface` with the body on its other side: `Reversed(Offset(punch, clearance))` is the die of
+    a punch."""
 
     def __init__(self, surface: Surface) -> None:
-        self.surface, self.radii = surface._behind(), surface.radii[::-1]
+        self.surface, self.radii = surface.from_behind(), surface.radii[::-1]
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
         return Nearest(*(-a for a in self.surface.nearest(points, reach)))
 
-    def _mesh(self, low, high, size):
-        points, normals, triangles = self.surface._mesh(low, high, size)
+    def mesh(
+        self, low: ArrayLike, high: ArrayLike, size: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As in `Surface`."""
+        points, normals, triangles = self.surface.mesh(low, high, size)
         return points, -normals, triangles[:, ::-1]
 
 
 class Flipped(Surface):
-    """`surface` upside down: mirrored in the plane z = 0, the normal still pointing out of the body."""
+    """`surface` upside down: mirrored in the plane z = 0, the normal still pointing out of the
+    body."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface, self.radii = surface, surface.radii
 
-    def _behind(self) -> Surface:
+    def from_behind(self) -> Surface:
+        """As in `Surface`."""
         seen = copy(self)
-        seen.surface = self.surface._behind()
+        seen.surface = self.surface.from_behind()
         return seen
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
@@ -271,8 +315,11 @@ class Flipped(Surface):
         gap, normal, curvature = self.surface.nearest(points * mirror, reach)
         return Nearest(gap, normal * mirror, curvature * np.outer(mirror, mirror))
 
-    def _mesh(self, low, high, size):
+    def mesh(
+        self, low: ArrayLike, high: ArrayLike, size: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As in `Surface`."""
         mirror = np.array([1.0, 1.0, -1.0])
-        low, high = low * mirror, high * mirror
-        points, normals, triangles = self.surface._mesh(np.minimum(low, high), np.maximum(low, high), size)
+        ends = np.array([low, high]) * mirror
+        points, normals, triangles = self.surface.mesh(ends.min(0), ends.max(0), size)
         return points * mirror, normals * mirror, triangles[:, ::-1]

@@ -3,6 +3,7 @@
 import math
 from numbers import Real
 from reprlib import repr as shown
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,32 +11,48 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 
 
-def _number(name, value, allowed="of either sign", low=-math.inf, high=math.inf, closed=False):
-    """`value` as a float above `low` (or at it if `closed`) and below `high`; otherwise an InputError."""
+def checked_number(
+    name: str,
+    value: Any,
+    allowed: str = "of either sign",
+    low: float = -math.inf,
+    high: float = math.inf,
+    closed: bool = False,
+) -> float:
+    """`value` as a float above `low` (or at it if `closed`) and below `high`.
+
+    Raises InputError for any other, which says what is `allowed` in words.
+    """
     if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
-        if low < value < high or (closed and value == low):
-            return float(value)
-    raise InputError(f"{name} is {shown(value)}, but it must be a finite number, {allowed}")
+        number = float(value)
+        if low < number < high or (closed and number == low):
+            return number
+    raise InputError(f"{name} is {shown(value)}; allowed is a finite number, {allowed}")
 
 
-def _vector(name, value, unit=False):
-    """`value` as three floats, of length 1 if `unit`; otherwise an InputError."""
+def checked_vector(name: str, value: ArrayLike, unit: bool = False) -> np.ndarray:
+    """`value` as an array (3,), of length 1 if `unit`; raises InputError for any other."""
     try:
         vector = np.array(value, dtype=float)
     except (TypeError, ValueError):
         vector = np.empty(0)
     if vector.shape != (3,) or not np.isfinite(vector).all() or (unit and not vector.any()):
-        raise InputError(f"{name} is {shown(value)}, but it must be three finite numbers{', not all 0' * unit}")
+        besides = ", not all 0" if unit else ""
+        raise InputError(f"{name} is {shown(value)}; allowed are three finite numbers{besides}")
     # scaled first, so that its square neither overflows nor vanishes
-    return vector / abs(vector).max() / np.linalg.norm(vector / abs(vector).max()) if unit else vector
+    return (
+        vector / abs(vector).max() / np.linalg.norm(vector / abs(vector).max()) if unit else vector
+    )
 
 
-def _points(points: ArrayLike) -> np.ndarray:
-    """`points` as an array of shape (n, 3); otherwise an InputError."""
+def checked_points(points: ArrayLike) -> np.ndarray:
+    """`points` as an array of shape (n, 3); raises InputError for any other."""
     try:
         x = np.asarray(points, dtype=float)
     except (TypeError, ValueError):
-        raise InputError(f"points are {shown(points)}, but they must be numbers of shape (n, 3)") from None
+        raise InputError(
+            f"points are {shown(points)}; allowed are numbers of shape (n, 3)"
+        ) from None
     if x.ndim != 2 or x.shape[1] != 3:
-        raise InputError(f"points have the shape {x.shape}, but it must be (n, 3)")
+        raise InputError(f"points have the shape {x.shape}; allowed is (n, 3)")
     return x

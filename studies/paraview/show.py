@@ -1,10 +1,12 @@
-"""A study in ParaView: the deformed sheet coloured by shear angle, its yarns as lines, its tools, at the last state.
+"""A study in ParaView: the deformed sheet coloured by shear angle, its yarns as lines, its tools,
+at the last state.
 
     pvpython studies/paraview/show.py results/double_dome --picture formed.png
 
-writes a picture (with xvfb-run where there is no screen). In ParaView's window, Macros > Import New Macro... takes this file:
-open the fields.pvd of a study, and the macro shows that study. View > Python Shell > Run Script with this file does the same,
-after which show("results/double_dome") shows another. For ParaView 5.11 and later; needs nothing else of this project.
+writes a picture (with xvfb-run where there is no screen). In ParaView's window, Macros > Import New
+Macro... takes this file: open the fields.pvd of a study, and the macro shows that study. View >
+Python Shell > Run Script with this file does the same, after which show("results/double_dome")
+shows another. For ParaView 5.11 and later; needs nothing else of this project.
 """
 
 import argparse
@@ -19,12 +21,15 @@ YARN_COLOUR = (0.15, 0.16, 0.18)
 
 
 def show(folder=None, picture=None, spacing=None):
-    """Show the results in `folder`, by default those of the active source; picture: a PNG to write; spacing: between the
-    lines [mm], by default a round one. Returns the view. Raises ValueError where there are none."""
+    """Show the results in `folder`, by default those of the active source; picture: a PNG to write;
+    spacing: between the lines [mm], by default a round one. Returns the view. Raises ValueError
+    where there are none."""
     folder = _of_active_source() if folder is None else str(folder)
     path = os.path.join(folder, "fields.pvd")
     if not os.path.isfile(path):
-        raise ValueError(f"{path} is not there; allowed is the --out folder of a study that has written a state")
+        raise ValueError(
+            f"{path} is not there; allowed is the --out folder of a study that has written a state"
+        )
     if spacing is not None and not spacing > 0:
         raise ValueError(f"spacing is {spacing:g}; allowed is a number above 0")
     if picture and not os.path.isdir(os.path.dirname(os.path.abspath(picture))):
@@ -43,7 +48,13 @@ def show(folder=None, picture=None, spacing=None):
     scene = pv.GetAnimationScene()
     scene.UpdateAnimationUsingDataTimeSteps()
     scene.AnimationTime = view.ViewTime = time
-    degrees = pv.Calculator(registrationName="shear angle", Input=fields, AttributeType="Cell Data", ResultArrayName="shear_angle_deg", Function=f"shear_angle*{180 / math.pi!r}")  # fmt: skip
+    degrees = pv.Calculator(
+        registrationName="shear angle",
+        Input=fields,
+        AttributeType="Cell Data",
+        ResultArrayName="shear_angle_deg",
+        Function=f"shear_angle*{180 / math.pi!r}",
+    )
     sheet = pv.WarpByVector(registrationName="deformed", Input=degrees, Vectors=["POINTS", "u"])
     sheet.UpdatePipeline(time)
     display = pv.Show(sheet, view)
@@ -56,10 +67,18 @@ def show(folder=None, picture=None, spacing=None):
     for k in "ab":
         name = f"yarn_coordinate_{k}"
         low, high = sheet.PointData[name].GetRange()
-        # between multiples of the spacing, so that none runs along an edge, where rounding has it come and go
+        # between multiples of the spacing, so that none runs along an edge, where rounding has it
+        # come and go
         first, last = math.ceil(low / spacing - 0.5), math.floor(high / spacing - 0.5)
         values = [spacing * (n + 0.5) for n in range(first, last + 1)]
-        lines = pv.Contour(registrationName=f"yarns {k}", Input=sheet, ContourBy=["POINTS", name], Isosurfaces=values, ComputeNormals=0, ComputeScalars=0)  # fmt: skip
+        lines = pv.Contour(
+            registrationName=f"yarns {k}",
+            Input=sheet,
+            ContourBy=["POINTS", name],
+            Isosurfaces=values,
+            ComputeNormals=0,
+            ComputeScalars=0,
+        )
         drawn = pv.Show(lines, view)
         drawn.ColorArrayName = ["POINTS", ""]
         drawn.AmbientColor = drawn.DiffuseColor = YARN_COLOUR
@@ -133,7 +152,9 @@ def _look(pv, sheet, view):
     view.CameraViewUp = up
     view.CameraParallelProjection = 1
     pv.ResetCamera(view)
-    view.CameraParallelScale *= 0.75 if plane else 0.9  # which leaves room for a ball about the sheet
+    view.CameraParallelScale *= (
+        0.75 if plane else 0.9
+    )  # which leaves room for a ball about the sheet
 
 
 def main():
@@ -145,7 +166,9 @@ def main():
     try:
         show(**({} if inside else vars(p.parse_args())))
     except (ValueError, ImportError) as error:
-        lacking = isinstance(error, ImportError) and "this Python has no ParaView; allowed is pvpython"
+        lacking = (
+            isinstance(error, ImportError) and "this Python has no ParaView; allowed is pvpython"
+        )
         print(f"show.py: error: {lacking or error}", file=sys.stderr)
         if not inside:
             sys.exit(2)

@@ -5,7 +5,7 @@ import pytest
 from scipy.special import lambertw
 
 from fabric_fenicsx.material.homogeneous import NARROWEST, lateral_strain, nominal
-from fabric_fenicsx.material.pointwise import evaluate
+from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.presets import PRESETS
 
 KOMEILI = PRESETS["komeili"]
@@ -22,13 +22,17 @@ def test_nominal_stresses_are_derivatives_of_the_energy(unbalanced):
         return evaluate(unbalanced, cauchy_green=C).energy
 
     h = 1e-5
-    differences = [(energy(strains + h * axis) - energy(strains - h * axis)) / (2 * h) for axis in np.eye(3)]
+    differences = [
+        (energy(strains + h * axis) - energy(strains - h * axis)) / (2 * h) for axis in np.eye(3)
+    ]
     stress = nominal(unbalanced, strains)
     assert np.allclose(np.transpose(differences), stress, rtol=1e-6, atol=1e-7)
     flat = strains * [1, 1, 0]
     _, stiffness = nominal(unbalanced, flat, tangent=True)
     for k, axis in enumerate(np.eye(3)[:2]):
-        slope = (nominal(unbalanced, flat + h * axis) - nominal(unbalanced, flat - h * axis)) / (2 * h)
+        slope = (nominal(unbalanced, flat + h * axis) - nominal(unbalanced, flat - h * axis)) / (
+            2 * h
+        )
         assert np.allclose(slope[:, k], stiffness[:, k], rtol=1e-6)
         assert np.allclose(slope[:, 1 - k], stiffness[:, 2], rtol=1e-6, atol=1e-6)
 
@@ -44,9 +48,12 @@ def test_free_tension_contracts_as_in_the_notes():
 
 @pytest.mark.parametrize("along", [0, 1])
 def test_free_tension_has_a_closed_root(unbalanced, along):
-    """2 d_b eps_b + T_a(eps_a) (1 - p_min) c exp(c eps_b) = 0, by Lambert's function; from any start."""
+    """2 d_b eps_b + T_a(eps_a) (1 - p_min) c exp(c eps_b) = 0, by Lambert's function; from any
+    start."""
     strain = np.linspace(1e-4, 0.04, 9)
-    y, d = (unbalanced.warp, unbalanced.weft.d) if along == 0 else (unbalanced.weft, unbalanced.warp.d)
+    y, d = (
+        (unbalanced.warp, unbalanced.weft.d) if along == 0 else (unbalanced.weft, unbalanced.warp.d)
+    )
     pull = (y.a * strain**3 + y.b * strain**2) * (1 - y.p_min) * y.c
     exact = -lambertw(y.c * pull / (2 * d)).real / y.c
     for start in (None, 0.3 * exact, 3 * exact):

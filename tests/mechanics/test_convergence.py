@@ -1,4 +1,5 @@
-"""The membrane with all couplings against a manufactured solution: errors fall at the rates of the elements."""
+"""The membrane with all couplings against a manufactured solution: errors fall at the rates of the
+elements."""
 
 import numpy as np
 import pytest
@@ -7,45 +8,56 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.blank import Blank
-from fabric_fenicsx.material import pointwise
-from fabric_fenicsx.material.energy import energy_density
+from fabric_fenicsx.material import kernel
+from fabric_fenicsx.material.expression import energy_density
 from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import Scene, Support, edge_of
+from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
+from fabric_fenicsx.supports import Support, on_edge
 
 COMM = MPI.COMM_WORLD
 LENGTH, WIDTH = 100.0, 60.0
 ANGLES = np.radians([20.0, 105.0])
 YARNS = np.stack([np.cos(ANGLES), np.sin(ANGLES)], 1).tolist()
 (AX, AY), (BX, BY) = YARNS
-INWARDS = [[-AY, AX], [BY, -BX]]  # across a yarn, towards the other: this way both shear the fabric with one sign
+# across a yarn, towards the other: this way both shear the fabric with one sign
+INWARDS = [[-AY, AX], [BY, -BX]]
 DUAL = np.linalg.inv(np.transpose(YARNS)).tolist()
-# Mean stretch of the weft, mean turn of both yarns [rad]: on each side of the law's kinks one state that keeps off them.
+# Mean stretch of the weft, mean turn of both yarns [rad]: on each side of the law's kinks one state
+# that keeps off them.
 TENSION, COMPRESSION = (0.014, 0.06), (-0.08, 0.1)
 
 
 def sought(state, x, sin=np.sin):
-    """Displacement [mm] at points x, arrays or UFL's, by which yarns stretch, curve and turn towards each other."""
+    """Displacement [mm] at points x, arrays or UFL's, by which yarns stretch, curve and turn
+    towards each other."""
     weft, turned = state
     xi, eta = (d[0] * x[0] + d[1] * x[1] for d in DUAL)  # coordinates along the yarns
-    stretch = 0.014 * xi + 0.04 * sin(xi / 15 + eta / 12), weft * eta + 0.04 * sin(xi / 12 - eta / 18)
+    stretch = (
+        0.014 * xi + 0.04 * sin(xi / 15 + eta / 12),
+        weft * eta + 0.04 * sin(xi / 12 - eta / 18),
+    )
     turn = turned * xi + 0.6 * sin(xi / 15), turned * eta + 0.6 * sin(eta / 12)
     directions = *zip(stretch, YARNS), *zip(turn, INWARDS)
     return [sum(size * direction[i] for size, direction in directions) for i in range(2)]
 
 
-class Source:
-    """Body force and traction that the load factor times `sought` asks for, as virtual work of its stress:
-    with the whole edge held that is exact, and takes no divergence."""
+class Source(Term):
+    """Body force and traction that the load factor times `sought` asks for, as virtual work of its
+    stress: with the whole edge held that is exact, and takes no divergence."""
 
     name, energy_kind = "source", "load"
 
-    def __init__(self, blank, fabric, state):
-        mesh = blank.mesh
-        self._state, self._now = state, fem.Constant(mesh, (0.0, *state))
+    def __init__(self, loaded, state):
+        self._loaded, self._state = loaded, state
+
+    def set_up(self, scene):
+        blank, mesh, fabric, state = scene.blank, scene.blank.mesh, self._loaded, self._state
+        self._now = fem.Constant(mesh, (0.0, *state))
         load, *state = self._now
         u = load * ufl.as_vector(sought(state, ufl.SpatialCoordinate(mesh), ufl.sin))
         F = ufl.variable(ufl.Identity(2) + ufl.grad(u))
@@ -79,7 +91,8 @@ def mesh(cell, pattern, nx, level):
         return None, None, None
     if pattern == "unstructured":
         points, cells, kind = specimen(LENGTH, WIDTH, nx, nx * 3 // 5, pattern or "crossed", cell)
-        for _ in range(level):  # gmsh's own finer mesh would not be similar, and rates between the two noise
+        # gmsh's own finer mesh would not be similar, and rates between the two noise
+        for _ in range(level):
             points, cells = halved(points, cells)
         return points, cells, kind
     nx *= 2**level
@@ -92,8 +105,10 @@ def mesh(cell, pattern, nx, level):
 def errors(arrays, degree, fabric, state, quadrature_degree=None, integration="full"):
     """Norm in L2 and seminorm in H1 of the solution's error."""
     blank = Blank.from_arrays(COMM, *arrays, degree=degree, a=ANGLES[0], b=ANGLES[1])
-    edge = Support("edge", edge_of(blank), (0, 1), lambda x, load: load * np.array(sought(state, x)))
-    terms = [Membrane(blank, fabric, quadrature_degree, integration), Source(blank, fabric, state)]
+    edge = Support(
+        "edge", on_edge(blank), (0, 1), lambda x, load: load * np.array(sought(state, x))
+    )
+    terms = [Membrane(fabric, quadrature_degree, integration), Source(fabric, state)]
     outcome = march(Newton(Scene(blank, terms, [edge]), tolerance=1e-10), steps=2)
     assert outcome.reached == 1 and outcome.rejected == 0, outcome.reason
     numbers = tuple(fem.Constant(blank.mesh, state))  # one form for all states, like the source's
@@ -104,15 +119,20 @@ def errors(arrays, degree, fabric, state, quadrature_degree=None, integration="f
 
 @pytest.mark.parametrize(
     "sought_state, strains, shear",
-    [(TENSION, [(0.010, 0.023), (0.010, 0.023)], (1, 13)), (COMPRESSION, [(0.012, 0.028), (-0.082, -0.064)], (6, 18))],
+    [
+        (TENSION, [(0.010, 0.023), (0.010, 0.023)], (1, 13)),
+        (COMPRESSION, [(0.012, 0.028), (-0.082, -0.064)], (6, 18)),
+    ],
 )
 def test_the_solution_sought_crosses_no_kink_of_the_law(unbalanced, sought_state, strains, shear):
     x = np.stack(np.meshgrid(np.linspace(0, LENGTH, 101), np.linspace(0, WIDTH, 61))).reshape(2, -1)
     step = 1e-30j * np.eye(2)[:, :, None]  # a complex step differentiates to rounding
     gradient = np.stack([np.imag(sought(sought_state, x + h)) for h in step], -1) / 1e-30
     F = np.eye(2) + gradient.swapaxes(0, 1)
-    I4, _, I8, gamma = pointwise.evaluate(unbalanced, gradient=F, fibres=YARNS).invariants.T
-    for values, (low, high) in zip((np.sqrt(I4) - 1, np.sqrt(I8) - 1, np.degrees(gamma)), (*strains, shear)):
+    I4, _, I8, gamma = kernel.evaluate(unbalanced, gradient=F, fibres=YARNS).invariants.T
+    for values, (low, high) in zip(
+        (np.sqrt(I4) - 1, np.sqrt(I8) - 1, np.degrees(gamma)), (*strains, shear)
+    ):
         assert low < values.min() and values.max() < high
 
 
@@ -133,15 +153,24 @@ def test_the_solution_sought_crosses_no_kink_of_the_law(unbalanced, sought_state
     ],
 )
 def test_errors_fall_at_the_rates_of_theory(unbalanced, cell, degree, pattern, nx, state):
-    found = np.array([errors(mesh(cell, pattern, nx, level), degree, unbalanced, state) for level in range(3)])
+    found = np.array(
+        [errors(mesh(cell, pattern, nx, level), degree, unbalanced, state) for level in range(3)]
+    )
     rates = np.log2(found[:-1] / found[1:])
-    assert rates[-1, 0] >= degree + 0.85 and rates[-1, 1] >= degree - 0.05, f"errors {found}, rates {rates}"
+    assert rates[-1, 0] >= degree + 0.85 and rates[-1, 1] >= degree - 0.05, (
+        f"errors {found}, rates {rates}"
+    )
 
 
-@pytest.mark.parametrize("pattern, state", [("right", TENSION), ("unstructured", TENSION), ("right", COMPRESSION)])
+@pytest.mark.parametrize(
+    "pattern, state", [("right", TENSION), ("unstructured", TENSION), ("right", COMPRESSION)]
+)
 def test_reduced_integration_costs_an_order(unbalanced, pattern, state):
     found = np.array(
-        [errors(mesh("triangle", pattern, 5, level), 2, unbalanced, state, integration="reduced") for level in range(4)]
+        [
+            errors(mesh("triangle", pattern, 5, level), 2, unbalanced, state, integration="reduced")
+            for level in range(4)
+        ]
     )
     rates = np.log2(found[:-1] / found[1:])
     assert rates[-1, 0] >= 1.85 and rates[-1, 1] >= 0.95, f"errors {found}, rates {rates}"

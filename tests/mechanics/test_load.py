@@ -4,19 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from builders import alone, rotation, sheet
 
-from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.membrane import Membrane
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import Scene, Support
+from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
+from fabric_fenicsx.supports import Support
 
-COMM = MPI.COMM_WORLD
 LENGTH, WIDTH, TENSION = 40.0, 10.0, 8.0
 FLAT = np.eye(3)
 pytestmark = pytest.mark.mpi
@@ -24,33 +22,33 @@ pytestmark = pytest.mark.mpi
 
 def strip(spatial, turn=FLAT, cell="triangle", **options):
     """In its plane, in space along x and y, or turned in space with its frame."""
-    points, cells, kind = specimen(LENGTH, WIDTH, 8, 2, "left", cell) if COMM.rank == 0 else (None,) * 3
-    if COMM.rank == 0:
-        points = points @ turn.T
-    if spatial:
-        options |= {"a": turn[:, 0], "up": turn[:, 2], "frame": turn.T}
-    return Blank.from_arrays(COMM, points, cells, kind, spatial=spatial, **options)
+    options |= {"turn": turn, "a": turn[:, 0]} if spatial else {}
+    return sheet(LENGTH, WIDTH, 8, 2, "left", cell=cell, spatial=spatial, **options)
 
 
 def end(blank, position):
     return lambda x: np.abs(blank.along(x)[0] - position) < 1e-6
 
 
-def rotation():
-    Q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
-    return Q * np.sign(np.linalg.det(Q))
-
-
 @pytest.mark.parametrize("kind", ["plane", "P2", "Q1", "in space", "turned"])
 def test_edge_tension_is_the_stress_of_a_strip(kind):
-    """Pulled at both ends by T [N/mm], free across: stress T / t along, in each cell; the grips' work is its energy."""
+    """Pulled at both ends by T [N/mm], free across: stress T / t along, in each cell; the grips'
+    work is its energy."""
     turn = rotation() if kind == "turned" else FLAT
     spatial = kind in ("in space", "turned")
-    blank = strip(spatial, turn, "quadrilateral" if kind == "Q1" else "triangle", degree=2 if kind == "P2" else 1)
+    blank = strip(
+        spatial,
+        turn,
+        "quadrilateral" if kind == "Q1" else "triangle",
+        degree=2 if kind == "P2" else 1,
+    )
     fabric = load("komeili").without("biaxial")
-    membrane = Membrane(blank, fabric)
+    membrane = Membrane(fabric)
     gdim = blank.mesh.geometry.dim
-    pulls = [EdgeTension(blank, lambda load: load * TENSION, s * turn[:gdim, 0], end(blank, p)) for s, p in ((-1, 0.0), (1, LENGTH))]  # fmt: skip
+    pulls = [
+        EdgeTension(lambda load: load * TENSION, s * turn[:gdim, 0], end(blank, p))
+        for s, p in ((-1, 0.0), (1, LENGTH))
+    ]
     held = [Support("corner", lambda x: np.abs(blank.along(x)[:2]).max(0) < 1e-6, (0,))]
     held += [Support("side", lambda x: np.abs(blank.along(x)[1]) < 1e-6, (1,))]
     if spatial:
@@ -61,7 +59,9 @@ def test_edge_tension_is_the_stress_of_a_strip(kind):
     state = membrane.state()[0]
     # P = F S, on the undeformed width
     nominal = np.sqrt(state.invariants[..., 0, None, None]) * state.S * fabric.thickness
-    assert nominal == pytest.approx(np.broadcast_to(np.diag([TENSION, 0]), nominal.shape), abs=1e-6 * TENSION)
+    assert nominal == pytest.approx(
+        np.broadcast_to(np.diag([TENSION, 0]), nominal.shape), abs=1e-6 * TENSION
+    )
     print(kind, sum(states[-1].energies.values()) / states[-1].external_work - 1)
     assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=1e-3)
 
@@ -69,9 +69,12 @@ def test_edge_tension_is_the_stress_of_a_strip(kind):
 def test_pull_that_is_there_from_the_start_finds_its_equilibrium_before_the_load():
     """What the strip then stores counts as work done, so that the balance closes from load 0 on."""
     blank = strip(False)
-    pull = EdgeTension(blank, TENSION, (1, 0), end(blank, LENGTH))
-    supports = [Support("grip", end(blank, 0.0), (0,)), Support("side", lambda x: np.abs(x[1]) < 1e-6, (1,))]
-    scene, states = Scene(blank, [Membrane(blank, load("komeili")), pull], supports), []
+    pull = EdgeTension(TENSION, (1, 0), end(blank, LENGTH))
+    supports = [
+        Support("grip", end(blank, 0.0), (0,)),
+        Support("side", lambda x: np.abs(x[1]) < 1e-6, (1,)),
+    ]
+    scene, states = Scene(blank, [Membrane(load("komeili")), pull], supports), []
     outcome = march(Newton(scene), 2, on_accept=states.append)
     assert not outcome.reason, outcome.reason
     assert scene.reaction("grip")[0] == pytest.approx(-TENSION * WIDTH, rel=1e-6)
@@ -85,9 +88,9 @@ def test_dead_pressure_on_a_tilted_patch():
     """Held at all its nodes: reaction p A, whatever the tilt, no energy."""
     Q = rotation()
     blank = strip(True, Q)
-    load_ = DeadPressure(blank, 0.1, Q[:, 2])
+    load_ = DeadPressure(0.1, Q[:, 2])
     everywhere = Support("all", lambda x: np.full(x.shape[1], True), (0, 1, 2))
-    scene = Scene(blank, [Membrane(blank, load("komeili")), load_], [everywhere])
+    scene = Scene(blank, [Membrane(load("komeili")), load_], [everywhere])
     scene.at(0.5)
     scene.residual(scene.u.duplicate())
     assert scene.reaction("all") == pytest.approx([0, 0, -0.05 * LENGTH * WIDTH], abs=1e-9)
@@ -97,17 +100,24 @@ def test_dead_pressure_on_a_tilted_patch():
 @pytest.mark.parametrize(
     "make, words",
     [
-        (lambda b: EdgeTension(b, 1.0, (1, 0), end(b, 77.0)), "marks no side of blank; allowed is"),
-        (lambda b: EdgeTension(b, math.nan, (1, 0), end(b, 0.0)), "is nan N/mm at load 0; allowed is a finite number"),
+        (lambda b: EdgeTension(1.0, (1, 0), end(b, 77.0)), "marks no side of blank; allowed is"),
         (
-            lambda b: EdgeTension(b, 1.0, (0, 0), end(b, 0.0)),
+            lambda b: EdgeTension(math.nan, (1, 0), end(b, 0.0)),
+            "is nan N/mm at load 0; allowed is a finite number",
+        ),
+        (
+            lambda b: EdgeTension(1.0, (0, 0), end(b, 0.0)),
             r"is \[0.0, 0.0\]; allowed are 2 finite numbers, not all 0",
         ),
-        (lambda b: EdgeTension(b, 1.0, (0, 0, 1), end(b, 0.0)), "allowed are 2 finite numbers"),
-        (lambda b: DeadPressure(b, math.inf, (1, 0)), "dead pressure is inf MPa; allowed is a finite number"),
-        (lambda b: DeadPressure(b, 1.0, (math.nan, 0)), "direction of dead pressure is"),
+        (lambda b: EdgeTension(1.0, (0, 0, 1), end(b, 0.0)), "allowed are 2 finite numbers"),
+        (
+            lambda b: DeadPressure(math.inf, (1, 0)),
+            "dead pressure is inf MPa; allowed is a finite number",
+        ),
+        (lambda b: DeadPressure(1.0, (math.nan, 0)), "direction of dead pressure is"),
     ],
 )
 def test_bad_input_is_refused(make, words):
     with pytest.raises(InputError, match=words):
-        make(strip(False))
+        blank = strip(False)
+        alone(blank, make(blank))

@@ -23,7 +23,11 @@ def done(work, loads):
 
 
 def exact(low, high):
-    integral = [(high**3 - low**3) / 3, 1.5 * (high**2 - low**2) - (high**3 - low**3) / 3, high - low]
+    integral = [
+        (high**3 - low**3) / 3,
+        1.5 * (high**2 - low**2) - (high**3 - low**3) / 3,
+        high - low,
+    ]
     return np.array(integral) @ SPEED
 
 
@@ -54,7 +58,8 @@ def test_a_state_accepted_twice_counts_once():
 
 
 def test_forces_that_turn_with_what_they_move():
-    """A tangential force along a quarter of a circle: its work is the arc, where chords alone are of second order."""
+    """A tangential force along a quarter of a circle: its work is the arc, where chords alone are
+    of second order."""
     errors = []
     for steps in (8, 16):
         angles = np.linspace(0, np.pi / 2, steps + 1)

@@ -7,9 +7,9 @@ import subprocess
 import sys
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
+import builders
 import numpy as np
 import pytest
 import pyvista
@@ -18,12 +18,11 @@ from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import vtkDataArray
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact import Contact
 from fabric_fenicsx.mechanics.membrane import Membrane
-from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.results.fields import UNITS, FieldSeries, cell_fields, nodal_fields, read_last, yarn_coordinates
+from fabric_fenicsx.results.fields import UNITS, FieldSeries, read_last, yarn_coordinates
+from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.tools import (
     Cylinder,
     DoubleDome,
@@ -38,19 +37,18 @@ from fabric_fenicsx.tools import (
 
 COMM = MPI.COMM_WORLD
 LENGTH, WIDTH = 60.0, 40.0
-VTK_CELL = {"P1": 5, "P2": 69, "P3": 69, "Q1": 9, "Q2": 70}  # VTK's numbers; 69, 70: Lagrange triangle, quadrilateral
+# VTK's numbers; 69, 70: Lagrange triangle, quadrilateral
+VTK_CELL = {"P1": 5, "P2": 69, "P3": 69, "Q1": 9, "Q2": 70}
 
 
-def sheet(element="P1", spatial=False, nx=6, shape=None, comm=COMM, **options):
-    """A sheet from the origin on, formed by `shape`, a function of its points (n, 3); its membrane."""
+def sheet(element="P1", spatial=False, nx=6, shape=None, comm=COMM, terms=(), **options):
+    """A sheet from the origin on, formed by `shape`; the scene of its scene and other `terms`."""
     cell = "triangle" if element[0] == "P" else "quadrilateral"
-    points = cells = kind = None
-    if comm.rank == 0:
-        points, cells, kind = specimen(LENGTH, WIDTH, nx, nx * 2 // 3, cell=cell)
-        points = shape(points) if shape else points
     options = {"a": 0.4, "degree": int(element[1]), "spatial": spatial} | options
-    blank = Blank.from_arrays(comm, points, cells, kind, **options)
-    return Membrane(blank, load("komeili"))
+    blank = builders.sheet(
+        LENGTH, WIDTH, nx, nx * 2 // 3, comm=comm, cell=cell, shape=shape, **options
+    )
+    return Scene(blank, [Membrane(load("komeili")), *terms])
 
 
 def deform(blank, amount):
@@ -75,13 +73,13 @@ def states(path):
 @pytest.mark.parametrize("element", VTK_CELL)
 def test_series_read_back(tmp_path, element, spatial):
     folder = COMM.bcast(tmp_path)
-    membrane = sheet(element, spatial)
-    blank, gdim = membrane.blank, 3 if spatial else 2
+    scene = sheet(element, spatial)
+    blank, gdim = scene.blank, 3 if spatial else 2
     inside = np.random.default_rng(0).uniform([1, 1, 0], [LENGTH - 1, WIDTH - 1, 0], (50, 3))
-    series, written = FieldSeries(folder, membrane), {}
+    series, written = FieldSeries(folder, scene), {}
     for at in (0.0, 1 / 3, 1.0):
         deform(blank, at)
-        fields = cell_fields(membrane)[0]
+        fields = scene.cell_fields()
         series.write(at, fields)
         written[at] = COMM.gather((compat.values_at(blank.u, inside), fields))
     if COMM.rank != 0:
@@ -98,10 +96,19 @@ def test_series_read_back(tmp_path, element, spatial):
         assert sampled["vtkValidPointMask"].all()
         np.testing.assert_allclose(sampled["u"][:, :gdim], u, atol=1e-9)
         assert gdim == 3 or not grid["u"][:, 2].any()
-        across = np.column_stack([-np.sin(0.4) * inside[:, 0] + np.cos(0.4) * inside[:, 1], np.cos(0.4) * inside[:, 0] + np.sin(0.4) * inside[:, 1]])  # fmt: skip
+        across = np.column_stack(
+            [
+                -np.sin(0.4) * inside[:, 0] + np.cos(0.4) * inside[:, 1],
+                np.cos(0.4) * inside[:, 0] + np.sin(0.4) * inside[:, 1],
+            ]
+        )
         for k, name in enumerate("ab"):
             np.testing.assert_allclose(sampled[f"yarn_coordinate_{name}"], across[:, k], atol=1e-9)
-        assert grid.n_cells == sum(len(fields["eps_a"]) for _, fields in parts) == (96 if element[0] == "P" else 24)
+        assert (
+            grid.n_cells
+            == sum(len(fields["eps_a"]) for _, fields in parts)
+            == (96 if element[0] == "P" else 24)
+        )
         for name, values in parts[0][1].items():
             values = np.concatenate([fields[name] for _, fields in parts])
             assert np.array_equal(grid.cell_data[name], values), name
@@ -111,30 +118,37 @@ def test_series_read_back(tmp_path, element, spatial):
 
 @pytest.mark.parametrize("element", VTK_CELL)
 def test_fibres_are_as_long_as_their_strain_says(tmp_path, element):
-    membrane = sheet(element, spatial=True)
-    x = membrane.blank.coordinates()
-    membrane.blank.u.x.array[:] = (x @ [[0.03, 0.01, 0], [0.05, -0.02, 0.1], [0, 0, 0]]).ravel()
-    FieldSeries(tmp_path, membrane).write(0.0, cell_fields(membrane)[0])
+    scene = sheet(element, spatial=True)
+    x = scene.blank.coordinates()
+    scene.blank.u.x.array[:] = (x @ [[0.03, 0.01, 0], [0.05, -0.02, 0.1], [0, 0, 0]]).ravel()
+    FieldSeries(tmp_path, scene).write(0.0, scene.cell_fields())
     grid = read_last(tmp_path)
     for name in "ab":
-        np.testing.assert_allclose(np.linalg.norm(grid[name], axis=1), 1 + grid[f"eps_{name}"], rtol=1e-12)
+        np.testing.assert_allclose(
+            np.linalg.norm(grid[name], axis=1), 1 + grid[f"eps_{name}"], rtol=1e-12
+        )
     cosine = (grid["a"] * grid["b"]).sum(1) / (1 + grid["eps_a"]) / (1 + grid["eps_b"])
     np.testing.assert_allclose(np.arcsin(cosine), grid["shear_angle"], atol=1e-12)
 
 
 def test_every_array_has_its_unit(tmp_path):
-    membrane = sheet(spatial=True)
-    contact = Contact(membrane.blank, Tool("ball", Sphere((30, 20, -9.9), 10.0)), 0.4, 100.0)
-    scene = SimpleNamespace(blank=membrane.blank, terms=[membrane, contact])
-    FieldSeries(tmp_path, membrane, terms=scene.terms).write(0.0, cell_fields(membrane)[0], nodal_fields(scene))
+    scene = sheet(
+        spatial=True, terms=[Contact(Tool(Sphere(10.0, (30, 20, -9.9)), name="ball"), 0.4, 100.0)]
+    )
+    FieldSeries(tmp_path, scene).write(0.0)
+    units = UNITS | scene.units()
     for path in (tmp_path / "fields" / "0000_0.vtu", tmp_path / "tools" / "0000_0.vtp"):
         ElementTree.parse(path)  # ParaView 5.11 on Debian 12 reads no other
         read = pyvista.read(path)
         names = set()
         for arrays in (read.point_data, read.cell_data):
             for name in arrays:
-                key = arrays.VTKObject.GetAbstractArray(name).GetInformation().Get(vtkDataArray.UNITS_LABEL())
-                assert key == UNITS[name], name
+                key = (
+                    arrays.VTKObject.GetAbstractArray(name)
+                    .GetInformation()
+                    .Get(vtkDataArray.UNITS_LABEL())
+                )
+                assert key == units[name], name
                 names.add(f"{name} [{key}]")
         assert set(read.field_data["units"]) == names
     assert "u [mm]" in pyvista.read(tmp_path / "fields" / "0000_0.vtu").field_data["units"]
@@ -155,7 +169,8 @@ def test_yarn_coordinates_of_straight_yarns_that_are_not_orthogonal():
 @pytest.mark.parametrize("spatial", [False, True])
 @pytest.mark.parametrize("element", ["P1", "P2", "Q2"])
 def test_yarn_coordinates_of_curved_yarns(by_position, element, spatial):
-    """Yarns a are circles about a point, b the rays from it; distances across the circles stay, between rays they don't."""
+    """Yarns a are circles about a point, b the rays from it; distances across the circles stay,
+    between rays they don't."""
     centre = np.array([-30.0, -20.0])
 
     def rays(x):
@@ -185,8 +200,12 @@ def test_yarn_coordinates_of_a_sheet_that_is_not_flat():
     x = blank.coordinates()
     found = yarn_coordinates(blank)
     arc = 60 * np.arctan2(x[:, 0], x[:, 2])
-    np.testing.assert_allclose(abs(found[:, 0] - found[:, 0].mean()), abs(x[:, 1] - x[:, 1].mean()), atol=2e-3)
-    np.testing.assert_allclose(abs(found[:, 1] - found[:, 1].mean()), abs(arc - arc.mean()), atol=0.03)
+    np.testing.assert_allclose(
+        abs(found[:, 0] - found[:, 0].mean()), abs(x[:, 1] - x[:, 1].mean()), atol=2e-3
+    )
+    np.testing.assert_allclose(
+        abs(found[:, 1] - found[:, 1].mean()), abs(arc - arc.mean()), atol=0.03
+    )
 
 
 # -- tools
@@ -196,12 +215,12 @@ DOME = DoubleDome()
 BOX = np.array([-10.0, -5.0, -40.0]), np.array([LENGTH, WIDTH, 70.0])
 SURFACES = {
     "plane": (Plane((0, 0, 3.3), (0.2, 0.1, 1)), BOX),
-    "sphere": (Sphere((20, 20, 0), 15.0), BOX),
+    "sphere": (Sphere(15.0, (20, 20, 0)), BOX),
     "cylinder": (Cylinder((20, 20, 10), (1, 1, 0.2), 12.0), BOX),
     "double dome": (DOME, ([-24, -14, -30], [259, 149, 90])),
     "die": (Reversed(Offset(DOME, 1.2)), ([-24, -14, -30], [259, 149, 90])),
     "upside down": (Flipped(DOME), ([-24, -14, -90], [259, 149, 30])),
-    "shrunk": (Offset(Sphere((20, 20, 0), 15.0), -5.0), BOX),
+    "shrunk": (Offset(Sphere(15.0, (20, 20, 0)), -5.0), BOX),
 }
 
 
@@ -224,7 +243,8 @@ def test_triangles_of_a_surface(name):
     if name == "sphere":
         assert np.linalg.norm(area, axis=1).sum() / 2 == pytest.approx(4 * np.pi * 15**2, rel=5e-3)
     margin = 2.5 if name == "die" else 5.1 if name == "shrunk" else 1e-2
-    assert (points[used] > np.subtract(low, margin)).all() and (points[used] < np.add(high, margin)).all()
+    assert (points[used] > np.subtract(low, margin)).all()
+    assert (points[used] < np.add(high, margin)).all()
 
 
 def test_triangles_of_a_triangulated_surface_are_its_own():
@@ -240,29 +260,30 @@ def test_triangles_of_a_triangulated_surface_are_its_own():
 @pytest.mark.mpi
 def test_contact_fields_and_tools_at_each_state(tmp_path):
     folder, thickness = COMM.bcast(tmp_path), 0.4
-    membrane = sheet(spatial=True, nx=18)
-    blank = membrane.blank
-    ball = Tool("ball & chain", Sphere((30, 20, -20.0), 15.0), path=(0, 2, 6.0))
-    table = Tool("table", Plane((0, 0, 1.0), (0, 0, -1)))
-    contacts = [Contact(blank, tool, thickness, 100.0) for tool in (ball, table)]
-    scene = SimpleNamespace(blank=blank, terms=[membrane, *contacts])
+    ball = Tool(Sphere(15.0, (30, 20, -20.0)), path=(0, 2, 6.0), name="ball & chain")
+    table = Tool(Plane((0, 0, 1.0), (0, 0, -1)), name="table")
+    contacts = [Contact(tool, thickness, 100.0) for tool in (ball, table)]
+    scene = sheet(spatial=True, nx=18, terms=contacts)
+    blank = scene.blank
 
     def begin(kept=()):
-        return FieldSeries(folder, membrane, kept, scene.terms)
+        return FieldSeries(folder, scene, kept)
 
     def go_on(series, *loads):
         for at in loads:
             blank.u.x.array[2::3] = 0.5 * at
             for contact in contacts:
                 contact.at(at)
-            series.write(at, cell_fields(membrane)[0], nodal_fields(scene))
+            series.write(at)
 
     series = begin()
     go_on(series, 0.0, 0.5, 0.75)
     # as from a checkpoint that was made before the last state
     series = begin([[at, list(ranks)] for at, ranks in series.states[:2]])
     if COMM.rank == 0:
-        assert list(states(folder / "fields.pvd")) == list(states(folder / "tools.pvd")) == [0.0, 0.5]
+        assert (
+            list(states(folder / "fields.pvd")) == list(states(folder / "tools.pvd")) == [0.0, 0.5]
+        )
         assert not (folder / "tools" / "0002_0.vtp").exists()
     go_on(series, 1.0)
     traction = COMM.gather(sum(contact.tractions() for contact in contacts))
@@ -271,7 +292,10 @@ def test_contact_fields_and_tools_at_each_state(tmp_path):
         return
     assert 'name="ball &amp; chain"' in (folder / "tools.pvd").read_text()
     for at, (first, second) in states(folder / "tools.pvd").items():
-        assert [first.field_data["tool"][0], second.field_data["tool"][0]] == ["ball & chain", "table"]
+        assert [first.field_data["tool"][0], second.field_data["tool"][0]] == [
+            "ball & chain",
+            "table",
+        ]
         centre = np.array([30, 20 + 2 * at, -20 + 6 * at])
         np.testing.assert_allclose(np.linalg.norm(first.points - centre, axis=1), 15, atol=1e-4)
         np.testing.assert_allclose(first["Normals"], (first.points - centre) / 15, atol=1e-4)
@@ -288,7 +312,9 @@ def test_contact_fields_and_tools_at_each_state(tmp_path):
     assert distance.max() < 1e-9
     traction = np.concatenate(traction)[node]
     np.testing.assert_allclose(grid["contact_traction"], traction, atol=1e-12)
-    np.testing.assert_allclose(grid["contact_pressure"], np.linalg.norm(traction, axis=1), atol=1e-12)
+    np.testing.assert_allclose(
+        grid["contact_pressure"], np.linalg.norm(traction, axis=1), atol=1e-12
+    )
     assert traction.any()
 
 
@@ -296,8 +322,8 @@ def test_a_scene_without_tools_leaves_none(tmp_path):
     (tmp_path / "tools").mkdir()
     (tmp_path / "tools" / "0000_0.vtp").touch()
     (tmp_path / "tools.pvd").touch()
-    membrane = sheet()
-    FieldSeries(tmp_path, membrane).write(0.0, cell_fields(membrane)[0])
+    scene = sheet()
+    FieldSeries(tmp_path, scene).write(0.0, scene.cell_fields())
     assert not (tmp_path / "tools.pvd").exists() and not list((tmp_path / "tools").iterdir())
 
 
@@ -305,23 +331,23 @@ def test_a_scene_without_tools_leaves_none(tmp_path):
 
 
 def test_a_later_state_at_the_same_load_takes_the_place_of_the_first(tmp_path):
-    membrane = sheet()
-    series = FieldSeries(tmp_path, membrane)
+    scene = sheet()
+    series = FieldSeries(tmp_path, scene)
     for at, amount in ((0.0, 0.0), (1.0, 0.5), (1.0, 1.0)):
-        deform(membrane.blank, amount)
-        series.write(at, cell_fields(membrane)[0])
+        deform(scene.blank, amount)
+        series.write(at, scene.cell_fields())
     assert [at for at, _ in series.states] == list(states(tmp_path / "fields.pvd")) == [0.0, 1.0]
-    u = membrane.blank.nodal_displacement()
+    u = scene.blank.nodal_displacement()
     assert np.array_equal(read_last(tmp_path)["u"][:, :2], u)
 
 
 def test_a_new_run_takes_the_series_of_another_away(tmp_path):
-    membrane = sheet()
-    series = FieldSeries(tmp_path, membrane)
+    scene = sheet()
+    series = FieldSeries(tmp_path, scene)
     for at in (0.0, 0.5):
-        series.write(at, cell_fields(membrane)[0])
+        series.write(at, scene.cell_fields())
     (tmp_path / "fields" / "0000_0.vtu.part").touch()
-    FieldSeries(tmp_path, membrane)
+    FieldSeries(tmp_path, scene)
     assert not (tmp_path / "fields.pvd").exists() and not list((tmp_path / "fields").iterdir())
 
 
@@ -329,17 +355,19 @@ WRITER = """
 import sys, pathlib
 from mpi4py import MPI
 from scipy.spatial import cKDTree
-sys.path.insert(0, sys.argv[2])
-from test_fields import FieldSeries, cell_fields, sheet
-membrane = sheet(nx=30)
-series, fields = FieldSeries(pathlib.Path(sys.argv[1]), membrane), cell_fields(membrane)[0]
+sys.path[:0] = [sys.argv[2], sys.argv[2] + "/.."]
+from test_fields import FieldSeries, sheet
+scene = sheet(nx=30)
+series, fields = FieldSeries(pathlib.Path(sys.argv[1]), scene), scene.cell_fields()
 for at in range(3000):
     series.write(at / 3000, fields)
 """
 
 
 def test_a_run_that_is_killed_leaves_a_series_that_opens(tmp_path):
-    process = subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path), os.path.dirname(__file__)])
+    process = subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(tmp_path), os.path.dirname(__file__)]
+    )
     while not (tmp_path / "fields" / "0009_0.vtu").exists():
         assert process.poll() is None
         time.sleep(0.003)
@@ -353,8 +381,8 @@ def test_a_run_that_is_killed_leaves_a_series_that_opens(tmp_path):
 
 @pytest.mark.parametrize("file", ["fields/0001_0.vtu", "fields.pvd"])
 def test_a_full_disk_is_an_error_that_names_the_file(tmp_path, file):
-    membrane = sheet()
-    series, fields = FieldSeries(tmp_path, membrane), cell_fields(membrane)[0]
+    scene = sheet()
+    series, fields = FieldSeries(tmp_path, scene), scene.cell_fields()
     series.write(0.0, fields)
     if file == "fields.pvd":
         (tmp_path / "fields.pvd.part").mkdir()
@@ -375,8 +403,8 @@ def test_a_full_disk_is_an_error_that_names_the_file(tmp_path, file):
 
 
 def test_a_folder_that_is_removed_is_an_error_that_names_the_file(tmp_path):
-    membrane = sheet()
-    series, fields = FieldSeries(tmp_path, membrane), cell_fields(membrane)[0]
+    scene = sheet()
+    series, fields = FieldSeries(tmp_path, scene), scene.cell_fields()
     shutil.rmtree(tmp_path / "fields")
     with pytest.raises(FileNotFoundError) as caught:
         series.write(0.0, fields)
@@ -386,13 +414,13 @@ def test_a_folder_that_is_removed_is_an_error_that_names_the_file(tmp_path):
 @pytest.mark.mpi
 def test_all_ranks_learn_of_the_file_that_one_cannot_write(tmp_path):
     folder, last = COMM.bcast(tmp_path), COMM.size - 1
-    membrane = sheet()
-    series = FieldSeries(folder, membrane)
+    scene = sheet()
+    series = FieldSeries(folder, scene)
     if COMM.rank == 0:
         (folder / "fields" / f"0000_{last}.vtu.part").mkdir()
     COMM.barrier()
     with pytest.raises(IsADirectoryError) as caught:
-        series.write(0.0, cell_fields(membrane)[0])
+        series.write(0.0, scene.cell_fields())
     assert caught.value.filename == str(folder / "fields" / f"0000_{last}.vtu")
 
 
@@ -400,6 +428,6 @@ def test_show_needs_results(tmp_path):
     """What of it can be seen without ParaView."""
     show = [sys.executable, Path(__file__).parents[2] / "studies" / "paraview" / "show.py"]
     done = subprocess.run([*show, tmp_path], capture_output=True, text=True)
-    assert (
-        done.returncode == 2 and done.stderr.count("\n") == 1 and f"{tmp_path}/fields.pvd is not there" in done.stderr
-    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert f"{tmp_path}/fields.pvd is not there" in done.stderr

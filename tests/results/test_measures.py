@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import measures
+from fabric_fenicsx.sheets.blank import Blank
 
 COMM = MPI.COMM_WORLD
 KINDS = [
@@ -31,7 +31,11 @@ def sheet(pattern="crossed", cell="triangle", nx=24, hole=0.0, **options):
 @pytest.mark.parametrize("pattern, cell", KINDS)
 def test_areas(pattern, cell):
     turned = np.array([[0.6, 0.8], [-0.8, 0.6]])
-    for blank in (sheet(pattern, cell), sheet(pattern, cell, frame=turned), sheet(pattern, cell, spatial=True)):
+    for blank in (
+        sheet(pattern, cell),
+        sheet(pattern, cell, frame=turned),
+        sheet(pattern, cell, spatial=True),
+    ):
         area = measures.areas(blank)
         assert area.min(initial=1) > 0
         assert COMM.allreduce(area.sum()) == pytest.approx(200 * 50, rel=1e-12)
@@ -53,7 +57,9 @@ def test_means_and_quantiles_are_those_of_the_area():
     for pattern, nx in (("crossed", 48), ("graded", 48), ("unstructured", 60)):
         blank = sheet(pattern, nx=nx)
         x, area = blank.midpoints()[0], measures.areas(blank)
-        assert measures.mean(COMM, x, area) == pytest.approx(100, rel=1e-9 if pattern != "unstructured" else 1e-3)
+        assert measures.mean(COMM, x, area) == pytest.approx(
+            100, rel=1e-9 if pattern != "unstructured" else 1e-3
+        )
         values[pattern] = measures.quantiles(COMM, x, area, (0.1, 0.5, 0.9))
         assert values[pattern] == pytest.approx([20, 100, 180], abs=2.5)
         assert measures.bulk(COMM, x, area) == pytest.approx([2, 198], abs=1.5)
@@ -62,7 +68,8 @@ def test_means_and_quantiles_are_those_of_the_area():
 
 @pytest.mark.mpi
 def test_quantiles_of_few_values():
-    """Of 1, 2, 4 with weights 2, 1, 1, whichever ranks have them: in the middle of each weight is its value."""
+    """Of 1, 2, 4 with weights 2, 1, 1, whichever ranks have them: in the middle of each weight is
+    its value."""
     mine = np.arange(COMM.rank, 3, COMM.size)
     values, weights = np.array([4.0, 1.0, 2.0])[mine], np.array([1.0, 2.0, 1.0])[mine]
     found = measures.quantiles(COMM, values, weights, (0, 0.25, 0.4375, 0.625, 0.75, 1))
@@ -76,5 +83,10 @@ def test_one_bad_cell_moves_extremes_and_not_the_bulk():
         blank = sheet(nx=nx)
         x, y = blank.midpoints()
         values = 1 / np.hypot(x, y)  # singular at a corner
-        bulks.append((measures.bulk(COMM, values, measures.areas(blank))[1], COMM.allreduce(values.max(), MPI.MAX)))
+        bulks.append(
+            (
+                measures.bulk(COMM, values, measures.areas(blank))[1],
+                COMM.allreduce(values.max(), MPI.MAX),
+            )
+        )
     assert bulks[1][0] == pytest.approx(bulks[0][0], rel=0.03) and bulks[1][1] > 1.9 * bulks[0][1]

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import pictures
-from fabric_fenicsx.results.fields import FieldSeries, cell_fields, read_last
+from fabric_fenicsx.results.fields import FieldSeries, read_last
+from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.sheets.blank import Blank
 
 
 @pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
@@ -19,21 +20,22 @@ def test_polygons_cover_the_deformed_sheet(tmp_path, element):
     blank = Blank.from_arrays(MPI.COMM_SELF, *arrays, degree=int(element[1]))
     x, stretch = blank.coordinates()[:, :2], np.array([[0.1, 0.05], [0.0, -0.02]])
     blank.u.x.array[:] = (x @ stretch.T).ravel()
-    membrane = Membrane(blank, load("komeili"))
-    FieldSeries(tmp_path, membrane).write(1.0, cell_fields(membrane)[0])
+    FieldSeries(tmp_path, Scene(blank, [Membrane(load("komeili"))])).write(1.0)
     x, y = np.moveaxis(pictures._polygons(read_last(tmp_path)), -1, 0)
     areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
     assert len(areas) == blank.mesh.topology.index_map(2).size_local
-    assert abs(areas) == pytest.approx(2400 * np.linalg.det(np.eye(2) + stretch) / len(areas), rel=1e-9)
+    assert abs(areas) == pytest.approx(
+        2400 * np.linalg.det(np.eye(2) + stretch) / len(areas), rel=1e-9
+    )
 
 
 def test_maps_show_signed_values_and_their_extremes(tmp_path, monkeypatch):
     blank = Blank.from_arrays(MPI.COMM_SELF, *specimen(60.0, 40.0, 6, 4))
-    membrane = Membrane(blank, load("komeili"))
+    scene = Scene(blank, [Membrane(load("komeili"))])
     x, y = blank.coordinates()[:, :2].T
     blank.u.x.array[:] = np.column_stack([-0.1 * y - 0.001 * x * y, 0 * x]).ravel()
-    fields = cell_fields(membrane)[0]
-    FieldSeries(tmp_path, membrane).write(1.0, fields)
+    fields = scene.cell_fields()
+    FieldSeries(tmp_path, scene).write(1.0, fields)
     drawn = []
     monkeypatch.setattr(pictures.plt, "close", drawn.append)
     grid = read_last(tmp_path)
@@ -42,8 +44,12 @@ def test_maps_show_signed_values_and_their_extremes(tmp_path, monkeypatch):
     gamma = np.degrees(fields["shear_angle"])
     assert gamma.max() < -5
     said = f"cells: {gamma.min():.4g} to {gamma.max():.4g}"
-    (_, shear, *_), (first, second, *_) = (figure.axes for figure in drawn if hasattr(figure, "axes"))
-    assert shear.get_title() == said and first.get_title() == f"one\n{said}" and second.get_title() == f"two\n{said}"
+    (_, shear, *_), (first, second, *_) = (
+        figure.axes for figure in drawn if hasattr(figure, "axes")
+    )
+    assert shear.get_title() == said
+    assert first.get_title() == f"one\n{said}"
+    assert second.get_title() == f"two\n{said}"
     for ax in (shear, first):
         (cells,) = ax.collections
         low, high = cells.get_clim()

@@ -9,9 +9,9 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.stepping import Progress, Viscosity
 
@@ -50,31 +50,42 @@ def progress(blank, **changes):
         vector.array[:] = np.outer(factor * values, np.arange(1, gdim + 1)).ravel()
     memory = {"0 slip": np.outer(values, [3, 4, 5.0])}
     costs = {"accepted": 3, "rejected": 1, "iterations": 9}
-    state = {"load": 0.25, "step": 0.1, "last_step": 0.1, "work": 2.5, "memory": memory, "solver": {"shift": 0.5}}
-    return Progress(x=vectors[0], previous=vectors[1], viscosity=Viscosity(), **(state | costs | changes))
-
-
-@pytest.fixture
-def folder(tmp_path):
-    return COMM.bcast(tmp_path)
+    state = {
+        "load": 0.25,
+        "step": 0.1,
+        "last_step": 0.1,
+        "work": 2.5,
+        "memory": memory,
+        "solver": {"shift": 0.5},
+    }
+    return Progress(
+        x=vectors[0], previous=vectors[1], viscosity=Viscosity(), **(state | costs | changes)
+    )
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("degree, spatial", [(1, False), (2, False), (3, False), (1, True)])
 @pytest.mark.parametrize("alone", [True, False])
-def test_lips_of_a_slit_are_not_mixed_up(folder, degree, spatial, alone):
+def test_lips_of_a_slit_are_not_mixed_up(shared_path, degree, spatial, alone):
     """Written on one rank or on all, read on all."""
     if alone and COMM.rank == 0:
         blank = slit(MPI.COMM_SELF, degree, spatial)
-        Checkpoint(folder / "c.npz", blank, {"a": 1}).save(progress(blank), {"n": [1]})
+        Checkpoint(shared_path / "c.npz", blank, {"a": 1}).save(progress(blank), {"n": [1]})
     elif not alone:
         blank = slit(COMM, degree, spatial)
-        Checkpoint(folder / "c.npz", blank, {"a": 1}).save(progress(blank), {"n": [1]})
+        Checkpoint(shared_path / "c.npz", blank, {"a": 1}).save(progress(blank), {"n": [1]})
     COMM.barrier()
     blank = slit(COMM, degree, spatial)
     expected = progress(blank)
-    found, notes = Checkpoint(folder / "c.npz", blank, {"a": 1}).load(expected.memory, {"shift": 0.0})
-    assert notes == {"n": [1]} and (found.load, found.accepted, found.solver) == (0.25, 3, {"shift": 0.5})
+    found, notes = Checkpoint(shared_path / "c.npz", blank, {"a": 1}).load(
+        expected.memory, {"shift": 0.0}
+    )
+    assert notes == {"n": [1]}
+    assert (found.load, found.accepted, found.solver) == (
+        0.25,
+        3,
+        {"shift": 0.5},
+    )
     assert COMM.allreduce(int((known(blank) >= LIP).sum())) == {1: 3, 2: 7, 3: 11}[degree]
     for mine, other in ((found.x, expected.x), (found.previous, expected.previous)):
         assert np.allclose(mine.array, other.array, rtol=0, atol=1e-9)
@@ -110,7 +121,7 @@ def turned(content, at):
     return content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :]
 
 
-VISCOSITY = {"drag": 0.0, "energy": 0.0, "stiffness": 0.0, "easy": 0, "patience": 1}
+VISCOSITY = {"drag": 0.0, "energy": 0.0, "stiffness": 0.0, "easy_steps": 0, "easy_steps_asked": 1}
 BROKEN = {
     "no file": (lambda path: path.unlink(), "finds no checkpoint"),
     "a folder": (lambda path: (path.unlink(), path.mkdir()), "finds no checkpoint"),
@@ -118,27 +129,51 @@ BROKEN = {
     "text": (lambda path: path.write_text("hello"), "cannot be read"),
     "cut off": (lambda path: path.write_bytes(path.read_bytes()[:-200]), "cannot be read"),
     "cut in the middle": (lambda path: path.write_bytes(path.read_bytes()[:900]), "cannot be read"),
-    "a bit turned": (lambda path: path.write_bytes(turned(path.read_bytes(), 1000)), "cannot be read"),
+    "a bit turned": (
+        lambda path: path.write_bytes(turned(path.read_bytes(), 1000)),
+        "cannot be read",
+    ),
     "no meta data": (lambda arrays: arrays.pop("meta"), "cannot be read"),
     "meta data that are no JSON": (array("meta", lambda _: np.array("{load:")), "cannot be read"),
-    "meta data that are a list": (array("meta", lambda _: np.array("[1]")), "is of format None; allowed is 2"),
-    "earlier version": (meta(format=None), "is of format 1; allowed is 2"),
-    "later version": (meta(format=3), "is of format 3; allowed is 2"),
+    "meta data that are a list": (
+        array("meta", lambda _: np.array("[1]")),
+        "is of format None; allowed is 4",
+    ),
+    "earlier version": (meta(format=None), "is of format 1; allowed is 4"),
+    "later version": (meta(format=5), "is of format 5; allowed is 4"),
     "no displacement": (lambda arrays: arrays.pop("u"), "u is missing"),
     "no place": (lambda arrays: arrays.pop("around"), "around is missing"),
-    "short displacement": (array("u", lambda u: u[:-1]), r"u has shape \(29, 2\) where \(30, 2\) should be"),
+    "short displacement": (
+        array("u", lambda u: u[:-1]),
+        r"u has shape \(29, 2\) where \(30, 2\) should be",
+    ),
     "short state before": (array("previous", lambda u: u[:5]), r"previous has shape \(5, 2\)"),
-    "short memory": (array("memory 0 slip", lambda m: m[:-1]), r"memory 0 slip has shape \(29, 3\)"),
-    "narrow memory": (array("memory 0 slip", lambda m: m[:, :2]), r"memory 0 slip has shape \(30, 2\)"),
+    "short memory": (
+        array("memory 0 slip", lambda m: m[:-1]),
+        r"memory 0 slip has shape \(29, 3\)",
+    ),
+    "narrow memory": (
+        array("memory 0 slip", lambda m: m[:, :2]),
+        r"memory 0 slip has shape \(30, 2\)",
+    ),
     "flat places": (array("x", lambda x: x[:, :2]), r"x has shape \(30, 2\) where \(30, 3\)"),
     "a single place": (array("x", lambda x: x[0, 0]), r"x has shape \(\)"),
     "NaN in u": (spoilt("u", np.nan, 7), "u has values that are no finite numbers"),
     "inf in the state before": (spoilt("previous", np.inf), "previous has values that are no"),
-    "NaN in a memory": (spoilt("memory 0 slip", np.nan, -1), "memory 0 slip has values that are no"),
+    "NaN in a memory": (
+        spoilt("memory 0 slip", np.nan, -1),
+        "memory 0 slip has values that are no",
+    ),
     "NaN in a place": (spoilt("x", np.nan), "x has values that are no"),
     "words in u": (array("u", lambda u: u.astype(str)), "u has values that are no finite numbers"),
-    "a memory of nothing": (lambda arrays: arrays.update({"memory 3 depth": arrays["u"]}), "remembers 0 slip, 3 depth where 0 slip should be"),
-    "a memory lost": (lambda arrays: arrays.pop("memory 0 slip"), "remembers nothing where 0 slip should be"),
+    "a memory of nothing": (
+        lambda arrays: arrays.update({"memory 3 depth": arrays["u"]}),
+        "remembers 0 slip, 3 depth where 0 slip should be",
+    ),
+    "a memory lost": (
+        lambda arrays: arrays.pop("memory 0 slip"),
+        "remembers nothing where 0 slip should be",
+    ),
     "no load": (meta(load=None), "load is missing"),
     "load not a number": (meta(load=float("nan")), "load is nan"),
     "load of two": (meta(load=2), "load is 2 and step 0.1"),
@@ -147,23 +182,29 @@ BROKEN = {
     "half a step": (meta(accepted=2.5), "accepted is 2.5"),
     "no viscosity": (meta(viscosity=[]), r"viscosity is \[\]"),
     "part of a viscosity": (meta(viscosity={"drag": 0}), "viscosity has drag where drag, energy"),
-    "viscosity not a number": (meta(viscosity=VISCOSITY | {"stiffness": float("nan")}), "stiffness is nan"),
+    "viscosity not a number": (
+        meta(viscosity=VISCOSITY | {"stiffness": float("nan")}),
+        "stiffness is nan",
+    ),
     "what no solver knows": (meta(solver={"speed": 1}), "solver has speed where shift should be"),
     "shift not a number": (meta(solver={"shift": float("inf")}), "shift is inf"),
     "another problem": (meta(problem={"a": 2}), "made with a = 2, now it is 1"),
     "no problem": (meta(problem=7), "problem is 7"),
-    "moved mesh": (array("x", lambda x: x + 1e-3), "is of another mesh, with 30 nodes, now there are 30"),
+    "moved mesh": (
+        array("x", lambda x: x + 1e-3),
+        "is of another mesh, with 30 nodes, now there are 30",
+    ),
     "turned slit": (array("around", lambda a: -a), "is of another mesh"),
-}  # fmt: skip
+}
 OF_FILES = list(BROKEN)[:7]
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("case", BROKEN)
-def test_what_is_wrong_with_a_checkpoint_is_said_on_all_ranks(folder, case):
+def test_what_is_wrong_with_a_checkpoint_is_said_on_all_ranks(shared_path, case):
     spoil, words = BROKEN[case]
     blank = slit(COMM, 1)
-    state, path = progress(blank), Path(folder / "c.npz")
+    state, path = progress(blank), Path(shared_path / "c.npz")
     checkpoint = Checkpoint(path, blank, {"a": 1})
     checkpoint.save(state, {})
     if COMM.rank == 0:
@@ -181,13 +222,13 @@ def test_what_is_wrong_with_a_checkpoint_is_said_on_all_ranks(folder, case):
 
 
 @pytest.mark.mpi
-def test_nodes_that_nothing_tells_apart_are_refused(folder):
+def test_nodes_that_nothing_tells_apart_are_refused(shared_path):
     """Two squares on each other, back to back at one edge, which no mesh check has seen."""
     points = np.array([[0, 0], [0, 1], [1, 0], [1, 1], [1, 0], [1, 1.0]])
     cells = np.array([[0, 2, 1, 3], [0, 4, 1, 5]])
     mine = (cells, points) if COMM.rank == 0 else (cells[:0], points[:0])
     blank = Blank(compat.create_mesh(COMM, *mine, "quadrilateral", 1))
-    checkpoint = Checkpoint(folder / "c.npz", blank, {})
+    checkpoint = Checkpoint(shared_path / "c.npz", blank, {})
     checkpoint.save(progress(blank), {})
     COMM.barrier()
     with pytest.raises(InputError, match="lie at one place amid the same cells"):

@@ -5,25 +5,38 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ufl
+from builders import sheet
 from mpi4py import MPI
 
-from fabric_fenicsx.blank import Blank
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import Scene, Support, grips
+from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import LINEAR_SOLVERS, Newton
 from fabric_fenicsx.solve.stepping import Viscosity, march
+from fabric_fenicsx.supports import Support, clamped_ends, rolling_ends
 
 COMM = MPI.COMM_WORLD
 KOMEILI = PRESETS["komeili"]
 
 
-def strip(angle=0.0, stroke=6.0, fabric=KOMEILI, clamped=True, nx=16, pattern="crossed", cell="triangle", **options):
-    arrays = specimen(nx=nx, ny=nx // 4, pattern=pattern, cell=cell) if COMM.rank == 0 else (None,) * 3
-    blank = Blank.from_arrays(COMM, *arrays, a=np.radians(angle), **options)
-    return Scene(blank, [Membrane(blank, fabric)], grips(blank, stroke, clamped))
+def strip(
+    angle=0.0,
+    stroke=6.0,
+    fabric=KOMEILI,
+    clamped=True,
+    nx=16,
+    pattern="crossed",
+    cell="triangle",
+    further=(),
+    **options,
+):
+    blank = sheet(200.0, 50.0, nx, nx // 4, pattern, cell=cell, a=np.radians(angle), **options)
+    terms = [Membrane(fabric), *further]
+    return Scene(blank, terms, clamped_ends(stroke) if clamped else rolling_ends(stroke))
 
 
 def negative_pivots(newton):
@@ -51,10 +64,13 @@ def test_strips_with_yarns_at_every_angle(angle, shape):
 @pytest.mark.mpi
 @pytest.mark.parametrize("angle, steps", [(0, 5), (45, 20)])
 def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch, angle, steps):
-    """The same states, to the tolerance, for fewer tangents; without that, Newton's method is quadratic."""
+    """The same states, to the tolerance, for fewer tangents; without that, Newton's method is
+    quadratic."""
     found, tangents = [], []
     tangent = Scene.tangent
-    monkeypatch.setattr(Scene, "tangent", lambda *args, **kw: (tangents.append(1), tangent(*args, **kw)))
+    monkeypatch.setattr(
+        Scene, "tangent", lambda *args, **kw: (tangents.append(1), tangent(*args, **kw))
+    )
     for near in (Newton.NEAR, 0.0):
         monkeypatch.setattr(Newton, "NEAR", near)
         tangents.clear()
@@ -96,11 +112,14 @@ def test_a_tolerance_below_rounding_ends_at_rounding(tolerance):
 
 @pytest.mark.mpi
 def test_no_saddle_is_accepted():
-    fabric = KOMEILI.replace(p_min=0.0)  # tension-compression bands: the homogeneous state is no minimum
+    # tension-compression bands: the homogeneous state is no minimum
+    fabric = KOMEILI.replace(p_min=0.0)
     scene = strip(fabric=fabric, clamped=False)
     newton = Newton(scene)
     left = []
-    outcome = march(newton, steps=10, on_accept=lambda a: left.append(negative_pivots(newton) if a.load else 0))
+    outcome = march(
+        newton, steps=10, on_accept=lambda a: left.append(negative_pivots(newton) if a.load else 0)
+    )
     assert outcome.accepted > 0 and set(left) == {0}
     assert outcome.reached == 1 or outcome.reason
 
@@ -108,7 +127,8 @@ def test_no_saddle_is_accepted():
 @pytest.mark.mpi
 def test_a_start_on_a_saddle_is_left_or_refused():
     scene = strip(fabric=KOMEILI.replace(p_min=0.0), clamped=False)
-    blind = Newton(scene, linear_solver="mumps-lu")  # does not tell inertia, so stays on the homogeneous branch
+    # does not tell inertia, so stays on the homogeneous branch
+    blind = Newton(scene, linear_solver="mumps-lu")
     assert march(blind, steps=10).reached == 1
     x, energy = scene.u.copy(), scene.energy()
     newton = Newton(scene)
@@ -117,7 +137,11 @@ def test_a_start_on_a_saddle_is_left_or_refused():
     if report.converged:
         assert negative_pivots(newton) == 0 and scene.energy() < energy
     else:
-        assert "saddle" in report.reason or "no convergence" in report.reason or "line search" in report.reason
+        assert (
+            "saddle" in report.reason
+            or "no convergence" in report.reason
+            or "line search" in report.reason
+        )
 
 
 @pytest.mark.mpi
@@ -160,7 +184,10 @@ class Stubborn(Newton):
 
     def solve_for(self, x, tolerance=None):
         report = super().solve_for(x, tolerance)
-        load = self.scene.reaction("moving grip")[0] and x.array[self.scene.held].max(initial=0.0) / 6.0
+        load = (
+            self.scene.reaction("moving grip")[0]
+            and x.array[self.scene.held].max(initial=0.0) / 6.0
+        )
         taken = COMM.allreduce(load, MPI.MAX) - self.done
         if taken > self.limit:
             report.converged, report.reason = False, "too large for me"
@@ -179,9 +206,13 @@ def test_steps_are_cut_and_grow_again():
         on_accept=lambda a: loads.append(a.load),
         on_reject=lambda load, report: rejected.append(report.reason),
     )
-    assert outcome.reached == 1 and outcome.rejected == len(rejected) > 0 and set(rejected) == {"too large for me"}
+    assert outcome.reached == 1
+    assert outcome.rejected == len(rejected) > 0
+    assert set(rejected) == {"too large for me"}
     steps = np.diff(loads)
-    assert steps.max() <= 0.06 and steps.max() > 1.4 * steps.min() and loads[-1] == 1
+    assert steps.max() <= 0.06
+    assert steps.max() > 1.4 * steps.min()
+    assert loads[-1] == 1
 
     newton = Stubborn(strip())
     newton.done, newton.limit = 0.0, 0.0
@@ -192,7 +223,11 @@ def test_steps_are_cut_and_grow_again():
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     "options, words",
-    [({"steps": 0}, "steps is 0"), ({"steps": float("nan")}, "steps is nan"), ({"max_step": 0}, "max-step is 0")],
+    [
+        ({"steps": 0}, "steps is 0"),
+        ({"steps": float("nan")}, "steps is nan"),
+        ({"max_step": 0}, "max-step is 0"),
+    ],
 )
 def test_bad_steps_are_named(options, words):
     with pytest.raises(InputError, match=words):
@@ -212,7 +247,8 @@ def test_bad_steps_are_named(options, words):
     ],
 )
 def test_free_rigid_motion_is_named_before_solving(kept, gdim, words):
-    tilt = np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]])  # out of any plane z = const: a manifold
+    # out of any plane z = const: a manifold
+    tilt = np.array([[1, 0, 0], [0, 0.6, -0.8], [0, 0.8, 0.6]])
     points, cells, kind = specimen(nx=8, ny=2) if COMM.rank == 0 else (None,) * 3
     options = {}
     if gdim == 3:
@@ -220,8 +256,10 @@ def test_free_rigid_motion_is_named_before_solving(kept, gdim, words):
         options = {"frame": tilt.T, "up": tilt[:, 2]}
     blank = Blank.from_arrays(COMM, points, cells, kind, **options)
     ends = [lambda x: blank.along(x)[0] < 1e-6, lambda x: blank.along(x)[0] > 200 - 1e-6]
-    supports = [Support(f"end {i}", ends[i], components) for i, components in enumerate(kept) if components]
-    scene = Scene(blank, [Membrane(blank, KOMEILI)], supports)
+    supports = [
+        Support(f"end {i}", ends[i], components) for i, components in enumerate(kept) if components
+    ]
+    scene = Scene(blank, [Membrane(KOMEILI)], supports)
     if words is None:
         return scene.check_held()
     newton = Newton(scene)
@@ -251,9 +289,13 @@ def test_drag_comes_when_cutting_does_not_help_and_fades():
     newton, accepted = Brittle(strip(), 1e-11), []
     newton.drags = []
     outcome = march(newton, steps=10, on_accept=accepted.append)
-    assert outcome.reached == 1 and outcome.reason == "" and outcome.rejected > 0
+    assert outcome.reached == 1
+    assert outcome.reason == ""
+    assert outcome.rejected > 0
     loads, drags = np.array(newton.drags).T
-    assert (drags[loads < 0.3] == 0).all() and drags[loads > 0.3].max() > 0 and drags[-1] == 0
+    assert (drags[loads < 0.3] == 0).all()
+    assert drags[loads > 0.3].max() > 0
+    assert drags[-1] == 0
     taken = accepted[-1].energies["viscous"]
     assert 0 < taken < 1e-2 * accepted[-1].energies["strain"]
     # the last state is in equilibrium without drag
@@ -278,7 +320,9 @@ def test_a_march_goes_on_from_a_state_under_drag():
     energy = newton.scene.energy()
     for start in (states[5], states[-1]):  # under way, and at full load
         outcome = march(newton, steps=10, start=start)
-        assert outcome.reached == 1 and outcome.reason == "" and start.viscosity.drag == 0
+        assert outcome.reached == 1
+        assert outcome.reason == ""
+        assert start.viscosity.drag == 0
         assert newton.scene.energy() == pytest.approx(energy, rel=1e-9)
 
 
@@ -287,7 +331,12 @@ def test_accuracy_limits_steps():
     steps, energies = [], []
     for accuracy in (None, 1e-3):
         scene, loads = strip(45, stroke=20.0), []
-        outcome = march(Newton(scene, 1e-10), steps=5, accuracy=accuracy, on_accept=lambda a: loads.append(a.load))
+        outcome = march(
+            Newton(scene, 1e-10),
+            steps=5,
+            accuracy=accuracy,
+            on_accept=lambda a: loads.append(a.load),
+        )
         assert outcome.reached == 1
         steps.append(outcome.accepted)
         energies.append(scene.energy())
@@ -297,21 +346,22 @@ def test_accuracy_limits_steps():
         march(Newton(strip()), accuracy=0)
 
 
-class Torn:
+class Torn(Term):
     """No energy up to a displacement of 3 mm, not a number beyond."""
 
     name, energy_kind = "torn", "strain"
 
-    def __init__(self, blank):
-        u = blank.displacement
+    def set_up(self, scene):
+        blank, u = scene.blank, scene.blank.displacement
         self.energy = 1e-12 * ufl.sqrt(9 - ufl.dot(u, u)) * ufl.dx(blank.mesh)
 
 
 @pytest.mark.mpi
 def test_a_material_that_is_not_a_number_ends_at_the_last_sound_state():
-    scene, kept = strip(), []
-    scene = Scene(scene.blank, [*scene.terms, Torn(scene.blank)], scene.supports)
-    outcome = march(Newton(scene), steps=10, on_accept=lambda a: kept.append((a.load, a.progress.x.copy())))
+    scene, kept = strip(further=[Torn()]), []
+    outcome = march(
+        Newton(scene), steps=10, on_accept=lambda a: kept.append((a.load, a.progress.x.copy()))
+    )
     assert 0.4 < outcome.reached < 0.51 and "not a number" in outcome.reason
     assert kept[-1][0] == outcome.reached and (scene.u - kept[-1][1]).norm() == 0
     assert np.isfinite(scene.energy())

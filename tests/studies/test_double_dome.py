@@ -12,28 +12,34 @@ EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--
 
 
 def placed(folder):
-    """Undeformed places and displacements of the nodes [mm], once each and in an order of their own."""
+    """Undeformed places and displacements of the nodes [mm], once each and in an order of their
+    own."""
     grid = read_last(folder)
     x = np.round(np.asarray(grid.points), 6) + 0.0
     _, first = np.unique(x, axis=0, return_index=True)
     return x[first], np.asarray(grid.point_data["u"])[first]
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("angle", [0, 45])
 def test_a_ply_is_formed(launch, angle):
-    done = launch("double_dome", "--quick", "--steps", 16, "--fibre-angle", angle, ranks=2)
+    done = launch("double_dome", "--quick", "--steps", 16, "--fibre-angle", angle)
     assert done.status == 0, done.err
     s = done.summary
     q, energy = s["quantities"], s["energy"]
-    assert s["converged"] and s["kernel_mismatch"] < 1e-12
+    assert s["converged"]
+    assert s["kernel_mismatch"] < 1e-12
     assert {"membrane", "bending", "contact", "friction", "blank holder"} == set(s["terms"])
-    assert s["energy_imbalance"] < 0.02 and energy["viscous"] <= 0.01 * energy["strain"]
+    assert s["energy_imbalance"] < 0.02
+    assert energy["viscous"] <= 0.01 * energy["strain"]
     assert q["penetration_of_thickness"] < 0.02
     assert q["unbalanced_force_N"] < 1e-4 * q["contact_forces_N"]["die"]
-    assert 35 < q["shear_angle_max_deg"] < 60 and 15 < q["draw_in"]["largest_mm"] < 48
+    assert 35 < q["shear_angle_max_deg"] < 60
+    assert 15 < q["draw_in"]["largest_mm"] < 48
     assert q["wrinkles"]["height_largest_mm"] < 0.5
-    (doubt,) = [text for text in s["warnings"] if "linear cells" in text or "mm long where" in text]
-    assert "cells are 19.4 mm long where the die has a radius of 7.54 mm" in doubt and done.err.count(doubt) == 1
+    (warning,) = [w for w in s["warnings"] if "linear cells" in w or "mm long where" in w]
+    assert "cells are 19.4 mm long where the die has a radius of 7.54 mm" in warning
+    assert done.err.count(warning) == 1
     for name in ("formed", "states", "paths", "outline", "curve"):
         assert (done.folder / f"{name}.png").stat().st_size > 10_000
     grid = read_last(done.folder)
@@ -42,11 +48,12 @@ def test_a_ply_is_formed(launch, angle):
 
 
 def test_a_formed_ply_is_the_same_again(launch):
-    """At default tolerances, with yarns that do not follow the tools: on other ranks, and with a length that differs by as
-    much as rounding; every force on the way, too."""
+    """At default tolerances, with yarns that do not follow the tools: on other ranks, and with a
+    length that differs by as much as rounding; every force on the way, too."""
     found = []
     for ranks, length in ((1, 470), (2, 470), (3, 470), (1, 470.0000000001)):
-        options = "--nx", 6, "--steps", 4, "--stroke", 24, "--fibre-angle", 30, "--length", length, "--no-pictures"
+        coarse = ("--nx", 6, "--steps", 4, "--stroke", 24, "--max-imbalance", 0.2)  # few steps
+        options = (*coarse, "--fibre-angle", 30, "--length", length, "--no-pictures")
         done = launch("double_dome", *options, ranks=ranks)
         assert done.status == 0, done.err
         with open(done.folder / "history.csv", newline="") as file:
@@ -73,12 +80,24 @@ def test_the_whole_ply_is_four_quarters(launch):
 
 @pytest.mark.parametrize("holder, stroke", [("force", 40), ("gap", 10), ("grippers", 20)])
 def test_blank_holders(launch, holder, stroke):
-    done = launch("double_dome", "--quick", "--stroke", stroke, "--steps", 16, "--holder", holder, "--no-pictures")
+    done = launch(
+        "double_dome",
+        "--quick",
+        "--stroke",
+        stroke,
+        "--steps",
+        16,
+        "--holder",
+        holder,
+        "--no-pictures",
+    )
     assert done.status == 0, done.err
     s = done.summary
     assert s["energy_imbalance"] < 0.03
     if holder == "force":  # of a quarter
-        assert s["quantities"]["contact_forces_N"]["blank holder"] == pytest.approx(25_000, rel=1e-6)
+        assert s["quantities"]["contact_forces_N"]["blank holder"] == pytest.approx(
+            25_000, rel=1e-6
+        )
 
 
 def test_a_run_goes_on_from_its_checkpoint(launch):
@@ -89,7 +108,9 @@ def test_a_run_goes_on_from_its_checkpoint(launch):
     done = launch(*options, "--resume", ranks=2)
     assert done.status == 0, done.err
     assert abs(placed(done.folder)[1] - u).max() < 1e-5 * abs(u).max()
-    assert done.summary["energy"]["friction"] == pytest.approx(whole.summary["energy"]["friction"], rel=1e-4)
+    assert done.summary["energy"]["friction"] == pytest.approx(
+        whole.summary["energy"]["friction"], rel=1e-4
+    )
 
 
 @pytest.mark.parametrize(
@@ -132,9 +153,13 @@ def test_a_punch_from_a_file(launch, tmp_path):
 
 
 def test_compression_parameters(launch):
-    done = launch("compression_parameters", "--quick", "--vary", "s_C", "--stroke", 15)
+    options = "--quick", "--vary", "s_C", "--stroke", 15
+    done = launch("compression_parameters", *options, apart=True)
     assert done.status == 0, done.err
     lines = (done.folder / "parameters.csv").read_text().splitlines()
-    assert len(lines) == 4 and lines[0].startswith("figure,parameter,value")
+    assert len(lines) == 4
+    assert lines[0].startswith("figure,parameter,value")
     assert (done.folder / "s_C.png").stat().st_size > 10_000
-    assert set(json.loads((done.folder / "summary.json").read_text())["quantities"]) == {f"s_C = {v}" for v in (10, 100, 1000)}  # fmt: skip
+    assert set(json.loads((done.folder / "summary.json").read_text())["quantities"]) == {
+        f"s_C = {v}" for v in (10, 100, 1000)
+    }

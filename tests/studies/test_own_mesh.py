@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from fabric_fenicsx.command_line.study import Study
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.forming import Forming
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.study import Study
+from fabric_fenicsx.scenarios.forming import Forming
+from fabric_fenicsx.scenarios.picture_frame import PictureFrame
+from fabric_fenicsx.scenarios.tensile import Tensile
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import double_dome  # noqa: E402
@@ -25,21 +27,20 @@ TENSILE = "tensile", tensile.options
 
 
 @pytest.fixture
-def folder(tmp_path):
-    return COMM.bcast(tmp_path)
-
-
-@pytest.fixture
-def study(folder):
+def study(shared_path):
     """Function of a study's name and options, the points and cells of its mesh, and words, to the
     `Study`."""
 
     def make(name, options, mesh, *words):
         if COMM.rank == 0:
             points, cells, kind = mesh
-            meshio.write_points_cells(folder / "s.vtk", points, [(kind, cells)])
+            meshio.write_points_cells(shared_path / "s.vtk", points, [(kind, cells)])
         COMM.barrier()
-        return Study(name, options(), ["--mesh", str(folder / "s.vtk"), "--out", str(folder / "out"), *words])
+        return Study(
+            name,
+            options(),
+            ["--mesh", str(shared_path / "s.vtk"), "--out", str(shared_path / "out"), *words],
+        )
 
     return make
 
@@ -50,21 +51,38 @@ def test_length_and_width_are_the_meshs_own(study, turned):
     points, cells, kind = specimen(120, 30, 12, 3)
     c, s = np.cos(turned), np.sin(turned)
     points[:, :2] = points[:, :2] @ [[c, s], [-s, c]] + 7
-    mine = study(*TENSILE, (points, cells, kind))
-    mine.specimen(mine.args.length, mine.args.width, turned)
+    mine = study(*TENSILE, (points, cells, kind), "--turned", str(np.degrees(turned)))
+    mine.scenario(Tensile)
     assert (mine.args.length, mine.args.width) == (120, 30)
     assert (mine.args.nx, mine.args.ny, mine.args.pattern) == (None, None, None)
-    mine.specimen(mine.args.length, mine.args.width, turned)  # as for a second part
-    assert (mine.args.length, mine.args.width, mine._warnings) == (120, 30, [])
+    mine.scenario(Tensile)  # as for a second part
+    assert (mine.args.length, mine.args.width, mine.warnings) == (120, 30, [])
 
 
-def test_the_summary_tells_them(study, folder):
-    tensile.main(study(*TENSILE, specimen(120, 30, 12, 3), "--quick", "--no-pictures", "--width", "30", "--nx", "9"))
-    summary = json.loads((folder / "out" / "summary.json").read_text())
+def test_the_summary_tells_them(study, shared_path):
+    tensile.main(
+        study(
+            *TENSILE,
+            specimen(120, 30, 12, 3),
+            "--quick",
+            "--no-pictures",
+            "--width",
+            "30",
+            "--nx",
+            "9",
+        )
+    )
+    summary = json.loads((shared_path / "out" / "summary.json").read_text())
     options = summary["options"]
-    assert (options["length"], options["width"], options["nx"], options["pattern"]) == (120, 30, None, None)
+    assert (options["length"], options["width"], options["nx"], options["pattern"]) == (
+        120,
+        30,
+        None,
+        None,
+    )
     (doubt,) = summary["warnings"]
-    assert doubt.startswith("--nx changes nothing, as --mesh") and doubt.endswith("has its own cells")
+    assert doubt.startswith("--nx changes nothing, as --mesh")
+    assert doubt.endswith("has its own cells")
 
 
 @pytest.mark.mpi
@@ -72,57 +90,66 @@ def test_the_summary_tells_them(study, folder):
 def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
     mine = study(*TENSILE, specimen(120, 30, 12, 3), f"--{name}", str(value))
     own = {"length": 120, "width": 30}[name]
-    with pytest.raises(InputError, match=f"--{name} {value} does not fit --mesh .*s.vtk, of {own} mm; allowed"):
-        mine.specimen(mine.args.length, mine.args.width)
+    with pytest.raises(
+        InputError, match=f"--{name} {value} does not fit --mesh .*s.vtk, of {own} mm; allowed"
+    ):
+        mine.scenario(Tensile)
 
 
 @pytest.mark.mpi
 def test_a_length_that_is_the_meshs_is_not(study):
     mine = study(*TENSILE, specimen(120, 30, 12, 3), "--length=120", "--width", "30.00001")
-    mine.specimen(mine.args.length, mine.args.width)
+    mine.scenario(Tensile)
     assert (mine.args.length, mine.args.width) == (120, 30)
 
 
 @pytest.mark.mpi
 def test_a_frame_needs_a_square(study):
     mine = study("picture_frame", picture_frame.options, specimen(120, 120, 6, 6))
-    mine.specimen(mine.args.side, mine.args.side)
+    mine.scenario(PictureFrame)
     assert mine.args.side == 120
     mine = study("picture_frame", picture_frame.options, specimen(120, 30, 12, 3))
     with pytest.raises(InputError, match="is 120 x 30 mm; allowed in this study is a square"):
-        mine.specimen(mine.args.side, mine.args.side)
+        mine.scenario(PictureFrame)
 
 
 @pytest.mark.mpi
 def test_a_quarter_is_half_as_long_as_its_ply(study):
     mine = study("double_dome", double_dome.options, specimen(200, 120, 10, 6, "left"))
-    Forming(mine, mine.fabric)
+    mine.scenario(Forming)
     assert (mine.args.length, mine.args.width) == (400, 240)
 
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(
-    "scale, words", [(1e-3, "times 1000"), (1 / 25.4, "inches times 25.4"), (1e3, "micrometres over 1000")]
+    "scale, words",
+    [(1e-3, "times 1000"), (1 / 25.4, "inches times 25.4"), (1e3, "micrometres over 1000")],
 )
 def test_other_units_than_mm(study, capfd, scale, words):
     points, cells, kind = specimen(200, 50, 8, 2)
     mine = study(*TENSILE, (scale * points, cells, kind))
     if scale == 1e-3:
         with pytest.raises(InputError, match=words):
-            mine.specimen(mine.args.length, mine.args.width)
+            mine.scenario(Tensile)
         return
     for _ in range(2):  # said once
-        mine.specimen(mine.args.length, mine.args.width)
-    (doubt,) = mine._warnings
+        mine.scenario(Tensile)
+    (doubt,) = mine.warnings
     assert words in doubt
     assert capfd.readouterr().err.count(words) == (COMM.rank == 0)
 
 
 @pytest.mark.mpi
-def test_other_units_without_a_mesh(folder):
-    mine = Study("tensile", tensile.options(), ["--length", "0.2", "--width", "0.05", "--out", str(folder / "out")])
-    with pytest.raises(InputError, match="the specimen is 0.2 x 0.05 mm, less than the fabric is thick"):
-        mine.specimen(mine.args.length, mine.args.width)
+def test_other_units_without_a_mesh(shared_path):
+    mine = Study(
+        "tensile",
+        tensile.options(),
+        ["--length", "0.2", "--width", "0.05", "--out", str(shared_path / "out")],
+    )
+    with pytest.raises(
+        InputError, match="the specimen is 0.2 x 0.05 mm, less than the fabric is thick"
+    ):
+        mine.scenario(Tensile)
 
 
 @pytest.mark.mpi
@@ -133,12 +160,21 @@ def test_a_slit_is_doubted_in_the_study(study):
     own[lips] = len(points) + np.arange(len(lips))
     cells = np.where((points[cells, 1].mean(1) > 10)[:, None], own[cells], cells)
     mine = study(*TENSILE, (np.vstack([points, points[lips]]), cells, kind))
-    mine.specimen(mine.args.length, mine.args.width)
-    (doubt,) = mine._warnings
+    mine.scenario(Tensile)
+    (doubt,) = mine.warnings
     assert f"has {len(lips)} nodes where another one lies" in doubt
 
 
 def test_locking_is_said_once_and_kept(launch):
-    done = launch("bias_extension", "--quick", "--element", "P1", "--pattern", "left", "--no-pictures", ranks=2)
+    done = launch(
+        "bias_extension",
+        "--quick",
+        "--element",
+        "P1",
+        "--pattern",
+        "left",
+        "--no-pictures",
+        ranks=2,
+    )
     assert done.status == 0 and done.err.count("of the linear cells") == 1
     assert any("lock" in text for text in done.summary["warnings"])

@@ -5,14 +5,23 @@ import pytest
 
 @pytest.mark.parametrize(
     "options",
-    [(), ("--pre-tension", 0.01), ("--pre-tension", 0.02, "--model", "fabric"), ("--element", "Q2", "--angle", 60)],
+    [
+        (),
+        ("--pre-tension", 0.01),
+        ("--pre-tension", 0.02, "--model", "fabric"),
+        ("--element", "Q2", "--angle", 60),
+    ],
 )
 def test_normalised_shear_force(launch, options):
     done = launch("picture_frame", "--quick", "--steps", 10, *options, ranks=2)
     assert done.status == 0, done.err
     s, q = done.summary, done.summary["quantities"]
-    assert q["normalised_shear_force_N_per_mm"] == pytest.approx(q["closed_form_N_per_mm"], rel=1e-8)
-    assert q["shear_angle"] == pytest.approx([q["shear_angle_deg"] / 57.29577951308232] * 2, abs=1e-7)
+    assert q["normalised_shear_force_N_per_mm"] == pytest.approx(
+        q["closed_form_N_per_mm"], rel=1e-8
+    )
+    assert q["shear_angle"] == pytest.approx(
+        [q["shear_angle_deg"] / 57.29577951308232] * 2, abs=1e-7
+    )
     pre = options[1] if "--pre-tension" in options else 0
     assert q["eps_a"] + q["eps_b"] == pytest.approx([pre] * 4, abs=1e-7)
     assert s["kernel_mismatch"] <= 1e-10
@@ -21,10 +30,14 @@ def test_normalised_shear_force(launch, options):
 
 @pytest.mark.parametrize("weave", [70, 120])
 def test_a_weave_that_is_mounted_sheared(launch, weave):
-    done = launch("picture_frame", "--quick", "--steps", 10, "--weave-angle", weave, "--pre-tension", 0.01)
+    done = launch(
+        "picture_frame", "--quick", "--steps", 10, "--weave-angle", weave, "--pre-tension", 0.01
+    )
     assert done.status == 0, done.err
     q = done.summary["quantities"]
-    assert q["normalised_shear_force_N_per_mm"] == pytest.approx(q["closed_form_N_per_mm"], rel=1e-10)
+    assert q["normalised_shear_force_N_per_mm"] == pytest.approx(
+        q["closed_form_N_per_mm"], rel=1e-10
+    )
     gamma = (q["shear_angle_deg"] + weave - 90) / 57.29577951308232
     assert q["shear_angle"] == pytest.approx([gamma] * 2, abs=1e-10)
     assert done.summary["kernel_mismatch"] <= 1e-10
@@ -39,9 +52,13 @@ def test_yarns_that_are_not_along_the_arms(launch, options):
 
 def test_pre_tension_stiffens_shear(launch):
     forces = [
-        launch("picture_frame", "--quick", "--pre-tension", e).summary["quantities"]["normalised_shear_force_N_per_mm"]
+        launch("picture_frame", "--quick", "--pre-tension", e).summary["quantities"][
+            "normalised_shear_force_N_per_mm"
+        ]
         for e in (0, 0.01)
     ]
     gamma = 3.141592653589793 / 4
-    added = 2 * 1467.6 * (1.01**2 - 1) ** 2 * gamma**2 / (1.01 * 2**-0.5)  # eqs (26), (27) over cos(gamma)
+    added = (
+        2 * 1467.6 * (1.01**2 - 1) ** 2 * gamma**2 / (1.01 * 2**-0.5)
+    )  # eqs (26), (27) over cos(gamma)
     assert forces[1] == pytest.approx(forces[0] / 1.01 + added, rel=1e-8)

@@ -1,4 +1,5 @@
-"""What a user lives with: runs that end early and go on, results that are not lost, the log and the report."""
+"""What a user lives with: runs that end early and go on, results that are not lost, the log and the
+report."""
 
 import csv
 import math
@@ -16,16 +17,24 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.files import lock_folder
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.results.fields import read_last
-from fabric_fenicsx.results.history import COLUMNS
-from fabric_fenicsx.running import hold
-from fabric_fenicsx.study import Study, _check_notes, parser
+from fabric_fenicsx.results.history import COLUMNS, check_notes
+from fabric_fenicsx.scenarios.tensile import Tensile
 
 ROOT = Path(__file__).parents[2]
 OPTIONS = "--quick", "--steps", 60, "--no-pictures"
-KEPT = "load", "displacement_mm", "reaction_N", "strain_energy_Nmm", "external_work_Nmm", "min_stability"
+KEPT = (
+    "load",
+    "displacement_mm",
+    "reaction_N",
+    "strain_energy_Nmm",
+    "external_work_Nmm",
+    "min_stability",
+)
 KILLS = int(os.environ.get("KILLS", 5))
 
 
@@ -55,12 +64,19 @@ def command(*options):
 
 def begun(folder, *options):
     return subprocess.Popen(
-        command("--out", folder, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command("--out", folder, *options),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     )
 
 
 def rows_written(folder):
-    return (folder / "history.csv").read_text().count("\n") - 1 if (folder / "history.csv").exists() else 0
+    return (
+        (folder / "history.csv").read_text().count("\n") - 1
+        if (folder / "history.csv").exists()
+        else 0
+    )
 
 
 def wait_for_rows(process, folder, rows=5):
@@ -74,7 +90,10 @@ def test_results_are_lost_only_if_that_is_asked(launch):
     assert done.status == 0
     before = {file: file.read_bytes() for file in done.folder.rglob("*") if file.is_file()}
     again = launch("tensile", "--quick", "--strain", 0.01, overwrite=False)
-    assert again.status == 2 and "--overwrite" in again.err and "--resume" in again.err and again.err.count("\n") == 1
+    assert again.status == 2
+    assert "--overwrite" in again.err
+    assert "--resume" in again.err
+    assert again.err.count("\n") == 1
     assert {file: file.read_bytes() for file in done.folder.rglob("*") if file.is_file()} == before
     both = launch("tensile", "--quick", "--resume", "--overwrite")
     assert both.status == 2 and "one of them" in both.err
@@ -90,8 +109,8 @@ def test_results_are_lost_only_if_that_is_asked(launch):
 HOLDER = """
 import sys
 from pathlib import Path
-from fabric_fenicsx.running import hold
-file = hold(Path(sys.argv[1]))
+from fabric_fenicsx.files import lock_folder
+file = lock_folder(Path(sys.argv[1]))
 print(bool(file), flush=True)
 sys.stdin.read()
 """
@@ -102,7 +121,8 @@ def everything(folder):
 
 
 def test_a_folder_in_use_is_refused_until_its_run_ends(launch, tmp_path):
-    """However a second run would take it, on any number of ranks; a run that is killed leaves it to the next."""
+    """However a second run would take it, on any number of ranks; a run that is killed leaves it to
+    the next."""
     done = launch("tensile", *OPTIONS, "--steps", 3)
     holder = [sys.executable, "-c", HOLDER, str(done.folder)]
     first = subprocess.Popen(holder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -110,7 +130,9 @@ def test_a_folder_in_use_is_refused_until_its_run_ends(launch, tmp_path):
     before = everything(done.folder)
     for ranks, *options in ((1,), (1, "--overwrite"), (2, "--resume")):
         again = launch("tensile", *OPTIONS, "--steps", 3, *options, ranks=ranks, overwrite=False)
-        assert again.status == 2 and again.err.count("studies/tensile.py: error: --out ") == 1, again.err
+        assert again.status == 2 and again.err.count("studies/tensile.py: error: --out ") == 1, (
+            again.err
+        )
         assert "is in use by another run; allowed" in again.err and "Traceback" not in again.err
         assert everything(done.folder) == before
     first.kill()
@@ -121,11 +143,11 @@ def test_a_folder_in_use_is_refused_until_its_run_ends(launch, tmp_path):
 
 def test_a_run_holds_its_folder_from_before_it_writes(tmp_path):
     def study(*options):
-        return Study("tensile", parser("tensile", ""), ["--out", str(tmp_path / "out"), *options])
+        return Study("tensile", parser(Tensile, ""), ["--out", str(tmp_path / "out"), *options])
 
     first = study()
     first.folder()
-    assert not hold(tmp_path / "out")
+    assert not lock_folder(tmp_path / "out")
     for options in ((), ("--overwrite",)):  # nothing is written yet
         with pytest.raises(InputError, match="--out .*out is in use by another run"):
             study(*options).folder()
@@ -146,7 +168,9 @@ def test_a_spoilt_checkpoint_is_refused(launch, ranks):
     again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=ranks)
     assert again.status == 2 and again.err.count("studies/tensile.py: error: ") == 1, again.err
     assert "Traceback" not in again.err
-    assert "checkpoint.npz is damaged: u has values that are no finite numbers; allowed" in again.err
+    assert (
+        "checkpoint.npz is damaged: u has values that are no finite numbers; allowed" in again.err
+    )
     assert {k: v for k, v in everything(done.folder).items() if k.name != "log.txt"} == {
         k: v for k, v in before.items() if k.name != "log.txt"
     }
@@ -165,10 +189,12 @@ def test_a_spoilt_checkpoint_is_refused(launch, ranks):
     ],
 )
 def test_notes_that_are_no_history_are_refused(notes):
-    with pytest.raises(InputError, match="checkpoint c.npz is damaged: its .*; allowed is one that a study wrote"):
-        _check_notes(notes, Path("c.npz"))
+    with pytest.raises(
+        InputError, match="checkpoint c.npz is damaged: its .*; allowed is one that a study wrote"
+    ):
+        check_notes(notes, Path("c.npz"))
     row = dict.fromkeys(COLUMNS, 1.0) | {"negative_pivots": None}
-    _check_notes({"rows": [row], "states": [[0.5, [0, 1]]]}, Path("c.npz"))
+    check_notes({"rows": [row], "states": [[0.5, [0, 1]]]}, Path("c.npz"))
 
 
 @pytest.mark.mpi
@@ -177,8 +203,10 @@ def test_a_spoilt_list_of_what_is_done_is_refused(tmp_path, text):
     folder = MPI.COMM_WORLD.bcast(tmp_path)
     (folder / "done.json").write_text(text)
     MPI.COMM_WORLD.barrier()
-    study = Study("tensile", parser("tensile", ""), ["--out", str(folder), "--resume"])
-    with pytest.raises(InputError, match="done.json cannot be read .*; allowed is one that a study wrote"):
+    study = Study("tensile", parser(Tensile, ""), ["--out", str(folder), "--resume"])
+    with pytest.raises(
+        InputError, match="done.json cannot be read .*; allowed is one that a study wrote"
+    ):
         study.once("a", lambda: 1)
 
 
@@ -190,7 +218,10 @@ def test_ends_after_its_step_if_asked_and_goes_on(tmp_path, whole, number, hang)
     _, err = process.communicate(timeout=hang)
     assert process.returncode == 3
     assert re.fullmatch(
-        rf"studies/tensile.py: stopped by {number.name} at load factor [\d.]+; --resume goes on from there\n",
+        (
+            rf"studies/tensile.py: stopped by {number.name} at load factor [\d.]+; "
+            r"--resume goes on from there\n"
+        ),
         err,
     )
     assert 5 <= rows_written(tmp_path / "out") < 61
@@ -201,7 +232,11 @@ def test_ends_after_its_step_if_asked_and_goes_on(tmp_path, whole, number, hang)
 def test_ranks_end_together_if_asked(launch, tmp_path, hang):
     folder = tmp_path / "out"
     ranks = ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", "2"]
-    allowed = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMP_NUM_THREADS": "1"}
+    allowed = {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMP_NUM_THREADS": "1",
+    }
     process = subprocess.Popen(
         [*ranks, *command("--out", folder)],
         stdout=subprocess.PIPE,
@@ -229,18 +264,23 @@ def test_pictures_that_a_finished_run_lacks_are_drawn(launch):
     done = launch("bias_extension", "--quick", "--no-pictures")
     again = launch("bias_extension", "--quick", "--resume")
     assert again.status == 0 and again.summary == done.summary
-    assert {"maps.png", "curve.png", "axis.png"} <= {file.name for file in done.folder.glob("*.png")}
+    assert {"maps.png", "curve.png", "axis.png"} <= {
+        file.name for file in done.folder.glob("*.png")
+    }
 
 
 def test_the_command_of_a_summary_repeats_the_run(launch, tmp_path):
     done = launch("tensile", "--quick", "--strain", 0.02, "--no-pictures")
     shutil.move(done.folder, tmp_path / "first")
-    subprocess.run(done.summary["command"], shell=True, check=True, capture_output=True, cwd=tmp_path)
+    subprocess.run(
+        done.summary["command"], shell=True, check=True, capture_output=True, cwd=tmp_path
+    )
     same_curve(done.folder, tmp_path / "first")
 
 
 def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
-    """Killed again and again, in a step, between steps or before the first; what is left is gone on from."""
+    """Killed again and again, in a step, between steps or before the first; what is left is gone on
+    from."""
     chance, folder, killed = random.Random(1), tmp_path / "out", 0
 
     def more():
@@ -248,7 +288,10 @@ def test_killed_at_any_moment_it_goes_on(tmp_path, whole):
 
     while killed < KILLS:
         process, before = begun(folder, more()), rows_written(folder)
-        further, patience = chance.choice([0, 1, 5, 20]), time.monotonic() + chance.uniform(0.2, 1.0)
+        further, patience = (
+            chance.choice([0, 1, 5, 20]),
+            time.monotonic() + chance.uniform(0.2, 1.0),
+        )
         while process.poll() is None and (
             rows_written(folder) < before + further if further else time.monotonic() < patience
         ):
@@ -278,12 +321,18 @@ runpy.run_path(sys.argv[0], run_name="__main__")
 
 @pytest.mark.parametrize("limit", [1_000, 5_000, 62_000])
 def test_full_disk(tmp_path, whole, limit):
-    """As far as files of a limited size tell: one sentence, and what was there goes on once there is space."""
+    """As far as files of a limited size tell: one sentence, and what was there goes on once there
+    is space."""
     folder = tmp_path / "out"
     python, script, *options = command("--out", folder)
-    done = subprocess.run([python, "-c", SMALL_DISK, script, str(limit), *options], capture_output=True, text=True)
+    done = subprocess.run(
+        [python, "-c", SMALL_DISK, script, str(limit), *options], capture_output=True, text=True
+    )
     assert done.returncode == 2, done.stderr
-    assert re.fullmatch(r"studies/tensile.py: error: \S+ can't be .*\(File too large\); allowed is .*\n", done.stderr)
+    assert re.fullmatch(
+        r"studies/tensile.py: error: \S+ can't be .*\(File too large\); allowed is .*\n",
+        done.stderr,
+    )
     assert not list(folder.glob("*.part"))
     if (folder / "checkpoint.npz").exists():
         subprocess.run(command("--out", folder, "--resume"), check=True, capture_output=True)
@@ -293,9 +342,13 @@ def test_full_disk(tmp_path, whole, limit):
 def flat(values, name=""):
     """{path: number} of nested summaries."""
     if isinstance(values, dict):
-        return {k: v for key, each in values.items() for k, v in flat(each, f"{name}/{key}").items()}
+        return {
+            k: v for key, each in values.items() for k, v in flat(each, f"{name}/{key}").items()
+        }
     if isinstance(values, list):
-        return {k: v for key, each in enumerate(values) for k, v in flat(each, f"{name}/{key}").items()}
+        return {
+            k: v for key, each in enumerate(values) for k, v in flat(each, f"{name}/{key}").items()
+        }
     return {name: values} if isinstance(values, (int, float)) else {}
 
 
@@ -303,10 +356,19 @@ def test_every_output_is_that_of_any_number_of_ranks(launch):
     outputs = []
     for ranks in (1, 2, 3):
         # to the solver's tolerance along the whole path, as that is what is compared
-        done = launch("bias_extension", "--quick", "--path-tolerance", 1e-10, "--tolerance", 1e-10, ranks=ranks)
+        done = launch(
+            "bias_extension",
+            "--quick",
+            "--path-tolerance",
+            1e-10,
+            "--tolerance",
+            1e-10,
+            ranks=ranks,
+        )
         assert done.status == 0, done.err
         summary = {
-            k: done.summary[k] for k in ("dofs", "cells", "steps_accepted", "energy", "reaction_N", "quantities")
+            k: done.summary[k]
+            for k in ("dofs", "cells", "steps_accepted", "energy", "reaction_N", "quantities")
         }
         rows = [{k: float(v) for k, v in row.items() if k in KEPT} for row in history(done.folder)]
         grid = read_last(done.folder)
@@ -317,7 +379,9 @@ def test_every_output_is_that_of_any_number_of_ranks(launch):
         nodes = np.column_stack([x, grid.point_data["u"][once, :2]])
         axis = np.loadtxt(done.folder / "axis.csv", delimiter=",", skiprows=1)
         pictures = sorted(file.name for file in done.folder.glob("*.png"))
-        outputs.append((flat(summary) | flat(rows, "row"), fields | {"axis": axis, "nodes": nodes}, pictures))
+        outputs.append(
+            (flat(summary) | flat(rows, "row"), fields | {"axis": axis, "nodes": nodes}, pictures)
+        )
     (numbers, arrays, pictures), *others = outputs
     for mine, fields, seen in others:
         assert mine == pytest.approx(numbers, rel=1e-6, abs=1e-9)
@@ -330,7 +394,9 @@ def test_log_and_quiet(launch):
     done = launch("tensile", "--quick", "--no-pictures")
     log = (done.folder / "log.txt").read_text()
     assert done.err == "" and done.out.count("\n") == 1  # the result
-    assert done.out.strip() in log and log.count("load ") >= 6 and "residual" in log
+    assert done.out.strip() in log
+    assert log.count("load ") >= 6
+    assert "residual" in log
     told = launch("tensile", "--quick", "--no-pictures", "--verbose", ranks=2)
     assert told.out.count("iteration  0") == 5
 
@@ -339,7 +405,14 @@ def test_report(launch):
     done = launch("bias_extension", "--quick", "--strain", 0.05)
     text = (done.folder / "report.html").read_text()
     assert "Done" in text and f"{done.summary['reaction_N']:.5g}" in text
-    for word in ("--strain 0.05", "kernel", "s_T = 1467.6", "petsc4py", "Newton iterations", "centre shear angle deg"):
+    for word in (
+        "--strain 0.05",
+        "kernel",
+        "s_T = 1467.6",
+        "petsc4py",
+        "Newton iterations",
+        "centre shear angle deg",
+    ):
         assert word in text, word
     assert text.count("data:image/png;base64,") == len(list(done.folder.glob("*.png"))) >= 3
     assert set(re.findall(r"(?:src|href)=\"(\w+):", text)) == {"data"} and "<script" not in text
@@ -365,4 +438,6 @@ def test_studies_of_many_runs_go_on(launch):
     assert first.status == 0
     again = launch("hard_cases", "--only", "ln", "--resume")
     assert again.status == 0
-    assert again.summary["quantities"] == first.summary["quantities"]  # to the hundredth of a second: not run again
+    assert (
+        again.summary["quantities"] == first.summary["quantities"]
+    )  # to the hundredth of a second: not run again

@@ -1,18 +1,13 @@
-"""The study of cost against error on its few quick runs, and the reference values that it measures errors by."""
+"""The study of cost against error on its few quick runs, and the reference values that it measures
+errors by."""
 
 import csv
 import json
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
-from reference import SCENES as SCENES_OF  # noqa: E402
-from reference import field_distance, grid  # noqa: E402
-from speed_vs_error import curve_distance  # noqa: E402
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 SCENES = "tensile", "bias10", "bias30"
@@ -27,63 +22,66 @@ def test_quick_runs(launch, hang):
     done = launch("speed_vs_error", "--quick", "--limit", hang)
     assert done.status == 0, done.err
     with open(done.folder / "table.csv") as file:
-        rows = [{k: v if k in WORDS or v == "" else float(v) for k, v in row.items()} for row in csv.DictReader(file)]
-    assert len(rows) == 12 and all(row["reason"] == "" for row in rows) and len(done.out.splitlines()) == 1 + 12 + 9
+        rows = [
+            {k: v if k in WORDS or v == "" else float(v) for k, v in row.items()}
+            for row in csv.DictReader(file)
+        ]
+    assert len(rows) == 12
+    assert [row["reason"] for row in rows] == [""] * 12
+    assert len(done.out.splitlines()) == 1 + 12 + 9
     for scene in SCENES[:2]:
         runs = [r for r in rows if r["scene"] == scene]
         base, fine, p1, p2, iterative, two = runs
         assert abs(fine["error_reaction"]) < abs(base["error_reaction"])
         assert 0 < fine["error_energy"] < base["error_energy"]
-        assert p1["dofs"] == pytest.approx(p2["dofs"], rel=0.05) and p1["pattern"] == p2["pattern"] == "unstructured"
-        assert abs(p1["error_energy"]) > 3 * abs(p2["error_energy"]) and p1["error_reaction"] > abs(
-            p2["error_reaction"]
-        )
+        assert p1["dofs"] == pytest.approx(p2["dofs"], rel=0.05)
+        assert p1["pattern"] == p2["pattern"] == "unstructured"
+        assert abs(p1["error_energy"]) > 3 * abs(p2["error_energy"])
+        assert p1["error_reaction"] > abs(p2["error_reaction"])
         for same in (iterative, two):
             assert same["reaction_N"] == pytest.approx(base["reaction_N"], rel=1e-6)
-        assert abs(two["iterations"] - base["iterations"]) <= 1 and two["ranks"] == 2  # sums round otherwise
-        assert all(
-            r["wall_s"] > 0 and r["memory_mib"] > 0 and r["tangent_ratio"] > 0 and r["own_solves"] > 0 for r in runs
-        )
+        assert two["ranks"] == 2
+        assert abs(two["iterations"] - base["iterations"]) <= 1  # sums round otherwise
+        for cost_of in ("wall_s", "memory_mib", "tangent_ratio", "own_solves"):
+            assert min(r[cost_of] for r in runs) > 0, cost_of
         front = [r for r in runs if r["on_front"] == "True"]
         assert all(r["error_curve"] >= abs(r["error_reaction"]) - 1e-12 for r in runs)
         error = {id(r): max(r["error_curve"], r["error_bar"]) for r in runs}
         for r in runs:
-            beaten = [f for f in runs if f["cost"] <= r["cost"] and error[id(f)] <= error[id(r)] and f is not r]
+            beaten = [
+                f
+                for f in runs
+                if f["cost"] <= r["cost"] and error[id(f)] <= error[id(r)] and f is not r
+            ]
             assert (r in front) == (not beaten)
         q = done.summary["quantities"][scene]
-        assert len(q["front"]) == len(front) and q["failed"] == 0 and q["runs"] == len(runs)
-        cheapest = min(runs, key=lambda r: r["cost"] if r["error_curve"] + r["error_bar"] <= 0.1 else 1e9)
+        assert len(q["front"]) == len(front)
+        assert q["failed"] == 0
+        assert q["runs"] == len(runs)
+        cheapest = min(
+            runs, key=lambda r: r["cost"] if r["error_curve"] + r["error_bar"] <= 0.1 else 1e9
+        )
         assert q["recommended"]["0.1"]["cost"] == pytest.approx(cheapest["cost"])
     assert (done.folder / "front.png").stat().st_size > 10_000
 
 
 def test_cost_over_sizes(launch, hang):
-    done = launch("speed_vs_error", "--quick", "--sizes", "--limit", hang)
+    done = launch("speed_vs_error", "--quick", "--sizes", "--limit", hang, apart=True)
     assert done.status == 0, done.err
     with open(done.folder / "table.csv") as file:
         small, large, two = csv.DictReader(file)
     assert (small["cells"], large["cells"], two["ranks"]) == ("576", "2304", "2")
     for row in (small, large, two):
-        assert row["reason"] == "" and float(row["linear_error"]) < 1e-10 and float(row["tangent_s"]) > 0
+        assert row["reason"] == ""
+        assert float(row["linear_error"]) < 1e-10
+        assert float(row["tangent_s"]) > 0
     q = done.summary["quantities"]
     ratio = float(large["tangent_s"]) / float(small["tangent_s"])
     exponent = np.log(ratio) / np.log(float(large["dofs"]) / float(small["dofs"]))
-    assert q["mumps-cholesky"]["exponent_of_tangent_s"] == pytest.approx(exponent, rel=0.05, abs=0.05)
+    assert q["mumps-cholesky"]["exponent_of_tangent_s"] == pytest.approx(
+        exponent, rel=0.05, abs=0.05
+    )
     assert "gain_of_tangent_s" in q["2 ranks, 2304 cells"]
-
-
-def test_fields_are_compared_as_a_camera_sees_them():
-    """A finer mesh's displacements are nearer to the kept ones; a uniform shift changes no strain."""
-    case, kept = SCENES_OF["bias10"], np.loadtxt(REFERENCE / "bias10_grid.csv", delimiter=",", skiprows=1)
-    x, u = grid(), kept[:, 2:].reshape(81, 21, 2)
-    assert kept[:, :2] == pytest.approx(x.reshape(-1, 2))
-    assert field_distance(case, u + 3.0, u) == pytest.approx((0, 0), abs=1e-9)
-    stretched = x * [0.01, 0.0]
-    strain, angle = field_distance(case, stretched, 2 * stretched)
-    E1, E2 = 0.01 + 0.01**2 / 2, 0.02 + 0.02**2 / 2
-    assert strain == pytest.approx((E2 - E1) / E2, rel=1e-9)
-    shear = np.degrees(np.diff([np.arctan2(k**2 - 1, 2 * k) for k in (1.01, 1.02)]))
-    assert angle == pytest.approx(abs(shear[0]), rel=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +89,10 @@ def test_fields_are_compared_as_a_camera_sees_them():
     [
         (("--scenes", "wrinkle"), ["--scenes", "wrinkle", "bias10"]),
         (("--limit", "0"), ["--limit", "above 0"]),
-        (("--reference", "nowhere"), ["--reference nowhere", "tensile.json", "studies/reference.py"]),
+        (
+            ("--reference", "nowhere"),
+            ["--reference nowhere", "tensile.json", "studies/reference.py"],
+        ),
         (("--without", "biaxial"), ["--material komeili", "reference"]),
     ],
 )
@@ -103,7 +104,8 @@ def test_bad_input(launch, options, words):
 
 
 @pytest.mark.parametrize(
-    "file, text", [("bias10_grid.csv", None), ("bias10.csv", "load\n0\n"), ("bias10_grid.csv", "x\n")]
+    "file, text",
+    [("bias10_grid.csv", None), ("bias10.csv", "load\n0\n"), ("bias10_grid.csv", "x\n")],
 )
 def test_a_reference_that_lacks_a_file(launch, tmp_path, file, text):
     shutil.copytree(REFERENCE, tmp_path / "kept")
@@ -113,14 +115,6 @@ def test_a_reference_that_lacks_a_file(launch, tmp_path, file, text):
     done = launch("speed_vs_error", "--quick", "--reference", tmp_path / "kept")
     assert done.status == 2 and not done.folder.exists()
     assert f"holds no readable {file}; allowed is" in done.err and "Traceback" not in done.err
-
-
-def test_a_curve_is_compared_as_a_reader_interpolates_it():
-    """Of load squared, read off between two points: the chord is 1/4 above it in the middle; and half of it."""
-    load = np.linspace(0, 1, 5)
-    reference = np.stack([load, 3 * load**2])
-    assert curve_distance([[0, 1], [0, 3]], reference) == pytest.approx(0.25)
-    assert curve_distance([load, 1.5 * load**2], reference) == pytest.approx(0.5)
 
 
 def test_a_run_past_the_limit_is_told(launch):
@@ -135,13 +129,17 @@ def test_the_reference_tells_value_error_and_command(scene):
     for name in ("reaction_N", "energy_Nmm", "centre_eps_a", "centre_eps_b", "centre_shear_deg"):
         quantity = found["quantities"][name]
         value, error = quantity["value"], quantity["error"]
-        others = [found["members"][how]["values"][name] for how in (found["series"][-1], *found["checks"])]
+        others = [
+            found["members"][how]["values"][name] for how in (found["series"][-1], *found["checks"])
+        ]
         assert error > 0 and all(abs(value - other) <= error * (1 + 1e-9) for other in others)
     with open(REFERENCE / f"{scene}.csv") as file:
         rows = list(csv.DictReader(file))
     assert [float(row["load"]) for row in rows] == pytest.approx([k / 20 for k in range(21)])
     for key, name in (("value", "reaction_N"), ("error", "error_N")):
-        assert float(rows[-1][name]) == pytest.approx(found["quantities"]["reaction_N"][key], rel=1e-6)
+        assert float(rows[-1][name]) == pytest.approx(
+            found["quantities"]["reaction_N"][key], rel=1e-6
+        )
 
 
 def test_the_reference_is_made_again(launch):
@@ -152,5 +150,12 @@ def test_the_reference_is_made_again(launch):
         assert again["series"] == before["series"][:2] and again["material"] == before["material"]
         for how in again["series"]:
             values, expected = (found["members"][how]["values"] for found in (again, before))
-            for name in ("reaction_N", "energy_Nmm", "centre_eps_a", "centre_eps_b", "eps_a_max", "shear_deg_max"):
+            for name in (
+                "reaction_N",
+                "energy_Nmm",
+                "centre_eps_a",
+                "centre_eps_b",
+                "eps_a_max",
+                "shear_deg_max",
+            ):
                 assert values[name] == pytest.approx(expected[name], rel=1e-5), (how, name)

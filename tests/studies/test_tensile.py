@@ -8,22 +8,53 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
+from mpi4py import MPI
 from scipy.optimize import brentq
 
-from fabric_fenicsx.material import pointwise
+from fabric_fenicsx.command_line.study import Study
+from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.solve import stepping
 from fabric_fenicsx.solve.stepping import Viscosity
-from fabric_fenicsx.study import Study
 
+COMM = MPI.COMM_WORLD
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import tensile  # noqa: E402
 
-FULL = ("--element", "P1", "--nx", 100, "--ny", 25, "--pattern", "crossed", "--steps", 20, "--path-tolerance", 1e-5)
+FULL = (
+    "--element",
+    "P1",
+    "--nx",
+    100,
+    "--ny",
+    25,
+    "--pattern",
+    "crossed",
+    "--steps",
+    20,
+    "--path-tolerance",
+    1e-5,
+)
 CONTRACT = {
-    "study", "converged", "stroke_reached", "dofs", "cells", "element", "ranks", "terms", "steps_accepted", "steps_rejected",
-    "newton_iterations", "wall_s", "peak_memory_mib", "energy", "reaction_N", "kernel_mismatch", "versions", "quantities",
-}  # fmt: skip
+    "study",
+    "converged",
+    "stroke_reached",
+    "dofs",
+    "cells",
+    "element",
+    "ranks",
+    "terms",
+    "steps_accepted",
+    "steps_rejected",
+    "newton_iterations",
+    "wall_s",
+    "peak_memory_mib",
+    "energy",
+    "reaction_N",
+    "kernel_mismatch",
+    "versions",
+    "quantities",
+}
 
 
 def balance(summary):
@@ -36,15 +67,25 @@ def rows(folder):
         return [{k: float(v) for k, v in row.items() if v} for row in csv.DictReader(file)]
 
 
-def test_the_papers_specimen_on_two_ranks(launch):
-    done = launch("tensile", *FULL, "--verbose", "--path-tolerance", 1e-8, ranks=2)
+@pytest.mark.mpi
+def test_the_papers_specimen(launch):
+    done = launch("tensile", *FULL, "--verbose", "--path-tolerance", 1e-8)
     s = done.summary
     assert done.status == 0, done.err
-    assert (
-        set(s) >= CONTRACT and s["converged"] and s["stroke_reached"] == 1 and s["cells"] == 10_000 and s["ranks"] == 2
-    )
+    assert set(s) >= CONTRACT
+    assert s["converged"]
+    assert s["stroke_reached"] == 1
+    assert s["cells"] == 10_000
+    assert s["ranks"] == COMM.size
     assert set(s["wall_s"]) == {"setup", "compile", "assemble", "linear_solve", "output", "total"}
-    assert set(s["energy"]) == {"strain", "bending", "contact", "friction", "viscous", "external_work"}
+    assert set(s["energy"]) == {
+        "strain",
+        "bending",
+        "contact",
+        "friction",
+        "viscous",
+        "external_work",
+    }
     assert s["kernel_mismatch"] <= 1e-10
     assert balance(s) <= 2e-3
     assert -0.155 <= s["quantities"]["log_eps_22_min"] <= -0.135
@@ -52,12 +93,17 @@ def test_the_papers_specimen_on_two_ranks(launch):
     solves = done.out.split("iteration  0")[1:]
     assert len(solves) == 20
     for solve in solves:
-        steps = [float(line.split("step of")[1].split()[0]) for line in solve.splitlines() if "energy norm" in line]
+        steps = [
+            float(line.split("step of")[1].split()[0])
+            for line in solve.splitlines()
+            if "energy norm" in line
+        ]
         assert 2 <= len(steps) <= 5 and steps[-1] <= 2 * steps[-2] ** 2
     history = rows(done.folder)
     assert [r["load"] for r in history] == pytest.approx(np.linspace(0, 1, 21))
     force = np.array([r["reaction_N"] for r in history])
-    assert np.all(np.diff(force) > 0) and np.abs(np.diff(force, 3)).max() < 0.02 * force.max()  # smooth
+    assert np.all(np.diff(force) > 0)
+    assert np.abs(np.diff(force, 3)).max() < 0.02 * force.max()  # smooth
     assert history[-1]["reaction_N"] == s["reaction_N"]
     grid = pyvista.PVDReader(done.folder / "fields.pvd")
     assert grid.time_values == pytest.approx([0, 0.25, 0.5, 0.75, 1])
@@ -70,40 +116,52 @@ def test_a_curve_to_five_digits_is_cheap(launch, study, allowed):
     exact = launch(study, *FULL, "--no-pictures", "--path-tolerance", 1e-8)
     forces = np.array([row["reaction_N"] for row in rows(exact.folder)])
     done = launch(study, *FULL, "--no-pictures")
-    assert np.array([row["reaction_N"] for row in rows(done.folder)]) == pytest.approx(forces, rel=1e-5, abs=1e-5)
+    assert np.array([row["reaction_N"] for row in rows(done.folder)]) == pytest.approx(
+        forces, rel=1e-5, abs=1e-5
+    )
     assert done.summary["reaction_N"] == pytest.approx(exact.summary["reaction_N"], rel=1e-8)
     assert done.summary["newton_iterations"] <= allowed < exact.summary["newton_iterations"]
 
 
 @pytest.mark.parametrize("study", ["tensile", "bias_extension"])
 def test_ranks_agree(launch, study):
-    found = [launch(study, *FULL, "--steps", 5, "--no-pictures", ranks=n).summary for n in (1, 3)]
-    for s in found[1:]:
-        assert s["energy"]["strain"] == pytest.approx(found[0]["energy"]["strain"], rel=1e-8)
-        assert s["reaction_N"] == pytest.approx(found[0]["reaction_N"], rel=1e-8)
+    options = *FULL, "--nx", 60, "--ny", 15, "--steps", 5, "--no-pictures"
+    one, three = (launch(study, *options, ranks=n).summary for n in (1, 3))
+    assert three["energy"]["strain"] == pytest.approx(one["energy"]["strain"], rel=1e-8)
+    assert three["reaction_N"] == pytest.approx(one["reaction_N"], rel=1e-8)
 
 
-# of --tolerance 1e-11 on Debian 12 (DOLFINx 0.5.2); what runs on Debian 13 (0.9.0) must say the same
-SAME_EVERYWHERE = {"tensile": (2033.64783014, 5781.89806120), "bias_extension": (0.52341637531, 3.54541421312)}
+# of --tolerance 1e-11 on Debian 12 (DOLFINx 0.5.2); what runs on Debian 13 (0.9.0) must say the
+# same
+SAME_EVERYWHERE = {
+    "tensile": (2033.64783014, 5781.89806120),
+    "bias_extension": (0.52341637531, 3.54541421312),
+}
 
 
 @pytest.mark.parametrize("study", SAME_EVERYWHERE)
 def test_numbers_are_the_same_on_every_debian(launch, study):
     s = launch(study, *FULL, "--no-pictures", "--tolerance", 1e-11).summary
-    assert (s["reaction_N"], s["energy"]["strain"]) == pytest.approx(SAME_EVERYWHERE[study], rel=1e-8)
+    assert (s["reaction_N"], s["energy"]["strain"]) == pytest.approx(
+        SAME_EVERYWHERE[study], rel=1e-8
+    )
 
 
-def test_energy_balance_falls_with_the_square_of_the_step(launch):
+def test_energy_balance_is_better_than_chords_make_it(launch):
+    """Straight lines between the states are off by 8.5e-5 with 20 steps and a quarter of that with
+    40; parabolas by much less."""
     options = ("--quick", "--path-tolerance", 1e-5, "--no-pictures")
-    errors = [balance(launch("tensile", *options, "--steps", n).summary) for n in (20, 40, 80)]
-    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1) and errors[1] / errors[2] == pytest.approx(4, rel=0.1)
+    errors = [balance(launch("tensile", *options, "--steps", n).summary) for n in (20, 40)]
+    assert errors[0] < 1e-5 and errors[1] < errors[0]
 
 
 @pytest.mark.parametrize("options", [("--without", "biaxial"), ("--model", "fabric")])
 def test_no_contraction_without_the_biaxial_coupling(launch, options):
     s = launch("tensile", *FULL, "--no-pictures", *options).summary
     assert max(map(abs, s["quantities"]["eps_b"])) < 1e-6
-    assert s["reaction_N"] == pytest.approx(50 * (3 * 4130 * 0.03**2 + 2 * 667.5 * 0.03), rel=1e-9)  # eq. (14)
+    assert s["reaction_N"] == pytest.approx(
+        50 * (3 * 4130 * 0.03**2 + 2 * 667.5 * 0.03), rel=1e-9
+    )  # eq. (14)
     assert "biaxial" not in s["couplings"]
 
 
@@ -115,9 +173,11 @@ def test_comparison_of_the_variants(launch):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
 def test_fields_for_paraview_are_those_of_the_solution(launch, element):
-    done = launch("tensile", "--quick", "--grips", "rollers", "--turned", 30, "--element", element, ranks=2)
+    options = "--grips", "rollers", "--turned", 30, "--element", element
+    done = launch("tensile", "--quick", *options)
     assert done.status == 0, done.err
     reader = pyvista.PVDReader(done.folder / "fields.pvd")
     reader.set_active_time_value(1.0)
@@ -125,10 +185,19 @@ def test_fields_for_paraview_are_those_of_the_solution(launch, element):
     assert grid.n_cells == done.summary["cells"]
     q = done.summary["quantities"]
     expected = {
-        "eps_a": 0.03, "eps_b": q["eps_b"][0], "log_eps_11": np.log(1.03), "log_eps_22": q["log_eps_22_min"], "shear_angle": 0,
-        "I4": 1.03**2, "I6": 0, "I8": (1 + q["eps_b"][0]) ** 2, "I10": 0, "strain_state": 2, "sigma_b": 0,
+        "eps_a": 0.03,
+        "eps_b": q["eps_b"][0],
+        "log_eps_11": np.log(1.03),
+        "log_eps_22": q["log_eps_22_min"],
+        "shear_angle": 0,
+        "I4": 1.03**2,
+        "I6": 0,
+        "I8": (1 + q["eps_b"][0]) ** 2,
+        "I10": 0,
+        "strain_state": 2,
+        "sigma_b": 0,
         "sigma_a": q["nominal_stress_MPa"] / (1 + q["eps_b"][0]),
-    }  # fmt: skip
+    }
     for name, value in expected.items():
         assert grid.cell_data[name] == pytest.approx(value, abs=1e-7), name
     total = sum(grid.cell_data[f"energy_{part}"] for part in ("a", "b", "shear"))
@@ -152,15 +221,20 @@ def test_resume_after_a_kill_on_other_ranks(launch):
     launch("tensile", *options, kill_at_row=10)
     assert not (whole.folder / "summary.json").exists()
     again = launch("tensile", *options, "--resume", ranks=2)
-    assert again.status == 0 and again.summary["reaction_N"] == pytest.approx(whole.summary["reaction_N"], rel=1e-9)
+    assert again.status == 0
+    assert again.summary["reaction_N"] == pytest.approx(whole.summary["reaction_N"], rel=1e-9)
     assert again.summary["energy"] == pytest.approx(whole.summary["energy"], rel=1e-9)
     assert again.summary["steps_accepted"] == 40
     assert curve(again.folder) == pytest.approx(expected, rel=1e-9, abs=1e-12)
-    assert pyvista.PVDReader(again.folder / "fields.pvd").time_values == pytest.approx(np.linspace(0, 1, 9))
+    assert pyvista.PVDReader(again.folder / "fields.pvd").time_values == pytest.approx(
+        np.linspace(0, 1, 9)
+    )
 
 
+@pytest.mark.mpi
 def test_a_load_that_cannot_be_reached(launch):
-    done = launch("bias_extension", "--quick", "--element", "P1", "--strain", 0.9, "--max-strain", 10, ranks=2)
+    options = "--element", "P1", "--strain", 0.9, "--max-strain", 10
+    done = launch("bias_extension", "--quick", *options)
     assert done.status == 3, done.err
     (said,) = [
         line
@@ -168,26 +242,40 @@ def test_a_load_that_cannot_be_reached(launch):
         if line.startswith("studies/bias_extension.py: stopped: gave up at load factor")
     ]
     s = done.summary
-    assert not s["converged"] and 0.5 < s["stroke_reached"] < 1 and s["reason"] in said and "Traceback" not in done.err
+    assert not s["converged"]
+    assert 0.5 < s["stroke_reached"] < 1
+    assert s["reason"] in said
+    assert "Traceback" not in done.err
     history = rows(done.folder)
     assert history[-1]["load"] == pytest.approx(s["stroke_reached"])
-    assert pyvista.PVDReader(done.folder / "fields.pvd").time_values[-1] == pytest.approx(s["stroke_reached"])
+    assert pyvista.PVDReader(done.folder / "fields.pvd").time_values[-1] == pytest.approx(
+        s["stroke_reached"]
+    )
     assert "rejected after" in done.err
     assert s["energy"]["viscous"] == pytest.approx(history[-1]["viscous_energy_Nmm"])
 
 
 @pytest.mark.parametrize("drag, warned", [(0.3, True), (1e-3, False)])
 def test_what_the_regularisation_takes_is_told(tmp_path, monkeypatch, capsys, drag, warned):
-    """With a drag [N/mm] on the nodes from the start; it fades at full load and leaves the state as it is without."""
-    monkeypatch.setattr(stepping, "Viscosity", lambda: Viscosity(drag, stiffness=1000 * drag, patience=100))
+    """With a drag [N/mm] on the nodes from the start; it fades at full load and leaves the state as
+    it is without."""
+    monkeypatch.setattr(
+        stepping, "Viscosity", lambda: Viscosity(drag, stiffness=1000 * drag, easy_steps_asked=100)
+    )
     options = ["--quick", "--no-pictures", "--element", "P1"]
     tensile.main(Study("tensile", tensile.options(), [*options, "--out", str(tmp_path)]))
     summary, history = json.loads((tmp_path / "summary.json").read_text()), rows(tmp_path)
     told = [row for row in history if row["viscous_energy_Nmm"] > 0.01 * row["strain_energy_Nmm"]]
-    said = [line for line in capsys.readouterr().err.splitlines() if "the regularisation has taken" in line]
+    said = [
+        line
+        for line in capsys.readouterr().err.splitlines()
+        if "the regularisation has taken" in line
+    ]
     assert len(said) == warned == bool(told)
     if warned:
-        assert said[0].startswith(f"warning: at load {told[0]['load']:.6g} (step {told[0]['step']:.0f})")
+        assert said[0].startswith(
+            f"warning: at load {told[0]['load']:.6g} (step {told[0]['step']:.0f})"
+        )
     assert summary["energy"]["viscous"] == pytest.approx(history[-1]["viscous_energy_Nmm"])
     monkeypatch.undo()
     tensile.main(Study("tensile", tensile.options(), [*options, "--out", str(tmp_path / "free")]))
@@ -196,17 +284,23 @@ def test_what_the_regularisation_takes_is_told(tmp_path, monkeypatch, capsys, dr
     assert summary["reaction_N"] == pytest.approx(free["reaction_N"], rel=1e-7)
 
 
-def test_a_material_that_is_not_a_number_at_run_time(launch, tmp_path):
-    (tmp_path / "m.toml").write_text(PRESETS["komeili"].dumps().replace("a = 4130.0", "a = 1e308"))
-    done = launch("tensile", "--quick", "--material", "m.toml", ranks=2)
-    assert done.status == 3 and "the energy, its forces or its tangent are not a number" in done.err, done.err
-    assert not done.summary["converged"] and len(rows(done.folder)) == 1
+@pytest.mark.mpi
+def test_a_material_that_is_not_a_number_at_run_time(launch, shared_path):
+    material = PRESETS["komeili"].dumps().replace("a = 4130.0", "a = 1e308")
+    (shared_path / "m.toml").write_text(material)
+    COMM.barrier()
+    done = launch("tensile", "--quick", "--material", "m.toml")
+    assert done.status == 3, done.err
+    assert "the energy, its forces or its tangent are not a number" in done.err
+    assert not done.summary["converged"]
+    assert len(rows(done.folder)) == 1
     assert pyvista.PVDReader(done.folder / "fields.pvd").time_values == [0.0]
 
 
 def test_more_ranks_than_cells(launch):
-    done = launch("tensile", "--nx", 1, "--ny", 1, ranks=5)
-    assert done.status == 0 and done.summary["cells"] == 4, done.err
+    done = launch("tensile", "--nx", 1, "--ny", 1, "--steps", 2, ranks=5)
+    assert done.status == 0, done.err
+    assert done.summary["cells"] == 4
 
 
 def test_a_comparison_goes_on_where_it_was_killed(launch):
@@ -215,7 +309,8 @@ def test_a_comparison_goes_on_where_it_was_killed(launch):
     for file in (whole.folder / "FABRIC").glob("*.*"):
         file.unlink()
     again = launch("tensile", *options, "--resume")
-    assert again.status == 0 and again.out == whole.out, again.err
+    assert again.status == 0, again.err
+    assert again.out == whole.out
 
 
 def test_another_mesh_is_not_resumed(launch, tmp_path):
@@ -232,31 +327,47 @@ def test_another_mesh_is_not_resumed(launch, tmp_path):
 @pytest.mark.parametrize("study", ["tensile", "bias_extension", "picture_frame", "single_element"])
 def test_a_tabulated_material_runs_in_every_study(launch, tmp_path, study):
     """Fine tables of the preset `fabric`'s curves give its reactions."""
-    from fabric_fenicsx.material.closed_form import nominal_stresses
+    from fabric_fenicsx.material.laws.base import stresses_of_energy
 
     eps, gamma = np.r_[-0.5, -0.2, np.linspace(0, 0.06, 13)], np.linspace(0, 1.4, 29)
     for name in ("warp", "weft"):
-        sigma = nominal_stresses(PRESETS["fabric"], eps, 0, 0)[0]
-        text = "eps [%], sigma [MPa]\n" + "".join(f"{float(100 * e)!r}, {float(s)!r}\n" for e, s in zip(eps, sigma))
+        sigma = stresses_of_energy(PRESETS["fabric"], eps, 0, 0)[0]
+        text = "eps [%], sigma [MPa]\n" + "".join(
+            f"{float(100 * e)!r}, {float(s)!r}\n" for e, s in zip(eps, sigma)
+        )
         (tmp_path / f"{name}.csv").write_text(text)
-    tau = nominal_stresses(PRESETS["fabric"], 0, 0, gamma)[2]
-    text = "gamma [rad], tau [MPa]\n" + "".join(f"{float(g)!r}, {float(t)!r}\n" for g, t in zip(gamma, tau))
+    tau = stresses_of_energy(PRESETS["fabric"], 0, 0, gamma)[2]
+    text = "gamma [rad], tau [MPa]\n" + "".join(
+        f"{float(g)!r}, {float(t)!r}\n" for g, t in zip(gamma, tau)
+    )
     (tmp_path / "shear.csv").write_text(text)
     keys = 'model = "fabric"\nthickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\n'
-    (tmp_path / "m.toml").write_text(keys + "".join(f'{n} = "{n}.csv"\n' for n in ("warp", "weft", "shear")))
-    tables, preset = (launch(study, "--quick", "--no-pictures", "--material", m).summary for m in ("m.toml", "fabric"))
-    assert tables["converged"] and tables["couplings"] == [] and tables["kernel_mismatch"] <= 1e-10
+    (tmp_path / "m.toml").write_text(
+        keys + "".join(f'{n} = "{n}.csv"\n' for n in ("warp", "weft", "shear"))
+    )
+    tables, preset = (
+        launch(study, "--quick", "--no-pictures", "--material", m).summary
+        for m in ("m.toml", "fabric")
+    )
+    assert tables["converged"]
+    assert tables["couplings"] == []
+    assert tables["kernel_mismatch"] <= 1e-10
     if "reaction_N" in tables:
-        assert tables["reaction_N"] == pytest.approx(preset["reaction_N"], rel=2e-2)  # of the interpolation
+        assert tables["reaction_N"] == pytest.approx(
+            preset["reaction_N"], rel=2e-2
+        )  # of the interpolation
 
 
 def test_what_is_said_first_holds_as_the_mesh_is_refined(launch):
-    """Strains at the middle and between which 98 % of the area lies; the extremes, at the clamps' corners, grow."""
+    """Strains at the middle and between which 98 % of the area lies; the extremes, at the clamps'
+    corners, grow."""
     coarse, fine = (launch("tensile", "--nx", nx, "--steps", 5, "--no-pictures") for nx in (24, 96))
     q, r = coarse.summary["quantities"], fine.summary["quantities"]
     assert q["log_eps_22_middle"] == pytest.approx(r["log_eps_22_middle"], rel=1e-3)
     assert q["log_eps_22_98_percent"][0] == pytest.approx(r["log_eps_22_98_percent"][0], rel=0.01)
-    assert q["shear_angle_98_percent_deg"] == pytest.approx(r["shear_angle_98_percent_deg"], rel=0.03)
+    assert q["shear_angle_98_percent_deg"] == pytest.approx(
+        r["shear_angle_98_percent_deg"], rel=0.03
+    )
     assert r["shear_angle_max_deg"] > 1.5 * q["shear_angle_max_deg"]
     assert f"log eps22 at the middle {100 * r['log_eps_22_middle']:.2f} %" in fine.out
     for name in ("log_eps_11", "log_eps_22"):
@@ -268,26 +379,39 @@ def test_a_sheet_without_a_middle(launch, tmp_path):
     from fabric_fenicsx.meshes.specimen import specimen, write
 
     x, cells, kind = specimen(nx=20, ny=5)
-    write(tmp_path / "holed.msh", x, cells[np.linalg.norm(x[cells].mean(1) - [100, 25, 0], axis=1) > 8], kind)
-    for study, name in (("tensile", "log_eps_22_middle"), ("bias_extension", "centre_shear_angle_deg")):
-        done = launch(study, "--quick", "--mesh", "holed.msh", "--steps", 2, "--strain", 0.02, "--no-pictures")
+    write(
+        tmp_path / "holed.msh",
+        x,
+        cells[np.linalg.norm(x[cells].mean(1) - [100, 25, 0], axis=1) > 8],
+        kind,
+    )
+    for study, name in (
+        ("tensile", "log_eps_22_middle"),
+        ("bias_extension", "centre_shear_angle_deg"),
+    ):
+        done = launch(
+            study, "--quick", "--mesh", "holed.msh", "--steps", 2, "--strain", 0.02, "--no-pictures"
+        )
         assert done.status == 0, done.err
         assert done.summary["quantities"][name] is None
-        (doubt,) = [text for text in done.summary["warnings"] if "hole at its centre" in text]
-        assert doubt in done.err and "no cell at the" in done.out
+        (warning,) = [text for text in done.summary["warnings"] if "hole at its centre" in text]
+        assert warning in done.err and "no cell at the" in done.out
     assert done.summary["quantities"]["theory_shear_angle_deg"] is None
     assert "whole rectangle" in done.summary["quantities"]["no_theory_because"]
 
 
 def test_a_pre_sheared_strip_comes_to_rest_before_load(launch):
-    """Yarns at +-35 deg of a weave without shear at 90 deg: free sides, homogeneous, so the kernel has it all."""
+    """Yarns at +-35 deg of a weave without shear at 90 deg: free sides, homogeneous, so the kernel
+    has it all."""
     angles = np.radians([35, 145])
     yarns = np.stack([np.cos(angles), np.sin(angles)], -1)
 
     def across(strain):
         def state(eps):
             F = np.diag([1 + strain, 1 + eps])
-            return pointwise.evaluate(PRESETS["komeili"], gradient=F, fibres=yarns, weave_angle=np.pi / 2)
+            return kernel.evaluate(
+                PRESETS["komeili"], gradient=F, fibres=yarns, weave_angle=np.pi / 2
+            )
 
         eps = brentq(lambda e: state(e).S[0, 1, 1], -0.2, 0.2, xtol=1e-15)
         return eps, 50 * (1 + strain) * state(eps).S[0, 0, 0]
@@ -298,6 +422,8 @@ def test_a_pre_sheared_strip_comes_to_rest_before_load(launch):
     first, *_, last = rows(done.folder)
     assert first["reaction_N"] == pytest.approx(across(0.0)[1], rel=1e-9)
     assert last["reaction_N"] == pytest.approx(across(0.03)[1], rel=1e-9)
-    assert done.summary["quantities"]["width_at_middle_mm"] == pytest.approx(50 * (1 + across(0.03)[0]), rel=1e-9)
+    assert done.summary["quantities"]["width_at_middle_mm"] == pytest.approx(
+        50 * (1 + across(0.03)[0]), rel=1e-9
+    )
     assert done.summary["kernel_mismatch"] <= 1e-10
     assert first["strain_energy_Nmm"] > 9 and done.summary["energy_imbalance"] < 0.01

@@ -1,4 +1,4 @@
-"""What is seen of tools before anything runs: each flaw its sentence."""
+"""What is checked of tools before anything runs: each flaw its sentence."""
 
 import numpy as np
 import pytest
@@ -19,25 +19,29 @@ POINTS, CELLS = double_dome(size=20, turn=15)
 HALF = 235.0, 135.0
 
 
-def seen(points=POINTS, cells=CELLS, thickness=1.0):
+def checked(points=POINTS, cells=CELLS, thickness=1.0):
     """The warnings about a punch, and the surface."""
-    doubts = []
-    return doubts, check_punch(TriangulatedSurface(points, cells), "punch.stl", HALF, thickness, doubts.append)
+    warnings = []
+    return warnings, check_punch(
+        TriangulatedSurface(points, cells), "punch.stl", HALF, thickness, warnings.append
+    )
 
 
 def test_a_good_punch():
-    doubts, surface = seen()
-    assert doubts == [] and surface.evaluate([[200, 120, 2]]).gap == pytest.approx([2])
+    warnings, surface = checked()
+    assert warnings == [] and surface.evaluate([[200, 120, 2]]).gap == pytest.approx([2])
 
 
 def test_a_punch_that_is_turned_is_turned_back():
-    doubts, surface = seen(cells=CELLS[:, ::-1])
-    assert doubts == ["punch.stl: the normals of its flange point down, so it was turned round"]
+    warnings, surface = checked(cells=CELLS[:, ::-1])
+    assert warnings == ["punch.stl: the normals of its flange point down, so it was turned round"]
     assert surface.evaluate([[200, 120, 2]]).gap == pytest.approx([2])
 
 
 def ball(radius=60.0):
-    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 25)[:-1], np.linspace(0, np.pi, 13)[1:-1], indexing="ij")
+    u, v = np.meshgrid(
+        np.linspace(0, 2 * np.pi, 25)[:-1], np.linspace(0, np.pi, 13)[1:-1], indexing="ij"
+    )
     points = radius * np.column_stack(
         [(np.cos(u) * np.sin(v)).ravel(), (np.sin(u) * np.sin(v)).ravel(), np.cos(v).ravel()]
     )
@@ -45,12 +49,17 @@ def ball(radius=60.0):
     p, q = 11 * i + j, 11 * ((i + 1) % 24) + j
     cells = np.vstack([np.column_stack([p, p + 1, q]), np.column_stack([p + 1, q + 1, q])])
     top, low, i = len(points), len(points) + 1, np.arange(24)
-    caps = [np.column_stack([11 * i, 11 * ((i + 1) % 24), top + 0 * i]), np.column_stack([11 * i + 10, low + 0 * i, 11 * ((i + 1) % 24) + 10])]  # fmt: skip
+    caps = [
+        np.column_stack([11 * i, 11 * ((i + 1) % 24), top + 0 * i]),
+        np.column_stack([11 * i + 10, low + 0 * i, 11 * ((i + 1) % 24) + 10]),
+    ]
     return np.vstack([points, [[0, 0, radius], [0, 0, -radius]]]), np.vstack([cells, *caps])
 
 
 def hole():
-    return POINTS, np.delete(CELLS, np.linalg.norm(POINTS[CELLS].mean(1) - [152, 0, 60], axis=1).argmin(), 0)
+    return POINTS, np.delete(
+        CELLS, np.linalg.norm(POINTS[CELLS].mean(1) - [152, 0, 60], axis=1).argmin(), 0
+    )
 
 
 def fork():
@@ -61,55 +70,91 @@ def fork():
 @pytest.mark.parametrize(
     "surface, words",
     [
-        (ball(), "punch.stl has no flange in z = 0 under the ply's edge at (-235, -135): the nearest surface lies 211 mm off"),
+        (
+            ball(),
+            (
+                "punch.stl has no flange in z = 0 under the ply's edge at (-235, -135): the "
+                "nearest surface lies 211 mm off"
+            ),
+        ),
         (hole(), "punch.stl is open at (149"),
         (fork(), "punch.stl has 1 edges with more than two triangles, one at ("),
-        ((POINTS / 1000, CELLS), "punch.stl is 0.52 mm large, which speaks of metres; allowed is a surface in mm"),
-        ((POINTS / 25.4, CELLS), "punch.stl is 20.47 mm large, which speaks of inches; allowed is a surface in mm"),
-        ((POINTS * 1000, CELLS), "punch.stl is 5.2e+05 mm large; allowed is a surface in mm, up to 50 times"),
-        ((POINTS * [0.8, 1, 1], CELLS), "punch.stl has no flange in z = 0 under the ply's edge at ("),
-        ((POINTS + [0, 0, 0.2], CELLS), "punch.stl has no flange in z = 0 under the ply's edge at ("),
+        (
+            (POINTS / 1000, CELLS),
+            "punch.stl is 0.52 mm large, which speaks of metres; allowed is a surface in mm",
+        ),
+        (
+            (POINTS / 25.4, CELLS),
+            "punch.stl is 20.47 mm large, which speaks of inches; allowed is a surface in mm",
+        ),
+        (
+            (POINTS * 1000, CELLS),
+            "punch.stl is 5.2e+05 mm large; allowed is a surface in mm, up to 50 times",
+        ),
+        (
+            (POINTS * [0.8, 1, 1], CELLS),
+            "punch.stl has no flange in z = 0 under the ply's edge at (",
+        ),
+        (
+            (POINTS + [0, 0, 0.2], CELLS),
+            "punch.stl has no flange in z = 0 under the ply's edge at (",
+        ),
         (double_dome(size=40, turn=44), "punch.stl has facets that are"),
     ],
-)  # fmt: skip
+)
 def test_flaws(surface, words):
     with pytest.raises(InputError) as error:
-        seen(*surface)
+        checked(*surface)
     assert str(error.value).startswith(words) and "allowed" in str(error.value)
 
 
 def test_doubts():
-    doubts, _ = seen(*double_dome(size=20, turn=28), thickness=2.0)
-    assert len(doubts) == 1 and doubts[0].startswith("punch.stl is coarse: its facets turn by ")
+    warnings, _ = checked(*double_dome(size=20, turn=28), thickness=2.0)
+    assert len(warnings) == 1 and warnings[0].startswith("punch.stl is coarse: its facets turn by ")
     some = CELLS.copy()
     some[5::7] = some[5::7, ::-1]
-    doubts, _ = seen(cells=some)
-    assert doubts == [
-        f"punch.stl: {len(some[5::7])} of {len(some)} triangles were turned round to agree with the others"
+    warnings, _ = checked(cells=some)
+    assert warnings == [
+        (
+            f"punch.stl: {len(some[5::7])} of {len(some)} triangles were turned round "
+            "to agree with the others"
+        )
     ]
-    check_triangles(TriangulatedSurface(*ball(10)), "ball", 1.0, doubts.append)
-    assert len(doubts) == 1
+    check_triangles(TriangulatedSurface(*ball(10)), "ball", 1.0, warnings.append)
+    assert len(warnings) == 1
 
 
 @pytest.mark.mpi
 def test_motion():
     comm = MPI.COMM_WORLD
     x = np.linspace(-20, 20, 41)
-    places = np.column_stack([np.repeat(x, 41), np.tile(x, 41), np.zeros(41 * 41)])[comm.rank :: comm.size]
+    places = np.column_stack([np.repeat(x, 41), np.tile(x, 41), np.zeros(41 * 41)])[
+        comm.rank :: comm.size
+    ]
 
     def moved(surface, start, end):
-        tool = Tool("punch", surface, lambda load: (0, 0, start + load * (end - start)))
+        tool = Tool(surface, lambda load: (0, 0, start + load * (end - start)), name="punch")
         check_motion([tool], places, 1.0, comm)
         assert tool.displacement[2] == start
 
-    moved(Sphere([3, 4, -10], 10), -0.5, 2)
+    moved(Sphere(10, [3, 4, -10]), -0.5, 2)
     for start, end, words in (
         (
             -0.1,
             2,
-            r"punch cuts into the blank by 0.4 mm at \(3, 4, 0\) before anything moves; allowed is up to 0.05 mm",
+            (
+                r"punch cuts into the blank by 0.4 mm at \(3, 4, 0\) before anything "
+                r"moves; allowed is up to 0.05 mm"
+            ),
         ),
-        (-5, -1, "punch never reaches the blank: at the end of its stroke it is still 0.5 mm off or more"),
+        (
+            -5,
+            -1,
+            (
+                "punch never reaches the blank: at the end of its stroke it is "
+                "still 0.5 mm off or more"
+            ),
+        ),
     ):
         with pytest.raises(InputError, match=words):
-            moved(Sphere([3, 4, -10], 10), start, end)
+            moved(Sphere(10, [3, 4, -10]), start, end)

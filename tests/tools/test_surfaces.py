@@ -32,7 +32,8 @@ DOMES = {
 
 
 def around(dome, n, band, seed=0):
-    """Points within `band` of the surface, spread evenly over the developed plan, walls and fillets included."""
+    """Points within `band` of the surface, spread evenly over the developed plan, walls and fillets
+    included."""
     rng = np.random.default_rng(seed)
     reach = dome.dome_radius + dome.developed[-1] + 20
     x, y = rng.uniform(-1, 1, (2, n)) * [[dome.dome_distance / 2 + reach], [reach]]
@@ -42,7 +43,8 @@ def around(dome, n, band, seed=0):
 
 
 def difference_quotients(surface, points, h=1e-5):
-    """Gradient of the gap, and of the normal from both sides apart, (n, 3), (n, 3, 3), (n, 3, 3)."""
+    """Gradient of the gap, and of the normal from both sides apart, (n, 3), (n, 3, 3), (n, 3,
+    3)."""
     here = surface.evaluate(points)
     gradient, sides = np.empty_like(here.normal), np.empty((2, *here.curvature.shape))
     for k in range(3):
@@ -75,18 +77,20 @@ def test_plane():
 
 
 def test_sphere():
-    found = Sphere([1, 2, 3], 5).evaluate([[1, 2, 11], [1, -1, 3]])
-    assert np.allclose(found.gap, [3, -2], atol=1e-15) and np.allclose(found.normal, [[0, 0, 1], [0, -1, 0]])
+    found = Sphere(5, [1, 2, 3]).evaluate([[1, 2, 11], [1, -1, 3]])
+    assert np.allclose(found.gap, [3, -2], atol=1e-15)
+    assert np.allclose(found.normal, [[0, 0, 1], [0, -1, 0]])
     assert np.allclose(found.curvature, [np.diag([1, 1, 0]) / 8, np.diag([1, 0, 1]) / 3])
 
 
 def test_cylinder():
     found = Cylinder([0, 0, 1], [2, 0, 0], 4).evaluate([[9, 0, 7], [-9, -3, 1]])
-    assert np.allclose(found.gap, [2, -1], atol=1e-15) and np.allclose(found.normal, [[0, 0, 1], [0, -1, 0]])
+    assert np.allclose(found.gap, [2, -1], atol=1e-15)
+    assert np.allclose(found.normal, [[0, 0, 1], [0, -1, 0]])
     assert np.allclose(found.curvature, [np.diag([0, 1, 0]) / 6, np.diag([0, 0, 1]) / 3])
 
 
-@pytest.mark.parametrize("surface", [Sphere([1, 2, 3], 5), Cylinder([1, 0, -1], [1, 2, 3], 4)])
+@pytest.mark.parametrize("surface", [Sphere(5, [1, 2, 3]), Cylinder([1, 0, -1], [1, 2, 3], 4)])
 def test_round_bodies(surface):
     points = np.random.default_rng(0).uniform(-9, 9, (500, 3))
     check_derivatives(surface, points[abs(surface.evaluate(points).gap) < 2])
@@ -101,7 +105,8 @@ PLATES = [Plate(40, entry=6), Plate(60, 40, 12, 6, [1, 2, 3]), Plate(60, 40, 12)
 
 @pytest.mark.parametrize("surface", [RING, *PLATES])
 def test_torus_and_plate(surface):
-    """What is built from its parts: points of the surface, moved along the normal, are given back."""
+    """What is built from its parts: points of the surface, moved along the normal, are given
+    back."""
     points = surface.centre + np.random.default_rng(0).uniform(-45, 45, (20_000, 3)) * [1, 1, 0.4]
     found = surface.evaluate(points)
     points = points[abs(found.gap) < 4]
@@ -116,20 +121,27 @@ def test_torus_and_plate(surface):
 
 
 def test_torus():
-    found = Torus([0, 0, 0], [0, 0, 3], 20, 6).evaluate([[28, 0, 0], [0, 13, 0], [0, 20, -7], [20, 0, 0], [0, 0, 0]])
+    found = Torus([0, 0, 0], [0, 0, 3], 20, 6).evaluate(
+        [[28, 0, 0], [0, 13, 0], [0, 20, -7], [20, 0, 0], [0, 0, 0]]
+    )
     assert found.gap == pytest.approx([2, 1, 1, -6, 14])
     assert np.allclose(found.normal[:3], [[1, 0, 0], [0, -1, 0], [0, 0, -1]])
     assert np.allclose(np.diag(found.curvature[0]), [0, 1 / 28, 1 / 8])
-    assert np.allclose(np.diag(found.curvature[1]), [-1 / 13, 0, 1 / 7]) and np.isfinite(found.curvature).all()
+    assert np.allclose(np.diag(found.curvature[1]), [-1 / 13, 0, 1 / 7])
+    assert np.isfinite(found.curvature).all()
     assert RING.radii == (6, 14)
 
 
 def test_plate():
     plate = Plate(40, entry=6, centre=[0, 0, 1])
     diagonal = 6 - 6 / math.sqrt(2)
-    found = plate.evaluate([[40, 0, 3], [0, -19, -20], [20 + diagonal, 0, 1 - diagonal], [50, 0, -2], [21, 0, -30]])
+    found = plate.evaluate(
+        [[40, 0, 3], [0, -19, -20], [20 + diagonal, 0, 1 - diagonal], [50, 0, -2], [21, 0, -30]]
+    )
     assert found.gap == pytest.approx([2, 1, 0, -3, -1], abs=1e-14)
-    assert np.allclose(found.normal[:3], [[0, 0, 1], [0, 1, 0], [-math.sqrt(0.5), 0, math.sqrt(0.5)]])
+    assert np.allclose(
+        found.normal[:3], [[0, 0, 1], [0, 1, 0], [-math.sqrt(0.5), 0, math.sqrt(0.5)]]
+    )
     assert plate.radii == (6, 20) and Plate(60, 40, 12).radii == (math.inf, 12)
     # the round opening is that of a rectangle whose corners take it all
     points = np.random.default_rng(1).uniform(-30, 30, (200, 3))
@@ -212,13 +224,23 @@ def test_double_dome_has_the_dimensions_it_was_given():
 def test_double_dome_curvature_of_parts_off_the_saddle():
     dome = DoubleDome()
     rounding, wall, fillet, flange = dome.developed
-    s = np.array([rounding - 5, (rounding + wall) / 2, (wall + fillet) / 2, (fillet + flange) / 2, flange + 5])
+    s = np.array(
+        [
+            rounding - 5,
+            (rounding + wall) / 2,
+            (wall + fillet) / 2,
+            (fillet + flange) / 2,
+            flange + 5,
+        ]
+    )
     at = dome.lift(152 + 65 + s, 0 * s)
     found = dome.evaluate(at)
     along = np.cross(found.normal, [0, 1, 0])
     bend = np.einsum("ni,nij,nj->n", along, found.curvature, along)
     assert bend == pytest.approx([0, 1 / 40, 0, -1 / 15, 0], abs=1e-12)
-    assert found.curvature[:, 1, 1] == pytest.approx(found.normal[:, 0] / (at[:, 0] - 152), abs=1e-12)
+    assert found.curvature[:, 1, 1] == pytest.approx(
+        found.normal[:, 0] / (at[:, 0] - 152), abs=1e-12
+    )
 
 
 def test_double_dome_is_symmetric():
@@ -248,7 +270,7 @@ def test_double_dome_far_from_it():
 
 SURFACES = {
     "plane": Plane([0, 0, 0], [0, 0, 1]),
-    "sphere": Sphere([0, 0, 0], 10),
+    "sphere": Sphere(10, [0, 0, 0]),
     "cylinder": Cylinder([0, 0, 0], [0, 1, 0], 10),
     "dome": DOMES["default"],
     "torus": RING,
@@ -260,7 +282,11 @@ SURFACES = {
 @pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
 def test_no_points_and_points_that_are_not_finite(surface):
     for each in (surface, Reversed(Flipped(Offset(surface, 1)))):
-        assert [a.shape for a in each.evaluate(np.empty((0, 3)), reach=1)] == [(0,), (0, 3), (0, 3, 3)]
+        assert [a.shape for a in each.evaluate(np.empty((0, 3)), reach=1)] == [
+            (0,),
+            (0, 3),
+            (0, 3, 3),
+        ]
         found = each.evaluate([[1, 2, 12], [np.nan, 0, 0], [0, np.inf, 0], [1, 2, 12]])
         for values in found:
             assert np.isnan(values[1:3]).all() and np.isfinite(values[[0, 3]]).all()
@@ -284,7 +310,8 @@ def test_modifiers():
     _, _, points = around(dome, 500, 5, seed=4)
     found = dome.evaluate(points)
     moved, turned = Offset(dome, 2).evaluate(points), Reversed(dome).evaluate(points)
-    assert np.array_equal(moved.gap, found.gap - 2) and np.array_equal(moved.curvature, found.curvature)
+    assert np.array_equal(moved.gap, found.gap - 2)
+    assert np.array_equal(moved.curvature, found.curvature)
     assert all(np.array_equal(a, -b) for a, b in zip(turned, found))
     die = Reversed(Offset(dome, 2))
     on_punch, _, _ = around(dome, 500, 0, seed=5)
@@ -292,66 +319,102 @@ def test_modifiers():
     assert die.radii == pytest.approx((dome.radii[1] - 2, dome.radii[0] + 2))
     mirror = np.array([1, 1, -1])
     flipped = Flipped(dome).evaluate(points * mirror)
-    assert np.array_equal(flipped.gap, found.gap) and np.array_equal(flipped.normal, found.normal * mirror)
+    assert np.array_equal(flipped.gap, found.gap)
+    assert np.array_equal(flipped.normal, found.normal * mirror)
     for surface in (Offset(dome, -3), die, Flipped(dome)):
         check_derivatives(surface, points * (mirror if isinstance(surface, Flipped) else 1))
-    ball = Offset(Sphere([0, 0, 0], 10), 2)
-    assert ball.evaluate([[0, 0, 13]]).gap == [1] and ball.evaluate([[0, 0, 13]]).curvature[0, 0, 0] == 1 / 13
+    ball = Offset(Sphere(10, [0, 0, 0]), 2)
+    assert ball.evaluate([[0, 0, 13]]).gap == [1]
+    assert ball.evaluate([[0, 0, 13]]).curvature[0, 0, 0] == 1 / 13
 
 
 @pytest.mark.parametrize(
     "make, sentence",
     [
-        (lambda: Plane([0, 0], [0, 0, 1]), "point is [0, 0], but it must be three finite numbers"),
-        (lambda: Plane([0, 0, 0], [0, 0, 0]), "normal is [0, 0, 0], but it must be three finite numbers, not all 0"),
-        (lambda: Sphere([0, 0, math.nan], 1), "centre is [0, 0, nan], but it must be three finite numbers"),
-        (lambda: Sphere([0, 0, 0], 0), "radius is 0, but it must be a finite number, above 0"),
-        (lambda: Cylinder([0, 0, 0], "x", 1), "axis is 'x', but it must be three finite numbers, not all 0"),
+        (lambda: Plane([0, 0], [0, 0, 1]), "point is [0, 0]; allowed are three finite numbers"),
+        (
+            lambda: Plane([0, 0, 0], [0, 0, 0]),
+            "normal is [0, 0, 0]; allowed are three finite numbers, not all 0",
+        ),
+        (
+            lambda: Sphere(1, [0, 0, math.nan]),
+            "centre is [0, 0, nan]; allowed are three finite numbers",
+        ),
+        (lambda: Sphere(0, [0, 0, 0]), "radius is 0; allowed is a finite number, above 0"),
+        (
+            lambda: Cylinder([0, 0, 0], "x", 1),
+            "axis is 'x'; allowed are three finite numbers, not all 0",
+        ),
         (
             lambda: Torus([0, 0, 0], [0, 0, 1], 5, 6),
-            "ring is 5, but it must be a finite number, above the tube's radius 6",
+            "ring is 5; allowed is a finite number, above the tube's radius 6",
         ),
-        (lambda: Plate(0), "length is 0, but it must be a finite number, above 0"),
-        (lambda: Plate(9, 4, 3), "corner is 3, but it must be a finite number, from 0 to 2, half the opening"),
+        (lambda: Plate(0), "length is 0; allowed is a finite number, above 0"),
+        (
+            lambda: Plate(9, 4, 3),
+            "corner is 3; allowed is a finite number, from 0 to 2, half the opening",
+        ),
         (lambda: Plate(9, corner=3), "corner is 3, but a round opening has none"),
-        (lambda: Plate(9, entry=-1), "entry is -1, but it must be a finite number, at least 0"),
-        (lambda: DoubleDome(dome_distance=0), "dome_distance is 0, but it must be a finite number, above 0"),
-        (lambda: DoubleDome(dome_radius="65"), "dome_radius is '65', but it must be a finite number, above 0"),
-        (lambda: DoubleDome(waist=-1), "waist is -1, but it must be a finite number, above 0"),
-        (lambda: DoubleDome(depth=math.inf), "depth is inf, but it must be a finite number, above 0"),
+        (lambda: Plate(9, entry=-1), "entry is -1; allowed is a finite number, at least 0"),
+        (
+            lambda: DoubleDome(dome_distance=0),
+            "dome_distance is 0; allowed is a finite number, above 0",
+        ),
+        (
+            lambda: DoubleDome(dome_radius="65"),
+            "dome_radius is '65'; allowed is a finite number, above 0",
+        ),
+        (lambda: DoubleDome(waist=-1), "waist is -1; allowed is a finite number, above 0"),
+        (lambda: DoubleDome(depth=math.inf), "depth is inf; allowed is a finite number, above 0"),
         (
             lambda: DoubleDome(wall_angle=-5),
-            "wall_angle is -5, but it must be a finite number, at least 0 and below 90",
+            "wall_angle is -5; allowed is a finite number, at least 0 and below 90",
         ),
         (
             lambda: DoubleDome(wall_angle=90),
-            "wall_angle is 90, but it must be a finite number, at least 0 and below 90",
+            "wall_angle is 90; allowed is a finite number, at least 0 and below 90",
         ),
-        (lambda: DoubleDome(top_radius=0), "top_radius is 0, but it must be a finite number, above 0"),
-        (lambda: DoubleDome(entry_radius=True), "entry_radius is True, but it must be a finite number, above 0"),
-        (lambda: DoubleDome(saddle_depth=-1), "saddle_depth is -1, but it must be a finite number, at least 0"),
-        (lambda: DoubleDome(saddle_length=0), "saddle_length is 0, but it must be a finite number, above 0"),
+        (lambda: DoubleDome(top_radius=0), "top_radius is 0; allowed is a finite number, above 0"),
+        (
+            lambda: DoubleDome(entry_radius=True),
+            "entry_radius is True; allowed is a finite number, above 0",
+        ),
+        (
+            lambda: DoubleDome(saddle_depth=-1),
+            "saddle_depth is -1; allowed is a finite number, at least 0",
+        ),
+        (
+            lambda: DoubleDome(saddle_length=0),
+            "saddle_length is 0; allowed is a finite number, above 0",
+        ),
         (
             lambda: DoubleDome(waist=70),
-            "waist is 70, but it must be above 0 and at most dome_radius = 65, with dome_distance 304",
+            "waist is 70; allowed is above 0 and at most dome_radius = 65, with dome_distance 304",
         ),
         (
             lambda: DoubleDome(dome_distance=50),
-            "waist is 55, but it must be above 60 and at most dome_radius = 65, with dome_distance 50",
+            "waist is 55; allowed is above 60 and at most dome_radius = 65, with dome_distance 50",
         ),
-        (lambda: DoubleDome(saddle_depth=60), "saddle_depth is 60, but it must be below depth = 60"),
+        (lambda: DoubleDome(saddle_depth=60), "saddle_depth is 60; allowed is below depth = 60"),
         (
             lambda: DoubleDome(top_radius=60),
-            "top_radius + entry_radius is 75, but it must be at most 72.6083, so that they fit between top and flange "
+            "top_radius + entry_radius is 75; allowed is at most 72.6083, so that they "
+            "fit between top and flange "
             "with depth 60 and wall_angle 10",
         ),
         (
             lambda: DoubleDome(wall_angle=50),
-            "wall_angle is 50, but it must be below 42.5104, as the walls of depth 60 must not meet within waist 55",
+            (
+                "wall_angle is 50; allowed is below 42.5104, as the walls of depth 60 "
+                "must not meet within waist 55"
+            ),
         ),
         (
             lambda: DoubleDome(waist=40),
-            "top_radius is 40, but it must be below 35.0618, so that it leaves a flat top within waist 40 at wall_angle 10",
+            (
+                "top_radius is 40; allowed is below 35.0618, so that it leaves a flat top "
+                "within waist 40 at wall_angle 10"
+            ),
         ),
         (
             lambda: DoubleDome(
@@ -363,34 +426,53 @@ def test_modifiers():
                 saddle_depth=0,
                 wall_angle=0,
             ),
-            "waist is 63.25, but it must be larger, as the fillet's foot, 40 outside, must not reach the centre of the arc "
+            "waist is 63.25; allowed is larger, as the fillet's foot, 40 outside, must not "
+            "reach the centre of the arc "
             "of radius",
         ),
         (
-            lambda: Offset(Sphere([0, 0, 0], 10), -10),
-            "distance is -10, but it must be a finite number, above -10 and below inf, the radii of the surface",
+            lambda: Offset(Sphere(10, [0, 0, 0]), -10),
+            (
+                "distance is -10; allowed is a finite number, above -10 and below inf, "
+                "the radii of the surface"
+            ),
         ),
         (
-            lambda: Tool("punch", Sphere([0, 0, 0], 1), [0, 1]),
-            "path of punch is [0, 1], but it must be three finite numbers",
+            lambda: Tool(Sphere(1, [0, 0, 0]), [0, 1], name="punch"),
+            "path of punch is [0, 1]; allowed are three finite numbers",
         ),
         (
-            lambda: Tool("punch", Sphere([0, 0, 0], 1), lambda load: load),
-            "path of punch at load 0 is 0.0, but it must be three finite numbers",
+            lambda: Tool(Sphere(1, [0, 0, 0]), lambda load: load, name="punch"),
+            "path of punch at load 0 is 0.0; allowed are three finite numbers",
         ),
-        (lambda: TriangulatedSurface([[0, 0]], [[0, 0, 0]]), "points of the surface have the shape (1, 2)"),
-        (lambda: TriangulatedSurface([[0, 0, 0]], [[0, 0, 1]]), "triangles name points 0 to 1, but there are 1"),
+        (
+            lambda: TriangulatedSurface([[0, 0]], [[0, 0, 0]]),
+            "points of the surface have the shape (1, 2)",
+        ),
+        (
+            lambda: TriangulatedSurface([[0, 0, 0]], [[0, 0, 1]]),
+            "triangles name points 0 to 1; allowed are numbers from 0 to 0",
+        ),
         (
             lambda: TriangulatedSurface([[0, 0, 0]], [[0.0, 0, 0]]),
-            "triangles have the shape (1, 3), but it must be (m, 3)",
+            "triangles have the shape (1, 3); allowed is (m, 3)",
         ),
-        (lambda: TriangulatedSurface(np.eye(3), [[0, 0, 1]]), "the surface has no triangle with an area"),
+        (
+            lambda: TriangulatedSurface(np.eye(3), [[0, 0, 1]]),
+            "the surface has no triangle with an area",
+        ),
         (
             lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], np.ones((3, 3))),
-            "normals have the shape (3, 3), but it must be (1, 3, 3)",
+            "normals have the shape (3, 3); allowed is (1, 3, 3)",
         ),
-        (lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], crease=0), "crease is 0, but it must be a finite number"),
-        (lambda: TriangulatedSurface.read("none.stl"), "surface file none.stl does not exist or is not a file"),
+        (
+            lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], crease=0),
+            "crease is 0; allowed is a finite number",
+        ),
+        (
+            lambda: TriangulatedSurface.read("none.stl"),
+            "surface file none.stl does not exist or is not a file",
+        ),
     ],
 )
 def test_bad_parameters(make, sentence):
@@ -400,10 +482,11 @@ def test_bad_parameters(make, sentence):
 
 
 def test_tool_moves():
-    tool = Tool("punch", Sphere([0, 0, 0], 10), path=[0, 0, -60])
+    tool = Tool(Sphere(10, [0, 0, 0]), path=[0, 0, -60], name="punch")
     assert tool.evaluate([[0, 0, 12]]).gap == [2]
     tool.at(0.5)
-    assert np.array_equal(tool.displacement, [0, 0, -30]) and tool.evaluate([[0, 0, -10]], reach=20).gap == [10]
-    tool = Tool("die", Sphere([0, 0, 0], 10), path=lambda load: (load**2, 0, 0))
+    assert np.array_equal(tool.displacement, [0, 0, -30])
+    assert tool.evaluate([[0, 0, -10]], reach=20).gap == [10]
+    tool = Tool(Sphere(10, [0, 0, 0]), path=lambda load: (load**2, 0, 0), name="die")
     tool.at(3)
     assert np.array_equal(tool.displacement, [9, 0, 0]) and tool.evaluate([[20, 0, 0]]).gap == [1]

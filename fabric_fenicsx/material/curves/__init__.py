@@ -1,7 +1,8 @@
 """Curves of material tests in CSV files, read and checked as a whole before anything is fitted.
 
-A data set is a folder with one `sheet.toml` (the sheet) and one CSV file a test. A CSV file starts with comment lines
-`# key: value` that state the test, then a header `name [unit]` for each column, then rows with a decimal point:
+A data set is a folder with one `sheet.toml` (the sheet) and one CSV file a test. A CSV file starts
+with comment lines `# key: value` that state the test, then a header `name [unit]` for each column,
+then rows with a decimal point:
 
     # test: uniaxial_a
     # lateral: free
@@ -11,7 +12,7 @@ A data set is a folder with one `sheet.toml` (the sheet) and one CSV file a test
 
 | test | columns | further keys |
 |---|---|---|
-| uniaxial_a | eps_a; sigma_a; if held also sigma_b, if free also eps_b, where they were measured | lateral: held (eps_b = 0) or free (sigma_b = 0) |
+| uniaxial_a | eps_a; sigma_a; where measured sigma_b (held), eps_b (free) | lateral: held or free |
 | uniaxial_b | the same with a and b exchanged | |
 | biaxial | eps_a, eps_b; sigma_a and/or sigma_b | |
 | compression_a | eps_a; sigma_a; optional gamma (sheared compression) | |
@@ -20,20 +21,21 @@ A data set is a folder with one `sheet.toml` (the sheet) and one CSV file a test
 | picture_frame | gamma; F; optional eps_a, eps_b (pre-strain) | frame_length, fabric_length |
 | bias_extension | gamma; F | height, width |
 
-The usual strip test, pulled between two grips with nothing at its sides, is `lateral: free`: the width follows from
-sigma_b = 0, be it measured (eps_b) or not. A strip as wide as it is long, or a biaxial rig, comes near `held`.
+The usual strip test, pulled between two grips with nothing at its sides, is `lateral: free`: the
+width follows from sigma_b = 0, be it measured (eps_b) or not. A strip as wide as it is long, or a
+biaxial rig, comes near `held`, eps_b = 0.
 
-Every file may state `noise` (standard deviation): `2 % of maximum` (of each column's largest value), `5 % of value`, or an
-absolute `0.2 MPa` if one column is measured. Stresses are nominal, conjugate to (eps_a, eps_b, gamma) per undeformed
-volume: sigma_i = dW/d(eps_i), tau = dW/d(gamma); a force per width (N/mm) is divided by the sheet's thickness. Yarns start
-at right angles.
+Every file may state `noise` (standard deviation): `2 % of maximum` (of each column's largest
+value), `5 % of value`, or an absolute `0.2 MPa` if one column is measured. Stresses are nominal,
+conjugate to (eps_a, eps_b, gamma) per undeformed volume: sigma_i = dW/d(eps_i), tau = dW/d(gamma);
+a force per width (N/mm) is divided by the sheet's thickness. Yarns start at right angles.
 
-`sheet.toml` says thickness_mm, balanced (whether warp and weft are equal), density_g_per_cm3 or areal_weight_g_per_m2
-(density = areal weight / thickness), and in [assumed], [assumed.warp], [assumed.weft] values for parameters that the data do
-not determine.
+`sheet.toml` says thickness_mm, balanced (whether warp and weft are equal), density_g_per_cm3 or
+areal_weight_g_per_m2 (density = areal weight / thickness), and in [assumed], [assumed.warp],
+[assumed.weft] values for parameters that the data do not determine.
 """
 
-from .checks import check_contradictions, doubts
+from .checks import check_contradictions, unit_warnings
 from .forces import bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, Curve, Response, Sheet
 from .reading import read, read_curve, read_sheet
@@ -48,9 +50,9 @@ __all__ = [
     "Sheet",
     "bias_normalised",
     "check_contradictions",
-    "doubts",
     "read",
     "read_curve",
     "read_sheet",
+    "unit_warnings",
     "write",
 ]

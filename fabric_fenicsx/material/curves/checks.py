@@ -36,8 +36,9 @@ def check_values(
 ) -> None:
     """InputError by row for values that the test `name` cannot have.
 
-    columns: (n,) each, in inner units; header: the unit of each in the file; rows: (n,) line numbers; runs: the strain
-    that is raised; measured: what the law is fitted to; free: 0 or 1 if the yarns across that direction are free.
+    columns: (n,) each, in inner units; header: the unit of each in the file; rows: (n,) line
+    numbers; runs: the strain that is raised; measured: what the law is fitted to; free: 0 or 1 if
+    the yarns across that direction are free.
     """
     test, x = TESTS[name], columns[runs]
     for column in STRAINS:
@@ -46,31 +47,42 @@ def check_values(
         most, unit = _RANGE[column], unit_inside(column)
         if (far := np.flatnonzero(np.abs(columns[column]) > most)).size:
             value = f"{columns[column][far[0]]:.4g} {unit}"
-            allowed = f"it must be within +-{most:.3g} (is the unit in the header right?)"
-            raise _fail(rows[far[0]], f"{column} is {value}, but {allowed}")
+            allowed = f"within +-{most:.3g} (is the unit in the header right?)"
+            raise _fail(rows[far[0]], f"{column} is {value}; allowed is {allowed}")
     first = columns[test.strains[0]]
     if test.sign and (wrong := np.flatnonzero(test.sign * first < 0)).size:
-        allowed = f"in the test {name} it must be {'at least' if test.sign > 0 else 'at most'} 0"
-        raise _fail(rows[wrong[0]], f"{test.strains[0]} is {first[wrong[0]]:.4g}, but {allowed}")
-    if (back := np.flatnonzero(np.diff(x) * np.sign(x[-1] - x[0]) <= 0)).size:
-        k = back[0] + 1
-        allowed = "it must rise or fall strictly (keep one loading branch)"
-        raise _fail(rows[k], f"{runs} is {x[k]:.6g} after {x[k - 1]:.6g}, but {allowed}")
+        allowed = f"{'at least' if test.sign > 0 else 'at most'} 0 in the test {name}"
+        raise _fail(
+            rows[wrong[0]], f"{test.strains[0]} is {first[wrong[0]]:.4g}; allowed is {allowed}"
+        )
+    if (fallen := np.flatnonzero(np.diff(x) * np.sign(x[-1] - x[0]) <= 0)).size:
+        k = fallen[0] + 1
+        allowed = "to rise or fall strictly (keep one loading branch)"
+        raise _fail(rows[k], f"{runs} is {x[k]:.6g} after {x[k - 1]:.6g}; allowed is {allowed}")
     least, other = _LEAST.get(header[runs], (0.0, ""))
     if (reached := np.abs(x).max()) < least:
         factor = units(runs)[header[runs]]
         raise _fail(
             rows[int(np.abs(x).argmax())],
-            f"{runs} reaches {reached / factor:.3g} {header[runs]} only; allowed is {least / factor:.3g} "
+            f"{runs} reaches {reached / factor:.3g} {header[runs]} only; allowed is "
+            f"{least / factor:.3g} "
             f"{header[runs]} or more (is the unit {other} rather than {header[runs]}?)",
         )
-    undeformed = np.flatnonzero(~np.any([columns[c] for c in STRAINS if c in columns and c not in measured], axis=0))
+    undeformed = np.flatnonzero(
+        ~np.any([columns[c] for c in STRAINS if c in columns and c not in measured], axis=0)
+    )
     for column in measured:
         values, peak = columns[column], int(np.abs(columns[column]).argmax())
         if not values[peak]:
             raise _fail(rows[0], f"{column} is 0 in every row, so there is nothing to fit")
         # compressed and sheared, k_SC can make it a pull
-        sign = -1 if column.startswith("eps") else 0 if test.sign < 0 and "gamma" in columns else test.sign
+        sign = (
+            -1
+            if column.startswith("eps")
+            else 0
+            if test.sign < 0 and "gamma" in columns
+            else test.sign
+        )
         if values[peak] * sign < 0:
             why = "free sides narrow" if column.startswith("eps") else f"of the test {name}"
             allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
@@ -81,32 +93,36 @@ def check_values(
         if (off := undeformed[np.abs(values[undeformed]) > _OFFSET * abs(values[peak])]).size:
             value = _told(values[off[0]], column)
             allowed = f"up to {100 * _OFFSET:g} % of its peak there (take the offset off)"
-            raise _fail(rows[off[0]], f"{column} is {value} before anything is strained; allowed is {allowed}")
+            raise _fail(
+                rows[off[0]],
+                f"{column} is {value} before anything is strained; allowed is {allowed}",
+            )
         if name.startswith("uniaxial") and abs(values[-1]) < _FALLEN * abs(values[peak]):
             value = f"{100 * values[-1] / values[peak]:.0f} % of its value in row {rows[peak]}"
             allowed = f"{100 * _FALLEN:g} % or more (keep the rows before yarns break)"
             raise _fail(rows[-1], f"{column} has fallen to {value}; allowed is {allowed}")
 
 
-def doubts(curves: Sequence[Curve]) -> list[str]:
+def unit_warnings(curves: Sequence[Curve]) -> list[str]:
     """Sentences on curves that may be in a wrong unit."""
     found = []
     for curve in curves:
         longest = curve.strains[:, :2].max(initial=0)
         if longest > _LONGEST:
             found.append(
-                f"{curve.file}: a yarn is stretched by {100 * longest:.3g} %, where fabrics have up to "
-                f"{100 * _LONGEST:g} %; look at the unit"
+                f"{curve.file}: a yarn is stretched by {100 * longest:.3g} %, where fabrics have "
+                f"up to {100 * _LONGEST:g} %; look at the unit"
             )
     return found
 
 
 def check_contradictions(curves: Sequence[Curve], balanced: bool) -> None:
-    """InputError if two curves of the same states differ, as r.m.s. over their common range, by more than a quarter of
-    the larger peak and 4 standard deviations of their stated noise. If `balanced`, warp is also compared with weft.
+    """InputError if two curves of the same states differ, as r.m.s. over their common range, by
+    more than a quarter of the larger peak and 4 standard deviations of their stated noise. If
+    `balanced`, warp is also compared with weft.
 
-    Also if two files are copies, which would count twice, and if a strip is stiffer with free sides than with held ones,
-    as k_TC <= 1 where the yarns across contract (eq. 17).
+    Also if two files are copies, which would count twice, and if a strip is stiffer with free sides
+    than with held ones, as k_TC <= 1 where the yarns across contract (eq. 17).
     """
     for i, one in enumerate(curves):
         for two in curves[i + 1 :]:
@@ -121,7 +137,9 @@ def _exchanged(curve):
     swap = str.maketrans("ab", "ba")
     responses = [
         Response(
-            r.column[:-1] + r.column[-1].translate(swap) if r.column[:3] in ("sig", "eps") else r.column,
+            r.column[:-1] + r.column[-1].translate(swap)
+            if r.column[:3] in ("sig", "eps")
+            else r.column,
             r.unit,
             r.values,
             r.gain,
@@ -129,8 +147,17 @@ def _exchanged(curve):
         )
         for r in curve.responses
     ]
-    return Curve(curve.file, curve.test, curve.strains[:, [1, 0, 2]], tuple(responses), curve.rows,
-                 (1, 0, 2)[curve.abscissa], None if curve.free is None else 1 - curve.free, curve.noise, curve.keys)  # fmt: skip
+    return Curve(
+        curve.file,
+        curve.test,
+        curve.strains[:, [1, 0, 2]],
+        tuple(responses),
+        curve.rows,
+        (1, 0, 2)[curve.abscissa],
+        None if curve.free is None else 1 - curve.free,
+        curve.noise,
+        curve.keys,
+    )
 
 
 def _copied(one, two):
@@ -139,12 +166,17 @@ def _copied(one, two):
     mine, theirs = ([r.values for r in curve.responses] for curve in (one, two))
     if len(mine) == len(theirs) and all(np.array_equal(r, q) for r, q in zip(mine, theirs)):
         raise InputError(
-            f"{two.file} has the values of {one.file}, row by row; allowed is each test once, and as one kind of test"
+            f"{two.file} has the values of {one.file}, row by row; allowed is each test once, "
+            "and as one kind of test"
         )
 
 
 def _contradict(one, two, hint):
-    if one.test == two.test and one.test.startswith("uniaxial") and (one.free is None) != (two.free is None):
+    if (
+        one.test == two.test
+        and one.test.startswith("uniaxial")
+        and (one.free is None) != (two.free is None)
+    ):
         held, loose = (one, two) if one.free is None else (two, one)
         _compare(held, loose, hint, softer=True)
     elif one.free == two.free:
@@ -152,7 +184,8 @@ def _contradict(one, two, hint):
 
 
 def _compare(one, two, hint, softer=False):
-    """InputError if responses differ in the same states; softer: if those of `two` are above those of `one`."""
+    """InputError if responses differ in the same states; softer: if those of `two` are above those
+    of `one`."""
     if one.abscissa != two.abscissa:
         return
     x, order = one.strains[:, one.abscissa], np.argsort(two.strains[:, two.abscissa])
@@ -167,23 +200,33 @@ def _compare(one, two, hint, softer=False):
             return
     for r in one.responses:
         for q in two.responses:
-            if r.component != q.component or (r.half is not None or q.half is not None) and one.keys != two.keys:
+            if (
+                r.component != q.component
+                or (r.half is not None or q.half is not None)
+                and one.keys != two.keys
+            ):
                 continue
             scale = (r.gain, q.gain) if r.half is None and q.half is None else (1.0, 1.0)
             mine, theirs = r.values / scale[0], (q.values / scale[1])[order]
             gap = np.interp(x[common], there, theirs) - mine[common]
             gap = np.maximum(gap, 0) if softer else np.abs(gap)
             peak = max(np.abs(mine[common]).max(), np.abs(theirs).max())
-            stated = [c.noise[1] / (peak if c.noise[0] == "absolute" else 1) for c in (one, two) if c.noise]
+            stated = [
+                c.noise[1] / (peak if c.noise[0] == "absolute" else 1)
+                for c in (one, two)
+                if c.noise
+            ]
             if (found := np.sqrt(np.mean(gap**2)) / peak) > max(0.25, 4 * math.hypot(*stated)):
                 worst = common[np.argmax(gap)]
                 if softer:
                     raise InputError(
-                        f"{one.file}, row {one.rows[worst]}: with lateral: held {r.column} is {100 * found:.0f} % of the "
-                        f"peak (r.m.s.) below that of {two.file} with lateral: free; allowed is above it, as free sides "
-                        "make a fabric softer (are the two exchanged?)"
+                        f"{one.file}, row {one.rows[worst]}: with lateral: held {r.column} is "
+                        f"{100 * found:.0f} % of the peak (r.m.s.) below that of {two.file} with "
+                        "lateral: free; allowed is above it, as free sides make a fabric softer "
+                        "(are the two exchanged?)"
                     )
                 raise InputError(
-                    f"{one.file}, row {one.rows[worst]}: {r.column} contradicts {q.column} of {two.file}, as they differ by "
-                    f"{100 * found:.0f} % of their peak (r.m.s.) in the same states; allowed is 25 % or 4 standard deviations{hint}"
+                    f"{one.file}, row {one.rows[worst]}: {r.column} contradicts {q.column} of "
+                    f"{two.file}, as they differ by {100 * found:.0f} % of their peak (r.m.s.) in "
+                    f"the same states; allowed is 25 % or 4 standard deviations{hint}"
                 )

@@ -7,21 +7,26 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..units import ANGLE, STRAIN, factors
+
 MIN_POINTS = 5
 STRAINS = ("eps_a", "eps_b", "gamma")
 
-_STRESS = {"MPa": 1.0, "kPa": 1e-3, "Pa": 1e-6, "GPa": 1e3, "N/mm2": 1.0}
+_STRESS = factors("stress") | {"N/mm2": 1.0}
 _PER_WIDTH = {"N/mm": 1.0, "N/m": 1e-3, "kN/m": 1.0}
 _UNIT = {  # first unit of each: the one used inside
-    "eps_a": {"-": 1.0, "%": 0.01}, "eps_b": {"-": 1.0, "%": 0.01}, "gamma": {"rad": 1.0, "deg": math.pi / 180},
-    "sigma_a": _STRESS, "sigma_b": _STRESS, "tau": _STRESS, "F_sh": _PER_WIDTH, "F": {"N": 1.0, "kN": 1e3},
-}  # fmt: skip
+    **dict.fromkeys(("eps_a", "eps_b"), STRAIN),
+    "gamma": ANGLE,
+    **dict.fromkeys(("sigma_a", "sigma_b", "tau"), _STRESS),
+    "F_sh": _PER_WIDTH,
+    "F": {"N": 1.0, "kN": 1e3},
+}
 COLUMNS = tuple(_UNIT)
 
 
 def units(column: str, thickness: float = math.nan) -> Mapping[str, float]:
-    """Factor from each unit that a column may have to the first, which is used inside. A stress may also be a force per
-    width, which is divided by `thickness` [mm]."""
+    """Factor from each unit that a column may have to the first, which is used inside. A stress may
+    also be a force per width, which is divided by `thickness` [mm]."""
     if _UNIT[column] is not _STRESS:
         return _UNIT[column]
     return _STRESS | {unit: factor / thickness for unit, factor in _PER_WIDTH.items()}
@@ -49,7 +54,9 @@ TESTS = {
     "compression_a": Kind(("eps_a",), ("gamma",), ("sigma_a",), sign=-1),
     "compression_b": Kind(("eps_b",), ("gamma",), ("sigma_b",), sign=-1),
     "shear": Kind(("gamma",), ("eps_a", "eps_b"), ("tau", "F_sh"), sign=1),
-    "picture_frame": Kind(("gamma",), ("eps_a", "eps_b"), ("F",), ("frame_length", "fabric_length"), 1),
+    "picture_frame": Kind(
+        ("gamma",), ("eps_a", "eps_b"), ("F",), ("frame_length", "fabric_length"), 1
+    ),
     "bias_extension": Kind(("gamma",), (), ("F",), ("height", "width"), 1),
 }
 KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.keys))
@@ -57,8 +64,9 @@ KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key i
 
 @dataclass(frozen=True)
 class Response:
-    """A measured column: `values` (n,) in `unit`, and how the law predicts it: gain * s, plus half * tau(gamma/2) if
-    `half` is given, with s the stress conjugate to eps_a, eps_b or gamma, or the lateral strain."""
+    """A measured column: `values` (n,) in `unit`, and how the law predicts it: gain * s, plus half
+    * tau(gamma/2) if `half` is given, with s the stress conjugate to eps_a, eps_b or gamma, or the
+    lateral strain."""
 
     column: str
     unit: str
@@ -79,9 +87,10 @@ class Response:
 
 @dataclass(frozen=True)
 class Curve:
-    """One test. strains: (n, 3) eps_a, eps_b [-], gamma [rad] as prescribed; rows: (n,) line numbers in the file;
-    free: 0 or 1 if the yarns across a tension along a or b are free of stress; noise: ("maximum" | "value" |
-    "absolute", number) or None; abscissa: the column of `strains` that runs; keys: further keys of the file."""
+    """One test. strains: (n, 3) eps_a, eps_b [-], gamma [rad] as prescribed; rows: (n,) line
+    numbers in the file; free: 0 or 1 if the yarns across a tension along a or b are free of stress;
+    noise: ("maximum" | "value" | "absolute", number) or None; abscissa: the column of `strains`
+    that runs; keys: further keys of the file."""
 
     file: str
     test: str
@@ -96,9 +105,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class Sheet:
-    """What `sheet.toml` says: thickness [mm], density [g/cm3], whether warp and weft are tied (`balanced`), values to
-    assume for parameters that the data don't determine, as {"p_min": ..} or {"warp.p_min": ..}, and the areal weight
-    [g/m2] if the density is from one."""
+    """What `sheet.toml` says: thickness [mm], density [g/cm3], whether warp and weft are tied
+    (`balanced`), values to assume for parameters that the data don't determine, as {"p_min": ..} or
+    {"warp.p_min": ..}, and the areal weight [g/m2] if the density is from one."""
 
     name: str
     thickness: float

@@ -10,79 +10,110 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import InputError
-from ..parameters import SHEAR, UNITS, YARN, read_numbers, read_sheet_numbers, unknown_key
+from ..files import read_numbers, read_sheet_numbers
+from ..laws.coupled import SHEAR, YARN
+from ..units import UNITS, factors
+from ..validation import unknown_key
 from . import checks
 from .forces import response
 from .model import COLUMNS, KEYS, MIN_POINTS, STRAINS, TESTS, Curve, Sheet, unit_inside, units
 
-_LENGTH = {"mm": 1.0, "cm": 10.0, "m": 1e3}
+_LENGTH = factors("length")
 
 
 def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
-    """Sheet and curves of a data set; InputError by file, row and reason, also for two curves that contradict."""
+    """Sheet and curves of a data set; InputError by file, row and reason, also for two curves that
+    contradict."""
     folder = Path(folder)
     if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder; allowed is one with a sheet.toml and a CSV file for each test")
+        raise InputError(
+            f"{folder} is not a folder; allowed is one with a sheet.toml and a CSV file for each "
+            "test"
+        )
     sheet = read_sheet(folder / "sheet.toml")
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".csv")
     if not paths:
-        raise InputError(f"{folder} has no *.csv; allowed is a folder with a CSV file for each test")
+        raise InputError(
+            f"{folder} has no *.csv; allowed is a folder with a CSV file for each test"
+        )
     curves = tuple(read_curve(path, sheet.thickness) for path in paths)
     checks.check_contradictions(curves, sheet.balanced)
     return sheet, curves
 
 
 def read_sheet(path: Path | str) -> Sheet:
-    """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3 or areal_weight_g_per_m2, balanced, and optional [assumed],
-    [assumed.warp], [assumed.weft] with parameters as in a material file (d_MPa, p_min, ..). Raises InputError by file
-    and key."""
+    """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3 or areal_weight_g_per_m2, balanced,
+    and optional [assumed], [assumed.warp], [assumed.weft] with parameters as in a material file
+    (d_MPa, p_min, ..). Raises InputError by file and key."""
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{path}: is not valid TOML ({error})") from None
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
+        raise InputError(
+            f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})"
+        ) from None
     try:
-        name, balanced, assumed = document.pop("name", ""), document.pop("balanced", None), document.pop("assumed", {})
+        name, balanced, assumed = (
+            document.pop("name", ""),
+            document.pop("balanced", None),
+            document.pop("assumed", {}),
+        )
         given = document.pop("units", {})
         if not isinstance(name, str):
-            raise InputError(f"name is {name!r}, but it must be a text")
+            raise InputError(f"name is {name!r}; allowed is a text")
         if not isinstance(balanced, bool):
-            raise InputError(f"balanced is {balanced!r}; allowed is true (warp and weft are equal) or false")
+            raise InputError(
+                f"balanced is {balanced!r}; allowed is true (warp and weft are equal) or false"
+            )
         if not isinstance(assumed, dict) or not isinstance(given, dict):
-            raise InputError("assumed and units must be tables")
+            raise InputError("assumed or units is no table; allowed are tables")
         for kind, unit in given.items():
             if kind not in UNITS or unit not in UNITS[kind]:
-                raise unknown_key(unit, [u for us in UNITS.values() for u in us], f"units.{kind} {unit!r}")
-        numbers, weight = read_sheet_numbers(document, given, ("name", "balanced", "assumed", "units"))
+                raise unknown_key(
+                    unit, [u for us in UNITS.values() for u in us], f"units.{kind} {unit!r}"
+                )
+        numbers, weight = read_sheet_numbers(
+            document, given, ("name", "balanced", "assumed", "units")
+        )
         if "thickness" not in numbers:
             raise InputError(
                 "missing thickness; allowed is thickness_mm = 1.2, for example: "
                 "by it a force per width (N/mm) becomes a stress and an areal weight a density"
             )
         if "density" not in numbers:
-            raise InputError("missing density; allowed is density_g_per_cm3 or areal_weight_g_per_m2")
+            raise InputError(
+                "missing density; allowed is density_g_per_cm3 or areal_weight_g_per_m2"
+            )
         values: dict[str, float] = {}
         for yarn in ("warp", "weft"):
             table = assumed.pop(yarn, {})
             if balanced and table:
                 raise InputError(
-                    f"assumed.{yarn} is given for a balanced fabric; allowed is [assumed] for both directions"
+                    f"assumed.{yarn} is given for a balanced fabric; allowed is [assumed] for "
+                    "both directions"
                 )
-            values |= {f"{yarn}.{k}": v for k, v in read_numbers(table, YARN, given, f"assumed.{yarn}.").items()}
-        values = read_numbers(assumed, (*YARN, *SHEAR), given, "assumed.", ("warp", "weft")) | values
+            values |= {
+                f"{yarn}.{k}": v
+                for k, v in read_numbers(table, YARN, given, f"assumed.{yarn}.").items()
+            }
+        values = (
+            read_numbers(assumed, {**YARN, **SHEAR}, given, "assumed.", ("warp", "weft")) | values
+        )
         return Sheet(name, balanced=balanced, assumed=values, areal_weight=weight, **numbers)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
 def read_curve(path: Path | str, thickness: float) -> Curve:
-    """Read and check one CSV file; thickness [mm] of the sheet turns shear forces into stresses. InputError by file and
-    row."""
+    """Read and check one CSV file; thickness [mm] of the sheet turns shear forces into stresses.
+    InputError by file and row."""
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: cannot be read as text ({getattr(error, 'strerror', None) or error})") from None
+        raise InputError(
+            f"{path}: cannot be read as text ({getattr(error, 'strerror', None) or error})"
+        ) from None
     try:
         return _parse(Path(path).name, lines, thickness)
     except InputError as error:
@@ -105,7 +136,9 @@ def _parse(file, lines, thickness):
     for key, (row, _) in keys.items():
         if key not in test.keys:
             allowed = ", ".join(("noise", *test.keys))
-            raise _fail(row, f"the key {key} does not belong to the test {name}; allowed are {allowed}")
+            raise _fail(
+                row, f"the key {key} does not belong to the test {name}; allowed are {allowed}"
+            )
     if missing := [key for key in test.keys if key not in keys]:
         form = f"`# {missing[0]}: 200 mm`, for example"
         if missing[0] == "lateral":
@@ -117,10 +150,10 @@ def _parse(file, lines, thickness):
         across = "b" if name[-1] == "a" else "a"
         if lateral not in ("held", "free"):
             raise _fail(row, f"lateral is {lateral!r}; allowed is held or free")
-        zero, seen = f"eps_{across}", f"sigma_{across}"
+        zero, other = f"eps_{across}", f"sigma_{across}"
         if lateral == "free":
-            free, zero, seen = "ab".index(name[-1]), seen, zero
-        measured = (*measured, seen)
+            free, zero, other = "ab".index(name[-1]), other, zero
+        measured = (*measured, other)
         other = "free" if lateral == "held" else "held"
         others = {
             zero: f"lateral: {lateral} says that {zero} is 0, but there is a column {zero}; "
@@ -135,16 +168,31 @@ def _parse(file, lines, thickness):
         raise InputError("both columns tau and F_sh are given; allowed is one of them")
     if len(rows) < MIN_POINTS:
         last = rows[-1] if rows else table[0][0]
-        raise _fail(last, f"the file ends after {len(rows)} points; at least {MIN_POINTS} are needed")
+        raise _fail(
+            last, f"the file ends after {len(rows)} points; allowed is {MIN_POINTS} or more"
+        )
     runs = max(test.strains, key=lambda column: np.ptp(columns[column]))
     checks.check_values(name, columns, header, rows, runs, found, free)
     strains = np.zeros((len(rows), 3))
     for column in (*test.strains, *test.optional):
         if column in columns:
             strains[:, STRAINS.index(column)] = columns[column]
-    responses = [response(column, columns[column], strains[:, 2], name, lengths, thickness) for column in found]
+    responses = [
+        response(column, columns[column], strains[:, 2], name, lengths, thickness)
+        for column in found
+    ]
     noise = _noise(noise, responses, thickness)
-    return Curve(file, name, strains, tuple(responses), np.array(rows), STRAINS.index(runs), free, noise, lengths)
+    return Curve(
+        file,
+        name,
+        strains,
+        tuple(responses),
+        np.array(rows),
+        STRAINS.index(runs),
+        free,
+        noise,
+        lengths,
+    )
 
 
 def _keys(lines):
@@ -168,8 +216,8 @@ def _keys(lines):
 
 
 def _columns(table, name, measured, others, thickness):
-    """Columns {name: (n,)} in inner units, their line numbers, and the header as {name: unit}; others: what to say of
-    columns that the test cannot have."""
+    """Columns {name: (n,)} in inner units, their line numbers, and the header as {name: unit};
+    others: what to say of columns that the test cannot have."""
     if not table:
         raise InputError("there is no header; allowed is a line such as eps_a [%], sigma_a [MPa]")
     line, text = table[0]
@@ -186,14 +234,22 @@ def _columns(table, name, measured, others, thickness):
             raise _fail(line, others[column])
         if column not in allowed:
             raise _fail(
-                line, f"the column {column} does not belong to the test {name}; allowed are {', '.join(allowed)}"
+                line,
+                f"the column {column} does not belong to the test {name}; allowed are "
+                f"{', '.join(allowed)}",
             )
         if column in header:
             raise _fail(line, f"the column {column} is repeated; allowed is once")
         if unit is None:
-            raise _fail(line, f"the column {column} has no unit; write {column} [{unit_inside(column)}], for example")
+            raise _fail(
+                line,
+                f"the column {column} has no unit; allowed is {column} [{unit_inside(column)}], "
+                "for example",
+            )
         if unit not in units(column):
-            raise _fail(line, str(unknown_key(unit, units(column), f"unit [{unit}] of column {column}")))
+            raise _fail(
+                line, str(unknown_key(unit, units(column), f"unit [{unit}] of column {column}"))
+            )
         header[column] = unit
     missing = [column for column in test.strains if column not in header]
     if not set(test.measured) & set(header):
@@ -218,7 +274,9 @@ def _columns(table, name, measured, others, thickness):
                 value = math.nan
             if not math.isfinite(value):
                 raise _fail(
-                    number, f"{column} is {cell.strip()!r}, but it must be a finite number with a decimal point"
+                    number,
+                    f"{column} is {cell.strip()!r}; allowed is a finite number with a "
+                    "decimal point",
                 )
             found.append(value * factor)
         rows.append(number)
@@ -234,7 +292,10 @@ def _quantity(key, row, text, factors):
         value = math.nan
     if not 0 < value < math.inf:
         allowed = ", ".join(factors)
-        raise _fail(row, f"{key} is {text!r}, but it must be a number above 0 with one of the units {allowed}")
+        raise _fail(
+            row,
+            f"{key} is {text!r}; allowed is a number above 0 with one of the units {allowed}",
+        )
     return value
 
 
@@ -245,7 +306,9 @@ def _noise(given, responses, thickness):
     if match := re.fullmatch(r"([.\deE+-]+)\s*%\s*of\s*(maximum|value)", text):
         size = _quantity("noise", row, f"{match[1]} %", {"%": 0.01})
         if size >= 1:
-            raise _fail(row, f"noise is {text!r}, which leaves nothing measured; allowed is below 100 %")
+            raise _fail(
+                row, f"noise is {text!r}, which leaves nothing measured; allowed is below 100 %"
+            )
         return match[2], size
     if len(responses) > 1 or "%" in text:
         raise _fail(

@@ -11,8 +11,11 @@ from ...errors import InputError
 from .model import STRAINS, TESTS, Curve, Sheet, unit_inside, units
 
 
-def write(folder: Path | str, sheet: Sheet, curves: Iterable[Curve], remarks: Iterable[str] = ()) -> None:
-    """Write a data set that `read` reads back to 12 digits; remarks: comment lines for each CSV. Raises InputError."""
+def write(
+    folder: Path | str, sheet: Sheet, curves: Iterable[Curve], remarks: Iterable[str] = ()
+) -> None:
+    """Write a data set that `read` reads back to 12 digits; remarks: comment lines for each CSV.
+    Raises InputError."""
     folder = Path(folder)
     shown = {"eps_a": "%", "eps_b": "%", "gamma": "deg"}
     try:
@@ -31,7 +34,11 @@ def write(folder: Path | str, sheet: Sheet, curves: Iterable[Curve], remarks: It
                 r.column: r.values for r in curve.responses
             }
             header = {c: shown.get(c, unit_inside(c)) for c in columns}
-            head = [*remarks, f"test: {curve.test}", *(f"{k}: {v:g} mm" for k, v in curve.keys.items())]
+            head = [
+                *remarks,
+                f"test: {curve.test}",
+                *(f"{k}: {v:g} mm" for k, v in curve.keys.items()),
+            ]
             if "lateral" in test.keys:
                 head.append(f"lateral: {'held' if curve.free is None else 'free'}")
             if curve.noise:
@@ -46,7 +53,10 @@ def write(folder: Path | str, sheet: Sheet, curves: Iterable[Curve], remarks: It
                 writer = csv.writer(stream, lineterminator="\n")
                 writer.writerow(f"{c} [{unit}]" for c, unit in header.items())
                 writer.writerows(
-                    [f"{v / units(c)[header[c]]:.12g}" for c, v in zip(columns, row)] for row in zip(*columns.values())
+                    [f"{v / units(c)[header[c]]:.12g}" for c, v in zip(columns, row)]
+                    for row in zip(*columns.values())
                 )
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror})") from None
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror}); allowed is a folder of this user"
+        ) from None

@@ -8,9 +8,9 @@ import numpy as np
 from scipy import stats
 
 from ...errors import InputError
-from ..curves import Curve, Sheet, doubts
+from ..curves import Curve, Sheet, unit_warnings
 from ..homogeneous import nominal
-from ..parameters import RULES, SHEAR, YARN, WovenFabric, Yarn
+from ..laws.coupled import SHEAR, YARN, WovenFabric, Yarn
 from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values
 from .result import Assumed, Determined, Identification
 
@@ -18,11 +18,16 @@ STAGE_1 = ("a", "b", "d", *SHEAR)
 # Of the parameters that the data can't tell apart, the first of these becomes an assumption.
 GIVEN_UP = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
 QUICK = 60  # evaluations of a fit after which it is asked whether the data determine its parameters
-HIGHER = {"a": "b", "s2": "s1", "s3": "s1"}  # higher terms are 0 by default if the lower one is fitted
+HIGHER = {
+    "a": "b",
+    "s2": "s1",
+    "s3": "s1",
+}  # higher terms are 0 by default if the lower one is fitted
 
 
 def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
-    """Fit the law to the curves; InputError if they determine nothing or are too few, SolverFailure if the fit fails."""
+    """Fit the law to the curves; InputError if they determine nothing or are too few, SolverFailure
+    if the fit fails."""
     problem = Problem(sheet, curves)
     names, values = problem.names, true_values(DEFAULTS, sheet.balanced)
     source = dict.fromkeys(names, "Table 1 of Schäfer et al.")
@@ -37,7 +42,9 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         if not math.isfinite(problem.natural[k]):
             reason[k] = "no test excites it"
         elif base(name) == "p_min" and not problem.has_contraction(name):
-            reason[k] = "no test shows tension with a negative strain across; c is fitted for this value"
+            reason[k] = (
+                "no test shows tension with a negative strain across; c is fitted for this value"
+            )
     _check_yarns(sheet, names, reason, source)
     theta, staged, fitted = _regression(problem, default, reason, source)
     free = [k for k in range(len(names)) if k not in reason]
@@ -61,13 +68,20 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     if estimated is None and not all(c.noise for c in curves):
         estimated = NOISE * math.sqrt(variance)
 
-    units = {n: "MPa" if RULES[base(n)].kind else "-" for n in names}
+    units = {n: "MPa" if (YARN | SHEAR)[base(n)].kind else "-" for n in names}
     bound = _at_bound(problem, theta, free, fitted)
     determined = {
-        names[k]: Determined(float(theta[k]), float(e), (float(theta[k] - quantile * e), float(theta[k] + quantile * e)), units[names[k]],
-                             float(staged[k]), bool(quantile * e > abs(theta[k])), k in bound)
+        names[k]: Determined(
+            float(theta[k]),
+            float(e),
+            (float(theta[k] - quantile * e), float(theta[k] + quantile * e)),
+            units[names[k]],
+            float(staged[k]),
+            bool(quantile * e > abs(theta[k])),
+            k in bound,
+        )
         for k, e in zip(free, error)
-    }  # fmt: skip
+    }
     assumed = {
         names[k]: Assumed(
             float(theta[k]),
@@ -80,25 +94,33 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     }
     value = dict(zip(names, map(float, theta)))
     warp, weft = (
-        Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN}) for yarn in ("warp", "weft")
+        Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN})
+        for yarn in ("warp", "weft")
     )
     shear: dict[str, Any] = {n: value[n] for n in SHEAR}
-    fabric = WovenFabric(warp, weft, **shear, thickness=sheet.thickness, density=sheet.density, name=sheet.name)
+    fabric = WovenFabric(
+        warp, weft, **shear, thickness=sheet.thickness, density=sheet.density, name=sheet.name
+    )
     softest, convex = _physics(problem, fabric)
     warnings = []
     if all(c.noise for c in curves) and variance > stats.chi2.ppf(0.999, dof) / dof:
         warnings.append(
-            f"the curves lie {math.sqrt(variance):.2g} times their stated noise from the law, and the intervals are widened by that"
+            f"the curves lie {math.sqrt(variance):.2g} times their stated noise from the law, "
+            "and the intervals are widened by that"
         )
     if softest is not None and softest <= 0:
         warnings.append(f"the shear stiffness falls to {softest:.3g} MPa over the measured angles")
     if convex is False:
         warnings.append("the energy is not convex in (eps_a, eps_b) over the measured tension")
-    warnings += [f"{n} is held by a bound from physics" for n, p in determined.items() if p.at_bound]
     warnings += [
-        f"{n} is weakly determined, as its interval is wider than +-100 %" for n, p in determined.items() if p.weak
+        f"{n} is held by a bound from physics" for n, p in determined.items() if p.at_bound
     ]
-    warnings += [*doubts(curves), *fabric.doubts()]
+    warnings += [
+        f"{n} is weakly determined, as its interval is wider than +-100 %"
+        for n, p in determined.items()
+        if p.weak
+    ]
+    warnings += [*unit_warnings(curves), *fabric.plausibility_warnings()]
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     return Identification(
         fabric,
@@ -117,22 +139,25 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
 
 
 def _check_yarns(sheet, names, reason, source):
-    """InputError if one direction of a fabric that is not balanced was pulled, and nothing is said of the other."""
+    """InputError if one direction of a fabric that is not balanced was pulled, and nothing is said
+    of the other."""
     if sheet.balanced:
         return
     said = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
     for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
         if f"{other}.b" in said and (missing := [n for n in "ab" if f"{yarn}.{n}" not in said]):
             raise InputError(
-                f"sheet.toml: balanced is false, but no test tells the {yarn}'s {' and '.join(missing)}; "
+                f"sheet.toml: balanced is false, but no test tells the {yarn}'s "
+                f"{' and '.join(missing)}; "
                 f"allowed is a test uniaxial_{i} or biaxial, values in [assumed.{yarn}], "
                 f"or balanced = true, which gives the {yarn} the parameters of the {other}"
             )
 
 
 def _moves(problem, theta, free, weighted, sd, k, half):
-    """What 10 % more of the assumed parameter k changes the fitted ones by: {name: change} of those beyond `half`, half
-    the widths of their intervals (len(free),). weighted: their Jacobian over the deviations, per natural change."""
+    """What 10 % more of the assumed parameter k changes the fitted ones by: {name: change} of those
+    beyond `half`, half the widths of their intervals (len(free),). weighted: their Jacobian over
+    the deviations, per natural change."""
     if not free or not np.isfinite(problem.natural[k]):
         return {}
     more = 0.1 * theta[k] * (problem.jacobian(theta, [k])[:, 0] / sd)
@@ -142,20 +167,23 @@ def _moves(problem, theta, free, weighted, sd, k, half):
 
 
 def _regression(problem, default, reason, source):
-    """Stage 1, stage 2 and the joint fit, given up by one parameter at a time (into `reason`) until the data determine all
-    that is fitted. Returns values after the joint fit, after the stages, and the parameters that were free in it."""
+    """Stage 1, stage 2 and the joint fit, given up by one parameter at a time (into `reason`) until
+    the data determine all that is fitted. Returns values after the joint fit, after the stages, and
+    the parameters that were free in it."""
     names = problem.names
     couplings = [k for k, n in enumerate(names) if base(n) not in STAGE_1]
     uncoupled = ~np.any(problem.effect[:, couplings] > 0, axis=1)
     while True:
         free = [k for k in range(len(names)) if k not in reason]
         if not free:
+            tests = ", ".join(sorted({c.test for c in problem.curves}))
             raise InputError(
-                f"the curves determine no parameter; they are of the tests {', '.join(sorted({c.test for c in problem.curves}))}"
+                f"the curves, of the tests {tests}, determine no parameter; allowed are more tests"
             )
         if len(problem.measured) <= len(free):
             raise InputError(
-                f"there are {len(problem.measured)} measured values for {len(free)} parameters; allowed are more values than parameters"
+                f"there are {len(problem.measured)} measured values for {len(free)} parameters; "
+                "allowed are more values than parameters"
             )
         theta = default.copy()
         for k in reason:
@@ -166,7 +194,11 @@ def _regression(problem, default, reason, source):
             if names[k] in SHEAR:  # a straight line through the largest angle
                 theta[k] = problem.natural[k] if names[k] == "s1" else 0.0
         sd = problem.deviation(problem.measured)
-        first = [k for k in free if base(names[k]) in STAGE_1 and np.any(problem.effect[uncoupled, k] > 0)]
+        first = [
+            k
+            for k in free
+            if base(names[k]) in STAGE_1 and np.any(problem.effect[uncoupled, k] > 0)
+        ]
         theta = problem.fit(theta, first, sd, uncoupled)
         # tension that is coupled at every point, as with free sides alone
         lone = [k for k in free if base(names[k]) in ("a", "b") and k not in first]
@@ -180,14 +212,18 @@ def _regression(problem, default, reason, source):
             try:
                 staged = problem.fit(theta, rest, sd, most=QUICK)
                 theta = problem.fit(staged, free, sd, most=QUICK)
-            except NotConverged as stuck:  # in a valley of parameters that the data do not separate?
+            except (
+                NotConverged
+            ) as stuck:  # in a valley of parameters that the data do not separate?
                 bad = problem.undetermined(stuck.theta, free)
                 if not bad:
                     staged = problem.fit(stuck.theta, rest, sd)
                     theta = problem.fit(staged, free, sd)
         if not bad:
             residual = (problem.predict(theta) - problem.measured) / sd
-            bad = problem.undetermined(theta, free, sd * math.sqrt(residual @ residual / (len(residual) - len(free))))
+            bad = problem.undetermined(
+                theta, free, sd * math.sqrt(residual @ residual / (len(residual) - len(free)))
+            )
         if not bad:
             s3 = names.index("s3")
             return theta, staged, [k for k in free if k != s3 or theta[s3] > 0]
@@ -201,36 +237,46 @@ def _regression(problem, default, reason, source):
         else:
             why = f"the data leave it at +-{half:.2g}"
         if lone and base(names[k]) == "p_min":
-            why += "; a and b are fitted for this value, a test with held sides or a biaxial one would tell"
+            why += "; a and b are fitted for this value, "
+            why += "a test with held sides or a biaxial one would tell"
         reason[k] = why
 
 
 def _weights(problem, theta):
-    """Deviations (N,), and the noise estimated for curves that state none if others do (else None, as then the variance
-    of the residuals gives it)."""
+    """Deviations (N,), and the noise estimated for curves that state none if others do (else None,
+    as then the variance of the residuals gives it)."""
     predicted = problem.predict(theta)
-    silent = np.concatenate([np.full(s.stop - s.start, curve.noise is None) for (curve, _), s in problem.parts])
+    silent = np.concatenate(
+        [np.full(s.stop - s.start, curve.noise is None) for (curve, _), s in problem.parts]
+    )
     if silent.all() or not silent.any():
         return problem.deviation(predicted), None
-    estimated = max(float(np.sqrt(np.mean(((predicted - problem.measured) / problem.peak)[silent] ** 2))), 1e-9)
+    estimated = max(
+        float(np.sqrt(np.mean(((predicted - problem.measured) / problem.peak)[silent] ** 2))), 1e-9
+    )
     return problem.deviation(predicted, estimated), estimated
 
 
 def _at_bound(problem, theta, free, fitted):
     """Parameters of `free` that a bound holds."""
     x, low, high = problem._to_x(theta, fitted)
-    near = {k for k, v, lo, hi in zip(fitted, x, low, high) if v - lo < 1e-6 or hi - v < 1e-6} | set(free) - set(fitted)
+    near = {
+        k for k, v, lo, hi in zip(fitted, x, low, high) if v - lo < 1e-6 or hi - v < 1e-6
+    } | set(free) - set(fitted)
     shear = set(problem._shear(fitted))  # a bound on tau' holds all three
     return near | shear & set(free) if near & shear else near
 
 
 def _physics(problem, fabric):
-    """Smallest tau' over the measured angles [MPa], and whether W(eps_a, eps_b) is convex over the measured tension."""
+    """Smallest tau' over the measured angles [MPa], and whether W(eps_a, eps_b) is convex over the
+    measured tension."""
     softest = convex = None
     if problem.angle:
         g = np.linspace(0, problem.angle, 1001)
         softest = float((fabric.s1 + (2 * fabric.s2 + 3 * fabric.s3 * g) * g).min())
-    tension = problem.strains[(problem.strains[:, :2].max(1) > 0) & (problem.strains[:, :2].min(1) >= 0)]
+    tension = problem.strains[
+        (problem.strains[:, :2].max(1) > 0) & (problem.strains[:, :2].min(1) >= 0)
+    ]
     if tension.size:
         # by the kernel's tangent just inside tension; the kink at 0 belongs to compression
         _, H = nominal(fabric, np.maximum(tension * [1, 1, 0], [1e-9, 1e-9, 0]), tangent=True)

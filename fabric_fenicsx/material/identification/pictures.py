@@ -10,8 +10,8 @@ from .result import Identification
 
 
 def draw(result: Identification, stem: Path | str) -> list[str]:
-    """Write stem_fit.png (measured and fitted curves), stem_residuals.png (in standard deviations) and stem_correlation.png;
-    returns their names."""
+    """Write stem_fit.png (measured and fitted curves), stem_residuals.png (in standard deviations)
+    and stem_correlation.png; returns their names."""
     from matplotlib.figure import Figure
 
     n = len(result.fits)
@@ -23,7 +23,11 @@ def draw(result: Identification, stem: Path | str) -> list[str]:
         axes = figure.subplots(down, across, squeeze=False).ravel()
         for ax, (curve, response, predicted, sd) in zip(axes, result.fits):
             column = data.STRAINS[curve.abscissa]
-            x = np.degrees(curve.strains[:, 2]) if column == "gamma" else 100 * curve.strains[:, curve.abscissa]
+            x = (
+                np.degrees(curve.strains[:, 2])
+                if column == "gamma"
+                else 100 * curve.strains[:, curve.abscissa]
+            )
             if kind == "fit":
                 ax.errorbar(
                     x,
@@ -38,7 +42,12 @@ def draw(result: Identification, stem: Path | str) -> list[str]:
                 ax.set_ylabel(f"{response.column} / {response.unit}", fontsize=8)
             else:
                 ax.axhline(0, color="0.6", linewidth=0.8)
-                ax.plot(x, (response.values - predicted) / (sd * math.sqrt(result.variance or 1)), ".", markersize=4)
+                ax.plot(
+                    x,
+                    (response.values - predicted) / (sd * math.sqrt(result.variance or 1)),
+                    ".",
+                    markersize=4,
+                )
                 ax.set_ylabel("residual / std. deviation", fontsize=8)
             ax.set_xlabel(f"{column} / {'deg' if column == 'gamma' else '%'}", fontsize=8)
             ax.set_title(f"{curve.file.removesuffix('.csv')}: {response.column}", fontsize=8)
@@ -49,7 +58,9 @@ def draw(result: Identification, stem: Path | str) -> list[str]:
         written.append(f"{stem}_{kind}.png")
         figure.savefig(written[-1], dpi=130)
     names = list(result.determined)
-    figure = Figure(figsize=(1.8 + 0.45 * len(names), 1.2 + 0.45 * len(names)), layout="constrained")
+    figure = Figure(
+        figsize=(1.8 + 0.45 * len(names), 1.2 + 0.45 * len(names)), layout="constrained"
+    )
     ax = figure.subplots()
     image = ax.imshow(result.correlation, cmap="coolwarm", vmin=-1, vmax=1)
     ax.set_xticks(range(len(names)), names, rotation=90)

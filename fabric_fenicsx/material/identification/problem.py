@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from scipy.optimize import least_squares
 from ...errors import InputError, SolverFailure
 from ..curves import Curve, Sheet
 from ..homogeneous import lateral_strain, nominal
-from ..parameters import SHEAR, YARN, WovenFabric
+from ..laws.coupled import SHEAR, YARN, WovenFabric
 from ..presets import PRESETS
 
 DEFAULTS = PRESETS["komeili"]  # Table 1; d, p_min and s_C were assumed there, too
@@ -31,9 +30,13 @@ def base(name: str) -> str:
 
 
 def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:
-    """Parameters of `fabric` by the names used here: 10 if balanced, otherwise 17 with warp. and weft. before the yarns'."""
+    """Parameters of `fabric` by the names used here: 10 if balanced, otherwise 17 with warp. and
+    weft. before the yarns'."""
     return {
-        n: getattr(fabric if n in SHEAR else getattr(fabric, n.split(".")[0] if "." in n else "warp"), base(n))
+        n: getattr(
+            fabric if n in SHEAR else getattr(fabric, n.split(".")[0] if "." in n else "warp"),
+            base(n),
+        )
         for n in names_of(balanced)
     }
 
@@ -47,7 +50,8 @@ class NotConverged(SolverFailure):
 
 
 class Problem:
-    """Residuals of all curves in the parameters `names` (10 or 17), with all points in one call of the kernel."""
+    """Residuals of all curves in the parameters `names` (10 or 17), with all points in one call of
+    the kernel."""
 
     def __init__(self, sheet: Sheet, curves: Sequence[Curve]) -> None:
         self.names, self.thickness, self.curves = names_of(sheet.balanced), sheet.thickness, curves
@@ -58,10 +62,15 @@ class Problem:
         self.slices = [slice(end - size, end) for size, end in zip(sizes, np.cumsum(sizes))]
         self.parts = list(zip(parts, self.slices))
         self.measured = np.concatenate([response.values for _, response in parts])
-        self.peak = np.concatenate([np.full(size, response.peak) for size, (_, response) in zip(sizes, parts)])
+        self.peak = np.concatenate(
+            [np.full(size, response.peak) for size, (_, response) in zip(sizes, parts)]
+        )
         self.gain = np.concatenate([response.gain for _, response in parts])
         self.half = np.concatenate(
-            [np.zeros(size) if response.half is None else response.half for size, (_, response) in zip(sizes, parts)]
+            [
+                np.zeros(size) if response.half is None else response.half
+                for size, (_, response) in zip(sizes, parts)
+            ]
         )
         self.component = np.concatenate(
             [np.full(size, response.component) for size, (_, response) in zip(sizes, parts)]
@@ -70,24 +79,35 @@ class Problem:
         self.halves = np.flatnonzero(self.half)
         self.free = {}
         for along in (0, 1):  # points under free tension, and where to start the strain across
-            pieces = [(s, curve.responses[-1]) for (curve, _), s in self.parts if curve.free == along]
+            pieces = [
+                (s, curve.responses[-1]) for (curve, _), s in self.parts if curve.free == along
+            ]
             if pieces:
                 points = np.concatenate([np.r_[s] for s, _ in pieces])
-                start = [r.values.copy() if r.component == 3 else np.zeros(len(r.values)) for _, r in pieces]
+                start = [
+                    r.values.copy() if r.component == 3 else np.zeros(len(r.values))
+                    for _, r in pieces
+                ]
                 self.free[along] = points, np.concatenate(start)
         self.angle = max(
-            (np.abs(self.strains[s, 2]).max() for (_, response), s in self.parts if response.component == 2),
+            (
+                np.abs(self.strains[s, 2]).max()
+                for (_, response), s in self.parts
+                if response.component == 2
+            ),
             default=0.0,
         )
         self.extent = max(np.abs(self.strains[:, :2]).max(), 1e-3)
 
-    def material(self, theta: np.ndarray) -> SimpleNamespace:
-        """What the kernel reads of a WovenFabric, without its checks, so that derivatives can be taken at bounds."""
+    def material(self, theta: np.ndarray) -> WovenFabric:
+        """A fabric without its checks, so that derivatives can be taken at bounds."""
         v = dict(zip(self.names, theta))
         fabric = DEFAULTS.symbols(float)
         vars(fabric).update({n: v[n] for n in SHEAR}, thickness=self.thickness)
         for yarn in ("warp", "weft"):
-            vars(getattr(fabric, yarn)).update({n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN})
+            vars(getattr(fabric, yarn)).update(
+                {n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN}
+            )
         return fabric
 
     def predict(self, theta: np.ndarray) -> np.ndarray:
@@ -99,14 +119,19 @@ class Problem:
                 across = lateral_strain(fabric, along, strains[points, along], start)
                 strains[points, 1 - along] = start[:] = across  # near that of the next parameters
         stress = nominal(
-            fabric, np.concatenate([strains, strains[self.halves] * [1, 1, 0.5]]) if self.halves.size else strains
+            fabric,
+            np.concatenate([strains, strains[self.halves] * [1, 1, 0.5]])
+            if self.halves.size
+            else strains,
         )
         N = len(strains)
         rows = np.arange(N)
         across = np.zeros(N)
         for along, (points, _) in self.free.items():
             across[points] = strains[points, 1 - along]
-        value = self.gain * np.where(self.component == 3, across, stress[rows, np.minimum(self.component, 2)])
+        value = self.gain * np.where(
+            self.component == 3, across, stress[rows, np.minimum(self.component, 2)]
+        )
         value[self.halves] += self.half[self.halves] * stress[N:, 2]
         return value
 
@@ -121,16 +146,20 @@ class Problem:
         for k in free:
             step = np.zeros(len(theta))
             step[k] = 1e-5 * sizes[k]
-            columns.append((self.predict(theta + step) - self.predict(theta - step)) / (2 * step[k]))
+            columns.append(
+                (self.predict(theta + step) - self.predict(theta - step)) / (2 * step[k])
+            )
         return np.array(columns).T.reshape(len(self.measured), len(free))
 
     def prepare(self, start: np.ndarray) -> None:
-        """Set the size of steps, and `natural`: the change of each parameter that moves a response by its peak."""
+        """Set the size of steps, and `natural`: the change of each parameter that moves a response
+        by its peak."""
         self.start, self.natural = start, np.full(len(start), np.inf)
         self.rescale(start)
 
     def rescale(self, theta: np.ndarray) -> None:
-        """Set `effect` (N, len(theta)), of each parameter on each value over its peak, and `natural` from it."""
+        """Set `effect` (N, len(theta)), of each parameter on each value over its peak, and
+        `natural` from it."""
         effect = np.abs(self.jacobian(theta, range(len(theta))) / self.peak[:, None])
         # 1e-9 of the peak for a large change is rounding, which differs from machine to machine
         effect[(effect < 1e-7 * effect.max(0)) | (effect * self.sizes(theta) < 1e-9)] = 0
@@ -139,7 +168,8 @@ class Problem:
         self.effect = effect
 
     def deviation(self, predicted: np.ndarray, common: Any = NOISE) -> np.ndarray:
-        """Standard deviations (N,): as stated by the curves, otherwise `common` times the peak of each column."""
+        """Standard deviations (N,): as stated by the curves, otherwise `common` times the peak of
+        each column."""
         sd = common * self.peak
         for (curve, _), s in self.parts:
             if curve.noise:
@@ -151,9 +181,12 @@ class Problem:
         return sd
 
     def has_contraction(self, name: str) -> bool:
-        """Whether a point shows the yarns of p_min `name` in tension under a negative strain across."""
+        """Whether a point shows the yarns of p_min `name` in tension under a negative strain
+        across."""
         for i in (0, 1) if "." not in name else (("warp.p_min", "weft.p_min").index(name),):
-            prescribed = (self.strains[:, i] > 0) & (self.strains[:, 1 - i] < 0) & (self.component < 2)
+            prescribed = (
+                (self.strains[:, i] > 0) & (self.strains[:, 1 - i] < 0) & (self.component < 2)
+            )
             if i in self.free or prescribed.any():
                 return True
         return False
@@ -161,8 +194,9 @@ class Problem:
     def undetermined(
         self, theta: np.ndarray, free: list[int], sd: Any = 0.0, slack: float = 1.0
     ) -> list[tuple[int, float]]:
-        """Of the parameters `free`, those whose 95 % half-width, at the noise `sd` but at least NOISE, is larger than `slack`
-        times both the value and its natural change (p_min: 0.5); as pairs of index and half-width."""
+        """Of the parameters `free`, those whose 95 % half-width, at the noise `sd` but at least
+        NOISE, is larger than `slack` times both the value and its natural change (p_min: 0.5); as
+        pairs of index and half-width."""
         weight = np.maximum(sd, NOISE * self.peak)
         J = self.jacobian(theta, free) * self.natural[free] / weight[:, None]
         _, s, Vt = np.linalg.svd(J, full_matrices=len(free) > len(J))
@@ -170,25 +204,33 @@ class Problem:
         half = 1.96 * np.sqrt(((Vt.T / s) ** 2).sum(1))
         limit = np.array(
             [
-                0.5 / self.natural[k] if base(self.names[k]) == "p_min" else max(abs(theta[k]) / self.natural[k], 1)
+                0.5 / self.natural[k]
+                if base(self.names[k]) == "p_min"
+                else max(abs(theta[k]) / self.natural[k], 1)
                 for k in free
             ]
         )
-        return [(k, h * self.natural[k]) for k, h, most in zip(free, half, limit) if h > slack * most]
+        return [
+            (k, h * self.natural[k]) for k, h, most in zip(free, half, limit) if h > slack * most
+        ]
 
     def _box(self, k):
         name = base(self.names[k])
-        low = 1e-9 * self.natural[k] if name in ("b", "d", "s1") else -np.inf if name == "s2" else 0.0
+        low = (
+            1e-9 * self.natural[k] if name in ("b", "d", "s1") else -np.inf if name == "s2" else 0.0
+        )
         return low, {"p_min": 1.0, "c": 50 / self.extent}.get(name, np.inf)
 
     def _shear(self, free):
-        """The shear parameters that are fitted through the stiffness tau' at points of [0, angle]."""
+        """The shear parameters that are fitted through the stiffness tau' at points of [0,
+        angle]."""
         place = [self.names.index(n) for n in SHEAR]
         return place if place[0] in free and place[1] in free else []
 
     def _to_x(self, theta, free):
-        """Scaled unknowns. Shear goes through tau' = c0 (1-x)^2 + 2 c1 x (1-x) + c2 x^2, x = gamma/angle, which is positive on
-        all of [0, angle] exactly if c0, c2 > 0 and c1 > -sqrt(c0 c2): bounds on c0, c1/sqrt(c0 c2) and c2."""
+        """Scaled unknowns. Shear goes through tau' = c0 (1-x)^2 + 2 c1 x (1-x) + c2 x^2, x =
+        gamma/angle, which is positive on all of [0, angle] exactly if c0, c2 > 0 and c1 > -sqrt(c0
+        c2): bounds on c0, c1/sqrt(c0 c2) and c2."""
         x = np.array([theta[k] / self.natural[k] for k in free])
         low, high = np.array([self._box(k) for k in free]).T / self.natural[free]
         if place := self._shear(free):
@@ -217,9 +259,15 @@ class Problem:
         return theta
 
     def fit(
-        self, theta: np.ndarray, free: list[int], sd: np.ndarray, rows: Any = slice(None), most: int = 300
+        self,
+        theta: np.ndarray,
+        free: list[int],
+        sd: np.ndarray,
+        rows: Any = slice(None),
+        most: int = 300,
     ) -> np.ndarray:
-        """theta with the parameters `free` fitted to the values `rows`; NotConverged after `most` evaluations."""
+        """theta with the parameters `free` fitted to the values `rows`; NotConverged after `most`
+        evaluations."""
         if not free:
             return theta
         x, low, high = self._to_x(theta, free)
@@ -235,7 +283,9 @@ class Problem:
         found = self._from_x(result.x, theta, free)
         if result.status <= 0:
             fitted = ", ".join(self.names[k] for k in free)
-            raise NotConverged(f"the fit of {fitted} did not converge in {result.nfev} evaluations", found)
+            raise NotConverged(
+                f"the fit of {fitted} did not converge in {result.nfev} evaluations", found
+            )
         s3 = self.names.index("s3")
         if s3 in free and found[s3] < 0:  # the law allows none; refit on the bound
             found[s3] = 0.0

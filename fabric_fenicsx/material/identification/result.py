@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 
 from ..curves import Curve, Response
-from ..parameters import WovenFabric
+from ..laws.coupled import WovenFabric
 
 
 @dataclass(frozen=True)
 class Determined:
-    """A fitted parameter: value, standard error and 95 % interval (t-distribution, from the linearised joint fit, bounds
-    not applied), all in `unit`; two_stage: its value before the joint fit; weak: the interval is wider than +-100 %;
-    at_bound: a bound from physics holds it, so the interval is a rough guide."""
+    """A fitted parameter: value, standard error and 95 % interval (t-distribution, from the
+    linearised joint fit, bounds not applied), all in `unit`; two_stage: its value before the joint
+    fit; weak: the interval is wider than +-100 %; at_bound: a bound from physics holds it, so the
+    interval is a rough guide."""
 
     value: float
     standard_error: float
@@ -27,10 +28,11 @@ class Determined:
 
 @dataclass(frozen=True)
 class Assumed:
-    """A parameter that was not fitted: value in `unit`, where that is from, and why the data don't determine it.
+    """A parameter that was not fitted: value in `unit`, where that is from, and why the data don't
+    determine it.
 
-    moves: what 10 % more of it would change the fitted ones by, in their units, where that is beyond half the width of
-    their intervals, which hold for the assumed values.
+    moves: what 10 % more of it would change the fitted ones by, in their units, where that is
+    beyond half the width of their intervals, which hold for the assumed values.
     """
 
     value: float
@@ -42,14 +44,17 @@ class Assumed:
     def __str__(self) -> str:
         told = f"assumed ({self.source}): {self.reason}"
         if self.moves:
-            told += "; 10 % more of it moves " + ", ".join(f"{n} by {v:+.3g}" for n, v in self.moves.items())
+            told += "; 10 % more of it moves " + ", ".join(
+                f"{n} by {v:+.3g}" for n, v in self.moves.items()
+            )
         return told
 
 
 @dataclass(frozen=True)
 class Identification:
-    """The result of `identify`. fits: for each measured column (curve, response, predicted (n,), deviation (n,));
-    correlation (m, m) in the order of `determined`; variance: of the weighted residuals (1: as the noise was stated)."""
+    """The result of `identify`. fits: for each measured column (curve, response, predicted (n,),
+    deviation (n,)); correlation (m, m) in the order of `determined`; variance: of the weighted
+    residuals (1: as the noise was stated)."""
 
     fabric: WovenFabric
     determined: dict[str, Determined]
@@ -68,7 +73,10 @@ class Identification:
         """What a material file must tell of where its values are from, a line each."""
         lines = []
         if self.areal_weight is not None:
-            lines.append(f"density = areal weight {self.areal_weight:g} g/m2 / thickness {self.fabric.thickness:g} mm")
+            lines.append(
+                f"density = areal weight {self.areal_weight:g} g/m2 / thickness "
+                f"{self.fabric.thickness:g} mm"
+            )
         for name, p in self.determined.items():
             low, high = (f"{value:.4g}" for value in p.interval)
             lines.append(f"{name} was fitted, 95 % interval {low} to {high} {p.unit}")
@@ -103,6 +111,16 @@ class Identification:
         noise = None
         if curve.noise:
             kind, size = curve.noise
-            noise = f"{size:g} {response.unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
-        return {"file": curve.file, "test": curve.test, "column": response.column, "unit": response.unit, "points": len(predicted),
-                "rms_error": rms, "rms_error_of_peak": rms / response.peak, "noise_stated": noise}  # fmt: skip
+            noise = (
+                f"{size:g} {response.unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
+            )
+        return {
+            "file": curve.file,
+            "test": curve.test,
+            "column": response.column,
+            "unit": response.unit,
+            "points": len(predicted),
+            "rms_error": rms,
+            "rms_error_of_peak": rms / response.peak,
+            "noise_stated": noise,
+        }

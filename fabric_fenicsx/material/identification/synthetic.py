@@ -9,23 +9,33 @@ import numpy as np
 from .. import curves as data
 from ..curves import Curve, Response, Sheet
 from ..homogeneous import lateral_strain, nominal
-from ..parameters import WovenFabric
+from ..laws.coupled import WovenFabric
 from .fit import identify
 from .problem import true_values
 
-# strains of synthetic tests: eps_a, eps_b [-], gamma [deg] at their end; the first and last are reached from 0 together
+# strains of synthetic tests at their end: eps_a, eps_b [-], gamma [deg]; the first and last are
+# reached from 0 together
 _Plan = dict[str, tuple[str, tuple[float | None, float | None, float | None]]]
 _PAPER: _Plan = {
-    "uniaxial_a": ("uniaxial_a", (0.03, 0, 0)), "uniaxial_b": ("uniaxial_b", (0, 0.03, 0)),
-    "biaxial_1_1": ("biaxial", (0.02, 0.02, 0)), "biaxial_1_2": ("biaxial", (0.01, 0.02, 0)), "biaxial_2_1": ("biaxial", (0.02, 0.01, 0)),
-    "shear": ("shear", (0, 0, 45)), "shear_tension_a": ("shear", (0.005, 0, 45)), "shear_tension_b": ("shear", (0, 0.005, 45)),
-}  # fmt: skip
+    "uniaxial_a": ("uniaxial_a", (0.03, 0, 0)),
+    "uniaxial_b": ("uniaxial_b", (0, 0.03, 0)),
+    "biaxial_1_1": ("biaxial", (0.02, 0.02, 0)),
+    "biaxial_1_2": ("biaxial", (0.01, 0.02, 0)),
+    "biaxial_2_1": ("biaxial", (0.02, 0.01, 0)),
+    "shear": ("shear", (0, 0, 45)),
+    "shear_tension_a": ("shear", (0.005, 0, 45)),
+    "shear_tension_b": ("shear", (0, 0.005, 45)),
+}
 _MORE: _Plan = {
-    "free_a": ("uniaxial_a", (0.03, None, 0)), "free_b": ("uniaxial_b", (None, 0.03, 0)),
-    "tension_compression_a": ("biaxial", (0.03, -0.06, 0)), "tension_compression_b": ("biaxial", (-0.06, 0.03, 0)),
-    "compression_a": ("compression_a", (-0.1, 0, 0)), "compression_b": ("compression_b", (0, -0.1, 0)),
-    "shear_compression_a": ("shear", (-0.1, 0, 45)), "shear_compression_b": ("shear", (0, -0.1, 45)),
-}  # fmt: skip
+    "free_a": ("uniaxial_a", (0.03, None, 0)),
+    "free_b": ("uniaxial_b", (None, 0.03, 0)),
+    "tension_compression_a": ("biaxial", (0.03, -0.06, 0)),
+    "tension_compression_b": ("biaxial", (-0.06, 0.03, 0)),
+    "compression_a": ("compression_a", (-0.1, 0, 0)),
+    "compression_b": ("compression_b", (0, -0.1, 0)),
+    "shear_compression_a": ("shear", (-0.1, 0, 45)),
+    "shear_compression_b": ("shear", (0, -0.1, 45)),
+}
 PLANS = {"paper": _PAPER, "all": _PAPER | _MORE}
 
 
@@ -37,11 +47,13 @@ def synthesise(
     points: int = 30,
     balanced: bool | None = None,
 ) -> tuple[Sheet, tuple[Curve, ...]]:
-    """Sheet and curves that the law predicts for the tests of a plan: "paper" (held uniaxial, biaxial, pure and pre-tensioned
-    shear) or "all" (also free tension, tension-compression, compression, sheared compression).
+    """Sheet and curves that the law predicts for the tests of a plan: "paper" (held uniaxial,
+    biaxial, pure and pre-tensioned shear) or "all" (also free tension, tension-compression,
+    compression, sheared compression).
 
-    noise: standard deviation, normal, of each column's largest value; stated in the curves if above 0. points: of each
-    curve; balanced: what the sheet says, by default what the fabric is. Raises KeyError for another plan.
+    noise: standard deviation, normal, of each column's largest value; stated in the curves if above
+    0. points: of each curve; balanced: what the sheet says, by default what the fabric is. Raises
+    KeyError for another plan.
     """
     random = np.random.default_rng(seed)
     balanced = fabric.is_balanced if balanced is None else balanced
@@ -52,22 +64,34 @@ def synthesise(
         along = None if free is None else 1 - free
         ramp = np.arange(1, points + 1) / points
         strains = np.stack(
-            [ramp * (e or 0) if c in runs else np.full(points, e or 0.0) for c, e in zip(data.STRAINS, ends)], -1
+            [
+                ramp * (e or 0) if c in runs else np.full(points, e or 0.0)
+                for c, e in zip(data.STRAINS, ends)
+            ],
+            -1,
         )
         strains[:, 2] = np.radians(strains[:, 2])
         exact = strains.copy()
         if free is not None and along is not None:
             exact[:, free] = lateral_strain(fabric, along, strains[:, along])
         stress = nominal(fabric, exact)
-        measured = {"biaxial": ("sigma_a", "sigma_b"), "shear": ("tau",)}.get(test, (f"sigma_{test[-1]}",))
+        measured = {"biaxial": ("sigma_a", "sigma_b"), "shear": ("tau",)}.get(
+            test, (f"sigma_{test[-1]}",)
+        )
         values = {c: stress[:, ("sigma_a", "sigma_b", "tau").index(c)] for c in measured}
         if free is not None:
             values[data.STRAINS[free]] = exact[:, free]
-        values = {c: v + noise * np.abs(v).max() * random.standard_normal(points) for c, v in values.items()}
+        values = {
+            c: v + noise * np.abs(v).max() * random.standard_normal(points)
+            for c, v in values.items()
+        }
         responses = tuple(
-            Response(c, "-" if c.startswith("eps") else "MPa", v, np.ones(points)) for c, v in values.items()
+            Response(c, "-" if c.startswith("eps") else "MPa", v, np.ones(points))
+            for c, v in values.items()
         )
-        abscissa = data.STRAINS.index(max(runs, key=lambda c: np.ptp(strains[:, data.STRAINS.index(c)])))
+        abscissa = data.STRAINS.index(
+            max(runs, key=lambda c: np.ptp(strains[:, data.STRAINS.index(c)]))
+        )
         curves.append(
             Curve(
                 f"{name}.csv",
@@ -90,10 +114,11 @@ def coverage(
     seeds: Sequence[int] = range(1, 101),
     stated: bool = True,
 ) -> dict[str, Any]:
-    """Over synthetic data of each seed: how often each parameter was determined and its true value lay in its interval.
+    """Over synthetic data of each seed: how often each parameter was determined and its true value
+    lay in its interval.
 
-    stated: whether the curves state their noise. Returns {"seeds": how many, "noise", "plan", "inside": {name: n},
-    "determined": {name: n}}.
+    stated: whether the curves state their noise. Returns {"seeds": how many, "noise", "plan",
+    "inside": {name: n}, "determined": {name: n}}.
     """
     truth = true_values(fabric, fabric.is_balanced)
     inside, determined = dict.fromkeys(truth, 0), dict.fromkeys(truth, 0)

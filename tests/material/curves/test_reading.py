@@ -34,9 +34,15 @@ RADIANS = "# test: shear\ngamma [deg],tau [MPa]\n0.1,1\n0.2,2\n0.4,4\n0.6,6\n0.8
 WIDENED = "# test: uniaxial_b\n# lateral: free\neps_b [%],sigma_b [MPa],eps_a [%]\n" + "".join(
     f"{i},{i},{i * 2}\n" for i in range(1, 6)
 )
-FRAME = "# test: picture_frame\n# frame_length: 140 mm\n# fabric_length: 20 cm\ngamma [deg],F [N]\n10,1\n20,2\n30,3\n35,4\n40,5\n"
+FRAME = (
+    "# test: picture_frame\n# frame_length: 140 mm\n# fabric_length: 20 cm\ngamma [deg],F [N]\n"
+    "10,1\n20,2\n30,3\n35,4\n40,5\n"
+)
 SHEAR = "# test: shear\ngamma [deg],F_sh [N/mm]\n10,0.016\n20,0.035\n30,0.056\n35,0.078\n40,0.110\n"
-BIAS = "# test: bias_extension\n# height: 230 mm\n# width: 11.5 cm\ngamma [deg],F [N]\n10,1\n20,2\n30,3\n35,4\n40,5\n"
+BIAS = (
+    "# test: bias_extension\n# height: 230 mm\n# width: 11.5 cm\ngamma [deg],F [N]\n"
+    "10,1\n20,2\n30,3\n35,4\n40,5\n"
+)
 
 
 def folder(tmp_path, sheet=SHEET, **files):
@@ -67,10 +73,14 @@ def test_a_file_is_read(tmp_path):
         UNIAXIAL.replace(",", ";"),
         "\ufeff" + UNIAXIAL,
         UNIAXIAL.replace("\n", "\r\n"),
-        UNIAXIAL.replace("eps_a [%],sigma_a [MPa]", " sigma_a[kPa] , eps_a [ % ]").replace("0.5,6.9", "6900,0.5").replace("1,14.5", "14500,1")
-        .replace("1.5,22.8", "22800,1.5").replace("2,31.6", "31600,2").replace("2.5,41.1", "41100,2.5"),
+        UNIAXIAL.replace("eps_a [%],sigma_a [MPa]", " sigma_a[kPa] , eps_a [ % ]")
+        .replace("0.5,6.9", "6900,0.5")
+        .replace("1,14.5", "14500,1")
+        .replace("1.5,22.8", "22800,1.5")
+        .replace("2,31.6", "31600,2")
+        .replace("2.5,41.1", "41100,2.5"),
     ],
-)  # fmt: skip
+)
 def test_spellings_give_the_same_curve(tmp_path, text):
     _, (curve,) = data.read(folder(tmp_path, warp=text))
     assert curve.strains[:, 0] == pytest.approx([0.005, 0.01, 0.015, 0.02, 0.025])
@@ -84,70 +94,307 @@ def test_written_data_read_back(tmp_path, unbalanced):
     assert again == sheet and {c.file for c in read} == {c.file for c in curves}
     for one in curves:
         two = next(c for c in read if c.file == one.file)
-        assert (two.test, two.free, two.noise, two.abscissa) == (one.test, one.free, one.noise, one.abscissa)
+        assert (two.test, two.free, two.noise, two.abscissa) == (
+            one.test,
+            one.free,
+            one.noise,
+            one.abscissa,
+        )
         assert two.strains == pytest.approx(one.strains, rel=1e-11, abs=0)
         for r, q in zip(one.responses, two.responses, strict=True):
-            assert (r.column, r.unit) == (q.column, q.unit) and q.values == pytest.approx(r.values, rel=1e-11)
+            assert (r.column, r.unit) == (q.column, q.unit)
+            assert q.values == pytest.approx(r.values, rel=1e-11)
 
 
 @pytest.mark.parametrize(
     ("text", "old", "new", "sentence"),
     [
-        (UNIAXIAL, "# test: uniaxial_a\n", "", "no line `# test: ...` states the test; allowed are uniaxial_a, uniaxial_b, biaxial"),
-        (UNIAXIAL, "uniaxial_a", "uniaxal_a", "row 2: test 'uniaxal_a' is unknown (did you mean uniaxial_a?); allowed are"),
-        (UNIAXIAL, "# lateral: held", "", "the test uniaxial_a needs a line for lateral; allowed is `# lateral: held`"),
+        (
+            UNIAXIAL,
+            "# test: uniaxial_a\n",
+            "",
+            "no line `# test: ...` states the test; allowed are uniaxial_a, uniaxial_b, biaxial",
+        ),
+        (
+            UNIAXIAL,
+            "uniaxial_a",
+            "uniaxal_a",
+            "row 2: test 'uniaxal_a' is unknown (did you mean uniaxial_a?); allowed are",
+        ),
+        (
+            UNIAXIAL,
+            "# lateral: held",
+            "",
+            "the test uniaxial_a needs a line for lateral; allowed is `# lateral: held`",
+        ),
         (UNIAXIAL, "held", "clamped", "row 3: lateral is 'clamped'; allowed is held or free"),
-        (UNIAXIAL, "sigma_a [MPa]", "eps_b [%]", "row 5: lateral: held says that eps_b is 0, but there is a column eps_b; allowed is `# lateral: free`"),
-        (FREE, "sigma_a [MPa]", "sigma_b [MPa]", "row 5: lateral: free says that sigma_b is 0, but there is a column sigma_b; allowed is `# lateral: held`"),
-        (FREE, "sigma_a [MPa]", "F [N]", "row 5: the column F needs the strip's width; allowed is the force over the width, sigma_a [N/mm]"),
+        (
+            UNIAXIAL,
+            "sigma_a [MPa]",
+            "eps_b [%]",
+            (
+                "row 5: lateral: held says that eps_b is 0, but there is a column eps_b; "
+                "allowed is `# lateral: free`"
+            ),
+        ),
+        (
+            FREE,
+            "sigma_a [MPa]",
+            "sigma_b [MPa]",
+            (
+                "row 5: lateral: free says that sigma_b is 0, but there is a column sigma_b; "
+                "allowed is `# lateral: held`"
+            ),
+        ),
+        (
+            FREE,
+            "sigma_a [MPa]",
+            "F [N]",
+            (
+                "row 5: the column F needs the strip's width; allowed is the force over "
+                "the width, sigma_a [N/mm]"
+            ),
+        ),
         (FREE, "sigma_a [MPa]", "sigma_a [N]", "row 5: unit [N] of column sigma_a is unknown"),
-        (FREE, "22.8", "-inf", "row 9: sigma_a is '-inf', but it must be a finite number"),
-        (FREE, "41.1", "-410.1", "row 11: sigma_a is -410.1 MPa; allowed is at least 0, of the test uniaxial_a (is its sign turned?)"),
-        (FREE, "41.1", "4.1", "row 11: sigma_a has fallen to 13 % of its value in row 10; allowed is 50 % or more (keep the rows before yarns break)"),
-        (FREE, "0.5,6.9", "0,9", "row 6: sigma_a is 9 MPa before anything is strained; allowed is up to 20 % of its peak there (take the offset off)"),
-        (PERCENT, "", "", "row 9: eps_a reaches 0.03 % only; allowed is 0.05 % or more (is the unit - rather than %?)"),
-        (RADIANS, "", "", "row 7: gamma reaches 0.8 deg only; allowed is 1.6 deg or more (is the unit rad rather than deg?)"),
-        (WIDENED, "", "", "row 8: eps_a is 0.1; allowed is at most 0, free sides narrow (is its sign turned?)"),
-        (UNIAXIAL, "2 % of maximum", "150 % of value", "row 4: noise is '150 % of value', which leaves nothing measured; allowed is below 100 %"),
-        (UNIAXIAL, "2 % of maximum", "-1 N/mm", "row 4: noise is '-1 N/mm', but it must be a number above 0 with one of the units"),
-        (FRAME, "", "", "fabric_length is 200 mm and frame_length 140 mm; allowed is a fabric up to as large as its frame"),
+        (FREE, "22.8", "-inf", "row 9: sigma_a is '-inf'; allowed is a finite number"),
+        (
+            FREE,
+            "41.1",
+            "-410.1",
+            (
+                "row 11: sigma_a is -410.1 MPa; allowed is at least 0, of the test "
+                "uniaxial_a (is its sign turned?)"
+            ),
+        ),
+        (
+            FREE,
+            "41.1",
+            "4.1",
+            (
+                "row 11: sigma_a has fallen to 13 % of its value in row 10; allowed is 50 % or "
+                "more (keep the rows before yarns break)"
+            ),
+        ),
+        (
+            FREE,
+            "0.5,6.9",
+            "0,9",
+            (
+                "row 6: sigma_a is 9 MPa before anything is strained; allowed is up to 20 % of "
+                "its peak there (take the offset off)"
+            ),
+        ),
+        (
+            PERCENT,
+            "",
+            "",
+            (
+                "row 9: eps_a reaches 0.03 % only; allowed is 0.05 % or more (is "
+                "the unit - rather than %?)"
+            ),
+        ),
+        (
+            RADIANS,
+            "",
+            "",
+            (
+                "row 7: gamma reaches 0.8 deg only; allowed is 1.6 deg or more (is the "
+                "unit rad rather than deg?)"
+            ),
+        ),
+        (
+            WIDENED,
+            "",
+            "",
+            "row 8: eps_a is 0.1; allowed is at most 0, free sides narrow (is its sign turned?)",
+        ),
+        (
+            UNIAXIAL,
+            "2 % of maximum",
+            "150 % of value",
+            (
+                "row 4: noise is '150 % of value', which leaves nothing measured; "
+                "allowed is below 100 %"
+            ),
+        ),
+        (
+            UNIAXIAL,
+            "2 % of maximum",
+            "-1 N/mm",
+            "row 4: noise is '-1 N/mm'; allowed is a number above 0 with one of the units",
+        ),
+        (
+            FRAME,
+            "",
+            "",
+            (
+                "fabric_length is 200 mm and frame_length 140 mm; allowed is a fabric up "
+                "to as large as its frame"
+            ),
+        ),
         (UNIAXIAL, "# noise:", "# nosie:", "row 4: the key nosie is unknown (did you mean noise?)"),
-        (UNIAXIAL, "# noise:", "# height:", "row 4: the key height does not belong to the test uniaxial_a; allowed are noise, lateral"),
-        (UNIAXIAL, "2 % of maximum", "2 %", "row 4: noise is '2 %'; allowed is `2 % of maximum` or `2 % of value`"),
-        (UNIAXIAL, "2 % of maximum", "0 % of value", "row 4: noise is '0 %', but it must be a number above 0"),
-        (UNIAXIAL, "2 % of maximum", "1 psi", "row 4: noise is '1 psi', but it must be a number above 0 with one of the units MPa, kPa"),
-        (UNIAXIAL, ",sigma_a [MPa]", "", "row 5: the column sigma_a is missing, which the test uniaxial_a needs"),
+        (
+            UNIAXIAL,
+            "# noise:",
+            "# height:",
+            (
+                "row 4: the key height does not belong to the test uniaxial_a; "
+                "allowed are noise, lateral"
+            ),
+        ),
+        (
+            UNIAXIAL,
+            "2 % of maximum",
+            "2 %",
+            "row 4: noise is '2 %'; allowed is `2 % of maximum` or `2 % of value`",
+        ),
+        (
+            UNIAXIAL,
+            "2 % of maximum",
+            "0 % of value",
+            "row 4: noise is '0 %'; allowed is a number above 0",
+        ),
+        (
+            UNIAXIAL,
+            "2 % of maximum",
+            "1 psi",
+            ("row 4: noise is '1 psi'; allowed is a number above 0 with one of the units MPa, kPa"),
+        ),
+        (
+            UNIAXIAL,
+            ",sigma_a [MPa]",
+            "",
+            "row 5: the column sigma_a is missing, which the test uniaxial_a needs",
+        ),
         (UNIAXIAL, "sigma_a [MPa]", "sigma_b [MPa]", "row 5: the column sigma_a is missing"),
-        (SHEAR, ",F_sh [N/mm]", "", "row 2: the column tau or F_sh is missing, which the test shear needs"),
+        (
+            SHEAR,
+            ",F_sh [N/mm]",
+            "",
+            "row 2: the column tau or F_sh is missing, which the test shear needs",
+        ),
         (SHEAR, ",F_sh [N/mm]", ",F_sh [N/mm],tau [MPa]", "there are 2 cells under 3 columns"),
-        (UNIAXIAL, "sigma_a [MPa]", "stress [MPa]", "row 5: column 'stress' is unknown; allowed are eps_a, sigma_a, sigma_b"),
-        (UNIAXIAL, "sigma_a [MPa]", "tau [MPa]", "row 5: the column tau does not belong to the test uniaxial_a; allowed are eps_a, sigma_a"),
-        (UNIAXIAL, "sigma_a [MPa]", "sigma_a [psi]", "row 5: unit [psi] of column sigma_a is unknown; allowed are MPa, kPa, Pa, GPa, N/mm2"),
-        (UNIAXIAL, "sigma_a [MPa]", "sigma_a", "row 5: the column sigma_a has no unit; write sigma_a [MPa], for example"),
-        (UNIAXIAL, "sigma_a [MPa]", "eps_a [-]", "row 5: the column eps_a is repeated; allowed is once"),
-        (UNIAXIAL, "eps_a [%],sigma_a [MPa]", "sigma_a [MPa],sigma_b [MPa]", "row 5: the column eps_a is missing"),
-        (UNIAXIAL, "1.5,22.8", "0.9,22.8", "row 9: eps_a is 0.009 after 0.01, but it must rise or fall strictly"),
-        (UNIAXIAL, "1.5,22.8", "1,22.8", "row 9: eps_a is 0.01 after 0.01, but it must rise or fall strictly"),
-        (UNIAXIAL, "22.8", "nan", "row 9: sigma_a is 'nan', but it must be a finite number with a decimal point"),
-        (UNIAXIAL, "22.8", "", "row 9: sigma_a is '', but it must be a finite number"),
+        (
+            UNIAXIAL,
+            "sigma_a [MPa]",
+            "stress [MPa]",
+            "row 5: column 'stress' is unknown; allowed are eps_a, sigma_a, sigma_b",
+        ),
+        (
+            UNIAXIAL,
+            "sigma_a [MPa]",
+            "tau [MPa]",
+            (
+                "row 5: the column tau does not belong to the test uniaxial_a; "
+                "allowed are eps_a, sigma_a"
+            ),
+        ),
+        (
+            UNIAXIAL,
+            "sigma_a [MPa]",
+            "sigma_a [psi]",
+            "row 5: unit [psi] of column sigma_a is unknown; allowed are MPa, kPa, Pa, GPa, N/mm2",
+        ),
+        (
+            UNIAXIAL,
+            "sigma_a [MPa]",
+            "sigma_a",
+            "row 5: the column sigma_a has no unit; allowed is sigma_a [MPa], for example",
+        ),
+        (
+            UNIAXIAL,
+            "sigma_a [MPa]",
+            "eps_a [-]",
+            "row 5: the column eps_a is repeated; allowed is once",
+        ),
+        (
+            UNIAXIAL,
+            "eps_a [%],sigma_a [MPa]",
+            "sigma_a [MPa],sigma_b [MPa]",
+            "row 5: the column eps_a is missing",
+        ),
+        (
+            UNIAXIAL,
+            "1.5,22.8",
+            "0.9,22.8",
+            "row 9: eps_a is 0.009 after 0.01; allowed is to rise or fall strictly",
+        ),
+        (
+            UNIAXIAL,
+            "1.5,22.8",
+            "1,22.8",
+            "row 9: eps_a is 0.01 after 0.01; allowed is to rise or fall strictly",
+        ),
+        (
+            UNIAXIAL,
+            "22.8",
+            "nan",
+            "row 9: sigma_a is 'nan'; allowed is a finite number with a decimal point",
+        ),
+        (UNIAXIAL, "22.8", "", "row 9: sigma_a is ''; allowed is a finite number"),
         (UNIAXIAL, "1.5,22.8", "1,5,22,8", "row 9: there are 4 cells under 2 columns"),
-        (UNIAXIAL, "2.5,41.1\n", "", "row 10: the file ends after 4 points; at least 5 are needed"),
-        (UNIAXIAL, "eps_a [%]", "eps_a [-]", "row 7: eps_a is 1 -, but it must be within +-0.5 (is the unit in the header right?)"),
-        (UNIAXIAL, "0.5,6.9", "-0.5,6.9", "row 6: eps_a is -0.005, but in the test uniaxial_a it must be at least 0"),
-        (SHEAR, "[deg]", "[rad]", "row 3: gamma is 10 rad, but it must be within +-1.48 (is the unit in the header right?)"),
-        (SHEAR, "gamma [deg],F_sh [N/mm]", "gamma [deg],sigma_a [MPa]", "the column sigma_a does not belong to the test shear"),
-        (re.sub(r"0\.\d+", "0", SHEAR), "", "", "row 3: F_sh is 0 in every row, so there is nothing to fit"),
-        (BIAS, "# width: 11.5 cm\n", "", "the test bias_extension needs a line for width; allowed is `# width: 200 mm`, for example"),
-        (BIAS, "11.5 cm", "11.5", "row 3: width is '11.5', but it must be a number above 0 with one of the units mm, cm, m"),
-        (BIAS, "11.5 cm", "15 cm", "height is 230 mm and width 150 mm; allowed is a height of 2 widths or more"),
+        (UNIAXIAL, "2.5,41.1\n", "", "row 10: the file ends after 4 points; allowed is 5 or more"),
+        (
+            UNIAXIAL,
+            "eps_a [%]",
+            "eps_a [-]",
+            "row 7: eps_a is 1 -; allowed is within +-0.5 (is the unit in the header right?)",
+        ),
+        (
+            UNIAXIAL,
+            "0.5,6.9",
+            "-0.5,6.9",
+            "row 6: eps_a is -0.005; allowed is at least 0 in the test uniaxial_a",
+        ),
+        (
+            SHEAR,
+            "[deg]",
+            "[rad]",
+            ("row 3: gamma is 10 rad; allowed is within +-1.48 (is the unit in the header right?)"),
+        ),
+        (
+            SHEAR,
+            "gamma [deg],F_sh [N/mm]",
+            "gamma [deg],sigma_a [MPa]",
+            "the column sigma_a does not belong to the test shear",
+        ),
+        (
+            re.sub(r"0\.\d+", "0", SHEAR),
+            "",
+            "",
+            "row 3: F_sh is 0 in every row, so there is nothing to fit",
+        ),
+        (
+            BIAS,
+            "# width: 11.5 cm\n",
+            "",
+            (
+                "the test bias_extension needs a line for width; allowed is `# "
+                "width: 200 mm`, for example"
+            ),
+        ),
+        (
+            BIAS,
+            "11.5 cm",
+            "11.5",
+            ("row 3: width is '11.5'; allowed is a number above 0 with one of the units mm, cm, m"),
+        ),
+        (
+            BIAS,
+            "11.5 cm",
+            "15 cm",
+            "height is 230 mm and width 150 mm; allowed is a height of 2 widths or more",
+        ),
         ("# test: shear\n", "", "", "there is no header; allowed is a line such as"),
         ("# test: shear\ngamma [deg],tau [MPa]\n", "", "", "row 2: the file ends after 0 points"),
     ],
-)  # fmt: skip
+)
 def test_bad_files(tmp_path, text, old, new, sentence):
     assert old in text
     path = folder(tmp_path, bad=text.replace(old, new, 1)) / "bad.csv"
-    with pytest.raises(InputError, match=re.escape(f"{path}: ") + ".*" + re.escape(sentence)) as error:
+    with pytest.raises(
+        InputError, match=re.escape(f"{path}: ") + ".*" + re.escape(sentence)
+    ) as error:
         data.read(tmp_path)
     assert "\n" not in str(error.value)
 
@@ -155,19 +402,32 @@ def test_bad_files(tmp_path, text, old, new, sentence):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("balanced = true", "", "balanced is None; allowed is true (warp and weft are equal) or false"),
+        (
+            "balanced = true",
+            "",
+            "balanced is None; allowed is true (warp and weft are equal) or false",
+        ),
         (
             "thickness_mm = 1.2",
             "",
-            "missing thickness; allowed is thickness_mm = 1.2, for example: by it a force per width",
+            "missing thickness; allowed is thickness_mm = 1.2, for example: by it a force per "
+            "width",
         ),
-        ("density_g_per_cm3 = 0.6", "", "missing density; allowed is density_g_per_cm3 or areal_weight_g_per_m2"),
+        (
+            "density_g_per_cm3 = 0.6",
+            "",
+            "missing density; allowed is density_g_per_cm3 or areal_weight_g_per_m2",
+        ),
         (
             "balanced",
             "areal_weight_g_per_m2 = 700\nbalanced",
             "density and areal_weight are both given; allowed is one",
         ),
-        ("density_g_per_cm3 = 0.6", "areal_weight = 700", "areal_weight has no unit; write areal_weight_g_per_m2 or"),
+        (
+            "density_g_per_cm3 = 0.6",
+            "areal_weight = 700",
+            "areal_weight has no unit; allowed is areal_weight_g_per_m2 or",
+        ),
         (
             "density_g_per_cm3 = 0.6",
             "areal_weight_g_per_cm3 = 7",
@@ -176,14 +436,22 @@ def test_bad_files(tmp_path, text, old, new, sentence):
         (
             "density_g_per_cm3 = 0.6",
             "areal_weight_g_per_m2 = nan",
-            "areal_weight_g_per_m2 is nan, but it must be a finite",
+            "areal_weight_g_per_m2 is nan; allowed is a finite",
         ),
-        ("thickness_mm = 1.2", "thickness_inch = 1", "thickness_inch: length unit 'inch' is unknown"),
-        ("thickness_mm = 1.2", "thickness_mm = -1", "thickness_mm is -1, but it must be a finite number, above 0"),
+        (
+            "thickness_mm = 1.2",
+            "thickness_inch = 1",
+            "thickness_inch: length unit 'inch' is unknown",
+        ),
+        (
+            "thickness_mm = 1.2",
+            "thickness_mm = -1",
+            "thickness_mm is -1; allowed is a finite number, above 0",
+        ),
         (
             "balanced = true",
             "balanced = true\n[assumed]\np_min = 2",
-            "assumed.p_min is 2, but it must be a finite number, from 0 to 1",
+            "assumed.p_min is 2; allowed is a finite number, from 0 to 1",
         ),
         (
             "balanced = true",
@@ -243,8 +511,12 @@ def test_forces_per_width_are_divided_by_the_thickness(tmp_path, text, column, u
 def test_a_strip_with_free_sides_needs_no_width(tmp_path):
     _, (curve,) = data.read(folder(tmp_path, strip=FREE))
     assert curve.free == 0 and [r.column for r in curve.responses] == ["sigma_a"]
-    with_width = "\n".join(line + ",-2" if line[:1].isdigit() else line for line in FREE.splitlines())
-    (tmp_path / "strip.csv").write_text(with_width.replace("sigma_a [MPa]", "sigma_a [MPa],eps_b [%]"))
+    with_width = "\n".join(
+        line + ",-2" if line[:1].isdigit() else line for line in FREE.splitlines()
+    )
+    (tmp_path / "strip.csv").write_text(
+        with_width.replace("sigma_a [MPa]", "sigma_a [MPa],eps_b [%]")
+    )
     (curve,) = data.read(tmp_path)[1]
     assert curve.free == 0 and [r.column for r in curve.responses] == ["sigma_a", "eps_b"]
 
@@ -256,16 +528,33 @@ def test_files_end_in_csv_of_any_case(tmp_path):
 
 
 def test_long_strains_are_doubted(tmp_path):
-    text = UNIAXIAL.replace("eps_a [%]", "eps_a [-]").replace("1.5,22", "0.2,22").replace("0.5,6.9", "0.1,6.9")
-    text = text.replace("1,14.5", "0.15,14.5").replace("2,31.6", "0.25,31.6").replace("2.5,41.1", "0.4,41.1")
+    text = (
+        UNIAXIAL.replace("eps_a [%]", "eps_a [-]")
+        .replace("1.5,22", "0.2,22")
+        .replace("0.5,6.9", "0.1,6.9")
+    )
+    text = (
+        text.replace("1,14.5", "0.15,14.5")
+        .replace("2,31.6", "0.25,31.6")
+        .replace("2.5,41.1", "0.4,41.1")
+    )
     _, curves = data.read(folder(tmp_path, warp=text.replace("0.0.25", "0.25")))
-    (doubt,) = data.doubts(curves)
-    assert doubt.startswith("warp.csv: a yarn is stretched by 40 %, where fabrics have up to 20 %")
+    (warning,) = data.unit_warnings(curves)
+    assert warning.startswith(
+        "warp.csv: a yarn is stretched by 40 %, where fabrics have up to 20 %"
+    )
 
 
 def test_assumed_values(tmp_path):
-    text = SHEET.replace("true", "false") + "[assumed]\nd_kPa = 900\nc = 20\n[assumed.weft]\nd_MPa = 2\n"
-    assert data.read_sheet(folder(tmp_path, text) / "sheet.toml").assumed == {"d": 0.9, "c": 20.0, "weft.d": 2.0}
+    text = (
+        SHEET.replace("true", "false")
+        + "[assumed]\nd_kPa = 900\nc = 20\n[assumed.weft]\nd_MPa = 2\n"
+    )
+    assert data.read_sheet(folder(tmp_path, text) / "sheet.toml").assumed == {
+        "d": 0.9,
+        "c": 20.0,
+        "weft.d": 2.0,
+    }
 
 
 def scaled(text, factor):
@@ -275,7 +564,10 @@ def scaled(text, factor):
 def test_contradictions(tmp_path):
     with pytest.raises(
         InputError,
-        match=r"warp.csv, row 11: sigma_a contradicts sigma_a of warp2.csv, as they differ by \d+ % of their peak",
+        match=(
+            r"warp.csv, row 11: sigma_a contradicts sigma_a of warp2.csv, as they "
+            r"differ by \d+ % of their peak"
+        ),
     ):
         data.read(folder(tmp_path, warp=UNIAXIAL, warp2=scaled(UNIAXIAL, 2)))
     (tmp_path / "warp2.csv").write_text(scaled(UNIAXIAL, 1.3))  # ordinary scatter
@@ -288,7 +580,8 @@ def test_contradictions(tmp_path):
 
 def test_a_copy_is_no_second_test(tmp_path):
     with pytest.raises(
-        InputError, match=r"warp2.csv has the values of warp.csv, row by row; allowed is each test once"
+        InputError,
+        match=r"warp2.csv has the values of warp.csv, row by row; allowed is each test once",
     ):
         data.read(folder(tmp_path, warp=UNIAXIAL, warp2=UNIAXIAL))
     (tmp_path / "warp2.csv").write_text(FREE)  # nor one of another kind
@@ -300,7 +593,10 @@ def test_free_sides_make_no_fabric_stiffer(tmp_path):
     folder(tmp_path, held=UNIAXIAL, strip=scaled(FREE, 2))
     with pytest.raises(
         InputError,
-        match=r"held.csv, row \d+: with lateral: held sigma_a is \d+ % of the peak .* of strip.csv .* exchanged\?",
+        match=(
+            r"held.csv, row \d+: with lateral: held sigma_a is \d+ % of the peak .* "
+            r"of strip.csv .* exchanged\?"
+        ),
     ):
         data.read(tmp_path)
     (tmp_path / "strip.csv").write_text(scaled(FREE, 0.6))
@@ -316,7 +612,12 @@ def test_warp_and_weft_of_a_balanced_fabric_contradict(tmp_path):
     )
     with pytest.raises(InputError, match="if warp and weft differ, say balanced = false"):
         data.read(folder(tmp_path, warp=UNIAXIAL, weft=weft))
-    assert len(data.read(folder(tmp_path, SHEET.replace("true", "false"), warp=UNIAXIAL, weft=weft))[1]) == 2
+    assert (
+        len(
+            data.read(folder(tmp_path, SHEET.replace("true", "false"), warp=UNIAXIAL, weft=weft))[1]
+        )
+        == 2
+    )
 
 
 def test_other_states_do_not_contradict(unbalanced):

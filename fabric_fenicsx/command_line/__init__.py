@@ -1,0 +1,2 @@
+"""Command lines, outermost: options, what is printed, exit status. Nothing that computes imports
+it."""

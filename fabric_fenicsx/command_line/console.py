@@ -1,0 +1,16 @@
+"""Where messages go: the console and log.txt."""
+
+import logging
+import sys
+
+from tqdm import tqdm
+
+
+class Console(logging.Handler):
+    """Results to standard output, warnings to standard error, neither into the progress bar."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print at once."""
+        file = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
+        tqdm.write(self.format(record), file=file)
+        file.flush()

@@ -1,0 +1,322 @@
+"""What is installed and whether it works, each piece tried by itself.
+
+Nothing outside the standard library is imported before it is its turn, so that what is missing or
+broken is told in words.
+"""
+
+import os
+import platform
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from importlib.metadata import version as installed
+from typing import TYPE_CHECKING
+
+from .. import __version__
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+PATIENCE = 60  # seconds to draw
+LONG = 300  # characters of a reason
+DRAWING = f"from {__name__} import _draw; _draw()"  # in a process of its own
+
+
+class Broken(Exception):
+    """A piece does not work; the message is the reason in words."""
+
+
+def world() -> "MPI.Comm | None":
+    """All ranks; None where mpi4py or its MPI is missing, which `show` then tells."""
+    try:
+        from mpi4py import MPI
+    except (ImportError, RuntimeError):
+        return None
+    return MPI.COMM_WORLD
+
+
+def show(comm: "MPI.Comm | None") -> int:
+    """Print versions, presets and checks on rank 0; returns the exit status on all ranks: 0 if all
+    is well, else 1."""
+    with tempfile.TemporaryDirectory() as cache:
+        with _environment(XDG_CACHE_HOME=cache):
+            # on all ranks, which PETSc starts together; in an empty place for compiled forms, so
+            # that one is compiled
+            try:
+                import_module("dolfinx")
+            except Exception:  # told below
+                pass
+        first = comm is None or comm.rank == 0
+        well = all([_versions(), _presets(), _checks(comm)] if first else [_checks(comm)])
+    if comm is not None and comm.size > 1:
+        well = all(comm.allgather(well))
+    return 0 if well else 1
+
+
+def _versions() -> bool:
+    well = True
+    for name, version in VERSIONS.items():
+        try:
+            text = version()
+        except ImportError as error:
+            well, text = False, f"missing ({error})"
+        except Exception as error:
+            well, text = False, f"broken ({_words(error)})"
+        print(f"{name:15} {text}")
+    return well
+
+
+def _checks(comm: "MPI.Comm | None") -> bool:
+    well = True
+    for name, (check, together) in CHECKS.items():
+        if comm is not None and comm.rank > 0 and not together:
+            continue
+        start, fine = time.perf_counter(), True
+        try:
+            text = check(comm)
+        except Exception as error:
+            fine, text = False, _words(error)
+        seconds = time.perf_counter() - start
+        well &= fine
+        if comm is None or comm.rank == 0:
+            print(
+                f"{name:15} {'ok' if fine else 'fails':5} {seconds:6.2f} s  {text}".rstrip(),
+                flush=True,
+            )
+    return well
+
+
+def _presets() -> bool:
+    try:
+        from ..material.presets import PRESETS
+
+        for name, fabric in PRESETS.items():
+            couplings = ", ".join(sorted(fabric.couplings)) or "none"
+            print(f"preset {name:8} {fabric.thickness:g} mm thick, couplings: {couplings}")
+    except Exception as error:
+        print(f"presets         fails: {_words(error)}")
+        return False
+    return True
+
+
+@contextmanager
+def _environment(**variables: str) -> Iterator[None]:
+    """With these environment variables, and afterwards with those that were."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _words(error: BaseException) -> str:
+    """What an exception says, in one line; of long ones the end, where the reason is."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    text = lines[-1] if lines else "no reason given"
+    text = text if len(text) <= LONG else f"... {text[-LONG:]}"
+    return text if isinstance(error, Broken) else f"{type(error).__name__}: {text}"
+
+
+def _attribute(module: str) -> Callable[[], str]:
+    return lambda: str(import_module(module).__version__)
+
+
+def _petsc() -> str:
+    from petsc4py import PETSc
+
+    return ".".join(map(str, PETSc.Sys.getVersion()))
+
+
+def _mpi() -> str:
+    from mpi4py import MPI
+
+    return re.split(r"[,\n]", MPI.Get_library_version())[0].strip()
+
+
+def _vtk() -> str:
+    from vtkmodules.vtkCommonCore import vtkVersion
+
+    return str(vtkVersion.GetVTKVersion())
+
+
+VERSIONS: dict[str, Callable[[], str]] = {
+    "fabric_fenicsx": lambda: __version__,
+    "python": platform.python_version,
+    "dolfinx": _attribute("dolfinx"),
+    "ufl": _attribute("ufl"),
+    "petsc": _petsc,
+    "petsc4py": _attribute("petsc4py"),
+    "mpi4py": _attribute("mpi4py"),
+    "MPI library": _mpi,
+    "numpy": _attribute("numpy"),
+    "scipy": _attribute("scipy"),
+    "gmsh": _attribute("gmsh"),
+    "meshio": lambda: installed("meshio"),
+    "pyvista": lambda: installed("pyvista"),
+    "VTK": _vtk,
+}
+
+
+def _ranks(comm: "MPI.Comm | None") -> str:
+    if comm is None:
+        from mpi4py import MPI  # says why
+
+        comm = MPI.COMM_WORLD
+    total = comm.allreduce(comm.rank + 1)
+    if total != comm.size * (comm.size + 1) // 2:
+        raise Broken(f"the sum of 1 to {comm.size} over the ranks came out as {total}")
+    return f"{comm.size} rank{'s' * (comm.size > 1)}"
+
+
+def _mumps(comm: "MPI.Comm | None") -> str:
+    """Factorise the matrix of a clamped string of 20 nodes."""
+    from petsc4py import PETSc
+
+    n = 20
+    A = PETSc.Mat().createAIJ((n, n), nnz=3, comm=comm)
+    for i in range(*A.getOwnershipRange()):
+        for j, value in ((i - 1, -1.0), (i, 2.0), (i + 1, -1.0)):
+            if 0 <= j < n:
+                A.setValue(i, j, value)
+    A.assemble()
+    A.setOption(PETSc.Mat.Option.SPD, True)
+    x, b = A.createVecs()
+    x.set(1.0)
+    A.mult(x, b)
+    ksp = PETSc.KSP().create(comm)
+    ksp.setOperators(A)
+    ksp.setType("preonly")
+    ksp.getPC().setType("cholesky")
+    ksp.getPC().setFactorSolverType("mumps")
+    ksp.solve(b, x)
+    x.shift(-1.0)
+    error = x.norm()
+    if not error < 1e-10:
+        raise Broken(f"the solution of {n} equations is off by {error:.2g}")
+    return ""
+
+
+def _blas(comm: "MPI.Comm | None") -> str:
+    """Which of the system's BLAS, what PETSc calls, this process has loaded."""
+    import_module("petsc4py.PETSc")
+    with open("/proc/self/maps") as maps:
+        files = {line.split()[-1] for line in maps if re.search(r"/lib\w*blas\w*[.-]", line)}
+    # NumPy's wheels bring one of their own
+    found = sorted(file for file in files if ".libs/" not in file)
+    if not found:
+        raise Broken("no shared BLAS is loaded with PETSc")
+    return _named(found)
+
+
+def _named(files: list[str]) -> str:
+    names = ", ".join(files)
+    if any("openblas" in file for file in files):
+        return f"OpenBLAS ({names})"
+    if any("/libblas.so" in file for file in files):
+        faster = "MUMPS is up to five times faster with OpenBLAS (apt install libopenblas0-serial)"
+        return f"reference ({names}); {faster}"
+    return names
+
+
+def _jit(comm: "MPI.Comm | None") -> str:
+    """Compile the area of one triangle and assemble it."""
+    import numpy as np
+    import ufl
+    from dolfinx import fem
+    from mpi4py import MPI
+
+    from .. import dolfinx_compat as compat
+
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    mesh = compat.create_mesh(
+        MPI.COMM_SELF, np.array([[0, 1, 2]], dtype=np.int64), corners, "triangle", 1
+    )
+    area = fem.assemble_scalar(compat.form(fem.Constant(mesh, 1.0) * ufl.dx(mesh)))
+    if abs(area - 0.5) > 1e-12:
+        raise Broken(f"a triangle of area 0.5 has {area:.6g}")
+    return ""
+
+
+def _gmsh(comm: "MPI.Comm | None") -> str:
+    """Mesh a square."""
+    import numpy as np
+
+    from ..meshes.specimen import specimen
+
+    points, cells, _ = specimen(1.0, 1.0, 4, 4, "unstructured")
+    sides = points[cells[:, 1:], :2] - points[cells[:, :1], :2]
+    area = np.abs(np.linalg.det(sides)).sum() / 2
+    if abs(area - 1) > 1e-9:
+        raise Broken(f"a square of area 1 has {area:.6g}")
+    return ""
+
+
+def _pyvista(comm: "MPI.Comm | None") -> str:
+    """Draw in a process of its own, as VTK may take it down where there is no screen."""
+    alone = {
+        k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_", "MPI_"))
+    }
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", DRAWING],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            env=alone,
+        )
+    except subprocess.TimeoutExpired:
+        raise Broken(f"nothing was drawn within {PATIENCE} s") from None
+    if done.returncode < 0:
+        name = signal.Signals(-done.returncode).name
+        raise Broken(
+            f"VTK ended the process by {name}: it found nothing to draw on (libegl1 on Debian 12, "
+            "xvfb on 13)"
+        )
+    if done.returncode:
+        lines = done.stderr.strip().splitlines()
+        reason = re.sub(r"^[\w.]*(InputError|Broken): ", "", lines[-1]) if lines else ""
+        raise Broken(reason or f"it ended with status {done.returncode}")
+    return ""
+
+
+def _draw() -> None:
+    """Draw a red triangle on white as the package's pictures are drawn; an exception if none is
+    seen."""
+    import numpy as np
+    import pyvista
+
+    from ..results.forming_pictures import screen
+
+    with screen():
+        plotter = pyvista.Plotter(off_screen=True, window_size=[200, 100])
+        plotter.set_background("white")
+        plotter.add_mesh(pyvista.Triangle(), color="red", lighting=False)
+        plotter.view_xy()
+        image = np.asarray(plotter.screenshot(None, return_img=True))
+        plotter.close()
+    red = (image[..., 0] > 200) & (image[..., 1:3] < 50).all(-1)
+    if not 0.02 < red.mean() < 0.9:
+        raise Broken(f"the picture of a triangle is blank or wrong: {red.mean():.0%} of it is red")
+
+
+# by name: the check, which returns what else is to be said or raises, and whether all ranks take
+# part
+CHECKS: dict[str, tuple[Callable[["MPI.Comm | None"], str], bool]] = {
+    "MPI": (_ranks, True),
+    "MUMPS": (_mumps, True),
+    "BLAS": (_blas, False),
+    "JIT": (_jit, False),
+    "gmsh": (_gmsh, False),
+    "pyvista": (_pyvista, False),
+}

@@ -1,0 +1,77 @@
+"""Options, and how a program ends: what scripts share that need no DOLFINx."""
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+from ..errors import InputError, Interrupted
+from ..scenarios.numbers import Rule
+
+
+def exit_status(error: Exception) -> tuple[int, str]:
+    """Status and words with which a program leaves for an InputError (2), SolverFailure or
+    Interrupted (3)."""
+    if isinstance(error, InputError):
+        return 2, f"error: {error}"
+    return 3, str(error) if isinstance(error, Interrupted) else f"stopped: {error}"
+
+
+def restart_command(ranks: int = 1) -> str:
+    """What starts this program anew, as it was started but for --resume and --overwrite."""
+    here, python = Path.cwd(), Path(sys.executable)
+    words = [str(python.relative_to(here) if python.is_relative_to(here) else python)]
+    words += [word for word in sys.argv if word not in ("--resume", "--overwrite")]
+    return (f"mpirun -n {ranks} " if ranks > 1 else "") + shlex.join(words)
+
+
+def option_type(rule: Rule) -> Callable[[str], Any]:
+    """An argparse type of the numbers that `rule` allows."""
+
+    def convert(text: str) -> Any:
+        try:
+            return rule.check("", text)
+        except InputError:
+            raise argparse.ArgumentTypeError(f"is {text}; allowed is {rule.allowed}") from None
+
+    return convert
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that raises InputError, where argparse would print its usage and leave.
+
+    `free`: names of the options that a resumed run may change; all others define the problem.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**{"allow_abbrev": False} | settings)
+        self.free: set[str] = set()
+        self._groups: dict[str, Any] = {}
+        self._group: Any = self
+
+    def group(self, title: str) -> None:
+        """Add the options that follow to the group of this title."""
+        if title not in self._groups:
+            self._groups[title] = self.add_argument_group(title)
+        self._group = self._groups[title]
+
+    def option(self, *names: str, free: bool = False, **settings: Any) -> None:
+        """Add an option, as argparse's add_argument; free: a resumed run may change it."""
+        action = self._group.add_argument(*names, **settings)
+        if free:
+            self.free.add(action.dest)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise InputError with argparse's message."""
+        raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
+
+
+class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):
+    """Tells defaults, where there is one to tell."""
+
+    def _get_help_string(self, action):
+        return (
+            action.help if action.default in (None, False, []) else super()._get_help_string(action)
+        )

@@ -1,0 +1,48 @@
+"""Files that are complete at any moment, and folders that one run has locked."""
+
+import fcntl
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import IO
+
+LOCK_FILE = ".lock"  # in a folder; a run that uses the folder locks this file
+
+
+def lock_folder(folder: Path) -> IO | None:
+    """Lock `folder` for this process until the file that this returns is closed; None if another
+    process has locked it.
+
+    The system removes the lock when the process ends, for whatever reason. On NFS this works
+    between machines if the server has locks. On a file system without locks nothing is locked.
+    Raises OSError if the folder can't be written to.
+    """
+    file = open(folder / LOCK_FILE, "a")
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        return None
+    except OSError:  # no locks here
+        pass
+    return file
+
+
+def replace_file(path: Path, content: str | bytes, lasting: bool = False) -> None:
+    """Replace the content of the file `path` in one step; lasting: return only once it is on the
+    disk.
+
+    Raises OSError, which names the file, if it can't be written. The file then stays as it was.
+    """
+    part = path.with_name(path.name + ".part")
+    try:
+        with open(part, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            if lasting:
+                os.fsync(file.fileno())
+        os.replace(part, path)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink()
+        raise OSError(error.errno, error.strerror, str(path)) from None

@@ -1,0 +1,377 @@
+"""A job: brings a scene to full load, and keeps what happened on the way."""
+
+import json
+import logging
+import tempfile
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from petsc4py import PETSc
+from tqdm import tqdm
+
+from . import dolfinx_compat as compat
+from . import timing
+from .errors import Interrupted, SolverFailure
+from .mechanics import mesh_warnings
+from .results.history import ENERGIES, History, check_notes
+from .results.output import Output
+from .results.result import Result, draw_state
+from .scene import Scene
+from .signals import StopSignals
+from .solve.checkpoint import Checkpoint
+from .solve.limits import EDGES, Limits
+from .solve.newton import Newton
+from .solve.stepping import Accepted, march
+
+if TYPE_CHECKING:
+    pass
+
+log = logging.getLogger(__package__)
+VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
+UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
+NOT_BELIEVED = "the result is not to be believed: "
+
+Measure = Callable[[Scene, float], tuple[float, float]]
+
+
+@dataclass
+class Job:
+    """Load stepping of `scene` from rest to full load, with history, fields, checkpoint, summary.
+
+    steps: load steps, max_step: the largest (1/steps), accuracy, milestones, viscosity: see
+    `march`. tolerance: residual over the forces on the sheet; path_tolerance: a looser one before
+    the full load. linear_solver: one of `solve.newton.LINEAR_SOLVERS`. every: accepted steps
+    between states written for ParaView. limits: beyond which the result is not believed.
+    measure: function of scene and load factor to displacement [mm] and force [N] for the history;
+    by default those of the first tool or moving support. quantities: function of a `Result` to
+    what the summary says beside the rest; tables, pictures: what to write and draw of it besides.
+    warnings: sentences that the run begins with.
+    """
+
+    scene: Scene
+    steps: float = 20
+    max_step: float | None = None
+    tolerance: float = 1e-8
+    path_tolerance: float | None = 1e-4
+    linear_solver: str = "mumps-cholesky"
+    viscosity: bool = True
+    accuracy: float | None = None
+    every: int = 5
+    limits: Limits = field(default_factory=Limits)
+    milestones: Sequence[float] = ()
+    measure: Measure | None = None
+    quantities: Callable[[Result], dict[str, Any]] | None = None
+    tables: Callable[[Result, Path], None] | None = None
+    pictures: Callable[[Result, Path], None] | None = None
+    warnings: Iterable[str] = ()
+    name: str = "job"
+
+    def run(
+        self,
+        out: Output | Path | str | None = None,
+        part: str = "",
+        *,
+        resume: bool = False,
+        overwrite: bool = False,
+        pictures: bool = True,
+        problem: Mapping[str, Any] | None = None,
+    ) -> Result:
+        """Run on all ranks; a `Result`.
+
+        out: the folder, None to keep no files; part: subfolder. resume: go on from the checkpoint
+        there, on any number of ranks; overwrite: lose the results there. problem: what a
+        checkpoint must agree in to be gone on from.
+
+        Raises InputError for input that can't be run or written, SolverFailure, after all is
+        written, if the full load was not reached or the result is beyond the limits, and
+        Interrupted after SIGINT or SIGTERM.
+        """
+        if isinstance(out, Output):
+            return self._run(out, out.folder(part), problem, pictures)
+        with tempfile.TemporaryDirectory() as nowhere:  # of rank 0, if nothing is to be kept
+            path = Path(self.scene.comm.bcast(nowhere) if out is None else out)
+            output = Output(self.name, path, self.scene.comm, resume=resume, overwrite=overwrite)
+            output.is_kept = out is not None
+            output.facts["fabric"] = _material(self.scene)
+            try:
+                result = self._run(
+                    output, output.folder(part), problem, pictures and out is not None
+                )
+            finally:
+                output.close()
+            if out is None:
+                result.forget_folder()
+            self.scene.comm.barrier()
+        return result
+
+    def _run(self, output, folder, problem, pictures):
+        from .results.fields import FieldSeries  # pyvista takes longer to import than a coarse run
+
+        scene, comm = self.scene, self.scene.comm
+        terms = ", ".join(term.name for term in scene.terms)
+        plain = {"study": self.name, "terms": terms, "material": _material(scene)}
+        problem = dict(problem or plain)
+        checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, problem)
+        newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
+        start, notes = None, dict[str, Any](rows=[], states=[])
+        # a part of several that was not begun yet has no checkpoint
+        if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
+            start, notes = checkpoint.load(scene.memory(), newton.memory())
+            check_notes(notes, checkpoint.path)
+        if start and start.load == 1 and not start.viscosity.drag:
+            known = _converged(folder / "summary.json") if comm.rank == 0 else None
+            if known := comm.bcast(known):
+                return self._finished_before(output, folder, start, notes, known, pictures)
+        for warning in self.warnings:
+            output.warn(warning)
+        output.warn(mesh_warnings.cell_size_warning(scene.blank, scene.tools()))
+        if comm.rank == 0:
+            for old in [folder / "summary.json", *folder.glob("*.png")]:
+                old.unlink(missing_ok=True)  # of an earlier run, not of this one
+        history = History(folder / "history.csv", comm, notes["rows"])
+        with timing.phase("output"):
+            series = FieldSeries(folder, scene, notes["states"])
+        measure = self.measure or default_measure(scene)
+        bar = tqdm(
+            total=1.0,
+            initial=start.load if start else 0.0,
+            desc=folder.name if folder != output.path else output.name,
+            disable=None if comm.rank == 0 else True,
+            bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]",
+        )
+        wrong_now: list[str] = []  # what is wrong with the last accepted state
+
+        def accept(accepted: Accepted) -> None:
+            with timing.phase("output"):
+                further = scene.history()
+            if not accepted.load and any(term.prestressed for term in scene.terms):
+                moved = scene.u.norm(PETSc.NormType.NORM_INFINITY)
+                output.say(
+                    "at rest in its supports, before load, the sheet has moved by up to "
+                    f"{moved:.3g} mm"
+                )
+            wrong_now[:] = self._beyond_limits()
+            history.add(accepted, *measure(scene, accepted.load), further)
+            output.warn(_viscous_words(history.rows, accepted.load))
+            bar.update(accepted.load - bar.n)
+            step, energy = accepted.progress.step, sum(accepted.energies.values())
+            iterations = accepted.report.iterations
+            words = f"step {step:.3g}, iterations {iterations}, energy {energy:.4g} N mm"
+            bar.set_postfix_str(words, refresh=False)
+            if comm.rank == 0:
+                log.debug("load %.6g accepted: %s", accepted.load, words)
+            with timing.phase("output"):
+                if (len(history.rows) - 1) % self.every == 0:
+                    series.write(accepted.load)
+                kept = {"rows": history.rows, "states": series.states}
+                checkpoint.save(accepted.progress, kept)
+
+        def reject(load, report):
+            if comm.rank == 0:
+                log.warning(
+                    "step to load %.6g rejected after %d iterations: %s",
+                    load,
+                    report.iterations,
+                    report.reason,
+                )
+
+        signals = StopSignals(comm)
+        try:
+            outcome = march(
+                newton,
+                self.steps,
+                self.max_step,
+                on_accept=accept,
+                on_reject=reject,
+                start=start,
+                milestones=self.milestones,
+                viscosity=self.viscosity,
+                accuracy=self.accuracy,
+                path_tolerance=self.path_tolerance,
+                stop=lambda: signals() or _not_believed(wrong_now),
+            )
+        finally:
+            signals.forget()
+            bar.close()
+            history.close()
+        with timing.phase("output"):
+            fields = scene.cell_fields()
+            if (len(history.rows) - 1) % self.every:
+                series.write(outcome.reached, fields)
+        result = Result({}, history.rows, fields, folder, scene)
+        energy = self._energy(history.rows)
+        wrong = outcome.reason or _not_believed(
+            wrong_now + self._unbelievable(output, result, energy)
+        )
+        for warning in scene.warnings():
+            output.warn(warning)
+        result.summary = output.summarise(
+            folder,
+            converged=not wrong,
+            stroke_reached=outcome.reached,
+            reason=wrong or "full load reached",
+            **self._facts(),
+            steps_accepted=outcome.accepted,
+            steps_rejected=outcome.rejected,
+            newton_iterations=outcome.iterations,
+            energy=energy,
+            reaction_N=history.rows[-1]["reaction_N"],
+            **_balance(history.rows, energy),
+            quantities=self.quantities(result) if self.quantities else {},
+        )
+        if words := signals():
+            raise Interrupted(
+                f"{words} at load factor {outcome.reached:.6g}; --resume goes on from there"
+            )
+        self._show(output, result, pictures)
+        if wrong:
+            raise SolverFailure(wrong + output.where(folder), result)
+        return result
+
+    def _show(self, output, result, pictures):
+        """Write the tables and draw the pictures of a result."""
+        if self.tables:
+            self.tables(result, result.folder)
+        if self.scene.comm.rank == 0 and pictures:
+            draw_state(output.name, result, result.folder)
+            if self.pictures:
+                self.pictures(result, result.folder)
+        self.scene.comm.barrier()
+
+    def _finished_before(self, output, folder, start, notes, summary, pictures):
+        """The `Result` of a run whose checkpoint is at full load."""
+        scene = self.scene
+        if scene.comm.rank == 0:
+            log.warning("%s: full load was reached before, nothing is left to do", folder)
+        scene.set(start.x)
+        scene.at(1.0)
+        fields = scene.cell_fields()
+        result = Result(summary, notes["rows"], fields, folder, scene)
+        self._show(output, result, pictures)  # it may have ended before they were drawn
+        return result
+
+    def _facts(self):
+        """What the scene is, for the summary."""
+        blank = self.scene.blank
+        kind = "P" if compat.cell_name(blank.mesh) == "triangle" else "Q"
+        return {
+            "element": f"{kind}{blank.degree}",
+            "dofs": blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim,
+            "cells": blank.mesh.topology.index_map(2).size_global,
+            **self.scene.summary(),
+        }
+
+    def _energy(self, rows):
+        """Energies of the last state by kind, and the work done [N mm]."""
+        energies = self.scene.energies() | {"viscous": rows[-1]["viscous_energy_Nmm"]}
+        work = {"external_work": rows[-1]["external_work_Nmm"]}
+        return dict.fromkeys(ENERGIES, 0.0) | energies | work
+
+    def _unbelievable(self, output, result, energy):
+        """What is wrong with the run as a whole, a sentence each; warns of what may be."""
+        balance = _balance(result.rows, energy)
+        if branches := ", ".join(f"{load:.6g}" for load in balance["branches"]):
+            output.warn(
+                f"the path branches at load {branches}: the equilibrium there was a saddle, and "
+                "one of the ways down was taken; others may lead to other results"
+            )
+        if balance["energy_imbalance"] > UNBALANCED:
+            output.warn(
+                "work of supports and tools and stored energy differ by "
+                f"{100 * balance['energy_imbalance']:.3g} %; take smaller steps (--max-step), "
+                "unless the sheet snapped"
+            )
+        viscous = energy["viscous"] / max(abs(energy["strain"]), 1e-300)
+        return self.limits.exceeded({"imbalance": balance["energy_imbalance"], "viscous": viscous})
+
+    def _beyond_limits(self):
+        """What no later state mends, a sentence each: tools too deep in the sheet, and yarns
+        stretched too far."""
+        limit, scene = self.limits.strain, self.scene
+        wrong = self.limits.exceeded({"penetration": scene.penetration_of_thickness()})
+        over = scene.overstretched(limit)
+        if over > EDGES:
+            wrong.append(
+                f"yarns are stretched by more than {100 * limit:.3g} % in {100 * over:.3g} % of "
+                f"the sheet; allowed is {100 * EDGES:.3g} % of it (--max-strain)"
+            )
+        return wrong
+
+
+def default_measure(scene: Scene) -> Measure:
+    """Displacement [mm] and force [N] of the first tool of `scene` that moves, else of the support
+    that moves furthest, along the motion of either."""
+
+    def motion(tool):
+        return np.subtract(tool.path(1.0), tool.path(0.0))
+
+    for tool in scene.tools():
+        if np.linalg.norm(motion(tool)):
+            along = motion(tool) / np.linalg.norm(motion(tool))
+            return lambda scene, load: (
+                float(along @ (np.subtract(tool.path(load), tool.path(0.0)))),
+                float(along @ scene.tool_force(tool)),
+            )
+    strokes = [_stroke(scene, support, 1.0) for support in scene.supports]
+    lengths = [float(np.linalg.norm(stroke)) for stroke in strokes]
+    furthest = int(np.argmax(lengths))
+    support, along = scene.supports[furthest], strokes[furthest] / max(lengths[furthest], 1e-300)
+    return lambda scene, load: (
+        float(along @ _stroke(scene, support, load)),
+        float(along @ scene.reaction(support.name)),
+    )
+
+
+def _stroke(scene, support, load):
+    """Mean displacement of the nodes of a support, (gdim,) [mm]."""
+    if not callable(support.value):
+        return load * np.asarray(support.value, float)[: scene.blank.mesh.geometry.dim]
+    x = scene.blank.coordinates()[: scene.blank.V.dofmap.index_map.size_local].T
+    moved = support.value(x[:, support.where(x)], load)
+    total, count = scene.comm.allreduce(moved.sum(1)), scene.comm.allreduce(moved.shape[1])
+    return total / count
+
+
+def _material(scene):
+    """The fabric of a scene as a material file's text, "" without one."""
+    return scene.fabric.dumps() if scene.fabric else ""
+
+
+def _not_believed(wrong):
+    return NOT_BELIEVED + "; ".join(wrong) if wrong else ""
+
+
+def _balance(rows, energy):
+    """How well work and energies agree at the end and on the way, and where the path branches."""
+    stored = sum(energy.values()) - energy["external_work"]
+    worst = max(rows[1:] or rows, key=lambda row: row["energy_imbalance"])
+    return {
+        "energy_imbalance": abs(energy["external_work"] - stored) / max(abs(stored), 1e-300),
+        "energy_imbalance_largest": {"value": worst["energy_imbalance"], "load": worst["load"]},
+        "branches": [row["load"] for row in rows if row["saddles"]],
+    }
+
+
+def _viscous_words(rows, load):
+    """What to warn of when the regularisation's share of the strain energy becomes large."""
+    shares = [row["viscous_energy_Nmm"] - VISCOUS * abs(row["strain_energy_Nmm"]) for row in rows]
+    if shares[-1] <= 0 or shares[-2] > 0:
+        return ""
+    share = rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"])
+    return (
+        f"at load {load:.6g} (step {len(rows) - 1}) the regularisation has taken "
+        f"{100 * share:.2g} % of the strain energy; take smaller steps (--max-step) or look for a "
+        "snap there"
+    )
+
+
+def _converged(path):
+    """The summary in `path`, if it is one of a run that reached its end."""
+    try:
+        summary = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+    return summary if isinstance(summary, dict) and summary.get("converged") else None

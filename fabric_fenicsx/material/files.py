@@ -1,0 +1,119 @@
+"""TOML files of materials: numbers with units in, whole files out."""
+
+import os
+import tomllib
+from collections.abc import Callable, Mapping
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+from ..errors import InputError
+from .units import check_unit, power_of_key
+from .validation import Rule, above_zero, check_number, shown, unknown_key
+
+SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
+
+
+def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
+    """make(document) of the TOML file at `path`; InputErrors name the file."""
+    try:
+        document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: is not valid TOML ({error}); allowed is a TOML file") from None
+    except (OSError, ValueError, RecursionError) as error:
+        raise InputError(
+            f"{path}: cannot be read ({_reason(error)}); allowed is a TOML file"
+        ) from None
+    try:
+        return make(document)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def write_whole(path: str | os.PathLike[str], text: str) -> None:
+    """Write a file whole or not at all; InputError where it cannot be written."""
+    path = Path(path)
+    part = path.parent / f".{path.name}.{os.getpid()}.part"
+    try:
+        try:
+            part.write_text(text, encoding="utf-8")
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+    except (OSError, ValueError) as error:
+        raise InputError(
+            f"{path}: cannot be written ({_reason(error)}); "
+            "allowed is a file in a folder of this user"
+        ) from None
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error)
+
+
+def take_table(document: dict[str, Any], key: str) -> dict[str, Any]:
+    """The table of this key, taken out of the document, empty if it is not there."""
+    table = document.pop(key, {})
+    if not isinstance(table, dict):
+        raise InputError(f"{key} is {shown(table)}; allowed is a table, [{key}]")
+    return table
+
+
+def take_units(document: dict[str, Any]) -> dict[str, str]:
+    """The table [units], {kind: unit}, taken out of the document; InputError for another unit."""
+    units = take_table(document, "units")
+    for kind, unit in units.items():
+        check_unit(kind, unit)
+    return units
+
+
+def read_numbers(
+    table: Mapping[str, Any],
+    rules: Mapping[str, Rule],
+    units: Mapping[str, str],
+    where: str,
+    also: tuple[str, ...] = (),
+) -> dict[str, float]:
+    """The numbers of one TOML table by the names of `rules`, in the package's units.
+
+    The unit is in the key or in `units`. where: what stands before a key in messages; also: keys
+    that belong to others. Raises InputError by key.
+    """
+    found: dict[str, float] = {}
+    spelled: dict[str, str] = {}
+    for key, value in table.items():
+        name = key if key in rules else next((n for n in rules if key.startswith(f"{n}_")), None)
+        if name is None:
+            raise unknown_key(key, (*rules, *also), where + key)
+        if name in found:
+            raise InputError(f"{where}{key} repeats {where}{spelled[name]}; allowed is {name} once")
+        power = power_of_key(name, rules[name].kind, key, units, where + key)
+        number = Decimal(repr(check_number(rules[name], value, where + key))).scaleb(power)
+        found[name] = check_number(rules[name], float(number), where + key)
+        spelled[name] = key
+    return found
+
+
+def read_sheet_numbers(
+    table: Mapping[str, Any],
+    units: Mapping[str, str],
+    also: tuple[str, ...] = (),
+    rules: Mapping[str, Rule] | None = None,
+) -> tuple[dict[str, float], float | None]:
+    """Those of thickness [mm], density [g/cm3] and the names of `rules` that a table has, and the
+    areal weight [g/m2] if the density is from one: areal weight / thickness.
+
+    also: keys that belong to others. Raises InputError by key.
+    """
+    known = {**SHEET, "areal_weight": above_zero("areal_weight"), **(rules or {})}
+    numbers = read_numbers(table, known, units, "", also)
+    weight = numbers.pop("areal_weight", None)
+    if weight is not None and "thickness" in numbers:
+        if "density" in numbers:
+            raise InputError(
+                "density and areal_weight are both given; "
+                "allowed is one, as each follows from the other"
+            )
+        # of g/(m2 mm), to the rounding of a number typed by hand
+        numbers["density"] = float(f"{1e-3 * weight / numbers['thickness']:.15g}")
+    return numbers, weight

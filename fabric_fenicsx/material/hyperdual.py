@@ -1,0 +1,94 @@
+"""Numbers that carry their first and second derivatives through arithmetic, exact to rounding.
+
+Hyper-dual numbers: Fike and Alonso, AIAA paper 2011-886. Unlike complex steps they give second
+derivatives, too, without cancellation.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+# which two variables each second derivative belongs to: aa, ab, bb, ag, bg, gg
+FIRST, SECOND = [0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]
+
+
+class HyperDual:
+    """`value` (...), with `first` derivatives (3, ...) in three variables and `second` (6, ...),
+    in the order of `FIRST` and `SECOND`. Sums, products, quotients, powers by a plain number, abs
+    and comparisons work as with arrays."""
+
+    __array_ufunc__ = None  # so that array * HyperDual comes here
+
+    def __init__(self, value: Any, first: Any, second: Any) -> None:
+        self.value, self.first, self.second = value, first, second
+
+    @classmethod
+    def variables(cls, *values: ArrayLike) -> "list[HyperDual]":
+        """The three variables themselves, at values of one shape."""
+        x = np.broadcast_arrays(*(np.asarray(v, float) for v in values))
+        found = []
+        for k, value in enumerate(x):
+            first = np.zeros((3, *value.shape))
+            first[k] = 1
+            found.append(cls(value, first, np.zeros((6, *value.shape))))
+        return found
+
+    @staticmethod
+    def where(condition: Any, x: Any, y: Any) -> "HyperDual":
+        """`x` where the condition holds, `y` elsewhere; one of them may be a plain number."""
+        x, y = (v if isinstance(v, HyperDual) else HyperDual(v, 0.0, 0.0) for v in (x, y))
+        pairs = (x.value, y.value), (x.first, y.first), (x.second, y.second)
+        return HyperDual(*(np.where(condition, u, v) for u, v in pairs))
+
+    def chain(self, f: Any, f1: Any, f2: Any) -> "HyperDual":
+        """A function of this number, from its value and derivatives there."""
+        d = self.first
+        return HyperDual(f, f1 * d, f1 * self.second + f2 * (d[FIRST] * d[SECOND]))
+
+    def __add__(self, other):
+        if not isinstance(other, HyperDual):
+            return HyperDual(self.value + other, self.first, self.second)
+        return HyperDual(
+            self.value + other.value, self.first + other.first, self.second + other.second
+        )
+
+    def __mul__(self, other):
+        if not isinstance(other, HyperDual):
+            return HyperDual(self.value * other, self.first * other, self.second * other)
+        x, d, y, e = self.value, self.first, other.value, other.first
+        crossed = d[FIRST] * e[SECOND] + d[SECOND] * e[FIRST]
+        return HyperDual(x * y, d * y + e * x, self.second * y + other.second * x + crossed)
+
+    def __pow__(self, n):
+        x = self.value
+        if n == 2:
+            return self.chain(x * x, 2 * x, 2.0)
+        second = n * (n - 1) * x ** (n - 2) if n != 1 else 0.0 * x
+        return self.chain(x**n, n * x ** (n - 1), second)
+
+    def __truediv__(self, other):
+        return self * (other**-1.0 if isinstance(other, HyperDual) else 1 / other)
+
+    def __rtruediv__(self, other):
+        return self**-1.0 * other
+
+    def __neg__(self):
+        return self * -1.0
+
+    def __sub__(self, other):
+        return self + -other
+
+    def __rsub__(self, other):
+        return -self + other
+
+    def __abs__(self):
+        return self * np.where(self.value < 0, -1.0, 1.0)
+
+    def __gt__(self, other):
+        return self.value > getattr(other, "value", other)
+
+    def __lt__(self, other):
+        return self.value < getattr(other, "value", other)
+
+    __radd__, __rmul__ = __add__, __mul__

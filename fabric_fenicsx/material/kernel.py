@@ -1,0 +1,178 @@
+"""The explicit kernel: any law at n points at once, in NumPy, with the arithmetic of a VUMAT.
+
+Against Abaqus' VUMAT interface:
+
+| VUMAT | here |
+|---|---|
+| `nblock` | n, any leading shape of the input |
+| `stretchNew` | `stretch`, U in the plane of the membrane, (n, 2, 2) |
+| `defgradNew` | `gradient`, F, (n, 2, 2), or (n, 3, 2) from tangent plane to space |
+| `props` | `fabric`, a `Law` |
+| `stressNew` | `State.cauchy`, corotational if U or C came in, in space if F came in [MPa] |
+| `enerInternNew` | `State.energy` / density; `State.energy` is per undeformed volume [N mm/mm3] |
+| `stateNew` | `State.invariants`, `State.energy_parts`, `State.strain_state` |
+| `charLength` etc. | not needed: the law is elastic and has no rate |
+
+The membrane keeps its thickness (lambda_3 = 1), so J of eq. (4) is the change of area.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from .laws import Law
+from .strains import check_weave_angle, nominal_strain, shear_angle
+
+
+class State(NamedTuple):
+    """Result of `evaluate` at n points; tensors refer to the orthonormal basis in which C, U or F
+    came.
+
+    - invariants (n, 4): I4, I6, I8 [-] and I10 = gamma [rad], signed; eqs (5)-(8)
+    - energy (n,): W_tot [MPa]; energy_parts (n, 3): along a, along b, shear with its couplings
+    - S (n, 2, 2): second Piola-Kirchhoff stress, eq. (12) [MPa]
+    - cauchy (n, 2, 2), or (n, 3, 3) from a gradient into space: eq. (4) [MPa]
+    - strain_state (n,): 1 both in tension, 2 b compressed, 3 a compressed, 4 both; eq. (13)
+    - tangent (n, 3, 3): dS/dE on (11, 22, 12) with E in Voigt's (E11, E22, 2 E12) [MPa]
+    """
+
+    invariants: np.ndarray
+    energy: np.ndarray
+    energy_parts: np.ndarray
+    S: np.ndarray
+    cauchy: np.ndarray
+    strain_state: np.ndarray
+    tangent: np.ndarray | None
+
+
+def evaluate(
+    fabric: Law,
+    *,
+    stretch: ArrayLike | None = None,
+    gradient: ArrayLike | None = None,
+    cauchy_green: ArrayLike | None = None,
+    fibres: tuple[ArrayLike, ArrayLike] | np.ndarray | None = None,
+    tangent: bool = False,
+    weave_angle: float | None = None,
+) -> State:
+    """Evaluate the law of `fabric` from one of U `stretch`, F `gradient` or C `cauchy_green`.
+
+    stretch, cauchy_green: (..., 2, 2), symmetric; gradient: (..., 2, 2) or (..., 3, 2); any memory
+    layout. fibres: pair of unit vectors a0, b0, each (2,) or (..., 2), not parallel; default the
+    two base vectors. tangent: whether to return it, too. weave_angle: angle between the yarns from
+    which gamma counts [rad], by default the initial one as in eq. (8).
+    Raises InputError if not exactly one measure is given, if it is of another shape, not finite,
+    inverted or not symmetric at a point, for fibres that are no unit vectors or parallel, and as
+    `check_weave_angle` does.
+    """
+    measures = [x for x in (stretch, gradient, cauchy_green) if x is not None]
+    if len(measures) != 1:
+        raise InputError(
+            f"of stretch, gradient and cauchy_green, {len(measures)} were given; allowed is one"
+        )
+    given = np.asarray(measures[0], dtype=float)
+    rows, columns = given.shape[-2:] if given.ndim >= 2 else (0, 0)
+    if (rows, columns) not in ((2, 2), (3, 2)) or (rows == 3 and gradient is None):
+        raise InputError(
+            f"the strain measure has shape {given.shape}; "
+            "allowed is (n, 2, 2), for F also (n, 3, 2)"
+        )
+    given = given.reshape(-1, rows, columns)
+    C = given if cauchy_green is not None else np.einsum("nki,nkj->nij", given, given)
+    C11, C12, C22 = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
+    with np.errstate(invalid="ignore"):
+        J2 = C11 * C22 - C12**2
+        inverted = (np.linalg.det(given) <= 0) if rows == 2 else (J2 <= 0)
+        bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C11 <= 0) | inverted)
+    if bad.size:
+        raise InputError(
+            f"the deformation at point {bad[0]} is {given[bad[0]].tolist()}; "
+            "allowed are finite ones with J > 0"
+        )
+
+    if gradient is None:
+        skew = np.abs(given[:, 0, 1] - given[:, 1, 0]).max(initial=0.0)
+        if skew > 1e-12 * np.abs(given).max(initial=0.0):
+            raise InputError(
+                "stretch or Cauchy-Green tensors are not symmetric; allowed are symmetric ones"
+            )
+    a, b = (np.asarray(v, float).reshape(-1, 2) for v in (np.eye(2) if fibres is None else fibres))
+    for name, v in (("a0", a), ("b0", b)):
+        if len(v) not in (1, len(C)) or not (np.abs((v**2).sum(1) - 1) < 1e-9).all():
+            raise InputError(
+                f"fibres {name} of shape {v.shape} are not unit vectors, one or {len(C)}; "
+                "allowed are unit vectors (2,) or (n, 2)"
+            )
+    if (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
+        raise InputError("fibres a0 and b0 are parallel; allowed is any other angle")
+    (a1, a2), (b1, b2) = (np.moveaxis(v, 1, 0) for v in (a, b))
+    Cb1, Cb2 = C11 * b1 + C12 * b2, C12 * b1 + C22 * b2
+    I4 = a1 * (C11 * a1 + C12 * a2) + a2 * (C12 * a1 + C22 * a2)
+    I6, I8 = a1 * Cb1 + a2 * Cb2, b1 * Cb1 + b2 * Cb2
+    cosine, sine = a1 * b1 + a2 * b2, np.abs(a1 * b2 - a2 * b1)
+    area = np.sqrt(J2) * sine
+    if weave_angle is None:
+        gamma = shear_angle(I6, area, cosine, sine)
+    else:
+        weave = check_weave_angle(weave_angle)
+        gamma = shear_angle(I6, area, np.cos(weave), np.sin(weave))
+
+    strains = nominal_strain(I4), nominal_strain(I8), gamma
+    parts, (Wa, Wb, Wg), second = fabric.derivatives(*strains, tangent)
+    la, lb = np.sqrt(I4), np.sqrt(I8)
+    g4, g6, g8 = -I6 / (2 * I4 * area), 1 / area, -I6 / (2 * I8 * area)  # d(gamma)/d(I4, I6, I8)
+    # S = 2 dW/dC with dI4/dC = a a, dI8/dC = b b, dI6/dC = sym(a b); eqs (11), (12)
+    M4 = np.stack(np.broadcast_arrays(a1 * a1, a2 * a2, a1 * a2), -1)
+    M8 = np.stack(np.broadcast_arrays(b1 * b1, b2 * b2, b1 * b2), -1)
+    M6 = np.stack(np.broadcast_arrays(a1 * b1, a2 * b2, (a1 * b2 + a2 * b1) / 2), -1)
+    dW = [Wa / (2 * la) + Wg * g4, Wg * g6, Wb / (2 * lb) + Wg * g8]
+    S11, S22, S12 = np.moveaxis(2 * sum(w[:, None] * M for w, M in zip(dW, (M4, M6, M8))), 1, 0)
+    S = np.stack([S11, S12, S12, S22], -1).reshape(-1, 2, 2)
+
+    if cauchy_green is not None:  # U of C in closed form (Cayley-Hamilton)
+        J = np.sqrt(J2)
+        push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
+    else:
+        push = given
+    cauchy = np.einsum("nij,njk,nlk->nil", push, S, push) / np.sqrt(J2)[:, None, None]
+
+    dSdE = None
+    if second is not None:
+        a3 = area**3
+        bent = {  # d2(gamma)/dI dI
+            "44": I6 / (2 * I4**2 * area) + I6 * I8 / (4 * I4 * a3),
+            "48": I6 / (4 * a3),
+            "46": -I8 / (2 * a3),
+            "66": I6 / a3,
+            "68": -I4 / (2 * a3),
+            "88": I6 / (2 * I8**2 * area) + I6 * I4 / (4 * I8 * a3),
+        }
+        Waa, Wab, Wbb, Wag, Wbg, Wgg = second
+        W44, W88 = Waa / (4 * I4) - Wa / (4 * la**3), Wbb / (4 * I8) - Wb / (4 * lb**3)
+        W48, W4g, W8g = Wab / (4 * la * lb), Wag / (2 * la), Wbg / (2 * lb)
+        H = {
+            "44": W44 + 2 * W4g * g4 + Wgg * g4**2,
+            "88": W88 + 2 * W8g * g8 + Wgg * g8**2,
+            "66": Wgg * g6**2,
+            "48": W48 + W4g * g8 + W8g * g4 + Wgg * g4 * g8,
+            "46": W4g * g6 + Wgg * g4 * g6,
+            "68": W8g * g6 + Wgg * g6 * g8,
+        }
+        M = {"4": M4, "6": M6, "8": M8}
+        dSdE = np.zeros((len(C), 3, 3))
+        for ij, h in H.items():
+            i, j = ij[0], ij[1]
+            pair = (4 * (h + Wg * bent[ij]))[:, None, None] * M[i][:, :, None] * M[j][:, None, :]
+            dSdE += pair if i == j else pair + pair.swapaxes(1, 2)
+
+    return State(
+        invariants=np.stack([I4, I6, I8, gamma], -1),
+        energy=parts.sum(-1),
+        energy_parts=parts,
+        S=S,
+        cauchy=cauchy,
+        strain_state=1 + (I8 <= 1) + 2 * (I4 <= 1),
+        tangent=dSdE,
+    )

@@ -1,0 +1,225 @@
+"""What every law has: checked parameters, an energy, its derivatives, and a material file."""
+
+import copy
+import dataclasses
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple, Self
+
+import numpy as np
+import tomli_w
+from numpy.typing import ArrayLike
+
+from ...errors import InputError
+from ..files import SHEET, read_sheet_numbers, read_toml, take_units, write_whole
+from ..hyperdual import HyperDual
+from ..units import UNITS
+from ..validation import Rule, check_complete, check_number, shown, unknown_key
+
+COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
+LAWS: "dict[str, type[Law]]" = {}  # by their names in material files
+
+
+def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
+    """The named couplings as a set, each one of `COUPLINGS`, spelled with "_", "-" or an en dash;
+    otherwise an InputError that calls them `label`."""
+    if isinstance(names, (str, Mapping)) or not isinstance(names, Iterable):
+        allowed = ", ".join(COUPLINGS)
+        raise InputError(f"{label} is {shown(names)}; allowed is a list of {allowed}")
+    found = set()
+    for given in names:
+        name = given.replace("-", "_").replace("–", "_") if isinstance(given, str) else given
+        if name not in COUPLINGS:
+            raise unknown_key(name, COUPLINGS, f"{label}: coupling {shown(given)}")
+        found.add(name)
+    return frozenset(found)
+
+
+class Derivatives(NamedTuple):
+    """The energy at n states and its derivatives in (eps_a, eps_b, gamma) [MPa]."""
+
+    parts: np.ndarray  # (n, 3): along a, along b, shear with its couplings; W is their sum
+    first: np.ndarray  # (3, n): the conjugate stresses sigma_a, sigma_b, tau
+    second: np.ndarray | None  # (6, n): aa, ab, bb, ag, bg, gg
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Numbers with rules: `rules` names those fields that are checked, and how."""
+
+    rules: ClassVar[Mapping[str, Rule]] = {}
+
+    def __post_init__(self) -> None:
+        for name, rule in self.rules.items():
+            object.__setattr__(self, name, check_number(rule, getattr(self, name), name))
+
+    def symbols(self, make: Callable[[float], Any]) -> Self:
+        """A copy, not checked, of which each number v of the energy is make(v); so make may give
+        UFL constants. Density has no part in it; thickness comes last."""
+        new = copy.copy(self)
+        for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
+            value = getattr(self, field.name)
+            if field.name != "density" and isinstance(value, float):
+                object.__setattr__(new, field.name, make(value))
+            elif isinstance(value, Parameters):
+                object.__setattr__(new, field.name, value.symbols(make))
+        return new
+
+
+@dataclass(frozen=True)
+class Law(Parameters):
+    """A fabric: the parameters of a law, thickness [mm], density [g/cm3] and a name.
+
+    A law is one frozen dataclass. It states `law`, its name in material files; `rules`, a `Rule`
+    for each of its numbers; and `energy`. All else follows from these: stresses and tangents, the
+    compiled form, reading and writing. It may have closed forms for the kernel (`derivatives`).
+
+    Raises InputError for a value out of its range.
+    """
+
+    law: ClassVar[str] = ""
+
+    thickness: float = dataclasses.field(default=1.0, kw_only=True)
+    density: float = dataclasses.field(default=0.75, kw_only=True)
+    name: str = dataclasses.field(default="", kw_only=True)
+
+    def __init_subclass__(cls) -> None:
+        LAWS[cls.law] = cls
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, rule in SHEET.items():
+            object.__setattr__(self, name, check_number(rule, getattr(self, name), name))
+        if not isinstance(self.name, str):
+            raise InputError(f"name is {shown(self.name)}; allowed is a text")
+
+    def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+        """The three parts of the strain energy density W, along a, along b and shear with its
+        couplings [MPa = N mm per mm3 of undeformed fabric].
+
+        eps_a, eps_b: nominal strains of the yarns, eq. (9) [-]; gamma: shear angle, eq. (8), of
+        either sign [rad]; UFL expressions, NumPy arrays or hyper-dual numbers. So the functions in
+        it are those of `material.functions`.
+        """
+        raise NotImplementedError
+
+    def derivatives(
+        self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
+    ) -> Derivatives:
+        """Energy, stresses and, if asked for, tangents at states (n,), exact to rounding.
+
+        At a kink they are those of the side up to it: eps = 0 counts as compression.
+        """
+        strains = HyperDual.variables(eps_a, eps_b, gamma)
+        zero = 0.0 * strains[0]
+        with np.errstate(all="ignore"):  # sides of a case that do not count
+            parts = [part + zero for part in self.energy(*strains)]
+            W = parts[0] + parts[1] + parts[2]
+        values = np.stack([part.value for part in parts], -1)
+        return Derivatives(values, W.first, W.second if second else None)
+
+    @property
+    def shear_stiffness(self) -> float:
+        """The law's stiffness in shear at rest, d2W/dgamma2 [MPa]."""
+        second = self.derivatives(*np.zeros((3, 1))).second
+        assert second is not None
+        return float(second[5, 0])
+
+    @property
+    def couplings(self) -> frozenset[str]:
+        """Which of `COUPLINGS` are on."""
+        return frozenset()
+
+    def without(self, *names: str) -> Self:
+        """A copy with these couplings off; InputError for an unknown name."""
+        check_couplings(names, "without")
+        return self
+
+    def decoupled(self) -> Self:
+        """A copy with every coupling off: three independent curves, like Abaqus' FABRIC."""
+        return self.without(*COUPLINGS)
+
+    def plausibility_warnings(self) -> list[str]:
+        """Sentences on values that may be in a wrong unit."""
+        return []
+
+    def replace(self, **changes: Any) -> Self:
+        """A changed copy; InputError for an unknown name."""
+        own = [field.name for field in dataclasses.fields(self)]
+        for key in changes:
+            if key not in own:
+                raise unknown_key(key, own, f"replace: {key}")
+        return dataclasses.replace(self, **changes)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the law's numbers."""
+        return tuple(self.rules)
+
+    def require(self, names: Iterable[str], label: str) -> None:
+        """InputError, which calls this fabric `label`, unless its law has these parameters."""
+        if missing := [name for name in names if name not in self.parameters]:
+            raise InputError(
+                f"{label} is of the law {self.law}, which has no {', '.join(missing)}; "
+                "allowed is a material of a law that has"
+            )
+
+    def table(self) -> dict[str, Any]:
+        """What a material file says of the fabric."""
+        units = {kind: next(iter(names)) for kind, names in UNITS.items() if kind != "areal_weight"}
+        head = {"law": self.law, "name": self.name}
+        numbers = {name: getattr(self, name) for name in (*SHEET, *self.rules)}
+        return head | numbers | {"units": units}
+
+    def dumps(self, remarks: Iterable[str] = ()) -> str:
+        """The TOML text, which reads back as an equal object; remarks: comment lines at its top."""
+        return "".join(f"# {line}\n" for line in remarks) + tomli_w.dumps(self.table())
+
+    def to_toml(self, path: str | os.PathLike[str], remarks: Iterable[str] = ()) -> None:
+        """Write the file whole or not at all, with `remarks` as comments; InputError where it
+        cannot be written."""
+        write_whole(path, self.dumps(remarks))
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a file written by hand or by `to_toml`; InputError with file, field and what is
+        allowed."""
+        return read_toml(path, lambda document: cls.from_document(document, Path(path).parent))
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+        """The fabric of a TOML document that lies in `folder`; InputError by field."""
+        document.pop("law", None)
+        fields: dict[str, Any] = {"name": document.pop("name", "")}
+        units = take_units(document)
+        fields |= read_sheet_numbers(document, units, ("law", "name", "units"), cls.rules)[0]
+        check_complete(fields, (*SHEET, *cls.rules), "", "at the top of the file")
+        return cls(**fields)
+
+
+def coupling_variants(fabric: Law) -> dict[str, Law]:
+    """{label: fabric} with all couplings, without some, and the decoupled baseline, as Figs 10 and
+    16 of the paper compare them."""
+    return {
+        "all couplings": fabric,
+        "without biaxial": fabric.without("biaxial"),
+        "without shear couplings": fabric.without("tension_shear", "compression_shear"),
+        "FABRIC": fabric.decoupled(),
+    }
+
+
+def stresses_of_energy(
+    law: Law, eps_a: ArrayLike, eps_b: ArrayLike, gamma: ArrayLike
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """sigma_a, sigma_b, tau (n,) [MPa] from the energy alone, without the law's closed forms.
+
+    eps_a, eps_b [-], gamma [rad]: (n,) or a number each. Per undeformed volume, so F:P-conjugate
+    (eq. 14 calls sigma_a at eps_b = 0, gamma = 0 sigma-hat). Kernel and elements must hit them.
+    """
+    ea, eb, g = np.broadcast_arrays(
+        *(np.atleast_1d(v).astype(float) for v in (eps_a, eps_b, gamma))
+    )
+    sigma_a, sigma_b, tau = Law.derivatives(law, ea, eb, g, second=False).first
+    return sigma_a, sigma_b, tau

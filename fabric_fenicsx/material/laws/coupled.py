@@ -1,0 +1,336 @@
+"""The law of Schäfer, Werner, Henning and Kärger: biaxial and normal-shear couplings."""
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ...errors import InputError
+from ..files import SHEET, read_numbers, read_sheet_numbers, take_table, take_units
+from ..functions import exp, negative, positive
+from ..units import UNITS
+from ..validation import (
+    Rule,
+    above_zero,
+    check_complete,
+    check_number,
+    fraction,
+    not_negative,
+    of_either_sign,
+    shown,
+    unknown_key,
+)
+from .base import COUPLINGS, Derivatives, Law, Parameters, check_couplings
+
+YARN: dict[str, Rule] = {
+    "a": not_negative("stress"),
+    "b": above_zero("stress"),
+    "d": above_zero("stress"),
+    "p_min": fraction(),
+    "c": not_negative(),
+    "s_T": not_negative("stress"),
+    "s_C": not_negative(),
+}
+SHEAR: dict[str, Rule] = {
+    "s1": above_zero("stress"),
+    "s2": of_either_sign("stress"),
+    "s3": not_negative("stress"),
+}
+# what fabrics have, widely taken; beyond it a unit is probably wrong
+PLAUSIBLE = {
+    "b": (1.0, 1e5, "MPa"),
+    "s1": (1e-4, 10.0, "MPa"),
+    "thickness": (0.01, 20.0, "mm"),
+    "density": (0.05, 10.0, "g/cm3"),
+}
+
+
+@dataclass(frozen=True)
+class Yarn(Parameters):
+    """The seven parameters of one yarn direction; raises InputError for a value out of its range.
+
+    - a, b [MPa]: tension, cubic and quadratic term of the energy (eqs 15, 16)
+    - d [MPa]: compression (eqs 22, 23)
+    - p_min, c [-]: biaxial coupling, its floor, 0 to 1, and its rate (eqs 17, 18)
+    - s_T [MPa]: tension-shear coupling (eqs 26, 27)
+    - s_C [-]: compression-shear coupling (eqs 28, 29)
+    """
+
+    a: float
+    b: float
+    d: float
+    p_min: float
+    c: float
+    s_T: float
+    s_C: float
+
+    def __post_init__(self) -> None:
+        for name, rule in YARN.items():
+            number = check_number(rule, getattr(self, name), f"Yarn.{name}")
+            object.__setattr__(self, name, number)
+
+
+@dataclass(frozen=True)
+class WovenFabric(Law):
+    """A woven fabric: 17 parameters, thickness, density and the couplings that are on.
+
+    - warp, weft: yarns along a0 and b0 (`Yarn`)
+    - s1, s2, s3: shear stress over shear angle [MPa] (eqs 24, 25)
+    - thickness [mm], density [g/cm3]
+    - couplings: any of `COUPLINGS`, spelled with "_", "-" or an en dash
+
+    Raises InputError for a value out of its range.
+    """
+
+    law = "coupled"
+    rules = SHEAR
+
+    warp: Yarn
+    weft: Yarn
+    s1: float
+    s2: float
+    s3: float
+    couplings: frozenset[str] = frozenset(COUPLINGS)
+
+    def __post_init__(self) -> None:
+        for direction in ("warp", "weft"):
+            if not isinstance(yarn := getattr(self, direction), Yarn):
+                raise InputError(f"{direction} is {shown(yarn)}; allowed is a Yarn")
+        super().__post_init__()
+        object.__setattr__(self, "couplings", check_couplings(self.couplings))
+
+    @classmethod
+    def balanced(
+        cls,
+        a: float,
+        b: float,
+        d: float,
+        p_min: float,
+        c: float,
+        s_T: float,
+        s_C: float,
+        s1: float,
+        s2: float,
+        s3: float,
+        **sheet: Any,
+    ) -> Self:
+        """The same yarn in both directions; `sheet` is thickness, density, couplings, name."""
+        yarn = Yarn(a, b, d, p_min, c, s_T, s_C)
+        return cls(yarn, yarn, s1, s2, s3, **sheet)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the law's numbers, of both yarns alike."""
+        return (*YARN, *SHEAR)
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether warp and weft are equal."""
+        return self.warp == self.weft
+
+    @property
+    def biaxial(self) -> bool:
+        """Whether k_TC acts (eqs 17, 18)."""
+        return "biaxial" in self.couplings
+
+    @property
+    def tension_shear(self) -> bool:
+        """Whether W_ST acts (eqs 26, 27)."""
+        return "tension_shear" in self.couplings
+
+    @property
+    def compression_shear(self) -> bool:
+        """Whether k_SC acts (eqs 28, 29)."""
+        return "compression_shear" in self.couplings
+
+    def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+        r"""The parts of W_tot, eq. (30), with the sums over both yarns i and j the other of them:
+
+        $$
+        W_{tot} = \sum_i \left(W_{T,i} + W_{C,i}\right)
+                + \left(W_S + \sum_i W_{ST,i}\right) \prod_i k_{SC,i}
+        $$
+
+        For $\epsilon_i > 0$, otherwise $W_{T,i} = W_{ST,i} = 0$:
+
+        $$
+        W_{T,i} = \left(a_i \epsilon_i^3 + b_i \epsilon_i^2\right) k_{TC,i}, \qquad
+        k_{TC,i} = (1 - p_{min,i}) \exp(c_i \epsilon_j) + p_{min,i}, \qquad
+        W_{ST,i} = \tfrac13 |\gamma|^3 s_{T,i} (I_i - 1)^2
+        $$
+
+        For $\epsilon_i \le 0$, otherwise $W_{C,i} = 0$ and $k_{SC,i} = 1$:
+
+        $$
+        W_{C,i} = d_i \epsilon_i^2, \qquad k_{SC,i} = \exp\left(s_{C,i} (I_i - 1)^3\right)
+        $$
+
+        In all cases, with $I_4 - 1 = \epsilon_a (2 + \epsilon_a)$ and $I_8 - 1$ alike:
+
+        $$
+        W_S = \tfrac12 s_1 \gamma^2 + \tfrac13 s_2 |\gamma|^3 + \tfrac14 s_3 \gamma^4
+        $$
+
+        This equals the four cases of eq. (30), as each factor is 1 and each term 0 in those that
+        lack it. Two readings of the paper are made: shear energies take |gamma|, since a weave does
+        not care which way it is sheared (with signed odd powers the energy would be unbounded
+        below), and the last case of eq. (13) is read as I8 <= 1, as in eq. (30). A coupling that is
+        off leaves no trace in the expression.
+        """
+        a, b, gamma = self.warp, self.weft, abs(gamma)
+        tension_a, tension_b = positive(eps_a), positive(eps_b)
+        compression_a, compression_b = negative(eps_a), negative(eps_b)
+
+        k_TC_a = k_TC_b = k_SC_a = k_SC_b = 1.0
+        W_ST_a = W_ST_b = 0.0
+        if self.biaxial:
+            k_TC_a = (1 - a.p_min) * exp(a.c * eps_b) + a.p_min  # (17)
+            k_TC_b = (1 - b.p_min) * exp(b.c * eps_a) + b.p_min  # (18)
+        W_T_a = (a.a * tension_a + a.b) * tension_a**2 * k_TC_a  # (15), (19)
+        W_T_b = (b.a * tension_b + b.b) * tension_b**2 * k_TC_b  # (16), (20)
+        W_C_a = a.d * compression_a**2  # (22)
+        W_C_b = b.d * compression_b**2  # (23)
+        W_S = self.s1 * gamma**2 / 2 + self.s2 * gamma**3 / 3 + self.s3 * gamma**4 / 4  # (25)
+        if self.tension_shear:
+            W_ST_a = gamma**3 * a.s_T * (tension_a * (2 + tension_a)) ** 2 / 3  # (26)
+            W_ST_b = gamma**3 * b.s_T * (tension_b * (2 + tension_b)) ** 2 / 3  # (27)
+        if self.compression_shear:
+            k_SC_a = exp(a.s_C * (compression_a * (2 + compression_a)) ** 3)  # (28)
+            k_SC_b = exp(b.s_C * (compression_b * (2 + compression_b)) ** 3)  # (29)
+        return W_T_a + W_C_a, W_T_b + W_C_b, (W_S + W_ST_a + W_ST_b) * k_SC_a * k_SC_b
+
+    def derivatives(
+        self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
+    ) -> Derivatives:
+        """In closed form, ten times as quick as from `energy`."""
+        a, b, g, sign = self.warp, self.weft, np.abs(gamma), np.sign(gamma)
+        (A, A_a, A_b, A_aa, A_ab, A_bb) = self._along(a, eps_a, eps_b)
+        (B, B_b, B_a, B_bb, B_ab, B_aa) = self._along(b, eps_b, eps_a)
+        (Ta, Ta1, Ta2), (Tb, Tb1, Tb2) = self._W_ST(a, eps_a), self._W_ST(b, eps_b)
+        (ka, ka1, ka2), (kb, kb1, kb2) = self._k_SC(a, eps_a), self._k_SC(b, eps_b)
+        T, g3 = Ta + Tb, g**3 / 3
+        tau = ((self.s3 * g + self.s2) * g + self.s1) * g + g**2 * T  # eq. (24)
+        H = ((self.s3 / 4 * g + self.s2 / 3) * g + self.s1 / 2) * g**2 + g3 * T
+        k = ka * kb
+        parts = np.stack([A, B, H * k], -1)
+        first = np.stack(
+            [
+                A_a + B_a + (g3 * Ta1 * ka + H * ka1) * kb,
+                A_b + B_b + (g3 * Tb1 * kb + H * kb1) * ka,
+                sign * tau * k,
+            ]
+        )
+        if not second:
+            return Derivatives(parts, first, None)
+        tau_g = (3 * self.s3 * g + 2 * self.s2) * g + self.s1 + 2 * g * T
+        tangent = np.stack(
+            [
+                A_aa + B_aa + (g3 * Ta2 * ka + 2 * g3 * Ta1 * ka1 + H * ka2) * kb,
+                A_ab + B_ab + g3 * Ta1 * ka * kb1 + g3 * Tb1 * kb * ka1 + H * ka1 * kb1,
+                A_bb + B_bb + (g3 * Tb2 * kb + 2 * g3 * Tb1 * kb1 + H * kb2) * ka,
+                sign * (g**2 * Ta1 * ka + tau * ka1) * kb,
+                sign * (g**2 * Tb1 * kb + tau * kb1) * ka,
+                tau_g * k,
+            ]
+        )
+        return Derivatives(parts, first, tangent)
+
+    def _along(self, y, e, e_other):
+        """W_T + W_C of one yarn, with derivatives in its strain 1, the other's 2, 11, 12, 22."""
+        k0, k1, k2 = np.ones_like(e), 0.0 * e, 0.0 * e
+        if self.biaxial:
+            k1 = (1 - y.p_min) * np.exp(y.c * e_other)
+            k0, k1, k2 = k1 + y.p_min, y.c * k1, y.c**2 * k1
+        T0, T1 = (y.a * e + y.b) * e**2, (3 * y.a * e + 2 * y.b) * e
+        T2 = 6 * y.a * e + 2 * y.b
+        t = e > 0
+        return (
+            np.where(t, T0 * k0, y.d * e**2),
+            np.where(t, T1 * k0, 2 * y.d * e),
+            np.where(t, T0 * k1, 0),
+            np.where(t, T2 * k0, 2 * y.d),
+            np.where(t, T1 * k1, 0),
+            np.where(t, T0 * k2, 0),
+        )
+
+    def _W_ST(self, y, e):
+        """3 W_ST / |gamma|^3 = s_T (I - 1)^2 with derivatives, zero in compression."""
+        p = np.maximum(e * (2 + e), 0) if self.tension_shear else 0 * e
+        slope = 2 * (1 + e)  # of I
+        return y.s_T * p**2, 2 * y.s_T * p * slope, 2 * y.s_T * (slope**2 * (p > 0) + 2 * p)
+
+    def _k_SC(self, y, e):
+        """k_SC with derivatives, one in tension."""
+        if not self.compression_shear:
+            return np.ones_like(e), 0 * e, 0 * e
+        m, slope = np.minimum(e * (2 + e), 0), 2 * (1 + e)
+        m2 = m * m  # NumPy takes ten times as long for m**3
+        k = np.exp(y.s_C * m2 * m)
+        k1 = 3 * y.s_C * m2 * slope
+        return k, k1 * k, (6 * y.s_C * (m * slope**2 + m2) + k1**2) * k
+
+    def plausibility_warnings(self) -> list[str]:
+        """Sentences on values outside of `PLAUSIBLE`, which may be in a wrong unit."""
+        values = [("b", self.warp.b), ("s1", self.s1), ("thickness", self.thickness)]
+        values += [("density", self.density)]
+        values += [("b", self.weft.b)] if self.weft.b != self.warp.b else []
+        found = []
+        for name, value in values:
+            low, high, unit = PLAUSIBLE[name]
+            if not low <= value <= high:
+                found.append(
+                    f"{name} of material {self.name} is {value:g} {unit}, "
+                    f"fabrics have {low:g} to {high:g}; look at its unit"
+                )
+        return found
+
+    def without(self, *names: str) -> Self:
+        """A copy with these couplings off; InputError for an unknown name."""
+        off = check_couplings(names, "without")
+        return dataclasses.replace(self, couplings=self.couplings - off)
+
+    def replace(self, **changes: Any) -> Self:
+        """A changed copy; a Yarn's field (`p_min=0.1`) changes in both directions. InputError for
+        an unknown name."""
+        own = [field.name for field in dataclasses.fields(self)]
+        for key in changes:
+            if key not in own and key not in YARN:
+                raise unknown_key(key, (*own, *YARN), f"replace: {key}")
+        yarn = {key: changes.pop(key) for key in YARN if key in changes}
+        new = dataclasses.replace(self, **changes)
+        warp, weft = (dataclasses.replace(old, **yarn) for old in (new.warp, new.weft))
+        return dataclasses.replace(new, warp=warp, weft=weft)
+
+    def table(self) -> dict[str, Any]:
+        """What a material file says of the fabric."""
+        head = {"name": self.name, "thickness": self.thickness, "density": self.density}
+        table: dict[str, Any] = head
+        table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
+        table["units"] = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
+        both = {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
+        table |= {key: dataclasses.asdict(yarn) for key, yarn in both.items()}
+        table["shear"] = {name: getattr(self, name) for name in SHEAR}
+        return table
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+        """The fabric of a TOML document; InputError by field."""
+        document.pop("law", None)
+        yarns = {key: take_table(document, key) for key in ("yarns", "warp", "weft")}
+        shear, units = take_table(document, "shear"), take_units(document)
+        fields: dict[str, Any] = {
+            key: document.pop(key) for key in ("name", "couplings") if key in document
+        }
+        known = ("law", "name", "couplings", "units", *yarns, "shear")
+        fields |= read_sheet_numbers(document, units, known)[0]
+        fields |= read_numbers(shear, SHEAR, units, "shear.")
+        check_complete(fields, SHEET, "", "at the top of the file")
+        check_complete(fields, SHEAR, "shear.", "in [shear]")
+        numbers = {key: read_numbers(yarns[key], YARN, units, f"{key}.") for key in yarns}
+        for direction in ("warp", "weft"):
+            yarn = numbers["yarns"] | numbers[direction]
+            check_complete(yarn, YARN, f"{direction}.", f"in [yarns] or [{direction}]")
+            fields[direction] = Yarn(**yarn)
+        return cls(**fields)

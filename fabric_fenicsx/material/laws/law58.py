@@ -1,0 +1,57 @@
+"""Straight yarns and shear with a locking angle, as Radioss' fabric LAW58 has them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from ..functions import cos, log, negative, positive, tan, where
+from ..validation import Rule, above_zero, fraction, not_negative
+from .base import Law
+
+
+@dataclass(frozen=True)
+class Law58(Law):
+    """Loading without hysteresis of Radioss' /MAT/LAW58 (FABR_A), for yarns without crimp.
+
+    - E_a, E_b [MPa]: stiffness of the yarns (E1, E2 there); B_a, B_b [MPa]: their softening (B1,
+      B2), which ends their stiffness at a strain of E / B
+    - flex [-]: stiffness in compression over E
+    - G_0 [MPa]: shear stiffness at rest; G_T [MPa]: that at the locking angle gamma_T [rad]
+      (GT and AlphaT, which Radioss takes in degrees)
+
+    Form: Altair Radioss Reference Guide, /MAT/LAW58, and OpenRadioss, mat058/hm_read_mat58.F, of
+    which crimp, friction, viscosity and unloading are left out; tau is taken as conjugate to gamma.
+    The guide has no constants of a real fabric: those of a file are the user's own.
+    """
+
+    law = "law58"
+    rules = {
+        **dict.fromkeys(("E_a", "E_b", "G_0", "G_T"), above_zero("stress")),
+        **dict.fromkeys(("B_a", "B_b"), not_negative("stress")),
+        "flex": fraction(),
+        "gamma_T": Rule("", "above 0 and below pi / 2", lambda v: 0 < v < 1.57),
+    }
+
+    E_a: float
+    E_b: float
+    B_a: float
+    B_b: float
+    flex: float
+    G_0: float
+    G_T: float
+    gamma_T: float
+
+    def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+        r"""$W_i = \tfrac12 E_i \epsilon_i^2 - \tfrac16 B_i \epsilon_i^3$ in tension and
+        $W_i = \tfrac12 flex E_i \epsilon_i^2$ in compression. In shear, with
+        $G = G_T / (1 + \tan^2\gamma_T)$, $\tau = G_0 \tan\gamma$ up to $\gamma_T$ and
+        $\tau = G \tan\gamma + (G_0 - G) \tan\gamma_T$ beyond it."""
+        gamma, lock, G = abs(gamma), tan(self.gamma_T), self.G_T * cos(self.gamma_T) ** 2
+        W_a, W_b = (
+            E * positive(e) ** 2 / 2
+            - B * positive(e) ** 3 / 6
+            + self.flex * E * negative(e) ** 2 / 2
+            for e, E, B in ((eps_a, self.E_a, self.B_a), (eps_b, self.E_b, self.B_b))
+        )
+        beyond = log(cos(gamma) / cos(self.gamma_T)) + lock * (gamma - self.gamma_T)
+        W_S = -self.G_0 * log(cos(gamma)) + where(gamma > self.gamma_T, self.G_0 - G, 0.0) * beyond
+        return W_a, W_b, W_S

@@ -1,0 +1,240 @@
+"""The decoupled baseline as users of Abaqus' FABRIC know it: tables for warp, weft and shear."""
+
+import csv
+import math
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
+
+from ...errors import InputError
+from ..files import SHEET, read_sheet_numbers, take_units
+from ..functions import where
+from ..units import ANGLE, STRAIN, factors
+from ..validation import check_complete
+from .base import Derivatives, Law, Parameters
+
+MIN_POINTS = 3
+MAX_POINTS = (
+    40  # in a file: compiling the form takes the square of their number, half a minute at 100
+)
+_COLUMNS = {
+    "yarn": (("eps", STRAIN), ("sigma", factors("stress"))),
+    "shear": (("gamma", ANGLE), ("tau", factors("stress"))),
+}
+
+
+@dataclass(frozen=True)
+class Curve(Parameters):
+    """Nominal stress [MPa] over strain [- or rad] through points; x, y: tuples of n >= 3 numbers,
+    x rising.
+
+    Between the points a monotone cubic (Fritsch and Carlson 1980, SciPy's PCHIP): where the data
+    rise so does the curve, its slope is continuous, so the energy is C2. Beyond the first and last
+    point it goes on straight. Energy is counted from zero strain, where the curve must be free of
+    stress. Raises InputError, which names the point, for other points than these.
+    """
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    # of each piece: where its t is zero, and its energy's coefficients, highest power first
+    _pieces: Any = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        x, y = np.asarray(self.x, float), np.asarray(self.y, float)
+        for k in range(len(x)):
+            if not (math.isfinite(x[k]) and math.isfinite(y[k])):
+                raise InputError(f"point {k + 1} is ({x[k]}, {y[k]}); allowed are finite numbers")
+            if k and x[k] <= x[k - 1]:
+                raise InputError(
+                    f"point {k + 1}: {x[k]:.6g} comes after {x[k - 1]:.6g}; "
+                    "allowed are strains that rise strictly"
+                )
+        if len(x) < MIN_POINTS:
+            raise InputError(f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more")
+        zero = np.flatnonzero(x == 0)
+        if len(zero) != 1 or y[zero[0]] != 0:
+            raise InputError(
+                "the curve has no point (0, 0); "
+                "allowed is one that is free of stress at zero strain"
+            )
+        inner = PchipInterpolator(x, y)
+        left, right = inner.derivative()(x[[0, -1]])
+        # stress of [left tail, pieces.., right tail]
+        c = np.column_stack([[0, 0, left, y[0]], inner.c, [0, 0, right, y[-1]]])
+        object.__setattr__(self, "_pieces", _energies(np.concatenate([x[:1], x]), c))
+
+    def __call__(self, e: ArrayLike) -> np.ndarray:
+        """Stress [MPa] at strains `e`, of their shape."""
+        return self.derivatives(e)[1]
+
+    def derivatives(self, e: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Energy, stress and tangent [MPa] at strains `e`, each of their shape."""
+        e = np.asarray(e, float)
+        start, w4, w3, w2, w1, w0 = self._pieces[:, np.searchsorted(self.x, e, side="right")]
+        t = e - start
+        energy = (((w4 * t + w3) * t + w2) * t + w1) * t + w0
+        stress = ((4 * w4 * t + 3 * w3) * t + 2 * w2) * t + w1
+        return energy, stress, (12 * w4 * t + 6 * w3) * t + 2 * w2
+
+    def energy(self, e: Any) -> Any:
+        """Energy [MPa] at strains of any kind that a law's energy takes."""
+
+        def pick(
+            values,
+        ):  # of constants, not to differentiate the choice; halved, to nest log2(n) deep
+            if len(values) == 1:
+                return values[0][1]
+            half = len(values) // 2
+            return where(e < values[half][0], pick(values[:half]), pick(values[half:]))
+
+        starts, *rows = self._pieces
+        start, w4, w3, w2, w1, w0 = (pick(list(zip(starts, row))) for row in (starts, *rows))
+        t = e - start
+        return (((w4 * t + w3) * t + w2) * t + w1) * t + w0
+
+    def symbols(self, make: Callable[[float], Any]) -> Self:
+        """A copy for `energy` alone, with make(v) for each number v."""
+        new = super().symbols(make)
+        object.__setattr__(new, "_pieces", [[make(v) for v in row] for row in self._pieces])
+        return new
+
+
+def _energies(starts: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Starts and coefficients of the energy (6, n + 1), continuous, zero at zero strain, of pieces
+    that begin at `starts`, where the stress has the coefficients c (4, n + 1)."""
+    W = np.vstack([c / np.array([4.0, 3.0, 2.0, 1.0])[:, None], np.zeros(c.shape[1])])
+    for k in range(2, c.shape[1]):
+        W[4, k] = np.polyval(W[:, k - 1], starts[k] - starts[k - 1])
+    rest = np.searchsorted(starts[1:], 0.0, side="right")
+    W[4] -= np.polyval(W[:, rest], 0.0 - starts[rest])
+    return np.vstack([starts, W])
+
+
+@dataclass(frozen=True)
+class TabulatedFabric(Law):
+    """FABRIC from tables: curves of warp and weft over nominal strain, of shear over the shear
+    angle (both senses mirror images, so that its table begins at 0).
+
+    Raises InputError for a shear table that begins below 0, and for a thickness [mm] or density
+    [g/cm3] not above 0.
+    """
+
+    law = "tabulated"
+
+    warp: Curve
+    weft: Curve
+    shear: Curve
+    _both: Curve = field(init=False, repr=False, compare=False)  # senses of shear
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.shear.x[0] < 0:
+            raise InputError(
+                f"shear begins at {self.shear.x[0]:.6g}; allowed isgin at 0; "
+                "the other sense is its mirror image"
+            )
+        x, y = np.array(self.shear.x), np.array(self.shear.y)
+        both = Curve(tuple(np.concatenate([-x[:0:-1], x])), tuple(np.concatenate([-y[:0:-1], y])))
+        object.__setattr__(self, "_both", both)
+
+    def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+        r"""The areas under the curves: $W = \int_0^{\epsilon_a} \sigma_a\,d\epsilon
+        + \int_0^{\epsilon_b} \sigma_b\,d\epsilon + \int_0^\gamma \tau\,d\gamma$."""
+        return self.warp.energy(eps_a), self.weft.energy(eps_b), self._both.energy(gamma)
+
+    def derivatives(
+        self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
+    ) -> Derivatives:
+        """In closed form."""
+        (A, A_a, A_aa), (B, B_b, B_bb), (H, H_g, H_gg) = (
+            curve.derivatives(v)
+            for curve, v in zip((self.warp, self.weft, self._both), (eps_a, eps_b, gamma))
+        )
+        zero = np.zeros_like(A)
+        tangent = np.stack([A_aa, zero, B_bb, zero, zero, H_gg]) if second else None
+        return Derivatives(np.stack([A, B, H], -1), np.stack([A_a, B_b, H_g]), tangent)
+
+    def table(self) -> dict[str, Any]:
+        """All of it; a material file names CSV files in the place of the points."""
+        curves = (("warp", self.warp), ("weft", self.weft), ("shear", self.shear))
+        tables = {key: {"x": list(c.x), "y": list(c.y)} for key, c in curves}
+        head = {"model": "fabric", "name": self.name}
+        return head | {"thickness": self.thickness, "density": self.density} | tables
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+        """The fabric of a TOML document in `folder` with `law = "tabulated"` or `model = "fabric"`.
+
+        Top level: name, thickness, density as in any material file, and `warp`, `weft`, `shear`:
+        CSV files beside it with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`.
+        Raises InputError by file and row.
+        """
+        files = {key: document.pop(key, None) for key in ("warp", "weft", "shear")}
+        fields: dict[str, Any] = {"name": document.pop("name", "")}
+        for key in ("law", "model"):
+            document.pop(key, None)
+        units = take_units(document)
+        known = ("law", "model", "name", *files)
+        fields |= (numbers := read_sheet_numbers(document, units, known)[0])
+        check_complete(numbers, SHEET, "", "at the top of the file")
+        for key, name in files.items():
+            if not isinstance(name, str):
+                raise InputError(
+                    f"{key} is {name!r}; allowed is the name of a CSV file beside this one"
+                )
+            fields[key] = read_table(folder / name, "shear" if key == "shear" else "yarn")
+        return cls(**fields)
+
+
+def read_table(path: str | os.PathLike[str], kind: str) -> Curve:
+    """Curve from a CSV file with a header of names and units; kind: "yarn" or "shear".
+
+    Raises InputError by file and row.
+    """
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            lines = enumerate(csv.reader(file), 1)
+            rows = [(n, row) for n, row in lines if row and not row[0].lstrip().startswith("#")]
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot be read ({reason}); allowed is a CSV file") from None
+    columns = _COLUMNS[kind]
+    wanted = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns)
+    if not rows or len(rows[0][1]) != 2:
+        first = rows[0][0] if rows else 1
+        raise InputError(f"{path}: row {first} is no header of two columns; allowed is {wanted}")
+    scales = []
+    for cell, (name, units) in zip(rows[0][1], columns):
+        match = re.fullmatch(r"\s*(\w+)\s*\[(.*)\]\s*", cell)
+        if not match or match[1] != name or match[2] not in units:
+            raise InputError(
+                f"{path}: row {rows[0][0]} has the column {cell.strip()!r}; allowed is {wanted}"
+            )
+        scales.append(units[match[2]])
+    points = []
+    for number, row in rows[1:]:
+        try:
+            points.append([float(cell) * scale for cell, scale in zip(row, scales, strict=True)])
+        except ValueError:
+            raise InputError(
+                f"{path}: row {number} is {','.join(row)!r}; allowed are two numbers"
+            ) from None
+    if len(points) > MAX_POINTS:
+        raise InputError(
+            f"{path}: has {len(points)} points; "
+            f"allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
+        )
+    try:
+        return Curve(*(tuple(column) for column in zip(*points))) if points else Curve((), ())
+    except InputError as error:
+        message = str(error)
+        if match := re.match(r"point (\d+)", message):
+            message = message.replace(match[0], f"row {rows[int(match[1])][0]}", 1)
+        raise InputError(f"{path}: {message}") from None

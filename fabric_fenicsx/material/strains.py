@@ -1,0 +1,34 @@
+"""The strains of a weave from its invariants, for NumPy and UFL alike."""
+
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from .functions import atan, sqrt
+
+
+def nominal_strain(I: Any) -> Any:
+    """sqrt(I) - 1 [-] of I4 or I8, eq. (9), without its loss of digits near I = 1."""
+    return (I - 1) / (sqrt(I) + 1)
+
+
+def shear_angle(I6: Any, area: Any, cos_angle: Any, sin_angle: Any) -> Any:
+    """Invariant I10 = gamma [rad], eq. (8), signed.
+
+    As arctan of I6 over the area of the fibre pair, sqrt(I4 I8 - I6^2), it stays smooth where the
+    paper's arccos does not. cos_angle, sin_angle: of the angle between the yarns without shear,
+    which is the initial one, a0·b0, or the weave's own.
+    """
+    return atan(I6 / area) - atan(cos_angle / sin_angle)
+
+
+def check_weave_angle(angle: float) -> float:
+    """`angle` between the yarns of a weave without shear [rad]; InputError unless it is above 0
+    and below pi."""
+    if not 0 < angle < np.pi:
+        raise InputError(
+            f"the weave's angle is {angle!r} rad; "
+            "allowed is one between yarns, above 0 and below pi"
+        )
+    return float(angle)

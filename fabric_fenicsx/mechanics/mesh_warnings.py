@@ -1,0 +1,175 @@
+"""What speaks against a result though nothing failed: the sheet's size, cells that lock, cells too
+large for the tools."""
+
+import math
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from mpi4py import MPI
+
+from .. import dolfinx_compat as compat
+from ..errors import InputError
+from ..material import kernel
+from ..sheets.blank import Blank
+from ..tools import Tool
+
+if TYPE_CHECKING:
+    from .membrane import Membrane
+
+SMALL, LARGE = 20.0, 10_000.0  # mm: a few yarns, more than looms weave
+ALONG = math.cos(
+    math.radians(1.0)
+)  # of an edge and a yarn: 1 deg off costs a bias test 3 %, 3 deg 8 %, 10 deg 22 %
+OFF = 0.5  # of all cells, from which the mesh is taken not to follow the yarns
+# share of the strain energy in stretches that neighbouring cells undo; a reaction is then 5 % off
+LOCKED = 2.5e-3
+# angle of the least radius that one cell spans [deg]: in the double dome the punch force is then
+# 1.5 % off; with 38 deg 0.3 %, with 149 deg 6 %
+TURN = 90.0
+
+
+def size_warning(blank: Blank, thickness: float, source: str) -> str:
+    """Whether the sheet's size may be in another unit than mm, in words, "" if it may not;
+    thickness: of the fabric [mm].
+
+    Raises InputError for a sheet smaller than its thickness: no membrane is, so this can only be
+    metres.
+    """
+    low, high = blank.extent()
+    sides = " x ".join(f"{side:.4g}" for side in high - low)
+    if (high - low).max() < thickness:
+        raise InputError(
+            f"{source} is {sides} mm, less than the fabric is thick ({thickness:g} mm); allowed "
+            "is a sheet in mm, so one in metres times 1000"
+        )
+    if (high - low).max() < SMALL:
+        return (
+            f"{source} is {sides} mm, which is some yarns only; lengths are in mm (metres "
+            "times 1000, inches times 25.4)"
+        )
+    if (high - low).max() > LARGE:
+        return (
+            f"{source} is {sides} mm, which is more than looms weave; lengths are in "
+            "mm (micrometres over 1000)"
+        )
+    return ""
+
+
+def locking_warning(membrane: "Membrane") -> str:
+    """Whether linear cells lock in the present state, in words, "" if they don't.
+
+    Yarns hardly stretch, so cells that no edges along both yarns reach can only shear together with
+    cells that stretch yarns, here one way, there the other. What energy that takes tells locking:
+    from the law with the strains as they are, less that with the strains smoothed over neighbouring
+    cells, at the same shear angles.
+    """
+    blank = membrane.blank
+    off = share_off_the_yarns(blank) if blank.degree == 1 else 0.0
+    taken = alternating_energy(membrane) if off > OFF else 0.0
+    if taken <= LOCKED:
+        return ""
+    cure = (
+        "take P2 with --integration reduced, P3, or a mesh with edges along "
+        "the yarns (--pattern yarns)"
+        if blank.mesh.geometry.dim == 2
+        else (
+            "take yarns at 0, 45 or 90 deg with --pattern crossed, an own mesh with edges "
+            "along the yarns, or finer cells"
+        )
+    )
+    return (
+        f"{100 * off:.0f} % of the linear cells have no edges along both yarns at their corners, "
+        f"and lock: {100 * taken:.2g} % of the strain energy stretches yarns back and forth from "
+        f"cell to cell, and forces may be 5 to 30 % too high; {cure}"
+    )
+
+
+def share_off_the_yarns(blank: Blank) -> float:
+    """Share of all cells at whose corners edges of the mesh do not run along both yarns; for linear
+    displacements."""
+    comm, nodes = blank.mesh.comm, _nodes(blank)
+    gdim = blank.mesh.geometry.dim
+    edges = np.roll(_round(blank), -1, 1) - _round(blank)
+    edges /= np.linalg.norm(edges, axis=2, keepdims=True)
+    follows = []
+    for field in (blank.a0, blank.b0):
+        yarn = field.x.array.reshape(-1, gdim)[: len(nodes), None]
+        edge = np.abs((edges * yarn).sum(2)) >= ALONG
+        follows.append(edge | np.roll(edge, 1, 1))  # both of its ends
+    marks = np.stack(follows, -1).astype(float)
+    if nodes.shape[1] == 4:
+        marks[:, [2, 3]] = marks[:, [3, 2]]
+    reached = (blank.summed(marks)[nodes] > 0).any(1).all(1)
+    off, cells = comm.allreduce(np.array([(~reached).sum(), len(nodes)]), MPI.SUM)
+    return float(off / cells)
+
+
+def alternating_energy(membrane: "Membrane") -> float:
+    """Share of the strain energy that goes when yarn strains are smoothed over neighbouring cells,
+    for linear displacements; 0 at rest."""
+    blank = membrane.blank
+    state, _, _, _ = membrane.state()
+    _, b, _ = membrane.at_points()
+    stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
+    corners, nodes = _round(blank), _nodes(blank)
+    ends = (
+        ((1, 0), (2, 0)) if nodes.shape[1] == 3 else ((2, 0), (3, 1))
+    )  # two sides, or both diagonals
+    spans = [corners[:, i] - corners[:, j] for i, j in ends]
+    squares = [[(p * q).sum(1) for q in spans] for p in spans]
+    areas = np.sqrt(np.maximum(squares[0][0] * squares[1][1] - squares[0][1] ** 2, 0)) / 2
+    means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
+
+    def at_nodes(values):
+        return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1))[nodes]
+
+    smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
+    before = np.arctan2(b[..., 1], b[..., 0])  # angle from yarns a to b
+
+    def energy(stretches):
+        turned = before - gamma
+        fa = np.stack([stretches[..., 0], 0 * gamma], -1)
+        fb = stretches[..., 1:] * np.stack([np.cos(turned), np.sin(turned)], -1)
+        frame = np.stack([np.broadcast_to([1.0, 0.0], b.shape), b], -1)
+        F = np.stack([fa, fb], -1) @ np.linalg.inv(frame)
+        fibres = [1.0, 0.0], b.reshape(-1, 2)
+        found = kernel.evaluate(membrane.fabric, gradient=F.reshape(-1, 2, 2), fibres=fibres).energy
+        return float(areas @ (found.reshape(gamma.shape) @ membrane.weights))
+
+    parts = np.array([energy(stretches), energy(np.broadcast_to(smooth, stretches.shape))])
+    whole, smoothed = blank.mesh.comm.allreduce(parts, MPI.SUM)
+    return float((whole - smoothed) / whole) if whole > 0 else 0.0
+
+
+def _nodes(blank):
+    """Nodes of `u` of each owned cell, at its corners as displacements are linear, (cells, 3 or
+    4)."""
+    return compat.dofmap(blank.V)[: blank.mesh.topology.index_map(2).size_local]
+
+
+def _round(blank):
+    """Corners of the owned cells one after the other around each, (cells, 3 or 4, gdim) [mm]."""
+    nodes = _nodes(blank)
+    if nodes.shape[1] == 4:  # in tensor-product order
+        nodes = nodes[:, [0, 1, 3, 2]]
+    return blank.coordinates()[nodes][:, :, : blank.mesh.geometry.dim]
+
+
+def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
+    """Whether cells are too large to bend around the tools' least radius, in words, "" if they
+    aren't; for linear displacements."""
+    radii = {tool.name: min(tool.surface.radii) for tool in tools}
+    least = min(radii.values(), default=math.inf)
+    corners = _round(blank)
+    longest = np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=2).max(1)
+    total, cells = blank.mesh.comm.allreduce(np.array([longest.sum(), len(longest)]), MPI.SUM)
+    turn = math.degrees(total / cells / least)
+    if turn <= TURN:
+        return ""
+    name = min(radii, key=lambda name: radii[name])
+    return (
+        f"cells are {total / cells:.3g} mm long where the {name} has a radius of {least:.3g} mm, "
+        f"of which one spans {turn:.0f} deg: forces may be some per cent and angles some deg off; "
+        f"take cells below {math.radians(TURN) * least:.3g} mm"
+    )

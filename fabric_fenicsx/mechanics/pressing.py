@@ -1,0 +1,107 @@
+"""The pressure of a blank holder, without contact."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import InputError
+from ..tools import Plane, Tool
+from ..tools.values import checked_vector
+from .nodes import Nodes, PressingTerm
+from .term import SceneFacts
+
+
+class BlankHolderPressure(PressingTerm):
+    """Dead `pressure` [MPa] along `direction` (3,) on the parts of the sheet under a holder.
+
+    under: function of positions (n, 3) [mm] to the share of the nodes' areas, 0 to 1, asked at
+    accepted states and, if more than `lag` of the sum would change, for the present ones; lag
+    None: only at accepted ones.
+    pressure: a number, there from the start, or a function of the load factor. What takes the
+    pressure is a `Contact`.
+    tool: moves with the holder along a path, for its friction; by default one at rest. Raises
+    InputError for a direction or pressure that is not finite or below 0, and as `Nodes` does.
+    """
+
+    name, prescribed = "blank holder", True
+
+    def __init__(
+        self,
+        pressure: float | Callable[[float], float],
+        direction: ArrayLike,
+        under: Callable[[np.ndarray], np.ndarray],
+        tool: Tool | None = None,
+        lag: float | None = None,
+    ) -> None:
+        self.under, self.lag = under, lag
+        self._pressure = pressure if callable(pressure) else lambda load: pressure
+        self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
+        self.tool = tool or Tool(Plane((0, 0, 0), self.direction), name=self.name)
+        if self.tool.force:
+            raise InputError(
+                f"{self.tool.name} presses without contact and is moved by force; allowed is a path"
+            )
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        self.nodes = Nodes(scene.blank)
+        self._accepted_areas = self._pressed()
+        self.at(0.0)
+        self.accept()
+
+    def at(self, load: float) -> None:
+        """Set the pressure; InputError if it is not a number from 0 there."""
+        self.now, self._areas = float(self._pressure(load)), self._accepted_areas
+        if not (np.isfinite(self.now) and self.now >= 0):
+            raise InputError(
+                f"pressure of the blank holder is {self.now} MPa; allowed is a number from 0"
+            )
+
+    def accept(self) -> None:
+        """Count `work` from the present state, and press what is under the holder now."""
+        self._from, self._before = self.nodes.displacement(), self.now
+        self._accepted_force = self.nodes.total(self.normal_forces())
+        self._areas = self._accepted_areas = self._pressed()
+
+    def update_lagged(self) -> bool:
+        """Press the areas under the holder now, if they differ by more than `lag`; whether so."""
+        if self.lag is None:
+            return False
+        now = self._pressed()
+        changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self._areas), now]))
+        if changed <= self.lag * all_of_it:
+            return False
+        self._areas = now
+        return True
+
+    def work(self) -> float:
+        """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
+        moved = (self._areas[:, None] * (self.nodes.displacement() - self._from)).sum(0)
+        return float(0.5 * (self._before + self.now) * (moved @ self.direction))
+
+    def potential(self) -> float:
+        """Of this rank's nodes [N mm]."""
+        return -float((self.normal_forces() * self.nodes.displacement()).sum())
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """As in `Term`."""
+        f[: 3 * self.nodes.count] -= self.normal_forces().ravel()
+
+    def normal_forces(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        return self.now * self._areas[:, None] * self.direction
+
+    def normals(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        return np.tile(self.direction, (self.nodes.count, 1))
+
+    def force(self) -> np.ndarray:
+        """Of the holder on the ply, of all ranks (3,) [N], in the last accepted state."""
+        return self._accepted_force
+
+    def _pressed(self):
+        """Areas (nodes,) under the holder [mm^2]."""
+        return self.nodes.areas * np.clip(
+            self.under(self.nodes.places + self.nodes.displacement()), 0, 1
+        )

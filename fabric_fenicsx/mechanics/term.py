@@ -1,0 +1,180 @@
+"""What a term of a scene may do: a base class whose methods do nothing."""
+
+import weakref
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+import ufl
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from ..errors import InputError
+from ..material.laws import Law
+from ..sheets.blank import Blank
+
+if TYPE_CHECKING:
+    from ..tools import Tool
+
+Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns and values of a sparse matrix
+EMPTY = np.empty(0)
+NO_TANGENT: Triplets = (np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), EMPTY)
+
+
+class SceneFacts(Protocol):
+    """What a scene tells its terms."""
+
+    blank: Blank
+
+    @property
+    def terms(self) -> Sequence["Term"]:
+        """Those on the sheet, this one among them."""
+
+    @property
+    def fabric(self) -> Law | None:
+        """What the sheet is made of, if one of the terms knows."""
+
+
+class Term:
+    """A term of a scene: an energy or a load, on the scene's sheet.
+
+    An own term overrides what it needs. The scene asks every term for everything, so what a term
+    returns here is all that solver, history.csv, summary and fields ever know of it. Arrays and
+    numbers are those of this rank's part, if nothing else is said. Degrees of freedom are those
+    of `blank.u`: components along the axes of the blank's frame.
+
+    - name: what summaries and errors call it
+    - energy_kind: under which its energy is added up, a column of history.csv; None of loads
+    - resists: rigid motions of the sheet, "move" and "turn", that it may resist
+    - fabric: what the sheet is made of, if this is the term that knows
+    - units: of the arrays that it adds to fields, {name: unit}
+    - prestressed: whether the sheet has stress as it lies, before load
+    - energy: a UFL form in `blank.u` over the sheet [N mm], minus the work of a load; None of
+      terms that are no form, which have `stored`, `add_forces` and `tangent` instead
+    - blank: the sheet, from `set_up` on
+    """
+
+    name = "term"
+    energy_kind: str | None = None
+    resists: tuple[str, ...] = ()
+    fabric: Law | None = None
+    units: Mapping[str, str] = {}
+    prestressed: bool = False
+    energy: ufl.Form | None = None
+    blank: Blank
+    # weak, as circles of solver objects end at another time on each rank
+    _scene: weakref.ref | None = None
+
+    def bind(self, scene: SceneFacts) -> None:
+        """Tell the term its scene, once; `set_up` then does the rest.
+
+        Raises InputError for a term that is in another scene, and what `set_up` raises.
+        """
+        known = self._scene
+        if known is not None:
+            if known() is not scene:
+                raise InputError(
+                    f"term {self.name} is in another scene already; "
+                    "allowed is a term in one scene, so each scene needs its own"
+                )
+            return
+        self._scene, self.blank = weakref.ref(scene), scene.blank
+        self.set_up(scene)
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """Make what needs the sheet; `blank` is known."""
+
+    # -- energy, forces [N] and stiffness [N/mm]
+
+    def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
+        """First variation of `energy` in v, and second in v and w (UFL arguments)."""
+        first = ufl.derivative(self.energy, self.blank.u, v)
+        return first, ufl.derivative(first, self.blank.u, w)
+
+    def stored(self) -> float:
+        """Energy that is no form [N mm]."""
+        return 0.0
+
+    def potential(self) -> float:
+        """Of loads that are no form: minus their work [N mm]."""
+        return 0.0
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """Add the derivative of `stored` and `potential` to f (local dofs,), ghosts included."""
+
+    def tangent(self) -> Triplets:
+        """Second derivative of `stored`: rows, columns (k,), GLOBAL degrees of freedom, the same
+        ones each time, and values (k,), to be summed."""
+        return NO_TANGENT
+
+    def anticipate(self, f: np.ndarray) -> None:
+        """See the residual f (owned dofs,) before `tangent` is asked for the next correction."""
+
+    def compliance(self) -> tuple[np.ndarray, float] | None:
+        """Of a tool moved by force: c (owned dofs,) and k, by which it takes c c^T / k from the
+        tangent."""
+        return None
+
+    def applied_forces(self) -> np.ndarray:
+        """Forces (owned dofs,), beside which a residual is to be small."""
+        return EMPTY
+
+    # -- load steps
+
+    def at(self, load: float) -> None:
+        """Set the load factor, and go back to the last accepted state in all else."""
+
+    def update_lagged(self) -> bool:
+        """After a solve: update what was held during it, if that is off by more than allowed;
+        whether it was, so that the solve must be repeated. The same on all ranks."""
+        return False
+
+    def accept(self) -> None:
+        """Take the present state as the last accepted one."""
+
+    def work(self) -> float:
+        """Work of a load or tool since the last accepted state [N mm]."""
+        return 0.0
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What accepted states left, {name: array (owned nodes, k)}, for a checkpoint."""
+        return {}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """Take back what `memory` gave, at the displacement and load of then."""
+
+    # -- results
+
+    def add_history(self, row: dict[str, Any]) -> None:
+        """Add columns to a row of history.csv, the same ones each time, of all ranks."""
+
+    def add_summary(self, summary: dict[str, Any]) -> None:
+        """Add facts, of all ranks, to summary.json (what JSON can hold)."""
+
+    def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
+        """Add arrays (owned cells, ...) to the fields of the terms before it."""
+
+    def add_nodal_fields(self, fields: dict[str, np.ndarray]) -> None:
+        """Add arrays (owned nodes,) or (owned nodes, k) to the fields of the terms before it."""
+
+    def tools(self) -> "tuple[Tool, ...]":
+        """Tools whose surface the sheet may touch."""
+        return ()
+
+    def tool_force(self, tool: "Tool") -> np.ndarray:
+        """Force of `tool` on the sheet in the last accepted state, of all ranks, (3,) [N]."""
+        return np.zeros(3)
+
+    # -- what a result is judged by, of all ranks
+
+    def penetration_of_thickness(self) -> float:
+        """How deep a tool was in the sheet in any accepted state, over the sheet's thickness."""
+        return 0.0
+
+    def overstretched(self, strain: float) -> float:
+        """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`."""
+        return 0.0
+
+    def warnings(self) -> list[str]:
+        """What speaks against the present state though nothing failed, in words."""
+        return []

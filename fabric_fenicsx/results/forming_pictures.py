@@ -1,0 +1,293 @@
+"""Pictures of formed plies: paths, outlines, strain states, the ply on its punch.
+
+Grids are those of `forming`.
+"""
+
+import os
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pyvista
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.patches import Patch
+from vtkmodules.vtkCommonCore import vtkLogger
+
+from ..errors import InputError
+from .forming import File, Path, outline
+from .pictures import SHOWN, cells_range, colour_scale, plt
+from .ply import Grid, plan_area, ply_of
+
+STATES = {  # strain_state -> what it is, colour
+    1: ("both in tension", "#3b6fb6"),
+    2: ("a in tension, b in compression", "#f2b134"),
+    3: ("a in compression, b in tension", "#5aa469"),
+    4: ("both in compression", "#b83a3a"),
+}
+SCREEN = (2400, 1500)  # pixels drawn
+COLOURS = "YlOrRd"  # light, so that the shading shows the shape
+
+
+def paths_picture(
+    path: File,
+    runs: Mapping[str, Mapping[float, Path]],
+    marks: Mapping[str, Any] | None = None,
+) -> None:
+    """Strains and shear angle over the distance on the flat ply, a row a path, of runs {label:
+    `along_paths`}.
+
+    marks: {label: distances on the paths [mm], or one for all}, drawn as vertical lines where that
+    is on the path; NaN for none.
+    """
+    angles = list(dict.fromkeys(angle for paths in runs.values() for angle in paths))
+    figure, axes = plt.subplots(
+        len(angles),
+        3,
+        figsize=(11, 2.6 * len(angles) + 0.6),
+        squeeze=False,
+        sharex="row",
+        sharey="col",
+        layout="constrained",
+    )
+    for row, (mine, angle) in enumerate(zip(axes, angles)):
+        end = max(paths[angle].distance[-1] for paths in runs.values() if angle in paths)
+        for ax, (name, factor) in zip(
+            mine, {"log_eps_11": 100, "log_eps_22": 100, "shear_angle": 1}.items()
+        ):
+            for label, paths in runs.items():
+                if angle in paths:
+                    ax.plot(
+                        paths[angle].distance,
+                        factor * getattr(paths[angle], name),
+                        lw=1.4,
+                        label=label,
+                    )
+            for k, (label, at) in enumerate((marks or {}).items()):
+                style = {"color": "0.45", "lw": 0.9, "ls": ("--", ":", "-.")[k % 3]}
+                if (place := np.broadcast_to(at, len(angles))[row]) <= end:
+                    ax.axvline(place, label=label, **style)
+            ax.axhline(0, color="k", lw=0.5)
+            ax.set_ylabel(SHOWN[name][0])
+            ax.grid(alpha=0.25)
+            ax.set_xlim(0, end)
+        mine[1].set_title(
+            f"path along {'y' if angle else 'x'}" if angle in (0, 90) else f"path at {angle:g}°",
+            fontsize="medium",
+        )
+    for ax in axes[-1]:
+        ax.set_xlabel("distance on the flat ply / mm")
+    legend = {
+        label: line for ax in axes[:, 0] for line, label in zip(*ax.get_legend_handles_labels())
+    }
+    labels, handles = list(legend), list(legend.values())
+    if len(labels) > 1:
+        figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.35 / figure.get_figheight()))
+        figure.legend(handles, labels, loc="upper center", ncol=len(labels), frameon=False)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
+    """The edges of the ply in plan, flat and formed, of runs {label: grid}."""
+    figure, ax = plt.subplots(figsize=(8, 5), layout="constrained")
+    for k, (label, grid) in enumerate(runs.items()):
+        for n, edge in enumerate(outline(grid)):
+            if k == 0:
+                ax.plot(
+                    *edge.undeformed[:, :2].T,
+                    "--",
+                    color="0.5",
+                    lw=1.2,
+                    label=None if n else "flat",
+                )
+            ax.plot(*edge.formed[:, :2].T, color=f"C{k}", lw=1.6, label=None if n else label)
+    ax.set_aspect("equal")
+    ax.set_xlabel("x / mm")
+    ax.set_ylabel("y / mm")
+    ax.grid(alpha=0.25)
+    ax.legend(loc="center", frameon=False)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def state_map(path: File, grid: Grid, formed: bool = False) -> None:
+    """Plan maps of the strain states of eq. (13) and of the shear angle, on the flat or the formed
+    ply.
+
+    The legend gives each state's share of the flat ply's area.
+    """
+    ply = ply_of(grid)
+    corners = (ply.formed if formed else ply.x)[ply.triangles, :2]
+    area, state = plan_area(ply.x, ply.triangles), ply.fields["strain_state"]
+    label, factor, colours = SHOWN["shear_angle"]
+    shear = factor * ply.fields["shear_angle"]
+    colours, *limits = colour_scale(colours, shear.min(), shear.max())
+    figure, axes = plt.subplots(
+        1, 2, figsize=(13, 5), sharex=True, sharey=True, layout="constrained"
+    )
+    kinds = ListedColormap([colour for _, colour in STATES.values()])
+    for ax, values, cmap, clim in (
+        (axes[0], state, kinds, (0.5, 4.5)),
+        (axes[1], shear, colours, limits),
+    ):
+        cells = PolyCollection(corners, array=values, cmap=cmap, antialiased=False)
+        cells.set_clim(*clim)
+        ax.add_collection(cells)
+        ax.autoscale_view()
+        ax.margins(0.02)
+        ax.set_aspect("equal")
+        ax.set_xlabel("x / mm")
+    axes[0].set_ylabel("y / mm")
+    shares = {k: area[state == k].sum() / area.sum() for k in STATES}
+    axes[0].legend(
+        handles=[
+            Patch(color=colour, label=f"{name}: {shares[k]:.0%}")
+            for k, (name, colour) in STATES.items()
+        ],
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.15),
+        ncol=2,
+        frameon=False,
+    )
+    axes[1].set_title(cells_range(shear), fontsize="small")
+    figure.colorbar(cells, ax=axes[1], label=label, location="bottom", shrink=0.8, aspect=30)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+@contextmanager
+def screen() -> Iterator[None]:
+    """Where VTK can draw: a screen of its own if it needs one that is not there."""
+    if os.environ.get("DISPLAY") or pyvista.vtk_version_info >= (
+        9,
+        4,
+    ):  # that and later draw without one, by EGL
+        yield
+        return
+    missing = InputError(
+        "this VTK draws on a screen only; allowed is DISPLAY set, or Xvfb (apt install xvfb)"
+    )
+    size = "{}x{}x24".format(*SCREEN)
+    try:
+        server = subprocess.Popen(
+            ["Xvfb", "-displayfd", "1", "-screen", "0", size, "-nolisten", "tcp"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        )
+    except FileNotFoundError:
+        raise missing from None
+    assert server.stdout
+    try:
+        number = server.stdout.readline().strip()
+        if not number:
+            raise missing
+        os.environ["DISPLAY"] = f":{number}"
+        yield
+    finally:
+        os.environ.pop("DISPLAY", None)
+        server.terminate()
+        server.wait()
+
+
+def _surface(ply, full):
+    """The formed ply [pyvista.PolyData] with the nodes' `place` on the flat one and `shear_angle`
+    [deg], its magnitude; full: with the images in the planes of symmetry."""
+    x, formed, triangles = ply.x, ply.formed, ply.triangles
+    shear = ply.at_nodes(abs(np.degrees(ply.fields["shear_angle"])))
+    for axis in ply.planes if full else ():
+        off = np.flatnonzero(x[:, axis])
+        image = np.arange(len(x))
+        image[off] = len(x) + np.arange(len(off))
+        mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
+        x, formed = (np.vstack([p, p[off] * mirror]) for p in (x, formed))
+        shear = np.append(shear, shear[off])
+        triangles = np.vstack([triangles, image[triangles][:, ::-1]])
+    surface = pyvista.PolyData.from_regular_faces(formed, triangles)
+    surface.point_data["place"], surface.point_data["shear_angle"] = x, shear
+    return surface
+
+
+def formed_picture(
+    path: File,
+    grid: Grid,
+    tool: pyvista.PolyData | None = None,
+    fibre_angles_deg: Sequence[float] = (0, 90),
+    spacing: float = 10.0,
+    full: bool = True,
+    limit: float | None = None,
+    view: Sequence[float] = (0.4, -1.0, 0.75),
+) -> None:
+    """The formed ply coloured by the magnitude of the shear angle, with yarns, over the tool: 1600
+    x 1000 pixels.
+
+    tool: its surface [pyvista.PolyData] where it is now. fibre_angles_deg: of the families of yarns
+    to x on the flat ply; a line each `spacing` [mm]. full: mirror a quarter. limit: of the colours
+    [deg], by default the multiple of 5 deg that covers all (means over the cells around each node).
+    view: direction from the ply to the camera. Raises InputError where VTK finds nothing to draw
+    on.
+    """
+    ply = ply_of(grid)
+    largest = abs(np.degrees(ply.fields["shear_angle"])).max()
+    ply = _surface(ply, full)
+    limit = limit or max(5.0, 5 * np.ceil(ply["shear_angle"].max() / 5))
+    towards = np.array(view) / np.linalg.norm(view)
+    with screen():
+        verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+        vtkLogger.SetStderrVerbosity(
+            vtkLogger.VERBOSITY_ERROR
+        )  # VTK warns of no screen before it does without
+        plotter = pyvista.Plotter(off_screen=True, window_size=SCREEN)
+        plotter.set_background("white")
+        plotter.add_mesh(
+            ply,
+            scalars="shear_angle",
+            cmap=COLOURS,
+            clim=(0, limit),
+            show_scalar_bar=False,
+            smooth_shading=True,
+            ambient=0.25,
+            diffuse=0.8,
+            specular=0.15,
+        )
+        for angle in np.radians(fibre_angles_deg):
+            across = ply["place"] @ [-np.sin(angle), np.cos(angle), 0]
+            low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
+            yarns = ply.contour(spacing * np.arange(low, high + 1), scalars=across).strip(
+                max_length=100000
+            )
+            plotter.add_mesh(
+                yarns.tube(radius=spacing / 28, n_sides=8), color="#30343b", smooth_shading=True
+            )
+        if tool is not None:
+            # away from the camera, so that it looks the same but does not show through the ply
+            plotter.add_mesh(
+                tool.translate(-3 * towards),
+                color="#d3d8e0",
+                smooth_shading=True,
+                ambient=0.35,
+                diffuse=0.75,
+            )
+        plotter.view_vector(towards, viewup=(0, 0, 1))
+        image = plotter.screenshot(None, return_img=True)
+        plotter.close()
+        vtkLogger.SetStderrVerbosity(verbosity)
+    rows, columns = (np.flatnonzero((image < 255).any((axis, 2))) for axis in (1, 0))
+    figure = plt.figure(figsize=(16, 10))
+    ax = figure.add_axes((0.02, 0.13, 0.96, 0.85))
+    ax.imshow(image[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1], interpolation="lanczos")
+    ax.axis("off")
+    scale = ScalarMappable(Normalize(0, limit), COLOURS)
+    bar = figure.colorbar(
+        scale, cax=figure.add_axes((0.3, 0.09, 0.4, 0.022)), orientation="horizontal"
+    )
+    bar.set_label(
+        f"magnitude of the shear angle / deg (largest of a cell: {largest:.2f})", fontsize=18
+    )
+    bar.ax.tick_params(labelsize=16)
+    figure.savefig(path, dpi=100)
+    plt.close(figure)

@@ -1,0 +1,249 @@
+"""The folder of a run: held against other runs, with the run's messages, tables, summary and
+report."""
+
+import csv
+import json
+import logging
+import platform
+import resource
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+import dolfinx
+import numpy as np
+import petsc4py
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .. import __version__, timing
+from ..errors import InputError
+from ..files import LOCK_FILE, lock_folder, replace_file
+
+log = logging.getLogger("fabric_fenicsx")
+# the files by which a folder is known to hold results
+RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"
+PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
+
+
+class LogFile(logging.FileHandler):
+    """log.txt, opened with the first message; it starts with the command."""
+
+    def __init__(self, path: Path, mode: str, command: str) -> None:
+        super().__init__(path, mode, delay=True)
+        self.command = command
+        self.setFormatter(logging.Formatter("%(asctime)s  %(message)s", "%H:%M:%S"))
+
+    def _open(self):
+        file = super()._open()
+        file.write(f"{self.command}\n")
+        return file
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing: what a full disk does to the log ends no run."""
+
+
+class Output:
+    """Where a run called `name` writes to: `path`, with a subfolder for each part of it.
+
+    resume: go on with the results there; overwrite: lose them. facts: what every summary of the
+    run repeats; command: what log.txt begins with.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        path: Path,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+        *,
+        resume: bool = False,
+        overwrite: bool = False,
+        facts: Mapping[str, Any] | None = None,
+        command: str = "",
+    ) -> None:
+        self.name, self.path, self.comm = name, path, comm
+        self.resume, self.overwrite = resume, overwrite
+        self.facts, self.command = dict(facts or {}), command
+        self.parts: list[str] = []
+        self.is_kept = True  # otherwise only while the run lasts
+        self.begun = False
+        self._started = time.perf_counter()
+        self.warnings: list[str] = []  # since the last summary
+        self._warned: set[str] = set()
+        self._lock: IO | None = None
+        self._log: LogFile | None = None
+        self._done: dict[str, dict[str, Any]] = {}
+
+    def say(self, text: str) -> None:
+        """Print on rank 0, and to log.txt."""
+        if self.comm.rank == 0:
+            log.info(text)
+
+    def warn(self, text: str) -> None:
+        """Print once, on rank 0, what the user should look at; the summary repeats it.
+
+        An empty text is nothing.
+        """
+        if text and text not in self.warnings:
+            self.warnings.append(text)
+        if text and self.comm.rank == 0 and text not in self._warned:
+            log.warning("warning: %s", text)
+        self._warned.add(text)
+
+    def folder(self, part: str = "") -> Path:
+        """Make the folder, or its subfolder `part`, and return it.
+
+        Raises InputError if it can't be written to, if another run uses it, or if it holds results
+        and neither resume nor overwrite is set.
+        """
+        path = self.path / part
+        error = self.comm.bcast(self._make(path) if self.comm.rank == 0 else None)
+        if error:
+            raise InputError(error)
+        self.begun = True
+        if part and part not in self.parts:
+            self.parts.append(part)
+        return path
+
+    def _make(self, path):
+        """Make the folder and hold it; what is wrong with it, in words."""
+        out = self.path
+        used = (
+            f"--out {out} is in use by another run; allowed is another folder, or this one when "
+            "that run has ended"
+        )
+        old = [] if self._lock else self._results()
+        known = {"checkpoint.npz", "done.json"} & {file.name for file in old}
+        if not self._lock and self.resume and not known:
+            return (
+                f"--resume finds no checkpoint in {path}; allowed is the --out of a run that was "
+                "begun"
+            )
+        try:
+            if old and not (self.resume or self.overwrite):
+                if (out / LOCK_FILE).exists() and not lock_folder(out):
+                    return used
+                return (
+                    f"--out {out} holds results ({old[0].relative_to(out)}); allowed is another "
+                    "folder, --resume to go on with them, --overwrite to lose them"
+                )
+            path.mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryFile(dir=path):
+                pass
+            if not self._lock:
+                self._lock = lock_folder(out)
+                # another run may have begun, or even ended, since we looked for results
+                if not self._lock or self._results() != old:
+                    return used
+                if self.overwrite:
+                    for file in (*old, *out.glob("*.png"), out / "report.html"):
+                        file.unlink(missing_ok=True)
+                mode = "a" if self.resume else "w"
+                self._log = LogFile(out / "log.txt", mode, self.command)
+                log.addHandler(self._log)
+        except OSError as e:
+            return (
+                f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is "
+                "there or can be made"
+            )
+        return None
+
+    def _results(self):
+        """Files in the folder by which it is known to hold results."""
+        return [
+            f for name in RESULTS for f in (*self.path.glob(name), *self.path.glob(f"*/{name}"))
+        ]
+
+    def once(self, key: str, make: Callable[[], Any], problem: Mapping[str, Any]) -> Any:
+        """make(), which JSON must hold; a resumed run takes what make() gave before.
+
+        Raises InputError if what is resumed was another `problem`.
+        """
+        if not self._done:
+            self._done = self._read_done(json.loads(json.dumps(problem)))
+        if key not in self._done["done"]:
+            self._done["done"][key] = make()
+            if self.comm.rank == 0:
+                replace_file(self.path / "done.json", json.dumps(self._done))
+        return self._done["done"][key]
+
+    def _read_done(self, problem):
+        """What the run that is resumed has done."""
+        path, found = self.folder() / "done.json", None
+        if self.comm.rank == 0 and self.resume and path.is_file():
+            try:
+                found = json.loads(path.read_text())
+                found = {name: dict(found[name]) for name in ("problem", "done")}
+            except (ValueError, TypeError, KeyError) as e:
+                reason = f"{type(e).__name__}: {e}"
+                found = f"{path} cannot be read ({reason}); allowed is one that a study wrote"
+        found = self.comm.bcast(found) or {"problem": problem, "done": {}}
+        if isinstance(found, str):
+            raise InputError(found)
+        for name, value in problem.items():
+            if found["problem"].get(name) != value:
+                raise InputError(
+                    f"{path} was made with {name} = {found['problem'].get(name)}, now it is "
+                    f"{value}; allowed is the same problem"
+                )
+        return found
+
+    def where(self, folder: Path) -> str:
+        """Words that say where the results are, if they are kept."""
+        return f"; the results up to there are in {folder}" if self.is_kept else ""
+
+    def write_table(self, path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""
+        if self.comm.rank == 0:
+            with open(path, "w", newline="") as file:
+                writer = csv.DictWriter(file, dict.fromkeys(key for row in rows for key in row))
+                writer.writeheader()
+                writer.writerows(rows)
+
+    def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
+        """`facts` with costs, warnings and versions, written to `folder`/summary.json if given."""
+        total = time.perf_counter() - self._started
+        wall = {name: round(timing.seconds.pop(name, 0.0), 4) for name in PHASES}
+        self._started = time.perf_counter()
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        summary = {"study": self.name, "ranks": self.comm.size} | facts | self.facts
+        summary |= {
+            "warnings": self.warnings,
+            "wall_s": wall | {"total": round(total, 4)},
+            "peak_memory_mib": round(self.comm.allreduce(peak, MPI.MAX), 1),
+            "versions": {
+                "fabric_fenicsx": __version__,
+                "dolfinx": dolfinx.__version__,
+                "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+                "petsc4py": petsc4py.__version__,
+                "numpy": np.__version__,
+                "python": platform.python_version(),
+            },
+        }
+        self.warnings = []
+        if folder and self.comm.rank == 0:
+            text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+            replace_file(folder / "summary.json", text)
+        return summary
+
+    def report(self, description: str, ending: str) -> None:
+        """Write report.html of all that this run wrote, on rank 0; ending: how it ended."""
+        if self.comm.rank != 0 or not self.begun:
+            return
+        from . import report
+
+        parts = {part: self.path / part for part in ("", *self.parts)}
+        runs = {part: (at / "summary.json", at.glob("*.png")) for part, at in parts.items()}
+        page = report.page(self.name, runs, description, ending, self.path / "log.txt")
+        replace_file(self.path / "report.html", page)
+
+    def close(self) -> None:
+        """Close the log and let other runs use the folder."""
+        if self._log:
+            log.removeHandler(self._log)
+            self._log.close()
+        if self._lock:
+            self._lock.close()
+        self._log = self._lock = None

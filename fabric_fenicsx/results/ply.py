@@ -1,0 +1,54 @@
+"""A formed ply as nodes and triangles, from the grid of a state."""
+
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+import pyvista
+
+Grid: TypeAlias = pyvista.UnstructuredGrid
+SAME = 1e-6  # mm within which places are the same
+
+
+class Ply(NamedTuple):
+    """x, u (n, 3) [mm]: undeformed places of nodes and displacements; triangles (m, 3),
+    anticlockwise on the flat ply; fields {name: (m,) or (m, 3)} on these; planes: axes to which a
+    plane of symmetry is perpendicular."""
+
+    x: np.ndarray
+    u: np.ndarray
+    triangles: np.ndarray
+    fields: dict
+    planes: list
+
+    @property
+    def formed(self) -> np.ndarray:
+        """Places of the nodes now, (n, 3) [mm]."""
+        return self.x + self.u
+
+    def at_nodes(self, values: np.ndarray) -> np.ndarray:
+        """Means (n,) of `values` (m,) over the cells that touch each node, by their areas on the
+        flat ply."""
+        touched, n = self.triangles.ravel(), len(self.x)
+        area = plan_area(self.x, self.triangles)
+        return np.bincount(touched, np.repeat(area * values, 3), n) / np.bincount(
+            touched, np.repeat(area, 3), n
+        )
+
+
+def plan_area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Areas (m,) in plan of `triangles`, negative where clockwise."""
+    p, q, r = x[triangles, :2].swapaxes(0, 1)
+    return np.linalg.det(np.stack([q - p, r - p], 1)) / 2
+
+
+def ply_of(grid: Grid) -> Ply:
+    """The ply in a grid, its nodes merged and its cells cut into triangles."""
+    grid = grid.triangulate().clean(tolerance=SAME)
+    triangles = grid.cells_dict[pyvista.CellType.TRIANGLE].astype(np.int64)
+    x = np.array(grid.points, dtype=float)
+    x[abs(x) < SAME] = 0  # a path on a plane of symmetry must not miss the ply by rounding
+    clockwise = plan_area(x, triangles) < 0
+    triangles[clockwise] = triangles[clockwise, ::-1]
+    fields = {name: np.asarray(values) for name, values in grid.cell_data.items()}
+    planes = [axis for axis in (0, 1) if x[:, axis].min() == 0]
+    return Ply(x, np.asarray(grid.point_data["u"], dtype=float), triangles, fields, planes)

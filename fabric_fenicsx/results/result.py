@@ -1,0 +1,68 @@
+"""What a run gives back: its summary, history and fields, to be asked and drawn."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..scene import Scene
+
+if TYPE_CHECKING:
+    import pyvista
+
+    from ..tools import Tool
+
+MAPS = "log_eps_11", "log_eps_22", "shear_angle"  # what one looks at first
+OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's scale
+
+
+@dataclass
+class Result:
+    """A run's `summary` (as in summary.json), `rows` of its history, cell `fields` (this rank's
+    cells) and `folder` (None if nothing was kept), with the `scene` in its last state."""
+
+    summary: dict[str, Any]
+    rows: list[dict[str, Any]]
+    fields: dict[str, np.ndarray]
+    folder: Path | None
+    scene: Scene
+    _grid: "pyvista.UnstructuredGrid | None" = field(default=None, repr=False)
+
+    @property
+    def grid(self) -> "pyvista.UnstructuredGrid":
+        """The last state of the whole sheet with its fields, on rank 0 only."""
+        if self._grid is None:
+            from .fields import read_last
+
+            assert self.folder
+            self._grid = read_last(self.folder)
+        return self._grid
+
+    def force(self, tool: "Tool") -> np.ndarray:
+        """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
+        return self.scene.tool_force(tool)
+
+    def forget_folder(self) -> None:
+        """Keep the grid, not the folder that it is in."""
+        if self.scene.comm.rank == 0:
+            self._grid = self.grid
+        self.folder = None
+
+    def plot(self, name: str, path: Path | str) -> None:
+        """Draw cell field `name` on the deformed sheet, to a PNG file, on rank 0."""
+        if self.scene.comm.rank == 0:
+            from . import pictures
+
+            pictures.maps(Path(path), {"": self.grid}, (name,), outliers=OUTLIERS)
+
+
+def draw_state(name: str, result: Result, folder: Path) -> None:
+    """maps.png and curve.png, what one looks at first."""
+    from . import pictures
+
+    rows = result.rows
+    maps = {name.replace("_", " "): result.grid}
+    pictures.maps(folder / "maps.png", maps, MAPS, outliers=OUTLIERS)
+    curve = [row["displacement_mm"] for row in rows], [row["reaction_N"] for row in rows]
+    pictures.curves(folder / "curve.png", {"": curve}, "displacement / mm", "reaction / N")

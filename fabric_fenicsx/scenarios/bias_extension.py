@@ -1,0 +1,276 @@
+"""Bias extension of a woven strip, its yarns at +-45 deg to the load (Fig. 9 of Schäfer et al.)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import InputError
+from ..job import Result
+from ..material import curves
+from ..material.curves import bias_normalised
+from ..mechanics.bending import Bending
+from ..meshes.specimen import PATTERNS, can_be_graded
+from ..results import measures
+from ..scene import Scene
+from ..supports import Supports, clamped_ends
+from ..verification.pin_jointed import PinJointedStrip
+from .numbers import FINITE, FRACTION, FROM_ZERO, POSITIVE, choice, number, text
+from .scenario import ELEMENTS, Scenario
+from .transition import transition_width
+
+ALONG = "crossed", "graded"  # patterns whose cells have edges at 45 deg
+GRADED = 0.2  # nominal strain up to which the mesh is graded by default
+
+
+@dataclass(kw_only=True)
+class BiasExtension(Scenario):
+    """A strip of `fabric` with its yarns across the load, gripped at its ends."""
+
+    NAME: ClassVar[str] = "bias_extension"
+
+    length: float = number(None, POSITIVE, "along the load (200, or the mesh's) [mm]")
+    width: float = number(None, POSITIVE, "(50, or the mesh's) [mm]")
+    strain: float = number(0.10, FRACTION, "nominal, of the length: 0.1 is 10 %")
+    fibre_angle: float = number(45.0, FINITE, "of yarns a from the length [deg]", "mesh")
+    pattern: str = choice(
+        None,
+        PATTERNS,
+        "how rectangles become cells (graded up to 20 % strain, else crossed)",
+        "mesh",
+    )
+    element: str = choice(
+        None, ELEMENTS, "P: triangles, Q: quadrilaterals (P2, or P1 with in-plane bending)", "mesh"
+    )
+    integration: str = choice(
+        None,
+        ("full", "reduced"),
+        "reduced: on P2 triangles the law at their centres (if cells don't follow the yarns)",
+        "mesh",
+    )
+    bending_modulus: float = number(100.0, FROM_ZERO, "E_b of both yarns [MPa]")
+    in_plane_bending: float = number(
+        0.0, FROM_ZERO, "stiffness of yarns in the ply, of that out of it; on P1"
+    )
+    measured: str | None = text(
+        None,
+        "test data with a normalised shear force F_sh, as `identify` reads them, to compare with",
+        "DIR",
+    )
+
+    def prepare(self) -> None:
+        """Make blank, membrane and the theory to compare with."""
+        self._choose()
+        self._measured = self._read_measured()
+        self.blank = self.sheet()
+        if self.integration is None:
+            at_45 = self.pattern in ALONG and self.fibre_angle == 45 and self.yarn_angle == 90
+            follow = self.mesh or self.pattern == "yarns" or at_45
+            self.integration = "full" if follow or self.element != "P2" else "reduced"
+        self.low, self.high = self.blank.extent()
+        length, width = self.high - self.low
+        if length < 2 * width * (1 - 1e-9):
+            raise InputError(
+                f"the strip is {length:.6g} mm long and {width:.6g} mm wide; allowed is a length "
+                "of 2 widths or more, for a zone of full shear"
+            )
+        self.stroke = self.strain * length
+        self.membrane = self.fabric_membrane()
+        self._compare_with_theory(length, width)
+        self.has_centre = measures.covers(self.blank, ((self.low + self.high) / 2)[:2])
+        if not self.has_centre:
+            self.warnings.append(
+                "the sheet has a hole at its centre, so there is no shear angle at the centre"
+            )
+
+    def _choose(self):
+        """Element and pattern, where they were not asked for."""
+        self.element = self.element or ("P1" if self.in_plane_bending else "P2")
+        if self.in_plane_bending and self.element != "P1":
+            raise InputError(
+                f"{self.spelled('in_plane_bending')} {self.in_plane_bending:g} is given with "
+                f"{self.spelled('element')} {self.element}; allowed is P1, for which bending is"
+            )
+        if self.pattern is None and not self.mesh:  # thin cells would fold in deep shear
+            graded = self.strain <= GRADED and can_be_graded(self.length, self.width)
+            straight = self.fibre_angle == 45 and self.yarn_angle == 90
+            self.pattern = "graded" if graded and straight else "crossed"
+
+    def _read_measured(self):
+        """The measured curve of shear forces, None if there is none."""
+        if not self.measured:
+            return None
+        found = [c for c in curves.read(self.measured)[1] if c.responses[0].column == "F_sh"]
+        if not found:
+            raise InputError(
+                f"{self.spelled('measured')} {self.measured} has no test with a column F_sh; "
+                "allowed is one with gamma and F_sh"
+            )
+        return found[0]
+
+    def _compare_with_theory(self, length, width):
+        """Set `strip`, of inextensible yarns, and `no_theory`: why it says nothing of this test."""
+        blank = self.blank
+        area = self.comm.allreduce(measures.areas(blank).sum())
+        a, self.rest = math.radians(self.fibre_angle), self.membrane.weave_angle
+        self.strip = PinJointedStrip(length, width, a, a + math.radians(self.yarn_angle))
+        whole = abs(area / (length * width) - 1) < 1e-6
+        self.no_theory = self.strip.locked if whole else "the sheet is not the whole rectangle"
+        at_45 = self.yarn_angle == 90 and self.fibre_angle % 90 == 45 and self.rest is None
+        self.at_45 = at_45 and not self.no_theory
+        if self._measured and not self.at_45:
+            raise InputError(
+                f"{self.spelled('measured')} {self.measured} has a normalised shear force, which "
+                "is known of a whole rectangle with yarns at +-45 deg; allowed is "
+                f"{self.spelled('fibre_angle')} 45 with neither {self.spelled('yarn_angle')} nor "
+                f"{self.spelled('weave_angle')} nor a hole in {self.spelled('mesh')}"
+            )
+
+    def terms(self) -> Sequence[Bending]:
+        """In-plane bending of yarns that the grips hold straight, if asked for."""
+        if not (self.in_plane_bending and self.bending_modulus):
+            return []
+        blank, near = self.blank, 1e-6 * (self.high - self.low)[0]
+        ends = [
+            lambda x, at=at: abs(blank.along(x)[0] - at) < near
+            for at in (self.low[0], self.high[0])
+        ]
+        return [Bending(modulus=self.bending_modulus, in_plane=self.in_plane_bending, clamped=ends)]
+
+    def supports(self) -> Supports:
+        """Grips at both ends."""
+        return clamped_ends(self.stroke)
+
+    def measure(self, scene: Scene, load: float) -> tuple[float, float]:
+        """Displacement [mm] and reaction [N] of the moving grip."""
+        return load * self.stroke, float(scene.reaction("moving grip")[0])
+
+    def shear_forces(self, rows: Sequence[dict[str, Any]]) -> tuple[np.ndarray, np.ndarray]:
+        """Magnitude of theory's shear angle [rad] and normalised shear force [N/mm] at the rows of
+        a history, as an experiment derives them."""
+        strokes = [row["displacement_mm"] for row in rows]
+        gamma = np.array([abs(self.strip.shear_angle(s, self.rest)) for s in strokes])
+        reach = np.isfinite(gamma)
+        reaction = np.array([row["reaction_N"] for row in rows])[reach]
+        strip = self.strip
+        return gamma[reach], bias_normalised(gamma[reach], reaction, strip.length, strip.width)
+
+    def against_measured(
+        self, rows: Sequence[dict[str, Any]]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Measured shear angles [rad], forces and predicted forces [N/mm] there, within the
+        simulated range."""
+        gamma, force = self.shear_forces(rows)
+        angles = self._measured.strains[:, 2]
+        there = angles <= gamma.max() + 1e-9
+        measured = self._measured.responses[0].values[there]
+        return angles[there], measured, np.interp(angles[there], gamma, force)
+
+    def quantities(self, result: Result) -> dict[str, Any]:
+        """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
+        blank, comm, fields, rows = self.blank, self.comm, result.fields, result.rows
+        area, signed = measures.areas(blank), fields["shear_angle"]
+        gamma, degrees = np.abs(signed), np.degrees(signed)
+        stroke = rows[-1]["displacement_mm"]
+        theory = math.nan
+        if not self.no_theory:
+            theory = abs(float(self.strip.shear_angle(stroke, self.rest)))
+        found = {} if self.no_theory else self._by_zones(gamma, signed)
+        if self.at_45 and math.isfinite(theory) and theory > 0:
+            force = float(self.shear_forces(rows[-1:])[1][0])
+            found["normalised_shear_force_N_per_mm"] = force
+        if self._measured:
+            _, mine, predicted = self.against_measured(rows)
+            found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
+            relative = float(np.sqrt(np.mean((predicted / mine - 1) ** 2)))
+            found["measured_rms_relative"] = relative
+        middle = ((self.low + self.high) / 2)[:2]
+        centre = measures.near(comm, blank.midpoints(), middle, (self.high - self.low)[1] / 8)
+        at_centre = measures.mean(comm, gamma, 1.0 * centre)
+        found |= {
+            "centre_shear_angle_deg": _degrees(at_centre if self.has_centre else None),
+            "theory_shear_angle_deg": math.degrees(theory) if math.isfinite(theory) else None,
+        }
+        if not math.isfinite(theory):
+            apart = "the clamps are further apart than inextensible yarns let them"
+            found["no_theory_because"] = self.no_theory or apart
+        return found | {
+            "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
+            "eps_a_98_percent": measures.bulk(comm, fields["eps_a"], area),
+            "eps_b_98_percent": measures.bulk(comm, fields["eps_b"], area),
+            "log_eps_11": measures.extremes(comm, fields["log_eps_11"]),
+            "log_eps_22": measures.extremes(comm, fields["log_eps_22"]),
+            "shear_angle_deg": measures.extremes(comm, degrees),
+            "shear_angle_max_deg": math.degrees(measures.extremes(comm, gamma)[1]),
+            "eps_a": measures.extremes(comm, fields["eps_a"]),
+            "eps_b": measures.extremes(comm, fields["eps_b"]),
+        }
+
+    def _by_zones(self, gamma, signed):
+        """Mean shear angle of each zone of the theory [deg], and the width of their borders."""
+        (x, y), width = self.blank.midpoints() - self.low[:, None], (self.high - self.low)[1]
+        (a, b), distance = self.strip.held(x, y)
+        zones = {"free": ~a & ~b, "half": a != b, "clamped": a & b}
+        if self.fibre_angle % 90 != 45 or self.yarn_angle != 90:
+            del zones["half"]  # the two yarns turn by different angles
+            zones |= {"only_a_held": a & ~b, "only_b_held": b & ~a}
+        found: dict[str, Any] = {}
+        for name, zone in zones.items():
+            inside = zone & (distance > width / 10)
+            mean = measures.mean(self.comm, gamma, 1.0 * inside)
+            if mean is not None:
+                found[f"{name}_zone_shear_angle_deg"] = math.degrees(mean)
+        found["transition_width_mm"] = transition_width(self.comm, self.strip, x, y, signed)
+        return found
+
+    def along_the_axis(self, result: Result) -> np.ndarray | None:
+        """Position [mm] and magnitude of the shear angle [deg] of the cells along the strip's axis,
+        (n, 2) on rank 0."""
+        width = (self.high - self.low)[1]
+        x, y = self.blank.midpoints() - self.low[:, None]
+        near = np.abs(y - width / 2) <= width / 20
+        gamma = np.degrees(np.abs(result.fields["shear_angle"]))
+        parts = self.comm.gather(np.column_stack([x, y, gamma])[near])
+        if parts is None:
+            return None
+        profile = np.concatenate(parts)
+        return profile[np.lexsort(np.round(profile[:, 1::-1].T, 6))][:, ::2]
+
+    def tables(self, result: Result, folder: Path) -> None:
+        """axis.csv: the shear angle along the axis."""
+        profile = self.along_the_axis(result)
+        if profile is not None:
+            header = "position_mm,shear_angle_deg"
+            file = folder / "axis.csv"
+            np.savetxt(file, profile, fmt="%.9g", delimiter=",", header=header, comments="")
+
+    def pictures(self, result: Result, folder: Path) -> None:
+        """axis.png, beside theory, and measured.png, on rank 0."""
+        from ..results import pictures
+
+        profile = np.loadtxt(folder / "axis.csv", delimiter=",", skiprows=1, ndmin=2)
+        series = {"simulated": (*profile.T, ".")}
+        if not self.no_theory:
+            length, width = self.high - self.low
+            x, stroke = np.linspace(0, length, 2001), result.rows[-1]["displacement_mm"]
+            theory = self.strip.shear_angles(x, np.full_like(x, width / 2), stroke, self.rest)
+            if np.isfinite(theory).any():
+                series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
+        labels = "position along the axis / mm", "magnitude of the shear angle / deg"
+        pictures.curves(folder / "axis.png", series, *labels)
+        if self._measured:
+            gamma, force = self.shear_forces(result.rows)
+            angles, mine, _ = self.against_measured(result.rows)
+            series = {
+                "measured": (np.degrees(angles), mine, "s"),
+                "simulated": (np.degrees(gamma), force, "-"),
+            }
+            labels = "shear angle from the crosshead / deg", "normalised shear force / (N/mm)"
+            pictures.curves(folder / "measured.png", series, *labels)
+
+
+def _degrees(angle):
+    return None if angle is None else math.degrees(angle)

@@ -1,0 +1,220 @@
+"""What all scenarios share: a rectangular sheet, or an own mesh, of one fabric."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from mpi4py import MPI
+
+from .. import dolfinx_compat as compat
+from .. import timing
+from ..errors import InputError
+from ..job import Job, Result
+from ..material.laws import Law
+from ..material.presets import load
+from ..mechanics import mesh_warnings
+from ..mechanics.membrane import INTEGRATION, Membrane
+from ..mechanics.term import Term
+from ..meshes.specimen import PATTERNS
+from ..scene import Scene
+from ..sheets.blank import Blank, layout
+from ..supports import Supports
+from .numbers import BETWEEN_YARNS, COUNT, FINITE, choice, number, text
+
+ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
+FITS = 1e-3  # of a length, by which an own mesh may differ from what is asked for
+
+
+@dataclass(kw_only=True)
+class Scenario:
+    """A sheet of `fabric` in some test; a subclass says which.
+
+    Lengths in mm, angles in deg. After construction `blank`, `membrane` and `scene` are there, and
+    fields that were None have their values. Raises InputError for a field that is not allowed.
+    """
+
+    NAME: ClassVar[str] = ""
+    # of mesh and steps; with P2 and path_tolerance 1e-4 the cheapest with curves right to 0.1 %
+    FULL: ClassVar[Mapping[str, int]] = {"nx": 32, "steps": 20}
+    QUICK: ClassVar[Mapping[str, int]] = {"nx": 20, "steps": 5}
+    SOLVER: ClassVar[Mapping[str, Any]] = {}  # what its `Job` has by default
+    SIZES: ClassVar[tuple[str, str]] = ("length", "width")  # fields of the sheet's sides
+    DEFAULT_SIZES: ClassVar[tuple[float, float]] = (200.0, 50.0)  # without a mesh of its own
+    SPATIAL: ClassVar[bool] = False
+
+    fabric: Law = field(kw_only=False, default_factory=lambda: load("komeili"))
+    mesh: str | None = text(
+        None,
+        "own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed",
+        "FILE",
+        "mesh",
+    )
+    nx: int = number(None, COUNT, "rectangles along the length", "mesh")
+    ny: int = number(None, COUNT, "rectangles across the width (as makes them square)", "mesh")
+    pattern: str = choice("crossed", PATTERNS, "how rectangles become cells", "mesh")
+    element: str = choice("P2", ELEMENTS, "P: triangles, Q: quadrilaterals", "mesh")
+    integration: str = choice(
+        "full",
+        INTEGRATION,
+        "reduced: on P2 triangles the law at their centres, for cells that don't follow the yarns",
+        "mesh",
+    )
+    fibre_angle: float = number(0.0, FINITE, "of yarns a from the length [deg]", "mesh")
+    yarn_angle: float = number(
+        90.0, BETWEEN_YARNS, "from yarns a to yarns b as the ply lies [deg]", "weave"
+    )
+    weave_angle: float | None = number(
+        None,
+        BETWEEN_YARNS,
+        "between the yarns of the weave without shear (that in which the ply lies) [deg]",
+        "weave",
+    )
+    comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_WORLD, repr=False)
+    spelled: Callable[[str], str] = field(default=str, repr=False)  # how errors spell a field
+    warnings: list[str] = field(init=False, default_factory=list, repr=False)
+
+    def __post_init__(self) -> None:
+        for each in dataclasses.fields(self):
+            value, meta = getattr(self, each.name), each.metadata
+            if "rule" in meta and value is not None:
+                value = meta["rule"].check(self.spelled(each.name), value)
+                setattr(self, each.name, value)
+            if value not in meta.get("choices", (value,)) and value is not None:
+                allowed = ", ".join(meta["choices"])
+                name = self.spelled(each.name)
+                raise InputError(f"{name} is {value!r}; allowed is one of {allowed}")
+        # fields of the mesh that an own one makes idle, if they were asked for
+        idle = {"nx": None, "ny": None, "pattern": type(self).pattern}
+        self._given = [k for k, usual in idle.items() if getattr(self, k) not in (None, usual)]
+        if not self.mesh:
+            self.nx = self.nx or self.FULL["nx"]
+            for name, size in zip(self.SIZES, self.DEFAULT_SIZES):
+                setattr(self, name, getattr(self, name) or size)
+        self.prepare()
+        self.scene = Scene(self.blank, [self.membrane, *self.terms()], self.supports())
+
+    # -- what a subclass says
+
+    def prepare(self) -> None:
+        """Make `blank` and `membrane`, and check what belongs together."""
+        self.blank = self.sheet()
+        self.membrane = self.fabric_membrane()
+
+    def terms(self) -> Iterable[Term]:
+        """The terms of the scene besides the membrane."""
+        return []
+
+    def supports(self) -> Supports:
+        """The supports of the scene."""
+        raise NotImplementedError
+
+    def measure(self, scene: Scene, load: float) -> tuple[float, float]:
+        """Displacement [mm] and force [N] for the history, at a load factor."""
+        raise NotImplementedError
+
+    def quantities(self, result: Result) -> dict[str, Any]:
+        """The scenario's own numbers for the summary; their names end with their units."""
+        return {}
+
+    def tables(self, result: Result, folder: Path) -> None:
+        """Write the scenario's own tables into `folder`; called on all ranks."""
+
+    def pictures(self, result: Result, folder: Path) -> None:
+        """Draw the scenario's own pictures into `folder`; called on rank 0."""
+
+    # -- what a caller asks for
+
+    def job(self, **changes: Any) -> Job:
+        """The `Job` of this scenario with its defaults, `changes` in its fields."""
+        settings = {"steps": self.FULL["steps"]} | dict(self.SOLVER) | changes
+        return Job(
+            self.scene,
+            name=self.NAME,
+            measure=self.measure,
+            quantities=self.quantities,
+            tables=self.tables,
+            pictures=self.pictures,
+            warnings=self.warnings,
+            **settings,
+        )
+
+    # -- what subclasses use
+
+    def sheet(self, turned: float = 0.0, share: float = 1.0, centred: bool = False) -> Blank:
+        """Blank of the fields; turned: angle from x to the length [rad], share: of length and
+        width that is modelled; centred: about the origin, which otherwise is a corner."""
+        sides = [getattr(self, name) for name in self.SIZES]
+        length, width = (share * (size or 0.0) for size in sides)
+        source = f"{self.spelled('mesh')} {self.mesh}" if self.mesh else "the specimen"
+        yarns: dict[str, Any] = {
+            "element": self.element,
+            "fibre_angle": self.fibre_angle,
+            "yarn_angle": self.yarn_angle,
+        }
+        with timing.phase("setup"):
+            if self.mesh:
+                options = layout(**yarns, turned=turned)
+                blank = Blank.read(self.mesh, spatial=self.SPATIAL, comm=self.comm, **options)
+            else:
+                blank = Blank.rectangle(
+                    length,
+                    width,
+                    nx=self.nx,
+                    ny=self.ny,
+                    pattern=self.pattern,
+                    turned=turned,
+                    spatial=self.SPATIAL,
+                    centred=centred,
+                    comm=self.comm,
+                    **yarns,
+                )
+        if blank.mesh.geometry.dim == 3 and not self.SPATIAL:
+            raise InputError(
+                f"{source} is not plane in z; allowed in this study is a sheet in a plane z = const"
+            )
+        if (compat.cell_name(blank.mesh) == "triangle") != (self.element[0] == "P"):
+            raise InputError(
+                f"{self.spelled('element')} {self.element} does not fit the cells of {source}; "
+                "allowed is P on triangles, Q on quadrilaterals"
+            )
+        self.warnings += blank.warnings
+        self.warnings += filter(
+            None, [mesh_warnings.size_warning(blank, self.fabric.thickness, source)]
+        )
+        if self.mesh:
+            self._take_sizes(blank, share)
+        return blank
+
+    def fabric_membrane(self) -> Membrane:
+        """Membrane of the blank and the fabric."""
+        weave = None if self.weave_angle is None else math.radians(self.weave_angle)
+        return Membrane(self.fabric, integration=self.integration, weave_angle=weave)
+
+    def _take_sizes(self, blank, share):
+        """Make the own mesh's length and width the scenario's."""
+        low, high = blank.extent()
+        # rounded, to be the same on any number of ranks
+        own = [float(f"{size / share:.9g}") for size in high - low]
+        where = f"{self.spelled('mesh')} {self.mesh}"
+        if self.SIZES[0] == self.SIZES[1] and abs(own[0] - own[1]) > FITS * own[0]:
+            raise InputError(
+                f"{where} is {own[0]:g} x {own[1]:g} mm; allowed in this study is a square"
+            )
+        for name, size in zip(self.SIZES, own):
+            asked = getattr(self, name)
+            if asked is not None and abs(asked - size) > FITS * size:
+                raise InputError(
+                    f"{self.spelled(name)} {asked:g} does not fit {where}, of {size:g} mm; allowed "
+                    "is its own, or none"
+                )
+            setattr(self, name, size)
+        ignored = [self.spelled(name) for name in ("nx", "ny", "pattern") if name in self._given]
+        if ignored:
+            self.warnings.append(
+                f"{', '.join(ignored)} changes nothing, as {where} has its own cells"
+            )
+        for name in ("nx", "ny", "pattern"):
+            setattr(self, name, None)

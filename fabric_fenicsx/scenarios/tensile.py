@@ -1,0 +1,97 @@
+"""Uniaxial tension of a woven strip along its yarns (Figs 8 and 10 of Schäfer et al.)."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..job import Result
+from ..results import measures
+from ..scene import Scene
+from ..supports import Supports, clamped_ends, rolling_ends
+from .numbers import FINITE, FRACTION, POSITIVE, choice, number
+from .scenario import Scenario
+
+
+@dataclass(kw_only=True)
+class Tensile(Scenario):
+    """A strip of `fabric` gripped at its ends and pulled to `strain`."""
+
+    NAME = "tensile"
+
+    length: float = number(None, POSITIVE, "along the load (200, or the mesh's) [mm]")
+    width: float = number(None, POSITIVE, "(50, or the mesh's) [mm]")
+    strain: float = number(0.03, FRACTION, "nominal, of the length: 0.1 is 10 %")
+    grips: str = choice("clamped", ("clamped", "rollers"), "rollers: a homogeneous state")
+    turned: float = number(0.0, FINITE, "angle of the whole test in the plane [deg]")
+
+    def prepare(self) -> None:
+        """Make blank and membrane."""
+        self.blank = self.sheet(math.radians(self.turned))
+        self.membrane = self.fabric_membrane()
+        self.low, self.high = self.blank.extent()
+        self.stroke = self.strain * (self.high - self.low)[0]
+        self.has_middle = measures.covers(self.blank, ((self.low + self.high) / 2)[:2])
+        if not self.has_middle:
+            self.warnings.append(
+                "the sheet has a hole at its centre, so there are no strains at the middle"
+            )
+
+    def supports(self) -> Supports:
+        """Grips at both ends."""
+        ends = clamped_ends if self.grips == "clamped" else rolling_ends
+        return ends(self.stroke)
+
+    def measure(self, scene: Scene, load: float) -> tuple[float, float]:
+        """Displacement [mm] and reaction [N] of the moving grip."""
+        return load * self.stroke, float(scene.reaction("moving grip")[0])
+
+    def quantities(self, result: Result) -> dict[str, Any]:
+        """Strains at the middle, of 98 % of the area and extreme, and the width at the middle."""
+        fields, blank, comm = result.fields, self.blank, self.comm
+        area, degrees = measures.areas(blank), np.degrees(fields["shear_angle"])
+        width, middle = (self.high - self.low)[1], ((self.low + self.high) / 2)[:2]
+        near = measures.near(comm, blank.midpoints(), middle, width / 8)
+        strains = {name: fields[name] for name in ("log_eps_11", "log_eps_22")}
+        reaction = result.rows[-1]["reaction_N"]
+        at_middle = measures.mean(comm, fields["log_eps_22"], near * area)
+        extremes = {k: measures.extremes(comm, e) for k, e in strains.items()}
+        return {
+            "log_eps_22_middle": at_middle if self.has_middle else None,
+            **extremes,
+            **{f"{k}_98_percent": measures.bulk(comm, e, area) for k, e in strains.items()},
+            "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
+            "nominal_stress_MPa": reaction / (width * self.fabric.thickness),
+            "log_eps_11_max": extremes["log_eps_11"][1],
+            "log_eps_22_min": extremes["log_eps_22"][0],
+            "eps_a": measures.extremes(comm, fields["eps_a"]),
+            "eps_b": measures.extremes(comm, fields["eps_b"]),
+            "shear_angle_deg": measures.extremes(comm, degrees),
+            "shear_angle_max_deg": math.degrees(
+                max(map(abs, measures.extremes(comm, fields["shear_angle"])))
+            ),
+            "width_at_middle_mm": self._width_at_middle(),
+        }
+
+    def _width_at_middle(self):
+        """Width of the deformed strip at its middle, of the nodes within 2 % of its length."""
+        blank, low, high = self.blank, self.low, self.high
+        x, u = blank.along(blank.coordinates().T), blank.u.x.array.reshape(-1, len(low)).T
+        distance = np.abs(x[0] - (low + high)[0] / 2)
+        nearest = measures.extremes(self.comm, distance)[0]
+        there = distance <= nearest + 0.02 * (high - low)[0]
+        edges = measures.extremes(self.comm, (x + u)[1][there])
+        return edges[1] - edges[0]
+
+
+def strains_across(quantities: Mapping[str, Any]) -> str:
+    """Words for log eps22 at the middle, which finer meshes keep, and of the cell with the least,
+    which they need not."""
+    middle, least = quantities["log_eps_22_middle"], quantities["log_eps_22_min"]
+    at = "no cell at the middle"
+    if middle is not None:
+        at = f"log eps22 at the middle {round(100 * middle, 2) + 0.0:.2f} %"
+    least = round(100 * least, 2) + 0.0
+    return f"{at} (least of a cell {least:.2f} %, which a finer mesh may lower)"

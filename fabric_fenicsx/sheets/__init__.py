@@ -1,0 +1,1 @@
+"""The sheet: its mesh, its yarn directions, and what its mesh must be."""

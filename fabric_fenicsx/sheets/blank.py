@@ -1,0 +1,338 @@
+"""The sheet: its mesh, yarn directions and displacement."""
+
+import math
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import Mesh
+from mpi4py import MPI
+from numpy.typing import ArrayLike
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from .. import dolfinx_compat as compat
+from ..errors import InputError
+from .cells import CELLS
+from .fibres import Direction, fibre_fields
+from .mesh_checks import MeshArrays, checked_mesh
+
+
+class Blank:
+    """A woven sheet: mesh, fibre fields `a0`, `b0` and the unknown `u`. `straight` has the two
+    directions if each is one all over, `orthogonal` tells whether they are so in every point.
+
+    mesh: DOLFINx mesh of triangles or quadrilaterals in R^2 or R^3 [mm]. a, b, up: see
+    `fibre_fields`. degree: of the displacement, 1 or 2, on triangles also 3. frame: (gdim, gdim)
+    orthonormal rows; `u` holds the displacement's components along them, so that supports may act
+    along axes which are turned in space (default: x, y, z). name: what errors call it; warnings:
+    what may be wrong with its mesh, in words. Raises InputError for a frame of another kind, and as
+    `fibre_fields` does.
+    """
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        a: Direction = 0.0,
+        b: Direction | None = None,
+        *,
+        degree: int = 1,
+        frame: ArrayLike | None = None,
+        up: ArrayLike = (0.0, 0.0, 1.0),
+        name: str = "blank",
+    ) -> None:
+        gdim = mesh.geometry.dim
+        self.mesh, self.name = mesh, name
+        self.warnings: list[str] = []
+        self.a0, self.b0 = fibre_fields(mesh, a, b, up)
+        self.straight = _common(self.a0, self.b0)
+        self.orthogonal = b is None and (self.straight is not None or compat.is_affine(mesh))
+        self.V = compat.vector_space(mesh, "Lagrange", degree, gdim)
+        self.u = fem.Function(self.V, name="u")
+        self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
+        if self.frame.shape != (gdim, gdim) or not np.allclose(
+            self.frame @ self.frame.T, np.eye(gdim), atol=1e-12
+        ):
+            raise InputError(
+                f"frame of the blank is {self.frame.tolist()}; allowed are {gdim} orthonormal rows"
+            )
+        self._turned = not np.array_equal(self.frame, np.eye(gdim))
+
+    @property
+    def displacement(self) -> Expr:
+        """Displacement along x, y, z, a UFL vector (gdim,) in `u` [mm]."""
+        return self.in_space(self.u)
+
+    def in_space(self, u: Expr) -> Expr:
+        """Components along x, y, z of a UFL vector with components along the frame's axes."""
+        return ufl.dot(ufl.as_matrix(self.frame.T.tolist()), u) if self._turned else u
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree of the displacement."""
+        return compat.degree(self.V)
+
+    def coordinates(self) -> np.ndarray:
+        """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm]."""
+        return self.V.tabulate_dof_coordinates()
+
+    def nodal_displacement(self) -> np.ndarray:
+        """Displacement along x, y, z at the local nodes, (nodes, gdim) [mm]."""
+        values = self.u.x.array.reshape(-1, self.mesh.geometry.dim)
+        return values @ self.frame if self._turned else values
+
+    def along(self, points: np.ndarray) -> np.ndarray:
+        """Coordinates along the frame's axes (gdim, n) of points (3, n) [mm]."""
+        return self.frame @ points[: len(self.frame)]
+
+    def extent(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest undeformed coordinates along the frame's axes, two arrays (gdim,)
+        [mm]."""
+        return _bounds(self.mesh.comm, self.along(self.mesh.geometry.x.T))
+
+    def midpoints(self) -> np.ndarray:
+        """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
+        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
+        return self.along(self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)[:owned]].mean(1).T)
+
+    def corners(self) -> np.ndarray:
+        """Undeformed corners of the owned cells along the frame's axes, in order around each,
+        (cells, 3 or 4, gdim) [mm]."""
+        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
+        around = [0, 1, 2] if compat.cell_name(self.mesh) == "triangle" else [0, 1, 3, 2]
+        x = self.mesh.geometry.x[nodes[:, around]]
+        along = self.along(x.reshape(-1, 3).T)  # of no cell on some ranks
+        return np.moveaxis(along.reshape(len(along), *x.shape[:2]), 0, -1)
+
+    def areas(self) -> np.ndarray:
+        """Undeformed areas of the owned cells, of those with curved edges between their corners,
+        (cells,) [mm2]."""
+        x = self.corners()
+        arms = x[:, 1:] - x[:, :1]
+        first, second = arms[:, :-1], arms[:, 1:]
+        squares = (first**2).sum(2) * (second**2).sum(2) - (first * second).sum(2) ** 2
+        return np.sqrt(np.maximum(squares, 0)).sum(1) / 2
+
+    def summed(self, values: np.ndarray) -> np.ndarray:
+        """Sums at the local nodes of `u`, (nodes, k) with k up to gdim, over the cells around each,
+        of all ranks, of `values` (owned cells, nodes of a cell, k)."""
+        gdim, k = self.mesh.geometry.dim, values.shape[2]
+        total = compat.petsc_vector(self.u).duplicate()
+        with total.localForm() as local:
+            local.set(0.0)
+            nodes = compat.dofmap(self.V)[: len(values)]
+            np.add.at(local.array.reshape(-1, gdim)[:, :k], nodes.ravel(), values.reshape(-1, k))
+        total.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        total.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+        with total.localForm() as local:
+            return local.array.reshape(-1, gdim)[:, :k].copy()
+
+    def with_ghosts(self, values: np.ndarray) -> np.ndarray:
+        """`values` (owned nodes,) or (owned nodes, k) of `u` at all local nodes, ghosts too."""
+        gdim, vector, parts = self.mesh.geometry.dim, compat.petsc_vector(self.u).duplicate(), []
+        columns = values if values.ndim == 2 else values[:, None]
+        for start in range(0, columns.shape[1], gdim):
+            part = columns[:, start : start + gdim]
+            vector.array.reshape(-1, gdim)[:, : part.shape[1]] = part
+            vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
+            with vector.localForm() as local:
+                parts.append(local.array.reshape(-1, gdim)[:, : part.shape[1]].copy())
+        found = np.hstack(parts)
+        return found if values.ndim == 2 else found[:, 0]
+
+    @classmethod
+    def from_arrays(
+        cls,
+        comm: MPI.Comm,
+        points: ArrayLike | None,
+        cells: ArrayLike | None,
+        kind: str | None,
+        source: str = "the mesh",
+        spatial: bool = False,
+        **options: Any,
+    ) -> Self:
+        """Blank from `points` (n, 2 or 3) [mm] and `cells` (m, k) in gmsh's order, read on rank 0
+        (None elsewhere).
+
+        kind: meshio's name of the cells: "triangle", "triangle6", "quad", "quad9". A sheet in a
+        plane z = const is meshed in R^2, so its displacement has two components, unless it is
+        `spatial`, free to leave its plane; any other is a manifold mesh in R^3. source: what errors
+        call the mesh; options: those of `Blank`. Raises InputError, on all ranks, for a mesh that
+        is no sheet, see `mesh_checks.checked_mesh`; what may be wrong with one that is used all the
+        same stands in `warnings`.
+        """
+        x, nodes, kind, warnings = _on_root(
+            comm,
+            lambda: checked_mesh(
+                np.asarray(points, float), np.asarray(cells), kind, source, spatial
+            ),
+        )
+        how = CELLS[kind]
+        nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
+        blank = cls(compat.create_mesh(comm, nodes, x, how.cell, how.degree), **options)
+        blank.warnings = warnings
+        return blank
+
+    @classmethod
+    def rectangle(
+        cls,
+        length: float,
+        width: float,
+        *,
+        nx: int = 32,
+        ny: int | None = None,
+        pattern: str = "crossed",
+        element: str | None = None,
+        fibre_angle: float = 0.0,
+        yarn_angle: float = 90.0,
+        turned: float = 0.0,
+        spatial: bool = False,
+        centred: bool = False,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+    ) -> Self:
+        """Rectangle of `length` x `width` [mm] in the plane z = 0, meshed from nx x ny rectangles.
+
+        - ny: by default the number that makes the rectangles square
+        - pattern: how they become cells, one of `meshes.specimen.PATTERNS`
+        - element: P1, P2, P3, Q1 or Q2; by default P2, if `spatial` P1
+        - fibre_angle: from the length to yarns a; yarn_angle: from yarns a to yarns b [deg]
+        - turned: from x to the length [rad]; the blank's frame is then its length and width
+        - spatial: free to leave its plane
+        - centred: the origin is the centre; otherwise it is a corner
+
+        Raises InputError as `specimen` does.
+        """
+        from ..meshes.specimen import specimen
+
+        element = element or ("P1" if spatial else "P2")
+        options = layout(element, fibre_angle, yarn_angle, turned)
+        points = cells = kind = None
+        if comm.rank == 0:
+            ny = ny or max(1, round(nx * width / length))
+            cell = "triangle" if element[0] == "P" else "quadrilateral"
+            points, cells, kind = specimen(
+                length, width, nx, ny, pattern, cell, math.radians(fibre_angle)
+            )
+            points[:, :2] -= np.array([length, width]) / 2 if centred else 0.0
+            points[:, :2] = points[:, :2] @ axes_of(turned)
+        return cls.from_arrays(comm, points, cells, kind, "the specimen", spatial, **options)
+
+    @classmethod
+    def read(
+        cls,
+        path: Path | str,
+        *,
+        spatial: bool = False,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+        **options: Any,
+    ) -> Self:
+        """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...),
+        in mm; the rest, and what is raised, as in `from_arrays`; InputError also for a file that
+        cannot be read or has solid or mixed cells."""
+        points, cells, kind, _ = _on_root(comm, lambda: MeshArrays(*_read(Path(path)), []))
+        return cls.from_arrays(
+            comm, points, cells, kind, source=str(path), spatial=spatial, **options
+        )
+
+
+def axes_of(turned: float) -> np.ndarray:
+    """Directions of length and width of a sheet `turned` from x [rad], as rows (2, 2)."""
+    return np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
+
+
+def layout(
+    element: str, fibre_angle: float, yarn_angle: float = 90.0, turned: float = 0.0
+) -> dict[str, Any]:
+    """Options of a `Blank` for an element's name, angles of its yarns [deg] and a sheet `turned` in
+    its plane [rad]."""
+    a = math.radians(fibre_angle) + turned
+    options: dict[str, Any] = {"a": a, "degree": int(element[1])}
+    if turned:
+        options["frame"] = axes_of(turned)
+    if yarn_angle != 90:
+        options["b"] = a + math.radians(yarn_angle)
+    return options
+
+
+def _common(*fields: fem.Function) -> list[list[float]] | None:
+    """The vectors that the fields have in all cells of all ranks, None if one differs."""
+    mesh = fields[0].function_space.mesh
+    values = np.vstack([field.x.array.reshape(-1, mesh.geometry.dim).T for field in fields])
+    low, high = _bounds(mesh.comm, values)
+    return high.reshape(len(fields), -1).tolist() if (high - low).max() <= 1e-15 else None
+
+
+def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest of `values` (k, n) over n on all ranks, two arrays (k,)."""
+    low, high = values.min(1, initial=np.inf), values.max(1, initial=-np.inf)
+    lows, highs = np.empty_like(low), np.empty_like(high)
+    comm.Allreduce(low, lows, MPI.MIN)
+    comm.Allreduce(high, highs, MPI.MAX)
+    return lows, highs
+
+
+def _on_root(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> MeshArrays:
+    """Mesh arrays made on rank 0; an InputError there is raised on every rank; other ranks get
+    empty parts."""
+    part: MeshArrays | None = None
+    error = None
+    if comm.rank == 0:
+        try:
+            part = make()
+        except InputError as e:
+            error = str(e)
+    known = part and (part.points.shape[1], part.cells.shape[1], part.kind, part.warnings)
+    error, known = comm.bcast((error, known))
+    if error:
+        raise InputError(error)
+    if part:
+        return part
+    gdim, nodes, kind, warnings = known
+    return MeshArrays(np.empty((0, gdim)), np.empty((0, nodes), dtype=np.int64), kind, warnings)
+
+
+def _read(path: Path) -> tuple[np.ndarray, np.ndarray, str]:
+    import meshio  # as long to import as a coarse solve takes, and only own meshes need it
+
+    if not path.is_file():
+        raise InputError(
+            f"mesh file {path} does not exist or is not a file; allowed is any mesh that gmsh or "
+            "meshio writes"
+        )
+    try:
+        with redirect_stdout(None):  # its reader of .msh prints an empty line
+            mesh = meshio.read(path)
+    # meshio's readers raise whatever their parsing stumbles on, or exit
+    except (Exception, SystemExit) as e:
+        reason = " ".join(str(e).split()) or type(e).__name__
+        raise InputError(
+            f"mesh file {path} cannot be read ({reason}); allowed is any mesh that gmsh or meshio "
+            "writes"
+        ) from None
+    solid = sorted({block.type for block in mesh.cells if block.dim == 3})
+    if solid:
+        raise InputError(
+            f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of "
+            f"{sorted(CELLS)}"
+        )
+    surface: dict[str, list[np.ndarray]] = {
+        block.type: []
+        for block in mesh.cells
+        if block.type in CELLS or block.type in ("quad8", "polygon")
+    }
+    for block in mesh.cells:
+        if block.type in surface:
+            surface[block.type].append(block.data)
+    if len(surface) > 1 or set(surface) - set(CELLS):
+        raise InputError(
+            f"mesh file {path} holds cells {sorted(surface)}; allowed is one kind out of "
+            f"{sorted(CELLS)}"
+        )
+    if not surface:
+        raise InputError(f"mesh file {path} holds no surface cells; allowed are {sorted(CELLS)}")
+    ((kind, blocks),) = surface.items()
+    return mesh.points, np.concatenate(blocks), kind

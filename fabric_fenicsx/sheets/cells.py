@@ -1,0 +1,151 @@
+"""Kinds of cells, and whether cells have a shape that can be computed with: area everywhere."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+
+
+class CellKind(NamedTuple):
+    """A kind of cell: what DOLFINx calls it, its geometric degree, places (k, 2) of its nodes in
+    the reference cell, in gmsh's order with the corners first, and the straight cells, by nodes,
+    that it is cut into to look for neighbours."""
+
+    cell: str
+    degree: int
+    nodes: np.ndarray
+    parts: Sequence[Sequence[int]]
+
+    @property
+    def corners(self) -> int:
+        """How many corners it has."""
+        return 3 if self.cell == "triangle" else 4
+
+
+_TRIANGLE = [(0, 0), (1, 0), (0, 1), (0.5, 0), (0.5, 0.5), (0, 0.5)]
+_QUAD = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0), (1, 0.5), (0.5, 1), (0, 0.5), (0.5, 0.5)]
+CELLS = {
+    "triangle": CellKind("triangle", 1, np.array(_TRIANGLE[:3], float), [(0, 1, 2)]),
+    "triangle6": CellKind(
+        "triangle", 2, np.array(_TRIANGLE), [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)]
+    ),
+    "quad": CellKind("quadrilateral", 1, np.array(_QUAD[:4], float), [(0, 1, 2, 3)]),
+    "quad9": CellKind(
+        "quadrilateral",
+        2,
+        np.array(_QUAD),
+        [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
+    ),
+}
+FLAT = 1e-16  # of the squared longest edge, up to which a cell has no area
+FINE = 40  # places along an edge at which a cell is looked at that may be turned over inside
+
+
+def at_place(place: np.ndarray) -> str:
+    """Words for a place (2 or 3,) [mm]."""
+    return f"at {np.round(place, 6).tolist()} mm"
+
+
+def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str, plane: bool) -> None:
+    """Raise InputError for a cell that is flat, not convex or turned over somewhere.
+
+    x: points (n, 3) [mm]; cells: (m, k), of kind `how`; source: what errors call the mesh; plane:
+    whether all cells must turn the same way round about z.
+    """
+    corners = x[cells[:, : how.corners]]
+    edges = np.roll(corners, -1, 1) - corners
+    # twice the area of the triangle at each corner
+    normals = np.cross(edges, -np.roll(edges, 1, 1))
+    mean, size = normals.mean(1), (edges**2).sum(2).max(1)
+    flat = np.flatnonzero((normals * mean[:, None]).sum(2).min(1) <= FLAT * size**2)
+    if flat.size:
+        raise InputError(
+            f"{source} has a degenerate or non-convex cell, number {flat[0]} "
+            f"{at_place(corners[flat[0]].mean(0))}; allowed are cells with area"
+        )
+    if plane:
+        sense = np.sign(mean[:, 2])
+        inverted = np.flatnonzero(sense != (1 if sense.sum() >= 0 else -1))
+        if inverted.size:
+            raise InputError(
+                f"{source} has an inverted cell, number {inverted[0]} "
+                f"{at_place(corners[inverted[0]].mean(0))}; allowed is one sense of rotation"
+            )
+    if how.degree == 1:
+        return
+    # The normal is a polynomial: where its coefficients of Bernstein are positive it is, too; the
+    # others are looked at.
+    places, bernstein = _bernstein(how.cell, 2 if how.cell == "triangle" else 3)
+    coefficients = np.einsum("bp,cp->cb", bernstein, _areas(x, cells, how, places, mean))
+    doubtful = np.flatnonzero(coefficients.min(1) <= FLAT * size**2)
+    if not doubtful.size:
+        return
+    fine = _lattice(how.cell, FINE)
+    areas = _areas(x, cells[doubtful], how, fine, mean[doubtful])
+    turned = np.flatnonzero(areas.min(1) <= FLAT * size[doubtful] ** 2)
+    if turned.size:
+        cell = doubtful[turned[0]]
+        place = _shapes(how, fine[[areas[turned[0]].argmin()]])[0] @ x[cells[cell]]
+        raise InputError(
+            f"{source} has a cell, number {cell}, that its curved edges turn over inside, "
+            f"{at_place(place[0])}; allowed are cells whose area is positive everywhere"
+        )
+
+
+def _powers(how):
+    """Exponents (k, 2) of the monomials that a cell's shape functions are made of."""
+    p = how.degree
+    return np.array(
+        [(i, j) for i in range(p + 1) for j in range(p + 1) if how.cell != "triangle" or i + j <= p]
+    )
+
+
+def _shapes(how, places):
+    """Shape functions (n, k) at `places` (n, 2) of the reference cell, and their derivatives along
+    both axes."""
+    i, j = _powers(how).T
+    coefficients = np.linalg.inv(how.nodes[:, [0]] ** i * how.nodes[:, [1]] ** j)
+    s, t = places[:, [0]], places[:, [1]]
+    ds = i * s ** np.maximum(i - 1, 0) * t**j
+    dt = j * s**i * t ** np.maximum(j - 1, 0)
+    return [values @ coefficients for values in (s**i * t**j, ds, dt)]
+
+
+def _areas(x, cells, how, places, mean):
+    """Product (cells, n) of the cells' normals, as long as dA over that of the reference cell, with
+    `mean` (cells, 3)."""
+    _, ds, dt = _shapes(how, places)
+    return (np.cross(ds @ x[cells], dt @ x[cells]) * mean[:, None]).sum(2)
+
+
+def _lattice(cell, n):
+    """Places (k, 2) in the reference cell, n + 1 along an edge."""
+    s, t = (k.ravel() / n for k in np.meshgrid(np.arange(n + 1), np.arange(n + 1), indexing="ij"))
+    inside = s + t <= 1 + 1e-9 if cell == "triangle" else s >= 0
+    return np.column_stack([s, t])[inside]
+
+
+def _bernstein(cell, n):
+    """Places (k, 2), and the matrix (k, k) from a polynomial's values there to its coefficients of
+    Bernstein: of degree n on triangles, n in each direction on quadrilaterals."""
+    places = _lattice(cell, n)
+    s, t = places.T
+    count = np.array([1, 1, 2, 6])[: n + 1]  # factorials
+    i, j = np.round(places * n).astype(int).T
+    if cell == "triangle":
+        k = n - i - j
+        r = np.clip(1 - s - t, 0, 1)
+        basis = (
+            count[n]
+            / (count[i] * count[j] * count[k])
+            * s[:, None] ** i
+            * t[:, None] ** j
+            * r[:, None] ** k
+        )
+    else:
+        binomial = count[n] / (count * count[::-1])
+        basis = binomial[i] * s[:, None] ** i * (1 - s[:, None]) ** (n - i)
+        basis = basis * binomial[j] * t[:, None] ** j * (1 - t[:, None]) ** (n - j)
+    return places, np.linalg.inv(basis)

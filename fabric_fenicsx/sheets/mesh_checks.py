@@ -1,0 +1,281 @@
+"""What a mesh must be for its results to mean anything: checks of plain arrays, in NumPy and SciPy
+alone."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from ..errors import InputError
+from .cells import CELLS, at_place, check_shapes
+
+# of the angle between two cells at their edge, below which one lies on the other
+FOLDED = np.cos(np.radians(10))
+# of an edge, from which a node lies on it; curved ones are cut into straight ones
+NEAR = {1: 1e-3, 2: 3e-2}
+SAME = 1e-6  # of the mean edge at the sheet's rim, within which nodes are at the same place
+
+
+class MeshArrays(NamedTuple):
+    """A mesh fit for use: points (n, 2 or 3) [mm], cells (m, k), their kind, and warnings about it
+    in words."""
+
+    points: np.ndarray
+    cells: np.ndarray
+    kind: str
+    warnings: list[str]
+
+
+def checked_mesh(
+    points: np.ndarray, cells: np.ndarray, kind: str | None, source: str, spatial: bool = False
+) -> MeshArrays:
+    """The mesh with only the nodes that are in use, in R^2 if it is plane in z and not `spatial`.
+
+    points: (n, 2 or 3) [mm]; cells: (m, k), in gmsh's order; kind: one of `CELLS`; source: what
+    errors call the mesh. Raises InputError, with the first number (from 0) and place, for a mesh
+    without cells, nodes that are not there or not finite, cells without area, turned over (also
+    only inside, by curved edges), given twice, lying on others or hanging on a node inside an edge,
+    edges of more than two cells, and several sheets. Open slits are warned of.
+    """
+    if kind not in CELLS:
+        raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
+    if len(cells) == 0:
+        raise InputError(f"{source} is empty: it holds 0 cells; allowed is 1 or more")
+    how = CELLS[kind]
+    if cells.shape[1:] != (len(how.nodes),):
+        raise InputError(
+            f"{source} has cells of {cells.shape[1:]} nodes; allowed are {len(how.nodes)} for a "
+            f"{kind}"
+        )
+    outside = np.flatnonzero((cells < 0).any(1) | (cells >= len(points)).any(1))
+    if outside.size:
+        raise InputError(
+            f"{source} has a cell, number {outside[0]}, with nodes {cells[outside[0]].tolist()}; "
+            f"allowed are numbers from 0 to {len(points) - 1}"
+        )
+    used, numbers = np.unique(cells, return_inverse=True)
+    points, cells = points[used], numbers.reshape(cells.shape)
+    if not np.isfinite(points).all():
+        node = used[np.flatnonzero(~np.isfinite(points).all(1))[0]]
+        raise InputError(
+            f"{source} has a coordinate that is not a number at node {node}; allowed are finite "
+            "lengths in mm"
+        )
+    height, plane = 0.0, points.shape[1] == 2
+    if not plane and np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points, axis=0).max():
+        height, plane = points[0, 2], True
+    x = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
+    check_shapes(x, cells, how, source, plane)
+    warnings = _Neighbours(x, cells, used, how, source, plane).check()
+    if plane:
+        points = points[:, :2]
+        if spatial:
+            points = np.column_stack([points, np.full(len(points), height)])
+    return MeshArrays(points, cells, kind, warnings)
+
+
+class _Neighbours:
+    """How the cells of a mesh lie beside each other. x: points (n, 3) [mm]; numbers: (n,) of these
+    in the file."""
+
+    def __init__(self, x, cells, numbers, how, source, plane):
+        self.x, self.cells, self.numbers, self.how, self.source, self.plane = (
+            x,
+            cells,
+            numbers,
+            how,
+            source,
+            plane,
+        )
+        corners = cells[:, : how.corners]
+        n, k = corners.shape
+        ends = np.stack([corners, np.roll(corners, -1, 1)], -1).reshape(-1, 2)
+        key = ends.min(1).astype(np.int64) * len(x) + ends.max(1)
+        order = np.argsort(key, kind="stable")
+        start = np.flatnonzero(np.diff(key[order], prepend=-1))
+        count = np.diff(start, append=len(key))
+        self.ends, self.order, self.start, self.count = ends, order, start, count
+        self.of_cell = np.repeat(np.arange(n), k)
+        # middle nodes of quadratic cells' edges stand behind the corners, in the order of the edges
+        self.middles = cells[:, k : 2 * k].ravel() if how.degree == 2 else None
+        self.centres = x[corners].mean(1)
+
+    def check(self):
+        """Warnings, a sentence each; raises InputError for what no sheet has."""
+        self._twice()
+        self._crowded()
+        self._sheets()
+        if self.middles is not None:
+            self._middles(self.middles)
+        self._folds()
+        rim = self._rim()
+        self._hanging(*rim)
+        if self.plane:
+            self._overlaps(*rim)
+        return self._slits(*rim)
+
+    def _cell(self, number):
+        return f"cell {number} {at_place(self.centres[number])}"
+
+    def _twice(self):
+        corners = np.sort(self.cells[:, : self.how.corners], 1)
+        _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+        again = np.flatnonzero(first[number.ravel()] != np.arange(len(corners)))
+        if again.size:
+            raise InputError(
+                f"{self.source} holds {self._cell(again[0])} twice, as number "
+                f"{first[number.ravel()[again[0]]]} too; allowed is each cell once"
+            )
+
+    def _crowded(self):
+        many = np.flatnonzero(self.count > 2)
+        if many.size:
+            first = self.order[self.start[many[0]] :][: self.count[many[0]]]
+            raise InputError(
+                f"{self.source} has an edge {at_place(self.x[self.ends[first[0]]].mean(0))} that "
+                f"{len(first)} cells share, numbers {', '.join(map(str, self.of_cell[first]))}; "
+                "allowed are 2 cells or, at the rim, 1"
+            )
+
+    def _pairs(self):
+        """The two entries of `ends` (m, 2) of each edge between two cells."""
+        inner = self.start[self.count == 2]
+        return np.column_stack([self.order[inner], self.order[inner + 1]])
+
+    def _sheets(self):
+        pairs, n = self.of_cell[self._pairs()], len(self.cells)
+        graph = coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
+        parts, part = connected_components(graph, directed=False)
+        if parts > 1:
+            other = np.flatnonzero(part != part[0])[0]
+            raise InputError(
+                f"{self.source} falls into {parts} parts that share no edge, one with "
+                f"{self._cell(0)}, one with {self._cell(other)}; allowed is one sheet, whose "
+                "cells share nodes where they meet"
+            )
+
+    def _middles(self, middles):
+        k = self.how.corners
+        both = np.intersect1d(self.cells[:, :k], self.cells[:, k:])
+        if both.size:
+            raise InputError(
+                f"{self.source} has a node, number {self.numbers[both[0]]} "
+                f"{at_place(self.x[both[0]])}, at the corner of one cell and inside an edge or "
+                "cell of another; allowed are cells that meet at whole edges"
+            )
+        middle = middles[self._pairs()]
+        torn = np.flatnonzero(middle[:, 0] != middle[:, 1])
+        if torn.size:
+            raise InputError(
+                f"{self.source} has two middle nodes, numbers {self.numbers[middle[torn[0], 0]]} "
+                f"and {self.numbers[middle[torn[0], 1]]} {at_place(self.x[middle[torn[0], 0]])}, "
+                "for one edge; allowed is one"
+            )
+
+    def _folds(self):
+        pairs = self._pairs()
+        p, q = self.x[self.ends[pairs[:, 0]]].swapaxes(0, 1)
+        along = (q - p) / np.linalg.norm(q - p, axis=1, keepdims=True)
+        arms = [self.centres[self.of_cell[pairs[:, i]]] - p for i in (0, 1)]
+        across = [arm - (arm * along).sum(1, keepdims=True) * along for arm in arms]
+        cosine = (across[0] * across[1]).sum(1) / np.prod(
+            [np.linalg.norm(a, axis=1) for a in across], 0
+        )
+        folded = np.flatnonzero(cosine > FOLDED)
+        if folded.size:
+            one, other = self.of_cell[pairs[folded[0]]]
+            raise InputError(
+                f"{self.source} folds back on itself: {self._cell(other)} lies on cell {one} at "
+                "their edge; allowed is a sheet without overlap"
+            )
+
+    def _rim(self):
+        """Straight edges (m, 2) by nodes on the sheet's rim, and their cells (m,)."""
+        single = self.order[self.start[self.count == 1]]
+        ends, cells = self.ends[single], self.of_cell[single]
+        if self.middles is not None:
+            middle = self.middles[single]
+            ends = np.concatenate(
+                [np.column_stack([ends[:, 0], middle]), np.column_stack([middle, ends[:, 1]])]
+            )
+            cells = np.concatenate([cells, cells])
+        return ends, cells
+
+    def _hanging(self, ends, cells):
+        nodes, near = np.unique(ends), NEAR[self.how.degree]
+        p, q = self.x[ends].swapaxes(0, 1)
+        length = np.linalg.norm(q - p, axis=1)
+        edge, node = _within(self.x[nodes], (p + q) / 2, (0.5 + near) * length)
+        node = nodes[node]
+        other = (node != ends[edge, 0]) & (node != ends[edge, 1])
+        edge, node = edge[other], node[other]
+        arm, along = self.x[node] - p[edge], (q - p)[edge] / length[edge, None]
+        at = (arm * along).sum(1) / length[edge]
+        off = (
+            np.linalg.norm(arm - (arm * along).sum(1, keepdims=True) * along, axis=1) / length[edge]
+        )
+        hits = np.flatnonzero((at > near) & (at < 1 - near) & (off < near))
+        if hits.size:
+            raise InputError(
+                f"{self.source} has a hanging node, number {self.numbers[node[hits[0]]]} "
+                f"{at_place(self.x[node[hits[0]]])}: "
+                f"it lies on an edge of cell {cells[edge[hits[0]]]}, which does not have it; "
+                "allowed are cells that meet at whole edges"
+            )
+
+    def _overlaps(self, ends, cells):
+        """Look for places of the rim inside other cells, as no sheet of one sense lies on itself
+        without."""
+        shares = np.array([0.0, 0.25, 0.5, 0.75])[:, None, None]
+        p, q = self.x[ends].swapaxes(0, 1)
+        places, own = ((1 - shares) * p + shares * q).reshape(-1, 3), np.tile(cells, 4)
+        # (n, 3 or 4, 3)
+        parts = self.x[np.concatenate([self.cells[:, part] for part in self.how.parts])]
+        whole = np.tile(np.arange(len(self.cells)), len(self.how.parts))
+        centre = parts.mean(1)
+        reach = np.linalg.norm(parts - centre[:, None], axis=2).max(1)
+        place, part = _within(centre, places, np.full(len(places), reach.max()))
+        edges = np.roll(parts[part], -1, 1) - parts[part]
+        arms = places[place][:, None] - parts[part]
+        turn = edges[..., 0] * arms[..., 1] - edges[..., 1] * arms[..., 0]
+        # the distance from each edge, over its length, to the left of it
+        turn = turn / (edges**2).sum(2)
+        turn = turn * np.sign(turn.sum(1, keepdims=True))
+        inside = (turn > NEAR[self.how.degree]).all(1) & (whole[part] != own[place])
+        if inside.any():
+            first = np.flatnonzero(inside)[0]
+            raise InputError(
+                f"{self.source} overlaps itself {at_place(places[place[first]])}: cell "
+                f"{own[place[first]]} reaches into "
+                f"cell {whole[part[first]]}; allowed is a sheet without overlap"
+            )
+
+    def _slits(self, ends, cells):
+        nodes = np.unique(ends)
+        if not nodes.size:
+            return []
+        near = SAME * np.linalg.norm(self.x[ends[:, 0]] - self.x[ends[:, 1]], axis=1).mean()
+        pairs = cKDTree(self.x[nodes]).query_pairs(near, output_type="ndarray")
+        if not len(pairs):
+            return []
+        place = self.x[nodes[pairs.min()]]
+        return [
+            f"{self.source} has {len(pairs)} nodes where another one lies, the first "
+            f"{at_place(place)}: the sheet is open "
+            "there, a slit; merge these nodes if it should be whole"
+        ]
+
+
+def _within(
+    points: np.ndarray, centres: np.ndarray, radii: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of numbers (centre, point) of the `points` (n, 3) within `radii` (m,) of `centres` (m,
+    3)."""
+    if not len(points) or not len(centres):
+        return np.empty(0, int), np.empty(0, int)
+    found: Any = cKDTree(points).query_ball_point(centres, radii)
+    return np.repeat(np.arange(len(centres)), [len(f) for f in found]), np.concatenate(
+        found
+    ).astype(int)

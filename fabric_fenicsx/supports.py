@@ -1,0 +1,126 @@
+"""Supports: nodes whose displacement is prescribed."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from .errors import InputError
+from .sheets.blank import Blank
+
+
+@dataclass(frozen=True)
+class Support:
+    """Prescribed displacement of some nodes along the axes of the blank's frame.
+
+    - where: function of points (3, n) [mm] to a mask (n,)
+    - components: the axes held
+    - value: displacement at full load (gdim,) [mm], growing with the load factor, or a function of
+      points (3, n) and load factor to (gdim, n)
+    """
+
+    name: str
+    where: Callable[[np.ndarray], np.ndarray]
+    components: tuple[int, ...]
+    value: Sequence[float] | Callable[[np.ndarray, float], np.ndarray] = (0.0, 0.0, 0.0)
+
+
+# what a scene takes: supports, or a function that makes them for its blank
+Supports = Iterable[Support] | Callable[[Blank], Iterable[Support]]
+
+
+def clamped_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
+    """Supports of a strip clamped at both ends, "fixed grip" and "moving grip", of which the second
+    is pulled by `stroke` [mm] along the frame's first axis.
+
+    They raise InputError if an end is not straight, over half the strip's width or more.
+    """
+    return lambda blank: _ends(blank, stroke, tuple(range(blank.mesh.geometry.dim)))
+
+
+def rolling_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
+    """As `clamped_ends`, with ends that are free to move across the strip but for one corner."""
+
+    def supports(blank: Blank) -> list[Support]:
+        low, high = blank.extent()
+        near, corner = 1e-6 * (high - low).max(), low[:2, None]
+        at_corner = Support(
+            "corner", lambda x: (np.abs(blank.along(x)[:2] - corner) <= near).all(0), (1,)
+        )
+        return [*_ends(blank, stroke, (0, *range(2, len(low)))), at_corner]
+
+    return supports
+
+
+def _ends(blank, stroke, components):
+    low, high = blank.extent()
+    x, comm, near = blank.along(blank.coordinates().T), blank.mesh.comm, 1e-6 * (high - low).max()
+    for name, position in (("low", low[0]), ("high", high[0])):
+        at_end = x[1][np.abs(x[0] - position) <= near]
+        first = comm.allreduce(at_end.min(initial=np.inf), MPI.MIN)
+        held = comm.allreduce(at_end.max(initial=-np.inf), MPI.MAX) - first
+        if held < 0.5 * (high - low)[1]:
+            raise InputError(
+                f"the {name} end of {blank.name} along its length can be gripped over {held:.4g} "
+                f"of {(high - low)[1]:.4g} mm; allowed is a straight end, half the width or more"
+            )
+
+    def end(position):
+        return lambda x: np.abs(blank.along(x)[0] - position) <= near
+
+    return [
+        Support("fixed grip", end(low[0]), components),
+        Support("moving grip", end(high[0]), components, (stroke, 0.0, 0.0)),
+    ]
+
+
+def on_edge(blank: Blank) -> Callable[[np.ndarray], np.ndarray]:
+    """Function of points (3, n) to whether they lie on the edge of a rectangular blank, (n,)."""
+    low, high = (corner[:2, None] for corner in blank.extent())
+    near = 1e-6 * (high - low).max()
+
+    def edge(x):
+        x = blank.along(x)[:2]
+        return (np.minimum(np.abs(x - low), np.abs(x - high)) <= near).any(0)
+
+    return edge
+
+
+def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[Support]]:
+    """Support of a rectangle's whole edge, "frame", that deforms it homogeneously.
+
+    deformation: function of the load factor to the deformation gradient (2, 2).
+    """
+
+    def supports(blank: Blank) -> list[Support]:
+        corner = blank.extent()[0]
+
+        def value(x, load):
+            x = blank.along(x)
+            moved = np.zeros_like(x)
+            moved[:2] = (deformation(load) - np.eye(2)) @ (x[:2] - corner[:2, None])
+            return moved
+
+        return [Support("frame", on_edge(blank), tuple(range(len(corner))), value)]
+
+    return supports
+
+
+def free_motion(blank: Blank, held: np.ndarray) -> str:
+    """The rigid motion that the degrees of freedom `held` (k,), of this rank's owned nodes, leave
+    free, in words such as "turn about its length"; "" if they leave none."""
+    gdim = blank.mesh.geometry.dim
+    node, axis = np.divmod(held, gdim)
+    low, high = (corner[:, None] for corner in blank.extent())
+    x = (blank.along(blank.coordinates()[node].T) - (low + high) / 2) / (high - low).max()
+    turns = [(0, 1)] if gdim == 2 else [(1, 2), (2, 0), (0, 1)]
+    moves = [1.0 * (axis == i) for i in range(gdim)]
+    resisted = np.array(moves + [x[i] * (axis == j) - x[j] * (axis == i) for i, j in turns])
+    stiffness, motions = np.linalg.eigh(blank.mesh.comm.allreduce(resisted @ resisted.T, MPI.SUM))
+    if stiffness[0] > 1e-9 * max(stiffness[-1], 1.0):
+        return ""
+    axes = "length", "width", "normal"
+    names = [f"move along its {axis}" for axis in axes[:gdim]]
+    names += [f"turn about its {axis}" for axis in (axes[2:] if gdim == 2 else axes)]
+    return names[np.abs(motions[:, 0]).argmax()]

@@ -1,0 +1,113 @@
+"""Triangles with their curved patches: what the search and the projection know of a surface."""
+
+import math
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+
+from .facets import LAST, NEXT, corner_normals, facet_normals, topology
+from .patches import curved
+
+FLAT = 1e-6  # of the largest coordinate, what may lie off a plane
+
+
+class CurvedTriangles:
+    """Triangles (m, 3) over points (n, 3) [mm], turned the same way round, with `patches` on them
+    that go through their corners with common tangent planes across all edges but sharp ones.
+
+    - crease: turn of facets [rad] above which their edge is sharp; given: normals (m, 3, 3) of a
+      CAD model at the triangles' corners, 0 where there is none
+    - corners (m, 3, 3): places of the triangles' corners; middles (m, 3) of the triangles [mm]
+    - facets (m, 3): their unit normals; areas (m,) [mm^2]; normals (n, 3): averaged at the points
+    - across: the neighbours, a `Topology`; vertices: smooth vertices, a `Corners`
+    - parts, part (m,): number of regions that sharp edges bound, and in which one each triangle is
+    - flat (m,): whether a patch is its facet; plane (m,): a triangle that names the plane it lies
+      in, away from the rim and from sharp edges, otherwise -1
+    - on_rim (n,): whether a point lies on the rim; bulge: largest distance of a patch from its
+      facet [mm]; longest: edge [mm]
+    """
+
+    def __init__(
+        self,
+        points: np.ndarray,
+        triangles: np.ndarray,
+        crease: float,
+        given: np.ndarray | None = None,
+    ) -> None:
+        self.points, self.triangles = points, triangles
+        scale = abs(points - points.mean(0)).max()
+        self.across = across = topology(triangles)
+        self.vertices = vertices = corner_normals(
+            points, triangles, across, crease, FLAT * scale, given
+        )
+        self.patches = curved(points, triangles, across, vertices)
+        self.facets, self.areas = facet_normals(points, triangles)
+        self.normals = self._average_normals()
+        self.corners = corners = points[triangles]
+        edges = np.roll(corners, -1, 1) - corners
+        self.longest = math.sqrt((edges**2).sum(2).max())
+        self.middles = corners.mean(1)
+        order = np.argsort(triangles.ravel(), kind="stable")
+        starts = np.searchsorted(triangles.ravel()[order], np.arange(len(points) + 1))
+        self._ring = order, starts  # 3 t + c of the corners at a point
+        t, k = np.nonzero(~vertices.sharp)
+        graph = sparse.coo_matrix(
+            (np.ones(len(t)), (t, across.triangle[t, k])), shape=(len(triangles),) * 2
+        )
+        self.parts, self.part = connected_components(graph, directed=False)
+        self.bulge = float(self.patches.bulge.max())
+        self.on_rim = np.zeros(len(points), dtype=bool)
+        self.on_rim[self.ends(across.triangle < 0)] = True
+        own = vertices.normals[vertices.name]
+        aligned = ((own * self.facets[:, None]).sum(2) >= 1 - 1e-15).all(1)
+        self.flat = aligned | (own == self.facets[:, None]).all((1, 2))
+        self.flat &= self.patches.bulge <= 1e-12 * self.longest
+        alone = self.flat & ~(vertices.sharp.any(1) | self.on_rim[triangles].any(1))
+        self.plane = np.where(alone, vertices.region, -1)
+
+    def ends(self, which: np.ndarray) -> np.ndarray:
+        """Points (k, 2) at the ends of the edges of which (m, 3) is true, each once."""
+        t, k = np.nonzero(which)
+        ends = np.column_stack(
+            [self.triangles[t, np.array(NEXT)[k]], self.triangles[t, np.array(LAST)[k]]]
+        )
+        return np.unique(np.sort(ends, 1), axis=0)
+
+    def ring(self, point: int) -> tuple[np.ndarray, np.ndarray]:
+        """Triangles (k,) at a point, and which of their corners it is (k,)."""
+        order, starts = self._ring
+        triangle, corner = np.divmod(order[starts[point] : starts[point + 1]], 3)
+        return triangle, corner
+
+    def rings(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of points (n,) all triangles with their corners: number among `points` (k,), number of
+        the corner 3 t + c (k,), and where each point's begin (n,)."""
+        order, starts = self._ring
+        count = starts[points + 1] - starts[points]
+        first = count.cumsum() - count
+        row = np.repeat(np.arange(len(points)), count)
+        corner = order[np.repeat(starts[points] - first, count) + np.arange(count.sum())]
+        return row, corner, first
+
+    def turns(self) -> tuple[np.ndarray, np.ndarray]:
+        """Edges that are not sharp (k, 2), by their ends, and the turn of facets there (k,)
+        [rad]."""
+        t, k = np.nonzero(~self.vertices.sharp)
+        other = self.across.triangle[t, k]
+        once = t < other
+        t, k, other = t[once], k[once], other[once]
+        ends = np.column_stack(
+            [self.triangles[t, np.array(NEXT)[k]], self.triangles[t, np.array(LAST)[k]]]
+        )
+        return ends, np.arccos(np.clip((self.facets[t] * self.facets[other]).sum(1), -1, 1))
+
+    def _average_normals(self):
+        total = np.zeros_like(self.points)
+        np.add.at(total, self.triangles, self.vertices.normals[self.vertices.name])
+        return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+
+
+def row_dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Scalar products (n,) of rows (n, 3), faster than a sum over rows of three."""
+    return np.einsum("ni,ni->n", a, b)

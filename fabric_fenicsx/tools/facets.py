@@ -1,0 +1,240 @@
+"""Flat triangles: their neighbours, normals, flat regions and sharp edges, and the normals at their
+corners."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import lsqr
+
+# of corner 0, 1, 2; edge k lies opposite corner k, from NEXT[k] to LAST[k]
+NEXT, LAST = [1, 2, 0], [2, 0, 1]
+FLAT_MEET = math.radians(1.0)  # flat regions that meet at more than this have a sharp edge
+# where the faces of a CAD model meet at more than this they have a sharp edge
+KINK = math.radians(5.0)
+# a flat region so many times larger than what it adjoins gives its normal to common vertices
+DOMINANT = 8.0
+PRIOR = 0.03  # weight of averaged normals beside the condition that edges are arcs
+
+
+class Topology(NamedTuple):
+    """Of m triangles: across edge k of triangle t lies edge `edge[t, k]` of triangle `triangle[t,
+    k]` (m, 3), -1 where there is none or more than one; sharing (m, 3): how many triangles have the
+    edge."""
+
+    triangle: np.ndarray
+    edge: np.ndarray
+    sharing: np.ndarray
+
+
+def topology(triangles: np.ndarray) -> Topology:
+    """The `Topology` of triangles (m, 3) that are turned the same way round where they meet."""
+    sides = np.sort(np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2), 1).astype(
+        np.int64
+    )
+    _, name, count = np.unique(
+        sides[:, 0] * (triangles.max() + 1) + sides[:, 1], return_inverse=True, return_counts=True
+    )
+    order = np.argsort(name, kind="stable")
+    first = np.append(0, count.cumsum())[:-1]
+    pair = first[count == 2]
+    across = np.full(len(sides), -1)
+    across[order[pair]], across[order[pair + 1]] = order[pair + 1], order[pair]
+    inside = across >= 0
+    shape = triangles.shape
+    return Topology(
+        np.where(inside, across // 3, -1).reshape(shape),
+        np.where(inside, across % 3, -1).reshape(shape),
+        count[name].reshape(shape),
+    )
+
+
+def facet_normals(points: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals (m, 3) and areas (m,) of the facets."""
+    p, q, r = points[triangles].swapaxes(0, 1)
+    normal = np.cross(q - p, r - p)
+    size = np.linalg.norm(normal, axis=1)
+    return normal / size[:, None], size / 2
+
+
+def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Unit normals (n, 3) at the points of triangles, those of the sphere at the vertices of a
+    polyhedron in a sphere: N. Max, Weights for computing vertex normals from facet normals, J.
+    Graphics Tools 4 (1999)."""
+    corners = points[triangles]
+    onwards, back = np.roll(corners, -1, 1) - corners, np.roll(corners, 1, 1) - corners
+    total = np.zeros_like(points)
+    weights = np.maximum((onwards**2).sum(2) * (back**2).sum(2), 1e-300)
+    np.add.at(total, triangles, np.cross(onwards, back) / weights[..., None])
+    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+
+
+def flat_regions(
+    points: np.ndarray, triangles: np.ndarray, across: Topology, tolerance: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Region (m,) of each triangle, normal (m, 3) of its plane and area (m,): connected triangles
+    whose vertices lie within `tolerance` [mm] of the plane of the region's largest one. Slivers
+    take the normal of the plane that they lie in."""
+    normal, area = facet_normals(points, triangles)
+    t, k = np.nonzero(across.triangle >= 0)
+    other = across.triangle[t, k]
+    large, small = np.where(area[t] >= area[other], [t, other], [other, t])
+
+    def within(plane, triangle):
+        arm = points[triangles[triangle]] - points[triangles[plane, 0]][:, None]
+        return abs(np.einsum("nci,ni->nc", arm, normal[plane])).max(1, initial=0) <= tolerance
+
+    agree = (normal[large] * normal[small]).sum(1) > 0
+    flat = within(large, small) & agree
+    t, other = t[flat], other[flat]
+    left = np.ones(len(triangles), dtype=bool)
+    region = np.arange(len(triangles))
+    order = np.argsort(area, kind="stable")
+    # what bends out of its largest triangle's plane is tried again without that
+    for _ in range(20):
+        graph = sparse.coo_matrix((np.ones(len(t)), (t, other)), shape=(len(left),) * 2)
+        number = connected_components(graph, directed=False)[1]
+        seed = np.empty(number.max() + 1, dtype=np.int64)
+        seed[number[order]] = order  # the last is the largest
+        seed = seed[number]
+        keep = left & (within(seed, np.arange(len(left))) | (seed == np.arange(len(left))))
+        region[keep] = seed[keep]
+        left &= ~keep
+        on = left[t] & left[other]
+        t, other = t[on], other[on]
+        if not left.any():
+            break
+    total = np.zeros_like(normal)
+    np.add.at(total, region, normal * area[:, None])
+    total /= np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+    return region, total[region], np.bincount(region, area, len(region))[region]
+
+
+class Corners(NamedTuple):
+    """Of m triangles: smooth vertex of each corner `name` (m, 3), normals of those (s, 3), which
+    edges are sharp (m, 3), and a triangle that names the flat region of each (m,)."""
+
+    name: np.ndarray
+    normals: np.ndarray
+    sharp: np.ndarray
+    region: np.ndarray
+
+
+def corner_normals(
+    points: np.ndarray,
+    triangles: np.ndarray,
+    across: Topology,
+    crease: float,
+    tolerance: float,
+    given: np.ndarray | None = None,
+) -> Corners:
+    """The `Corners` for edges that are sharp where facets turn by more than `crease` [rad]. Normals
+    given (m, 3, 3), 0 where not known, are taken as they are, and edges are sharp where they say
+    so."""
+    m = len(triangles)
+    region, plane, region_area = flat_regions(points, triangles, across, tolerance)
+    _, area = facet_normals(points, triangles)
+    size = np.bincount(region, minlength=m)[region]
+    # a vertex inside a region: only a true plane has such
+    low, high = np.full(len(points), m), np.full(len(points), -1)
+    np.minimum.at(low, triangles.ravel(), np.repeat(region, 3))
+    np.maximum.at(high, triangles.ravel(), np.repeat(region, 3))
+    open_edge = across.triangle < 0
+    rim = np.zeros(len(points), dtype=bool)
+    for k in range(3):
+        rim[triangles[open_edge[:, k]][:, [NEXT[k], LAST[k]]]] = True
+    inner = (low == high) & ~rim
+    sure = np.zeros(m, dtype=bool)
+    sure[low[inner]] = True
+    sure = sure[region]
+
+    other = np.maximum(across.triangle, 0)
+    turn = np.einsum("mi,mki->mk", plane, plane[other])
+    sharp = open_edge | (turn < math.cos(crease))
+    sharp |= (
+        sure[:, None]
+        & sure[other]
+        & (turn < math.cos(FLAT_MEET))
+        & (region[:, None] != region[other])
+    )
+    # a CAD model knows where it is sharp; where it has no normal, at poles, it is not
+    if given is not None:
+        sharp = open_edge.copy()
+        for k in range(3):
+            back = across.edge[:, k]
+            for here, there in ((NEXT, LAST), (LAST, NEXT)):
+                n, o = given[:, here[k]], given[other[:, k], np.array(there)[back]]
+                sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(KINK))
+    # corners that are joined across edges that are not sharp
+    t, edge = np.nonzero(~sharp)
+    nxt, last = np.array(NEXT), np.array(LAST)
+    o, back = across.triangle[t, edge], across.edge[t, edge]
+    rows = np.concatenate([3 * t + nxt[edge], 3 * t + last[edge]])
+    cols = np.concatenate([3 * o + last[back], 3 * o + nxt[back]])
+    graph = sparse.coo_matrix((np.ones(len(rows)), (rows, cols)), shape=(3 * m, 3 * m))
+    count, name = connected_components(graph, directed=False)
+    name = name.reshape(m, 3)
+
+    def gathered(values):
+        total = np.zeros((count, 3))
+        for c in range(3):
+            for i in range(3):
+                total[:, i] += np.bincount(name[:, c], values[:, c, i], count)
+        return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+
+    normals = gathered(np.repeat((plane * area[:, None])[:, None], 3, 1))
+    if given is not None:
+        known = gathered(given)
+        return Corners(name, np.where(known.any(1)[:, None], known, normals), sharp, region)
+    # vertices of planes
+    score = np.where(sure, region_area.max(), 0.0) + np.where(size >= 2, region_area, 0.0)
+    order = np.argsort(np.repeat(score, 3), kind="stable")
+    # a triangle of the best plane there, and the area of the next
+    best, second = np.empty(count, dtype=np.int64), np.zeros(count)
+    best[name.ravel()[order]] = order // 3
+    rest = np.where(region[best][name] == region[:, None], 0.0, region_area[:, None])
+    np.maximum.at(second, name.ravel(), rest.ravel())
+    fixed = sure[best] | ((size[best] >= 2) & (region_area[best] >= DOMINANT * second))
+    normals[fixed] = plane[best[fixed]]
+    return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp, region)
+
+
+def _arcs(points, triangles, name, normals, fixed):
+    """Normals tilted so that edges between vertices of curved surfaces have the same angle to both
+    ends' normals, as arcs have: by least squares, with averaged normals where that leaves them
+    open."""
+    ends = np.stack([name[:, NEXT], name[:, LAST]], 2).reshape(-1, 2)
+    place = np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2)
+    _, one = np.unique(np.sort(ends, 1) @ [len(normals), 1], return_index=True)
+    ends, place = ends[one], place[one]
+    free = ~fixed
+    chord = points[place[:, 1]] - points[place[:, 0]]
+    chord /= np.linalg.norm(chord, axis=1)[:, None]
+    use = free[ends].any(1)
+    ends, chord = ends[use], chord[use]
+    if not len(ends):
+        return normals
+    helper = np.eye(3)[abs(normals).argmin(1)]
+    x = np.cross(normals, helper)
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    frame = np.stack([x, np.cross(normals, x)], 1)
+    number = np.cumsum(free) - 1
+    n = 2 * free.sum()
+    rows, cols, values = [], [], []
+    for e in (0, 1):
+        on = np.flatnonzero(free[ends[:, e]])
+        slope = np.einsum("nai,ni->na", frame[ends[on, e]], chord[on])
+        for a in (0, 1):
+            rows.append(on)
+            cols.append(2 * number[ends[on, e]] + a)
+            values.append(slope[:, a])
+    J = sparse.csr_matrix(
+        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=(len(ends), n)
+    )
+    miss = ((normals[ends[:, 0]] + normals[ends[:, 1]]) * chord).sum(1)
+    tilt = lsqr(J, -miss, damp=math.sqrt(PRIOR), atol=1e-6, btol=1e-6, iter_lim=200)[0]
+    new = normals.copy()
+    new[free] += np.einsum("na,nai->ni", tilt.reshape(-1, 2), frame[free])
+    return new / np.linalg.norm(new, axis=1)[:, None]

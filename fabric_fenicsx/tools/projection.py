@@ -1,0 +1,288 @@
+"""The nearest point on curved patches by Newton's method, and the curvature of patches."""
+
+import math
+from copy import copy
+
+import numpy as np
+
+from . import patches
+from .curved_triangles import CurvedTriangles, row_dots
+from .facets import LAST, NEXT
+from .surfaces import Nearest
+
+BENT = 0.99  # of the turning of a surface has a larger radius than what counts as its least
+
+
+class Projection:
+    """Projects points on to the patches of a surface.
+
+    surface: the `CurvedTriangles`; side: 1.0 or -1.0, of the gap beyond the rim of an open surface.
+    """
+
+    def __init__(self, surface: CurvedTriangles, side: float = 1.0) -> None:
+        self.surface, self.side = surface, side
+
+    def from_behind(self) -> "Projection":
+        """The same, for the body on the other side."""
+        other = copy(self)
+        other.side = -self.side
+        return other
+
+    def nearest(self, points: np.ndarray, triangle: np.ndarray, b: np.ndarray) -> Nearest:
+        """Gap, normal and curvature at points (n, 3) [mm], sought from barycentric coordinates b
+        (3, n) on the patches of `triangle` (n,)."""
+        n = len(points)
+        found = Nearest(np.full(n, np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan))
+        rows, x, tri = np.arange(n), points, triangle
+        b = np.maximum(b, 0.0)
+        b /= b.sum(0)
+        came = np.full(n, -1)  # the edge across which it came without moving
+        step, factor = np.zeros_like(b), np.ones(n)
+        back = tri.copy(), b.copy(), np.full(n, np.inf)
+        tolerance = 1e-11 + 1e-14 * abs(x).max(1, initial=0)
+        for _ in range(100):
+            if not len(rows):
+                return found
+            at = patches.evaluate(self.surface.patches, tri, b)
+            arm = x - at[:, 0]
+            square = row_dots(arm, arm)
+            normal, metric, bend, height = fundamental_forms(at, arm)
+            aside = np.sqrt(np.maximum(square - height**2, 0))
+            small = aside < 1e-4 * abs(height)  # where the difference cancels
+            if small.any():
+                aside[small] = np.linalg.norm(
+                    arm[small] - height[small, None] * normal[small], axis=1
+                )
+            ended = aside <= tolerance
+            if ended.any():
+                where = rows[ended]
+                found.gap[where], found.normal[where] = height[ended], normal[ended]
+                found.curvature[where] = _hessian(
+                    at[ended], metric[:, ended], bend[:, ended], height[ended]
+                )
+            # A step to a place that is further away is halved.
+            worse = ~ended & (square > back[2] * (1 + 1e-12)) & (factor > 1e-3)
+            pull = np.einsum("nai,ni->an", at[:, 1:3], arm)
+            stiff = _convex(metric, metric - height * bend)
+            det = stiff[0] * stiff[2] - stiff[1] ** 2
+            du, dv = (
+                (stiff[2] * pull[0] - stiff[1] * pull[1]) / det,
+                (stiff[0] * pull[1] - stiff[1] * pull[0]) / det,
+            )
+            new = np.array([-du - dv, du, dv])
+            out = (b <= 0) & (new < 0)
+            go = ~ended & ~worse
+            stopped = go & out.any(0)
+            corner = stopped & ((b <= 0).sum(0) == 2)
+            edge = stopped & ~corner
+            free = go & ~stopped
+            factor = np.where(worse, factor / 2, 1.0)
+            tri, b = np.where(worse, back[0], tri), np.where(worse, back[1], b)
+            step = np.where(worse, step, new)
+            moving = free | worse
+            back = (
+                np.where(go, tri, back[0]),
+                np.where(go, b, back[1]),
+                np.where(go, square, back[2]),
+            )
+            came[moving] = -1
+            with np.errstate(divide="ignore", invalid="ignore"):
+                room = np.where(step < 0, b / -step, np.inf)
+            share = np.minimum(room.min(0), factor)
+            hit = room <= share
+            moved = np.where(hit, 0.0, np.maximum(b + share * step, 0.0))
+            b = np.where(moving, moved / np.maximum(moved.sum(0), 1e-300), b)
+            if edge.any():
+                ended |= self._at_edges(
+                    edge, rows, x, tri, b, out, came, at, arm, pull, stiff, tolerance, found
+                )
+            for i in np.flatnonzero(corner):
+                ended[i] = self._at_corner(i, rows, tri, b, arm, tolerance, found)
+                came[i], back[2][i] = -1, np.inf
+            if ended.any():
+                on = ~ended
+                x, rows, tri, b, came, factor, tolerance = (
+                    x[on],
+                    rows[on],
+                    tri[on],
+                    b[:, on],
+                    came[on],
+                    factor[on],
+                    tolerance[on],
+                )
+                step, back = step[:, on], (back[0][on], back[1][:, on], back[2][on])
+        # no minimum was found, as happens at centres of curvature: what is nearest by now
+        at = patches.evaluate(self.surface.patches, tri, b)
+        arm = x - at[:, 0]
+        normal, _, _, height = fundamental_forms(at, arm)
+        self._put(found, rows, arm, np.copysign(1.0, height), normal, 0.0)
+        return found
+
+    def _at_edges(self, edge, rows, x, tri, b, out, came, at, arm, pull, stiff, tolerance, found):
+        """Points whose step leaves the patch at an edge: to the neighbour, or if that leads back,
+        along the edge. Which have ended (n,)."""
+        across, facets = self.surface.across, self.surface.facets
+        ended = np.zeros(len(rows), dtype=bool)
+        i = np.flatnonzero(edge)
+        k = out[:, i].argmax(0)
+        other, there = across.triangle[tri[i], k], across.edge[tri[i], k]
+        cross = (other >= 0) & (came[i] != k)
+        j, nxt, last = i[cross], np.array(NEXT), np.array(LAST)
+        old = b[:, j]
+        moved = np.zeros_like(old)
+        every = np.arange(len(j))
+        moved[nxt[there[cross]], every] = old[last[k[cross]], every]
+        moved[last[there[cross]], every] = old[nxt[k[cross]], every]
+        b[:, j], tri[j], came[j] = moved, other[cross], there[cross]
+        # along the edge, from its next to its last corner
+        j, k = i[~cross], k[~cross]
+        if not len(j):
+            return ended
+        # of u = b[1], v = b[2]
+        du, dv = np.choose(k, [-1.0, 0.0, 1.0]), np.choose(k, [1.0, -1.0, 0.0])
+        slope = du * pull[0, j] + dv * pull[1, j]
+        first = du[:, None] * at[j, 1] + dv[:, None] * at[j, 2]
+        second = (
+            (du * du)[:, None] * at[j, 3]
+            + (2 * du * dv)[:, None] * at[j, 4]
+            + (dv * dv)[:, None] * at[j, 5]
+        )
+        speed = (first * first).sum(1)
+        done = abs(slope) <= tolerance[j] * np.sqrt(speed)
+        size = speed - (arm[j] * second).sum(1)
+        size = np.where(size > 0.1 * speed, size, speed)
+        share = slope / size
+        here, end = b[nxt[k], j], b[last[k], j]
+        share = np.clip(share, -end, here)
+        move = ~done
+        b[nxt[k[move]], j[move]] = np.maximum(here[move] - share[move], 0)
+        b[last[k[move]], j[move]] = np.maximum(end[move] + share[move], 0)
+        came[j[move]] = -1
+        if done.any():
+            e, k, first, size = j[done], k[done], first[done], size[done]
+            inner = across.triangle[tri[e], k] >= 0
+            face = facets[tri[e]] + np.where(inner[:, None], facets[across.triangle[tri[e], k]], 0)
+            side = np.where(inner, np.copysign(1.0, (arm[e] * face).sum(1)), self.side)
+            self._put(
+                found,
+                rows[e],
+                arm[e],
+                side,
+                face,
+                first[:, :, None] * first[:, None] / size[:, None, None],
+            )
+            ended[e] = True
+        return ended
+
+    def _at_corner(self, i, rows, tri, b, arm, tolerance, found):
+        """Point i, whose step leaves its patch at a corner: to where it comes nearest among the
+        patches there. Whether it is nearest already."""
+        surface = self.surface
+        point = surface.triangles[tri[i], b[:, i].argmax()]
+        t, c = surface.ring(point)
+        legs = surface.patches.legs[t, c]
+        pull = legs @ arm[i]
+        gram = legs @ legs.swapaxes(1, 2)
+        det = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
+        along_first = gram[:, 1, 1] * pull[:, 0] - gram[:, 0, 1] * pull[:, 1]
+        along_second = gram[:, 0, 0] * pull[:, 1] - gram[:, 0, 1] * pull[:, 0]
+        inside = np.column_stack([along_first, along_second]) / det[:, None]
+        options = np.zeros((3, len(t), 2))
+        options[0] = np.where((inside >= 0).all(1)[:, None], inside, 0)
+        options[1, :, 0] = np.maximum(pull[:, 0] / gram[:, 0, 0], 0)
+        options[2, :, 1] = np.maximum(pull[:, 1] / gram[:, 1, 1], 0)
+        gain = (options * pull).sum(2)  # the square of how far the tangent leads
+        which, best = np.unravel_index(gain.argmax(), gain.shape)
+        if gain[which, best] <= tolerance[i] ** 2:
+            rim = surface.on_rim[point]
+            normal = surface.normals[point]
+            side = self.side if rim else math.copysign(1.0, arm[i] @ normal)
+            self._put(found, rows[i : i + 1], arm[i : i + 1], np.array([side]), normal[None], 0.0)
+            return True
+        onwards, backwards = options[which, best] / 3  # legs are a third of the derivative
+        scale = 1 / max(1.0, onwards + backwards)
+        tri[i] = t[best]
+        b[:, i] = 0
+        b[NEXT[c[best]], i], b[LAST[c[best]], i] = scale * onwards, scale * backwards
+        b[c[best], i] = max(0.0, 1 - scale * (onwards + backwards))
+        return False
+
+    def _put(self, found, rows, arm, side, normal, along):
+        """Into `rows` of `found` what belongs to nearest points on edges and corners."""
+        distance = np.linalg.norm(arm, axis=1)
+        on = distance < 1e-12
+        unit = np.where(on[:, None], normal, side[:, None] * arm)
+        unit /= np.maximum(np.linalg.norm(unit, axis=1), 1e-300)[:, None]
+        found.gap[rows], found.normal[rows] = side * distance, unit
+        flat = np.eye(3) - unit[:, :, None] * unit[:, None] - along
+        found.curvature[rows] = (
+            np.where(on, 0, side / np.maximum(distance, 1e-12))[:, None, None] * flat
+        )
+
+
+def fundamental_forms(
+    at: np.ndarray, arm: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of places and derivatives (n, 6, 3) of patches, as `patches.evaluate` gives them: unit normal
+    (n, 3), first and second fundamental form (3, n), and height (n,) of arms (n, 3) over them."""
+    u, v = at[:, 1], at[:, 2]
+    metric = np.array([row_dots(u, u), row_dots(u, v), row_dots(v, v)])
+    normal = np.cross(u, v)
+    normal /= np.sqrt(np.maximum(row_dots(normal, normal), 1e-300))[:, None]
+    bend = np.einsum("nai,ni->an", at[:, 3:], normal)
+    height = np.zeros(len(at)) if arm is None else row_dots(arm, normal)
+    return normal, metric, bend, height
+
+
+def _convex(metric, stiff):
+    """`stiff` (3, n), raised by as much of the metric as makes its least eigenvalue 0.1 in that
+    metric."""
+    det = metric[0] * metric[2] - metric[1] ** 2
+    mean = (metric[2] * stiff[0] + metric[0] * stiff[2] - 2 * metric[1] * stiff[1]) / (2 * det)
+    gauss = (stiff[0] * stiff[2] - stiff[1] ** 2) / det
+    least = mean - np.sqrt(np.maximum(mean**2 - gauss, 0))
+    return stiff + np.maximum(0.1 - least, 0) * metric
+
+
+def _hessian(at, metric, bend, gap):
+    """Hessian (n, 3, 3) of the gap over patches: -E I^-1 L (I - gap L)^-1 E^T of tangents E and
+    fundamental forms I, L."""
+
+    def matrix(a):
+        return np.array([[a[0], a[1]], [a[1], a[2]]]).transpose(2, 0, 1)
+
+    def inverse(a):
+        det = a[0] * a[2] - a[1] ** 2
+        det = np.where(abs(det) < 1e-300, 1e-300, det)
+        return matrix(np.array([a[2], -a[1], a[0]]) / det)
+
+    tangents = at[:, 1:3]
+    inner = inverse(metric) @ matrix(bend) @ inverse(metric - gap * bend)
+    full = -tangents.swapaxes(1, 2) @ inner @ tangents
+    return (full + full.swapaxes(1, 2)) / 2
+
+
+def least_radii(surface: CurvedTriangles) -> tuple[float, float]:
+    """Least radius of curvature [mm] as seen from inside the body and from outside, but for the
+    last of the surface's turning; infinite where nothing bends to that side."""
+    every = np.arange(len(surface.triangles))
+    middles = np.full((3, len(every)), 1 / 3)
+    _, metric, bend, _ = fundamental_forms(patches.evaluate(surface.patches, every, middles))
+    det = np.maximum(metric[0] * metric[2] - metric[1] ** 2, 1e-300)
+    mean = -(metric[2] * bend[0] + metric[0] * bend[2] - 2 * metric[1] * bend[1]) / (2 * det)
+    gauss = (bend[0] * bend[2] - bend[1] ** 2) / det
+    spread = np.sqrt(np.maximum(mean * mean - gauss, 0))
+    larger, smaller = mean + spread, mean - spread
+    return _least_radius(larger, surface.areas), _least_radius(-smaller, surface.areas)
+
+
+def _least_radius(curvature, area):
+    curvature = np.maximum(curvature, 0)
+    weight = area * curvature**2
+    turns = curvature * np.sqrt(area) > 1e-4  # less is rounding
+    if not turns.any():
+        return math.inf
+    curvature, weight = curvature[turns], weight[turns]
+    order = np.argsort(curvature)
+    share = np.cumsum(weight[order])
+    return 1 / float(curvature[order[np.searchsorted(share, BENT * share[-1])]])

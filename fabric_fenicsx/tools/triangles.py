@@ -1,0 +1,104 @@
+"""Triangles as files and users give them: checked, doubles merged, turned the same way round."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from ..errors import InputError
+from .facets import LAST, NEXT, facet_normals, topology
+
+SAME = 2e-7  # of the largest coordinate: points that are one, as files have single precision
+
+
+class Repaired(NamedTuple):
+    """Points (n, 3) [mm] and triangles (m, 3) without doubles and triangles without area, turned
+    the same way round; normals (m, 3, 3) at their corners if given, 0 where there is none; how many
+    triangles were `turned`; one_sided: False where no way to turn them makes all agree."""
+
+    points: np.ndarray
+    triangles: np.ndarray
+    normals: np.ndarray | None
+    turned: int
+    one_sided: bool
+
+
+def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None) -> Repaired:
+    """The `Repaired` triangles (m, 3) over points (n, 3) [mm], with normals (m, 3, 3) if given.
+
+    Raises InputError if no triangle has an area, or for points, triangles or normals of a wrong
+    shape or not finite.
+    """
+    x, cells = np.asarray(points, dtype=float), np.asarray(triangles)
+    if x.ndim != 2 or x.shape[1] != 3 or not np.isfinite(x).all():
+        raise InputError(
+            f"points of the surface have the shape {x.shape}; allowed is (n, 3), all finite"
+        )
+    if cells.ndim != 2 or cells.shape[1] != 3 or cells.dtype.kind not in "iu":
+        raise InputError(f"triangles have the shape {cells.shape}; allowed is (m, 3), of integers")
+    if cells.size and not 0 <= cells.min() <= cells.max() < len(x):
+        raise InputError(
+            f"triangles name points {cells.min()} to {cells.max()}; allowed are numbers from 0 to "
+            f"{len(x) - 1}"
+        )
+    given = None if normals is None else np.asarray(normals, dtype=float)
+    if given is not None and given.shape != (*cells.shape, 3):
+        raise InputError(f"normals have the shape {given.shape}; allowed is {(*cells.shape, 3)}")
+    x, number = _merged(x)
+    cells = number[cells]
+    corners = x[cells]
+    edges = np.roll(corners, -1, 1) - corners
+    longest = (edges**2).sum(2).max(1, initial=0)
+    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-10 * longest
+    if not area.any():
+        raise InputError("the surface has no triangle with an area; allowed is one at least")
+    used, number = np.unique(cells[area], return_inverse=True)
+    cells, turn, one_sided = _agreeing(number.reshape(-1, 3))
+    if given is not None:
+        given = given[area]
+        given[turn] = given[turn][:, [0, 2, 1]]
+        given = np.where(turn[:, None, None], -given, given)
+        facets = facet_normals(x[used], cells)[0][:, None]
+        # at poles of a CAD model's faces there is none
+        known = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
+        given = np.where(known, given, 0.0)
+    return Repaired(x[used], cells, given, int(turn.sum()), one_sided)
+
+
+def _merged(x):
+    """Points without those that are others up to rounding, and the number among them of each."""
+    x, number = np.unique(x, axis=0, return_inverse=True)
+    number = number.reshape(-1)
+    pairs = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
+    if len(pairs):
+        graph = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(x),) * 2)
+        one = connected_components(graph, directed=False)[1]
+        _, first = np.unique(one, return_index=True)
+        x, number = x[first], one[number]
+    return x, number
+
+
+def _agreeing(triangles):
+    """The triangles, turned the same way round as the first of their connected part; which were
+    (m,); whether all agree."""
+    m = len(triangles)
+    ends = np.stack([triangles[:, NEXT], triangles[:, LAST]], 2)
+    across = topology(triangles)
+    t, k = np.nonzero(across.triangle >= 0)
+    o, back = across.triangle[t, k], across.edge[t, k]
+    same = (ends[t, k, 0] == ends[o, back, 0]).astype(np.int64)
+    # each triangle twice, as it is and turned, joined with what agrees with it
+    rows = np.concatenate([t, t + m])
+    cols = np.concatenate([o + same * m, o + (1 - same) * m])
+    graph = sparse.coo_matrix((np.ones(len(rows)), (rows, cols)), shape=(2 * m, 2 * m))
+    label = connected_components(graph, directed=False)[1].reshape(2, m)
+    _, first, part = np.unique(label.min(0), return_index=True, return_inverse=True)
+    turn = label[0] != label[0][first][part]
+    agrees = bool((label[0] != label[1]).all())
+    triangles = triangles.copy()
+    triangles[turn] = triangles[turn][:, [0, 2, 1]]
+    return triangles, turn, agrees

@@ -1,0 +1,1 @@
+"""What studies compute to judge results: theory, reference solutions, errors, hard cases."""

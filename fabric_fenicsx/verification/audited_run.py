@@ -1,0 +1,118 @@
+"""A run whose accepted states are checked anew: whether each is an equilibrium and a minimum."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from ..results import measures
+from ..scene import Scene
+from ..solve.newton import Newton
+from ..solve.stepping import march
+
+TOLERANCE = 1e-8  # of the residual over the reaction
+
+
+class AuditedRun:
+    """A scene taken to its end: `outcome` and `energy` [N mm] there. `faults` names accepted states
+    whose residual, assembled anew, is above the tolerance or whose tangent, factorised anew, has
+    negative pivots.
+
+    steps, options: of `solve.stepping.march`; tolerance: of the residual over the reaction.
+    on_accept: is also called with this run and each accepted state.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        steps: int = 20,
+        tolerance: float = TOLERANCE,
+        on_accept: Callable[["AuditedRun", Any], None] | None = None,
+        **options: Any,
+    ) -> None:
+        self.faults: list[str] = []
+        self._on_accept = on_accept
+        self.scene, self.comm = scene, scene.comm
+        self.size = np.ptp(scene.blank.extent(), axis=0).max()
+        self.newton = Newton(scene, tolerance)
+        self.outcome = march(self.newton, steps, on_accept=self._accept, **options)
+        self.energy = scene.energy()
+
+    def _accept(self, accepted):
+        self._audit(accepted)
+        if self._on_accept:
+            self._on_accept(self, accepted)
+
+    def _audit(self, accepted):
+        if accepted.load == 0:
+            return
+        newton, scene = self.newton, self.scene
+        r, correction = scene.u.duplicate(), scene.u.duplicate()
+        scene.residual(r)
+        scene.tangent(newton.A)
+        norm, scale = r.norm(), scene.force_scale()
+        newton.snes.ksp.setOperators(newton.A)
+        newton.snes.ksp.solve(r, correction)
+        # of positions, through the tangent
+        rounding = 2.0**-52 * self.size * newton.A.getDiagonal().norm()
+        at_rounding = (
+            norm <= rounding or correction.norm(PETSc.NormType.NORM_INFINITY) <= 1e-14 * self.size
+        )
+        if norm > newton.tolerance * scale and not at_rounding:
+            self.faults.append(
+                f"residual {norm:.1e} N of {scale:.1e} N at load {accepted.load:.4g}"
+            )
+        negative = newton.snes.ksp.pc.getFactorMatrix().getInertia()[0]
+        if negative:
+            self.faults.append(
+                f"{negative} negative pivots ({accepted.report.negative_pivots} told) at load "
+                f"{accepted.load:.4g}"
+            )
+
+    @property
+    def reached(self) -> bool:
+        """Whether it came to full load."""
+        return not self.outcome.reason
+
+    @property
+    def u(self) -> np.ndarray:
+        """Displacement of this rank's owned nodes, (nodes, gdim) [mm]."""
+        owned = self.scene.blank.V.dofmap.index_map.size_local
+        return self.scene.blank.nodal_displacement()[:owned]
+
+    @property
+    def ended_plainly(self) -> bool:
+        """Whether it came to full load or said why not."""
+        return self.reached or bool(self.outcome.reason)
+
+    @property
+    def ending(self) -> str:
+        """Why it stopped, or that it came to full load."""
+        return self.outcome.reason or "whole load"
+
+    @property
+    def state(self) -> Any:
+        """The pointwise state of the membrane, the scene's first term."""
+        membrane: Any = self.scene.terms[0]
+        return membrane.state()[0]
+
+    @property
+    def shear(self) -> np.ndarray:
+        """Shear angle at this rank's points, (cells, points) [rad]."""
+        return self.state.invariants[:, :, 3]
+
+    @property
+    def eps_b(self) -> np.ndarray:
+        """Strain of yarns b at this rank's points, (cells, points)."""
+        return np.sqrt(self.state.invariants[:, :, 2]) - 1
+
+    def spread_of_eps_b(self) -> float:
+        """Largest less smallest strain of yarns b on all ranks."""
+        low, high = measures.extremes(self.comm, self.eps_b)
+        return high - low
+
+    def largest(self, values: np.ndarray) -> float:
+        """Largest magnitude of the `values` of all ranks; 0 of none."""
+        return self.comm.allreduce(float(np.abs(values).max(initial=0.0)), MPI.MAX)

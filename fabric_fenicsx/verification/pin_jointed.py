@@ -1,0 +1,136 @@
+"""A strip pulled by clamped ends whose yarns do not stretch and turn freely where they cross.
+
+In the plane such a net is x = p(alpha) + q(beta), with alpha and beta measured along yarns a and b
+of the flat strip: both derivatives are unit vectors, so the mixed one is normal to both and
+vanishes (Rivlin, J. Rational Mech. Anal. 4, 1955). So p' is the direction of yarns a all along a
+yarn b, and is the initial one where that yarn ends in a clamp. What is left are the stretches of
+alpha and beta between those of both clamps. With one direction in each, they are two sides of a
+triangle whose third side lengthens with the clamps' distance.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True)
+class PinJointedStrip:
+    """Strip of `length` and `width` [mm], clamped at x = 0 and x = length; a, b: angles of its
+    yarns to x [rad]."""
+
+    length: float
+    width: float
+    a: float
+    b: float
+
+    @cached_property
+    def _coordinates(self) -> np.ndarray:
+        """Matrix (2, 2) from (x, y) to (alpha, beta)."""
+        yarns = [[math.cos(self.a), math.cos(self.b)], [math.sin(self.a), math.sin(self.b)]]
+        return np.linalg.inv(yarns)
+
+    @cached_property
+    def _gaps(self) -> np.ndarray:
+        """Lengths (2,) of alpha and of beta between the clamps [mm]."""
+        return self.length * abs(self._coordinates[:, 0]) - self.width * abs(
+            self._coordinates[:, 1]
+        )
+
+    @property
+    def locked(self) -> str:
+        """Why the strip can't lengthen, if it can't: which yarns run from clamp to clamp; else
+        empty."""
+        small = 1e-9 * self.length
+        # alpha is constant along yarns b
+        names = [name for name, gap in zip("ba", self._gaps) if gap <= small]
+        return f"yarns {' and '.join(names[::-1])} run from clamp to clamp" if names else ""
+
+    def turns(self, displacement: float) -> tuple[float, float]:
+        """Angles [rad], anticlockwise, by which yarns a and b turn where both are free, at a
+        displacement of the clamp [mm]; nan if the strip is `locked` or that is beyond its reach."""
+        if self.locked:
+            return math.nan, math.nan
+        la, lb = self._gaps
+        along = [
+            k if s > 0 else k + math.pi for k, s in zip((self.a, self.b), self._coordinates[:, 0])
+        ]
+        x = la * math.cos(along[0]) + lb * math.cos(along[1]) + displacement
+        y = la * math.sin(along[0]) + lb * math.sin(along[1])
+        cosine = (x * x + y * y - la * la - lb * lb) / (2 * la * lb)
+        if abs(cosine) > 1:
+            return math.nan, math.nan
+        between = math.copysign(math.acos(cosine), math.sin(along[1] - along[0]))
+        a = math.atan2(y, x) - math.atan2(lb * math.sin(between), la + lb * cosine)
+        turn_a, turn_b = a - along[0], a + between - along[1]
+        return math.remainder(turn_a, 2 * math.pi), math.remainder(turn_b, 2 * math.pi)
+
+    def shear_angle(self, displacement: float, rest: float | None = None) -> float:
+        """Shear angle of eq. (8) where both yarns are free [rad], nan as in `turns`.
+
+        rest: angle between the yarns without shear [rad], by default the initial one. For yarns at
+        t and t + 90 deg: sin|gamma| = d (2 (L - W sin 2t) + d) / (2 (L cos t - W sin t) (L sin t -
+        W cos t)).
+        """
+        turn_a, turn_b = self.turns(displacement)
+        return self._sheared(turn_a, turn_b, rest)
+
+    def shear_angles(
+        self, x: ArrayLike, y: ArrayLike, displacement: float, rest: float | None = None
+    ) -> np.ndarray:
+        """The same at places x, y (n,) of the flat strip [mm], all over it, (n,)."""
+        (a_held, b_held), _ = self.held(x, y)
+        turn_a, turn_b = self.turns(displacement)
+        return self._sheared(np.where(b_held, 0, turn_a), np.where(a_held, 0, turn_b), rest)
+
+    def _sheared(self, turn_a, turn_b, rest):
+        initial = math.acos(math.cos(self.b - self.a))
+        return (initial if rest is None else rest) - np.arccos(
+            np.cos(self.b + turn_b - self.a - turn_a)
+        )
+
+    def held(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Whether the yarns a and b through places x, y (n,) end in a clamp, (2, n), and the
+        places' distance to the lines where that changes, (n,) [mm]."""
+        places = self._coordinates @ np.stack(
+            np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        )
+        of_length, of_width = (
+            self.length * self._coordinates[:, :1],
+            self.width * self._coordinates[:, 1:],
+        )
+        low, high = np.minimum(0, of_width), np.maximum(0, of_width)
+        clamped = [(places >= low + at) & (places <= high + at) for at in (0, of_length)]
+        distance = np.min(
+            [abs(places - edge - at) for edge in (low, high) for at in (0, of_length)], axis=(0, 1)
+        )
+        # alpha tells which yarn b it is, beta which yarn a
+        return (clamped[0] | clamped[1])[::-1], distance * abs(math.sin(self.b - self.a))
+
+    def beside_clamps(self, x: ArrayLike, y: ArrayLike) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Where the turn of yarns a, then of yarns b, sets in: for each, which of the places x, y
+        (n,) count, and their distance into the zone where it has (n,) [mm]; an empty list if the
+        strip is `locked`.
+
+        There count, at both ends of the strip, those whose other yarn ends in the middle third of
+        the clamp, as far as both zones reach along all of it.
+        """
+        if self.locked:
+            return []
+        middle = self._coordinates @ [self.length / 2, self.width / 2]
+        places = self._coordinates @ np.stack(
+            np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        )
+        # from the strip's middle towards its ends; it is the same turned by half a turn
+        places = (places - middle[:, None]) * np.sign(self._coordinates[:, :1])
+        clamp, half = self.width * abs(self._coordinates[:, 1]), self._gaps / 2
+        sines, found = abs(np.sin([self.a, self.b])), []
+        for own, other in ((0, 1), (1, 0)):
+            into = half[own] - abs(places[own])
+            third = abs(abs(places[other]) - half[other] - clamp[other] / 2) <= clamp[other] / 6
+            far = min(clamp[own] / 3, clamp[other] * sines[other] / sines[own] / 3, half[own])
+            counts = third & (places[own] * places[other] > 0) & (abs(into) <= far)
+            found.append((counts, into * abs(math.sin(self.b - self.a))))
+        return found

@@ -1,0 +1,102 @@
+"""Sheets, terms and runs that several tests share."""
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.stepping import march
+
+COMM = MPI.COMM_WORLD
+
+
+def sheet(
+    length,
+    width,
+    nx,
+    ny,
+    pattern="crossed",
+    comm=COMM,
+    *,
+    cell="triangle",
+    shape=None,
+    turn=None,
+    spatial=False,
+    **options,
+):
+    """A rectangle from the origin on, in its plane or, if `spatial`, free to leave it.
+
+    shape: forms it, a function of its points (n, 3); turn: a rotation (3, 3) that takes it, with
+    its frame, elsewhere.
+    """
+    points = cells = kind = None
+    if comm.rank == 0:
+        points, cells, kind = specimen(length, width, nx, ny, pattern, cell)
+        points = shape(points) if shape else points
+        points = points @ turn.T if turn is not None else points
+    if turn is not None:
+        plane = not spatial and turn[2, 2] == 1
+        options |= {"frame": turn[:2, :2].T} if plane else {"frame": turn.T, "up": turn[:, 2]}
+    return Blank.from_arrays(comm, points, cells, kind, spatial=spatial, **options)
+
+
+def rotation(seed=0):
+    """A rotation in space."""
+    Q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
+    return Q * np.sign(np.linalg.det(Q))
+
+
+def near(axis, position):
+    return lambda x: np.abs(x[axis] - position) < 1e-6
+
+
+def everywhere(x):
+    return np.full(x.shape[-1], True)
+
+
+def displacement(blank):
+    """Of the owned nodes along x, y, z, (nodes, gdim)."""
+    return blank.nodal_displacement()[: blank.V.dofmap.index_map.size_local]
+
+
+class Alone:
+    """What a scene tells its terms, without one."""
+
+    def __init__(self, blank, terms, fabric=None):
+        self.blank, self.terms, self.fabric = blank, terms, fabric
+
+
+def alone(blank, *terms, fabric=None):
+    """Bind terms to a sheet without a scene, to test them by themselves; the first of them."""
+    scene = Alone(blank, terms, fabric)
+    for term in terms:
+        term.bind(scene)
+    return terms[0]
+
+
+class Elastic(Term):
+    """An isotropic membrane of `stiffness` E h [N/mm], linear in Green's strain."""
+
+    name, energy_kind = "elastic", "strain"
+
+    def __init__(self, stiffness=1e3, nu=0.0):
+        self.stiffness, self.nu = stiffness, nu
+
+    def set_up(self, scene):
+        blank, nu = scene.blank, self.nu
+        a, b = (f + ufl.dot(ufl.grad(blank.displacement), f) for f in (blank.a0, blank.b0))
+        e, f, g = (ufl.dot(a, a) - 1) / 2, (ufl.dot(b, b) - 1) / 2, ufl.dot(a, b) / 2
+        density = (1 - nu) * (e**2 + f**2 + 2 * g**2) + nu * (e + f) ** 2
+        dx = ufl.dx(blank.mesh, metadata={"quadrature_degree": 1})
+        self.energy = self.stiffness / (2 * (1 - nu**2)) * density * dx
+
+
+def run(scene, steps=4, tolerance=1e-8, **options):
+    """March to full load; all accepted states."""
+    states = []
+    outcome = march(Newton(scene, tolerance), steps, on_accept=states.append, **options)
+    assert not outcome.reason, outcome.reason
+    return states

@@ -1,0 +1,172 @@
+"""What every law has: found by its file, a kernel from its energy alone, a material file."""
+
+import re
+from dataclasses import dataclass
+
+import mpmath
+import numpy as np
+import pytest
+
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
+from fabric_fenicsx.material.hyperdual import HyperDual
+from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
+from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
+from fabric_fenicsx.material.presets import PRESETS, load
+from fabric_fenicsx.material.validation import above_zero
+
+LAW58 = LAWS["law58"](
+    E_a=1335.0,
+    E_b=900.0,
+    B_a=4000.0,
+    B_b=0.0,
+    flex=1e-3,
+    G_0=0.025,
+    G_T=0.6,
+    gamma_T=0.8,
+    thickness=0.4,
+    name="law58",
+)
+TABLE = TabulatedFabric(
+    warp=Curve((-0.2, 0.0, 0.01, 0.03, 0.06), (-0.3, 0.0, 9.0, 45.0, 130.0)),
+    weft=Curve((-0.1, 0.0, 0.02, 0.05), (-0.1, 0.0, 12.0, 60.0)),
+    shear=Curve((0.0, 0.3, 0.8), (0.0, 0.01, 0.09)),
+    name="table",
+)
+
+
+@pytest.fixture(scope="module")
+def fabrics(unbalanced):
+    off = {f"without {name}": unbalanced.without(name) for name in COUPLINGS}
+    return {
+        "coupled": unbalanced,
+        "FABRIC": unbalanced.decoupled(),
+        "law58": LAW58,
+        "table": TABLE,
+    } | off
+
+
+NAMES = ["coupled", "FABRIC", "law58", "table", *(f"without {name}" for name in COUPLINGS)]
+
+
+def states(n=4000, seed=4):
+    rng = np.random.default_rng(seed)
+    eps_a, eps_b = rng.uniform(-0.2, 0.06, (2, n))
+    gamma = rng.uniform(-1.2, 1.2, n)
+    eps_a[:20] = eps_b[10:30] = gamma[20:40] = 0  # on the kinks, too
+    return eps_a, eps_b, gamma
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_closed_forms_are_the_derivatives_of_the_energy(fabrics, name):
+    """Against hyper-dual numbers. Second derivatives are sums of terms that cancel, such as those
+    of k_SC: so each is compared on the scale of its own largest value, of which rounding leaves
+    1e-14, and not on its own."""
+    fabric = fabrics[name]
+    closed, energy = fabric.derivatives(*states()), Law.derivatives(fabric, *states())
+    size = np.abs(energy.parts).sum(-1).max()
+    assert np.abs(closed.parts - energy.parts).max() <= 1e-12 * size
+    stress = np.linalg.norm(energy.first, axis=0) + fabric.shear_stiffness
+    assert (np.abs(closed.first - energy.first) / stress).max() <= 1e-12
+    largest = np.abs(energy.second).max(1, keepdims=True)
+    assert (np.abs(closed.second - energy.second) <= 1e-13 * largest).all()
+    assert fabric.derivatives(*states(), second=False).second is None
+
+
+def test_hyper_dual_numbers_against_mpmath():
+    from fabric_fenicsx.material import functions
+
+    def f(lib, x, y, z):
+        root = lib.sqrt(1 + x * x) / (2 - lib.sin(z)) + 3 / (x + 4)
+        return (
+            root * lib.exp(-y) + lib.log(2 + z) * lib.tan(x) - lib.cos(y * z) + x**3 * lib.atan(y)
+        )
+
+    point = 0.3, -0.7, 0.4
+    found = f(functions, *HyperDual.variables(*point))
+    with mpmath.workdps(40):
+        exact = [
+            mpmath.diff(lambda *v: f(mpmath, *v), point, orders)
+            for orders in [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
+            + [(2, 0, 0), (1, 1, 0), (0, 2, 0), (1, 0, 1), (0, 1, 1), (0, 0, 2)]
+        ]
+    assert found.value == pytest.approx(float(f(mpmath, *point)), rel=1e-14)
+    assert np.r_[found.first, found.second] == pytest.approx(np.array(exact, float), rel=1e-13)
+
+
+def test_every_law_answers_what_is_asked_of_it(fabrics):
+    for name, fabric in fabrics.items():
+        assert LAWS[fabric.law] is type(fabric)
+        assert fabric.without("biaxial").couplings <= fabric.couplings, name
+        assert fabric.decoupled().couplings == frozenset() and len(coupling_variants(fabric)) == 4
+        assert fabric.plausibility_warnings() == [] and fabric.shear_stiffness > 0
+        with pytest.raises(InputError, match="'bi' is unknown"):
+            fabric.without("bi")
+    assert LAW58.without("biaxial") is LAW58 and TABLE.decoupled() is TABLE
+    assert (LAW58.shear_stiffness, PRESETS["komeili"].shear_stiffness) == (0.025, 25.06e-3)
+    with pytest.raises(InputError, match=r"x is of the law law58, which has no p_min; allowed"):
+        LAW58.require(("E_a", "p_min"), "x")
+
+
+def test_numbers_can_be_replaced_by_symbols():
+    made = []
+    symbols = LAW58.symbols(lambda v: made.append(v) or 2 * v)
+    assert made == [1335.0, 900.0, 4000.0, 0.0, 1e-3, 0.025, 0.6, 0.8, 0.4]
+    assert (symbols.E_a, symbols.thickness, symbols.density) == (2670.0, 0.8, LAW58.density)
+    assert LAW58.E_a == 1335.0
+
+
+def test_a_law_of_a_users_script_is_known_by_its_name(tmp_path):
+    @dataclass(frozen=True)
+    class Linear(Law):
+        law = "linear"
+        rules = {"E": above_zero("stress")}
+        E: float
+
+        def energy(self, eps_a, eps_b, gamma):
+            return self.E * eps_a**2 / 2, self.E * eps_b**2 / 2, self.E * gamma**2 / 20
+
+    try:
+        path = tmp_path / "m.toml"
+        path.write_text('law = "linear"\nE_GPa = 1\nthickness_mm = 1\ndensity_g_per_cm3 = 1\n')
+        fabric = load(path)
+        strains = np.array([[0.01, -0.02, 0.3]])
+        assert type(fabric) is Linear
+        assert nominal(fabric, strains)[0] == pytest.approx([10.0, -20.0, 30.0])
+        assert lateral_strain(fabric, 0, strains[:, 0]) == 0
+    finally:
+        del LAWS["linear"]
+
+
+def test_a_material_file_names_its_law(tmp_path):
+    path = tmp_path / "m.toml"
+    LAW58.to_toml(path, ["of nobody"])
+    assert load(path) == LAW58 and path.read_text().startswith("# of nobody\nlaw = ")
+    text = path.read_text()
+    path.write_text(text.replace("E_a = 1335.0", "E_a_GPa = 1.335"))
+    assert load(path) == LAW58
+    for old, new, sentence in (
+        (
+            '"law58"',
+            '"law85"',
+            "law 'law85' is unknown (did you mean law58?); allowed are coupled, law58, tabulated",
+        ),
+        ("E_a = 1335.0", "", "missing E_a; allowed is to give all, at the top of the file"),
+        ("flex = 0.001", "flex = 2", "flex is 2; allowed is a finite number, from 0 to 1"),
+        ("flex = 0.001", "flx = 2", "flx is unknown (did you mean flex?)"),
+        (
+            "gamma_T = 0.8",
+            "gamma_T = 45",
+            "gamma_T is 45; allowed is a finite number, above 0 and below pi",
+        ),
+    ):
+        path.write_text(text.replace(old, new))
+        with pytest.raises(InputError, match=re.escape(f"{path}: {sentence}")):
+            load(path)
+    PRESETS["komeili"].to_toml(path)
+    path.write_text('law = "coupled"\n' + path.read_text())
+    assert load(path) == PRESETS["komeili"]
+    with pytest.raises(InputError, match="E_a is -1; allowed is a finite number, above 0"):
+        LAW58.replace(E_a=-1)
+    with pytest.raises(InputError, match="replace: p_min is unknown; allowed are"):
+        LAW58.replace(p_min=1)

@@ -1,0 +1,38 @@
+"""Radioss' LAW58: its stresses by hand, UFL against the kernel, and runs of studies."""
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.material.laws.law58 import Law58
+
+FABRIC = Law58(1335.0, 900.0, 4000.0, 0.0, 1e-3, 0.025, 0.6, 0.8, name="law58")
+
+
+def test_stresses_as_the_guide_lists_them():
+    e, g = np.array([-0.1, 0.0, 0.01, 0.05]), np.array([0.0, 0.4, 0.8, 1.2])
+    sigma_a, sigma_b, tau = FABRIC.derivatives(e, e, -g).first
+    pull = np.where(e > 0, 1335 * e - 2000 * e**2, 1.335 * e)
+    assert sigma_a == pytest.approx(pull, rel=1e-13)
+    assert sigma_b == pytest.approx(np.where(e > 0, 900 * e, 0.9 * e), rel=1e-13)
+    G = 0.6 * np.cos(0.8) ** 2
+    beyond = G * np.tan(g) + (0.025 - G) * np.tan(0.8)
+    assert tau == pytest.approx(-np.where(g > 0.8, beyond, 0.025 * np.tan(g)), rel=1e-13)
+
+
+@pytest.mark.parametrize("study", ["tensile", "picture_frame", "bias_extension"])
+def test_it_runs_in_studies(launch, tmp_path, study):
+    FABRIC.to_toml(tmp_path / "m.toml")
+    options = {"tensile": ("--nx", 24), "bias_extension": ("--nx", 24, "--strain", 0.05)}
+    done = launch(
+        study, "--quick", "--no-pictures", "--material", "m.toml", *options.get(study, ())
+    )
+    s = done.summary
+    assert done.status == 0, done.err
+    assert s["converged"] and s["kernel_mismatch"] <= 1e-10
+    assert (s["material"], s["couplings"]) == ("law58", [])
+    if study == "picture_frame":  # homogeneous
+        q = s["quantities"]
+        closed = q["closed_form_N_per_mm"]
+        assert q["normalised_shear_force_N_per_mm"] == pytest.approx(closed, rel=1e-8)
+        gamma = np.radians(q["shear_angle_deg"])
+        assert closed == pytest.approx(0.025 * np.tan(gamma) / np.cos(gamma), rel=1e-8)

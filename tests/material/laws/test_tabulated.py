@@ -1,0 +1,128 @@
+"""The tabulated FABRIC baseline and the closed-form stresses."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.material import kernel
+from fabric_fenicsx.material.laws.base import stresses_of_energy
+from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
+from fabric_fenicsx.material.presets import PRESETS, load
+
+
+@pytest.fixture
+def tabulated():
+    e = np.array([-0.2, -0.05, 0.0, 0.004, 0.01, 0.02, 0.03])
+    yarn = Curve(tuple(e), tuple(np.where(e > 0, 12390 * e**2 + 1335 * e, 1.3 * e)))
+    g = np.radians([0, 5, 10, 20, 30, 45, 60])
+    return TabulatedFabric(
+        yarn,
+        Curve(tuple(e), tuple(0.7 * np.asarray(yarn.y))),
+        Curve(tuple(g), tuple(0.02 * g + 0.3 * g**3)),
+        name="table",
+    )
+
+
+def test_curve_keeps_points_monotony_and_a_twice_continuous_energy(tabulated):
+    curve = tabulated.warp
+    assert curve(curve.x) == pytest.approx(curve.y, abs=1e-12)
+    e = np.linspace(-0.3, 0.05, 5001)
+    energy, stress, tangent = curve.derivatives(e)
+    assert np.all(np.diff(stress) > 0)
+    for x in curve.x:
+        below, at = (np.array(curve.derivatives(v)) for v in (x - 1e-12, x))
+        assert at == pytest.approx(below, rel=1e-6, abs=1e-8)
+    for k in (0, 1700, 4200, 5000):
+        assert energy[k] == pytest.approx(
+            quad(curve, 0, e[k], epsabs=1e-13, limit=200)[0], rel=1e-8
+        )
+    assert curve.derivatives(0.0)[0] == 0 and energy.min() >= 0
+    beyond = curve.derivatives([0.04, 0.05, 0.08])[1:]
+    assert np.ptp(beyond[1]) < 1e-9
+    assert beyond[0][1] - beyond[0][0] == pytest.approx(0.01 * beyond[1][0])
+
+
+def states(n=3000, seed=4):
+    rng = np.random.default_rng(seed)
+    eps = rng.uniform(-0.2, 0.06, (2, n))
+    gamma = rng.uniform(-1.2, 1.2, n)
+    eps[:, :20] = 0  # on the kinks too
+    gamma[10:30] = 0
+    return eps[0], eps[1], gamma
+
+
+@pytest.mark.parametrize("material", ["komeili", "fabric", "unbalanced", "tabulated"])
+def test_kernel_has_the_stresses_of_the_closed_form(material, request):
+    fabric = PRESETS.get(material) or request.getfixturevalue(material)
+    ea, eb, g = states()
+    a = np.stack([(1 + ea) * np.cos(g / 2), (1 + ea) * np.sin(g / 2)], -1)
+    b = np.stack([(1 + eb) * np.sin(g / 2), (1 + eb) * np.cos(g / 2)], -1)
+    F = np.stack([a, b], -1)
+    state = kernel.evaluate(fabric, gradient=F, tangent=True)
+    P = F @ state.S
+    dF = 0.5 * np.stack([np.stack([-a[:, 1], a[:, 0]], -1), np.stack([b[:, 1], -b[:, 0]], -1)], -1)
+    found = [
+        (P[:, :, 0] * a).sum(1) / (1 + ea),
+        (P[:, :, 1] * b).sum(1) / (1 + eb),
+        (P * dF).sum((1, 2)),
+    ]
+    expected = stresses_of_energy(fabric, ea, eb, g)
+    scale = np.linalg.norm(expected, axis=0) + fabric.shear_stiffness
+    for mine, theirs in zip(found, expected):
+        assert (np.abs(mine - theirs) / scale).max() < 1e-11
+
+
+def test_tables_from_files(tmp_path, tabulated):
+    for name, curve, header, factor in (
+        ("warp", tabulated.warp, "eps [%], sigma [MPa]", (100, 1)),
+        ("weft", tabulated.weft, "eps [-], sigma [kPa]", (1, 1000)),
+        ("shear", tabulated.shear, "gamma [deg], tau [MPa]", (180 / np.pi, 1)),
+    ):
+        lines = [
+            f"{float(x * factor[0])!r}, {float(y * factor[1])!r}" for x, y in zip(curve.x, curve.y)
+        ]
+        (tmp_path / f"{name}.csv").write_text("\n".join(["# measured by nobody", header, *lines]))
+    text = (
+        'model = "fabric"\nname = "table"\nthickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\nwarp = '
+        '"warp.csv"\nweft = "weft.csv"\nshear = "shear.csv"\n'
+    )
+    (tmp_path / "m.toml").write_text(text)
+    fabric = load(str(tmp_path / "m.toml"))
+    ea, eb, g = states(50)
+    assert np.allclose(
+        stresses_of_energy(fabric, ea, eb, g), stresses_of_energy(tabulated, ea, eb, g), rtol=1e-9
+    )
+    assert fabric.decoupled() is fabric
+    assert fabric.without("biaxial") is fabric
+    assert fabric.couplings == frozenset()
+
+
+GOOD = "eps [%], sigma [MPa]\n-1, -0.1\n0, 0\n1, 10\n2, 30\n"
+BAD = {
+    "eps [%], sigma [bar]\n0, 0": "row 1 has the column",
+    "eps [%]\n0": "row 1 is no header",
+    GOOD + "1.5, 40\n": "row 6: 0.015 comes after 0.02",
+    GOOD + "3, nan\n": "row 6 is",
+    GOOD + "3, much\n": "row 6 is '3, much'",
+    "eps [%], sigma [MPa]\n0, 0\n1, 2\n": "2 points",
+    "eps [%], sigma [MPa]\n"
+    + "".join(f"{e}, {e}\n" for e in range(41)): "41 points; allowed are 3 to 40",
+    "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n": "(0, 0)",
+    "": "row 1 is no header",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_tables_are_named(tmp_path, text):
+    for name in ("warp", "weft"):
+        (tmp_path / f"{name}.csv").write_text(GOOD)
+    (tmp_path / "shear.csv").write_text("gamma [deg], tau [MPa]\n0, 0\n10, 1\n20, 3\n")
+    (tmp_path / "warp.csv").write_text(text)
+    (tmp_path / "m.toml").write_text(
+        'model = "fabric"\nthickness_mm = 1\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\nweft '
+        '= "weft.csv"\nshear = "shear.csv"'
+    )
+    with pytest.raises(InputError) as error:
+        load(str(tmp_path / "m.toml"))
+    assert BAD[text] in str(error.value) and "warp.csv" in str(error.value)

@@ -1,0 +1,252 @@
+"""The kernel against the UFL energy and against derivatives of eq. (30) written a third time, case
+by case."""
+
+import copy
+from functools import partial
+
+import dolfinx
+import mpmath
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.material import kernel
+from fabric_fenicsx.material.expression import energy_density
+from fabric_fenicsx.material.laws import COUPLINGS, Law
+from fabric_fenicsx.material.laws.law58 import Law58
+from fabric_fenicsx.material.presets import PRESETS
+
+LAW58 = Law58(1335.0, 900.0, 4000.0, 0.0, 1e-3, 0.025, 0.6, 0.8)
+
+
+def relative(value, reference):
+    axes = tuple(range(1, reference.ndim))
+    return np.sqrt(((value - reference) ** 2).sum(axes) / (reference**2).sum(axes))
+
+
+def cases(fabric, C, a, b, lib, weave=None):
+    """W_tot exactly as eqs (13)-(30) list it, with branches, for one point; lib is mpmath or numpy;
+    weave: angle from which gamma counts, the initial one in eq. (8)."""
+    I4 = a[0] * (C[0] * a[0] + C[2] * a[1]) + a[1] * (C[2] * a[0] + C[1] * a[1])
+    I8 = b[0] * (C[0] * b[0] + C[2] * b[1]) + b[1] * (C[2] * b[0] + C[1] * b[1])
+    I6 = a[0] * (C[0] * b[0] + C[2] * b[1]) + a[1] * (C[2] * b[0] + C[1] * b[1])
+    acos = getattr(lib, "acos", None) or lib.arccos
+    gamma = (acos(a[0] * b[0] + a[1] * b[1]) if weave is None else weave) - acos(
+        I6 / lib.sqrt(I4 * I8)
+    )
+    g = gamma if gamma.real >= 0 else -gamma
+    ea, eb = lib.sqrt(I4) - 1, lib.sqrt(I8) - 1
+    w, f = fabric.warp, fabric.weft
+    kTCa = (1 - w.p_min) * lib.exp(w.c * eb) + w.p_min
+    kTCb = (1 - f.p_min) * lib.exp(f.c * ea) + f.p_min
+    WTa, WTb = (w.a * ea**3 + w.b * ea**2) * kTCa, (f.a * eb**3 + f.b * eb**2) * kTCb
+    WCa, WCb = w.d * ea**2, f.d * eb**2
+    WS = fabric.s1 * g**2 / 2 + fabric.s2 * g**3 / 3 + fabric.s3 * g**4 / 4
+    WSTa, WSTb = g**3 * w.s_T * (I4 - 1) ** 2 / 3, g**3 * f.s_T * (I8 - 1) ** 2 / 3
+    kSCa, kSCb = lib.exp(w.s_C * (I4 - 1) ** 3), lib.exp(f.s_C * (I8 - 1) ** 3)
+    if I4.real > 1 and I8.real > 1:
+        return WTa + WTb + WS + WSTa + WSTb
+    if I4.real > 1:
+        return WTa + WCb + (WS + WSTa) * kSCb
+    if I8.real > 1:
+        return WCa + WTb + (WS + WSTb) * kSCa
+    return WCa + WCb + WS * kSCa * kSCb
+
+
+def through_ufl(fabric, C, a0, b0, weave=None):
+    """Energy, S and dS/dE (Voigt) of the UFL energy, a point in each cell of a mesh; weave: as in
+    `cases`."""
+    mesh = dolfinx.mesh.create_unit_square(MPI.COMM_SELF, 1, len(C) // 2)
+    data = dolfinx.fem.Function(compat.vector_space(mesh, "DG", 0, 7))
+    data.x.array[:] = np.column_stack([C[:, 0, 0], C[:, 1, 1], C[:, 0, 1], a0, b0]).ravel()
+    Cv = ufl.variable(ufl.as_matrix([[data[0], data[2]], [data[2], data[1]]]))
+    a, b, Cs = ufl.as_vector([data[3], data[4]]), ufl.as_vector([data[5], data[6]]), ufl.sym(Cv)
+    cosine = ufl.dot(a, b) if weave is None else dolfinx.fem.Constant(mesh, np.cos(weave))
+    W = energy_density(ufl.dot(a, Cs * a), ufl.dot(a, Cs * b), ufl.dot(b, Cs * b), cosine, fabric)
+    S = 2 * ufl.diff(W, Cv)
+    D = 2 * ufl.diff(S, Cv)
+    pairs = [(0, 0), (1, 1), (0, 1)]
+    values = [W] + [S[p] for p in pairs] + [D[(*p, *q)] for p in pairs for q in pairs]
+    values = compat.PointEvaluation(ufl.as_vector(values), mesh, 1)()[:, 0]
+    return values[:, 0], values[:, 1:4], values[:, 4:].reshape(-1, 3, 3)
+
+
+def voigt(S):
+    return np.stack([S[:, 0, 0], S[:, 1, 1], S[:, 0, 1]], -1)
+
+
+@pytest.mark.parametrize("off", [(), *[(name,) for name in COUPLINGS], COUPLINGS])
+def test_agrees_with_ufl_on_10000_states(unbalanced, random_states, off):
+    fabric = unbalanced.without(*off)
+    C, a0, b0 = random_states(10_000)
+    state = kernel.evaluate(fabric, cauchy_green=C, fibres=(a0, b0), tangent=True)
+    assert [(state.strain_state == k).sum() > 500 for k in (1, 2, 3, 4)] == [True] * 4
+    assert np.degrees(np.abs(state.invariants[:, 3])).max() > 79
+    W, S, D = through_ufl(fabric, C, a0, b0)
+    assert relative(W, state.energy).max() <= 1e-12
+    assert relative(S, voigt(state.S)).max() <= 1e-12
+    assert relative(D, state.tangent).max() <= 1e-12
+
+
+@pytest.mark.parametrize("law", ["coupled", "law58"])
+def test_a_law_needs_no_closed_forms(unbalanced, random_states, law):
+    """UFL against hyper-dual numbers, both from the law's energy alone."""
+    fabric = LAW58
+    if law == "coupled":
+        fabric = copy.copy(unbalanced)
+        object.__setattr__(fabric, "derivatives", partial(Law.derivatives, fabric))
+    C, a0, b0 = random_states(2_000)
+    state = kernel.evaluate(fabric, cauchy_green=C, fibres=(a0, b0), tangent=True)
+    W, S, D = through_ufl(fabric, C, a0, b0)
+    assert relative(W, state.energy).max() <= 1e-12
+    assert relative(S, voigt(state.S)).max() <= 1e-12
+    assert relative(D, state.tangent).max() <= 1e-12
+
+
+def test_stress_agrees_with_the_complex_step_of_the_cases(unbalanced, random_states):
+    C, a0, b0 = random_states(2_000, seed=2)
+    state = kernel.evaluate(unbalanced, cauchy_green=C, fibres=(a0, b0))
+    gradient = np.empty((len(C), 3))
+    for n, (Cn, a, b) in enumerate(zip(voigt(C), a0, b0)):
+        for k in range(3):
+            step = Cn.astype(complex)
+            step[k] += 1e-30j
+            gradient[n, k] = 2 * cases(unbalanced, step, a, b, np).imag / 1e-30
+    gradient[:, 2] /= 2  # C12 stands for two entries
+    # arccos loses digits towards 0 and 180 deg, and 10 deg are among the states: so 1e-11 and not
+    # 1e-12
+    assert relative(gradient, voigt(state.S)).max() <= 1e-11
+
+
+@pytest.mark.parametrize("weave", [90, 70, 115])
+def test_shear_from_the_angle_of_the_weave(unbalanced, random_states, weave):
+    """Kernel and UFL with each other, stress with the complex step of the written-out energy; gamma
+    up to 100 deg."""
+    C, a0, b0 = random_states(1_000, seed=4)
+    weave = np.radians(weave)
+    state = kernel.evaluate(
+        unbalanced, cauchy_green=C, fibres=(a0, b0), tangent=True, weave_angle=weave
+    )
+    W, S, D = through_ufl(unbalanced, C, a0, b0, weave)
+    assert relative(W, state.energy).max() <= 1e-12
+    assert relative(S, voigt(state.S)).max() <= 1e-12
+    assert relative(D, state.tangent).max() <= 1e-12
+    I4, I6, I8, gamma = state.invariants.T
+    assert gamma == pytest.approx(weave - np.arccos(I6 / np.sqrt(I4 * I8)), abs=1e-12)
+    energy, gradient = np.empty(len(C)), np.empty((len(C), 3))
+    for n, (Cn, a, b) in enumerate(zip(voigt(C), a0, b0)):
+        energy[n] = cases(unbalanced, Cn.astype(complex), a, b, np, weave).real
+        for k in range(3):
+            step = Cn.astype(complex)
+            step[k] += 1e-30j
+            gradient[n, k] = 2 * cases(unbalanced, step, a, b, np, weave).imag / 1e-30
+    gradient[:, 2] /= 2
+    assert relative(state.energy, energy).max() <= 1e-11
+    assert relative(gradient, voigt(state.S)).max() <= 1e-11
+
+
+def test_the_initial_angle_as_the_weaves_changes_nothing(unbalanced, random_states):
+    C = random_states(1_000)[0]
+    fibres = [1.0, 0.0], [np.cos(1.2), np.sin(1.2)]
+    given, own = (
+        kernel.evaluate(unbalanced, cauchy_green=C, fibres=fibres, weave_angle=w)
+        for w in (1.2, None)
+    )
+    assert given.invariants == pytest.approx(own.invariants, abs=1e-14)
+    assert relative(given.S, own.S).max() <= 1e-11
+
+
+def test_stress_and_tangent_agree_with_mpmath(unbalanced, random_states):
+    C, a0, b0 = random_states(60, seed=3)
+    state = kernel.evaluate(unbalanced, cauchy_green=C, fibres=(a0, b0), tangent=True)
+    with mpmath.workdps(50):
+        for n, (Cn, a, b) in enumerate(zip(voigt(C), a0, b0)):
+            a, b = ([mpmath.mpf(float(v)) for v in d] for d in (a, b))
+
+            def W(*c):
+                return cases(unbalanced, c, a, b, mpmath)
+
+            def derivative(*orders):
+                return mpmath.diff(W, tuple(mpmath.mpf(float(v)) for v in Cn), orders)
+
+            half = np.array([1.0, 1.0, 0.5])
+            S = np.array([float(derivative(*np.eye(3, dtype=int)[k].tolist())) for k in range(3)])
+            assert np.allclose(
+                2 * S * half, voigt(state.S)[n], rtol=0, atol=1e-12 * np.linalg.norm(state.S[n])
+            )
+            D = np.array(
+                [
+                    [
+                        float(derivative(*(np.eye(3, dtype=int)[[i, j]].sum(0)).tolist()))
+                        for j in range(3)
+                    ]
+                    for i in range(3)
+                ]
+            )
+            assert np.allclose(
+                4 * D * np.outer(half, half),
+                state.tangent[n],
+                rtol=0,
+                atol=1e-12 * np.linalg.norm(state.tangent[n]),
+            )
+
+
+def test_measures_layouts_and_rotations_agree(unbalanced, random_states):
+    C, a0, b0 = random_states(200)
+    w, V = np.linalg.eigh(C)
+    U = np.einsum("nik,nk,njk->nij", V, np.sqrt(w), V)
+    t = np.linspace(0, 6, len(C))
+    R = np.stack([np.cos(t), -np.sin(t), np.sin(t), np.cos(t)], -1).reshape(-1, 2, 2)
+    of = {
+        "C": kernel.evaluate(unbalanced, cauchy_green=np.asfortranarray(C), fibres=(a0, b0)),
+        "U": kernel.evaluate(unbalanced, stretch=np.repeat(U, 2, axis=0)[::2], fibres=(a0, b0)),
+        "F": kernel.evaluate(unbalanced, gradient=R @ U, fibres=(a0, b0)),
+        "F3": kernel.evaluate(
+            unbalanced, gradient=np.pad(R @ U, ((0, 0), (0, 1), (0, 0))), fibres=(a0, b0)
+        ),
+    }
+    for state in of.values():
+        assert relative(state.S, of["U"].S).max() <= 1e-11  # U from an eigensolver
+    assert relative(of["C"].cauchy, of["U"].cauchy).max() <= 1e-11
+    assert relative(of["F"].cauchy, R @ of["U"].cauchy @ R.swapaxes(1, 2)).max() <= 1e-11
+    assert relative(of["F3"].cauchy[:, :2, :2], of["F"].cauchy).max() <= 1e-14
+    one = kernel.evaluate(unbalanced, stretch=U[0], fibres=(a0[0], b0[0]))
+    assert np.array_equal(one.S[0], of["U"].S[0])
+
+
+def test_reversed_shear_is_the_mirror_image():
+    shear = np.array([[1.01, 0.3], [0.3, 0.97]])
+    plus, minus = (
+        kernel.evaluate(PRESETS["komeili"], cauchy_green=C, tangent=True)
+        for C in (shear, shear * [[1, -1], [-1, 1]])
+    )
+    mirror = np.array([1, 1, -1])
+    assert minus.energy[0] == plus.energy[0] and minus.invariants[0, 3] == -plus.invariants[0, 3]
+    assert np.array_equal(voigt(minus.S), voigt(plus.S) * mirror)
+    assert np.array_equal(minus.tangent, plus.tangent * np.outer(mirror, mirror))
+
+
+def test_stress_free_state():
+    state = kernel.evaluate(PRESETS["komeili"], stretch=np.eye(2), tangent=True)
+    assert state.energy[0] == 0 and np.all(state.S == 0)
+    assert state.tangent[0] == pytest.approx(np.diag([1.3, 1.3, 25.06e-3]))
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        ({}, "of stretch, gradient and cauchy_green, . were given"),
+        ({"stretch": np.eye(2), "gradient": np.eye(2)}, "2 were given"),
+        ({"stretch": np.eye(3)}, "shape"),
+        ({"stretch": np.full((2, 2), np.nan)}, "point 0"),
+        ({"gradient": np.stack([np.eye(2), np.diag([1.0, -1.0])])}, "point 1"),
+        ({"stretch": np.eye(2), "weave_angle": 0.0}, "above 0 and below pi"),
+        ({"stretch": np.eye(2), "weave_angle": 90.0}, "weave's angle is 90.0 rad"),
+    ],
+)
+def test_bad_input_is_named(arguments, words):
+    with pytest.raises(InputError, match=words):
+        kernel.evaluate(PRESETS["komeili"], **arguments)

@@ -1,0 +1,178 @@
+"""A term of one's own, and what a scene tells its terms."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import ufl
+from builders import Elastic, alone, displacement, everywhere, sheet
+from mpi4py import MPI
+
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.job import Job
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.bending import Bending, plate_stiffness
+from fabric_fenicsx.mechanics.contact import Contact, default_penalty
+from fabric_fenicsx.mechanics.friction import Friction
+from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.results.history import COLUMNS
+from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.supports import Support, clamped_ends
+from fabric_fenicsx.tools import Plane, Sphere, Tool
+
+COMM = MPI.COMM_WORLD
+KOMEILI = load("komeili")
+K = 0.05  # of the bedding [N/mm^3]
+pytestmark = pytest.mark.mpi
+
+
+class Bedding(Term):
+    """An elastic bedding, which resists displacement by `stiffness` k [N/mm^3]: k |u|^2 / 2."""
+
+    name = energy_kind = "bedding"
+    units = {"bedding_traction": "MPa"}
+
+    def __init__(self, stiffness):
+        self.stiffness = stiffness
+
+    def set_up(self, scene):
+        u = scene.blank.u
+        self.energy = 0.5 * self.stiffness * ufl.inner(u, u) * ufl.dx
+
+    def traction(self):
+        return -self.stiffness * displacement(self.blank)
+
+    def add_history(self, row):
+        row["bedding_traction_MPa"] = COMM.allreduce(abs(self.traction()).max(initial=0.0), MPI.MAX)
+
+    def add_nodal_fields(self, fields):
+        fields["bedding_traction"] = self.traction()
+
+
+@pytest.mark.parametrize("element", ["P1", "P3"])
+def test_an_own_term_is_in_history_summary_fields_and_energy_balance(tmp_path, element):
+    out, stroke = COMM.bcast(tmp_path) / "out", 2.0
+    blank = sheet(100.0, 25.0, 12, 3, degree=int(element[1]))
+    scene = Scene(blank, [Membrane(KOMEILI), Bedding(K)], clamped_ends(stroke))
+    result = Job(scene, steps=5, every=1).run(out, pictures=False)
+    assert result.summary["terms"] == ["membrane", "bedding"]
+    assert result.summary["energy_imbalance"] < 0.01
+    stored = result.summary["energy"]["bedding"]
+    assert stored > 0.1 * result.summary["energy"]["strain"]
+    if COMM.rank != 0:
+        return
+    from fabric_fenicsx.results.fields import read_last
+
+    with open(out / "history.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [*COLUMNS, "bedding_energy_Nmm", "bedding_traction_MPa"]
+    written = json.loads((out / "summary.json").read_text())["energy"]["bedding"]
+    assert float(rows[-1]["bedding_energy_Nmm"]) == written == stored
+    assert float(rows[-1]["bedding_traction_MPa"]) == pytest.approx(K * stroke)
+    grid = read_last(out)
+    assert grid["bedding_traction"] == pytest.approx(-K * grid["u"][:, :2], abs=1e-12)
+    assert "bedding_traction [MPa]" in grid.field_data["units"]
+
+
+class Springs(Term):
+    """A bedding that is no form: a spring of `k` [N/mm] at each node."""
+
+    name, energy_kind, k = "springs", "springs", 0.5
+
+    def u(self):
+        return self.blank.u.x.array[: 2 * self.blank.V.dofmap.index_map.size_local]
+
+    def stored(self):
+        return 0.5 * self.k * float(self.u() @ self.u())
+
+    def add_forces(self, f):
+        f[: len(self.u())] += self.k * self.u()
+
+    def tangent(self):
+        dofs = 2 * self.blank.V.dofmap.index_map.local_range[0] + np.arange(
+            len(self.u()), dtype=np.int32
+        )
+        return dofs, dofs, np.full(len(dofs), self.k)
+
+
+def test_a_term_that_is_no_form_is_solved_for_like_any():
+    from fabric_fenicsx.solve.newton import Newton
+
+    blank = sheet(20.0, 10.0, 6, 3)
+    scene = Scene(blank, [Elastic(), Springs()], clamped_ends(1.0))
+    x = scene.u.copy()
+    x.array[scene.held] = scene.held_values(1.0)
+    report = Newton(scene).solve_for(x)
+    assert report.converged and report.iterations <= 5
+    assert scene.energies()["springs"] > 0
+
+
+def test_a_term_is_in_one_scene():
+    membrane, blanks = Membrane(KOMEILI), [sheet(20.0, 10.0, 4, 2) for _ in range(2)]
+    Scene(blanks[0], [membrane])
+    with pytest.raises(InputError, match="term membrane is in another scene already; allowed is"):
+        Scene(blanks[1], [membrane])
+
+
+def test_what_the_scene_knows_is_not_asked_twice():
+    """Thickness, penalty and stiffness from the fabric, the normal force from what presses, in any
+    order."""
+    blank = sheet(20.0, 10.0, 4, 2, spatial=True)
+    ball, table = (
+        Tool(Sphere(8.0, (5, 5, -9)), name="ball"),
+        Tool(Plane((0, 0, -1), (0, 0, 1)), name="table"),
+    )
+    friction, contact, bending = (
+        Friction(ball, 0.2),
+        Contact(ball),
+        Bending(modulus=100.0, twist_modulus=1.0),
+    )
+    flat, t = Contact(table), KOMEILI.thickness
+    scene = Scene(
+        blank,
+        [friction, bending, flat, contact, Membrane(KOMEILI)],
+        [Support("all", everywhere, (0,))],
+    )
+    assert contact.thickness == flat.thickness == t and scene.fabric is KOMEILI
+    assert contact.penalty == default_penalty(KOMEILI, 8.0)
+    assert flat.penalty == default_penalty(KOMEILI, 10 * t)
+    D = plate_stiffness(100.0, t)
+    assert bending.stiffnesses == pytest.approx([D, D, 0.04 * D])
+    assert scene.tools() == [table, ball] and friction.nodes is contact.nodes
+
+
+@pytest.mark.parametrize(
+    "terms, words",
+    [
+        (lambda ball: [Friction(ball, 0.2)], "friction on ball finds 0 terms .*; allowed is one"),
+        (
+            lambda ball: [Friction(ball, 0.2), Contact(ball, 1, 1), Contact(ball, 1, 1)],
+            "finds 2 terms",
+        ),
+        (
+            lambda ball: [Contact(ball)],
+            "contact with ball is given no thickness, and no term .*; allowed",
+        ),
+        (lambda ball: [Contact(ball, 0.4)], "contact with ball is given no penalty"),
+        (
+            lambda ball: [Bending(modulus=1.0)],
+            "given a modulus, and no term of the scene has a fabric; allowed",
+        ),
+    ],
+)
+def test_what_a_term_misses_in_its_scene_is_named(terms, words):
+    with pytest.raises(InputError, match=words):
+        alone(
+            sheet(20.0, 10.0, 4, 2, spatial=True),
+            *terms(Tool(Sphere(8.0, (5, 5, -9)), name="ball")),
+        )
+
+
+@pytest.mark.parametrize("options", [{}, {"D_a": 1.0, "modulus": 1.0}])
+def test_bending_has_either_a_stiffness_or_a_modulus(options):
+    with pytest.raises(
+        InputError, match="bending has D_a = .* and modulus = .*; allowed is one of them"
+    ):
+        Bending(**options)

@@ -1,0 +1,249 @@
+"""Meshes in and out, fibre fields, and what is said of bad ones."""
+
+import math
+
+import meshio
+import numpy as np
+import pytest
+from builders import alone
+from dolfinx import fem
+from mpi4py import MPI
+
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write, yarns_through_corners
+from fabric_fenicsx.sheets.blank import Blank
+
+COMM = MPI.COMM_WORLD
+
+
+def area(blank):
+    import dolfinx
+    import ufl
+
+    return COMM.allreduce(dolfinx.fem.assemble_scalar(compat.form(1.0 * ufl.dx(blank.mesh))))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_specimen_is_written_and_read_back(tmp_path, pattern, cell):
+    points, cells, kind = specimen(120, 30, 12, 3, pattern, cell, yarns=math.pi / 4)
+    write(tmp_path / "s.msh", points, cells, kind)
+    meshes = Blank.from_arrays(COMM, points, cells, kind), Blank.read(tmp_path / "s.msh")
+    for blank in meshes:
+        assert blank.mesh.geometry.dim == 2
+        assert blank.mesh.topology.index_map(2).size_global == len(cells)
+        assert area(blank) == pytest.approx(120 * 30, rel=1e-12)
+        assert np.allclose(blank.extent(), [[0, 0], [120, 30]], atol=1e-12)
+    groups = meshio.read(tmp_path / "s.msh").field_data
+    assert set(groups) == {"sheet", "left", "right", "bottom", "top"}
+
+
+@pytest.mark.parametrize("angle, lines", [(0, 0), (45, 4), (30, 4), (100, 4)])
+def test_edges_follow_the_yarns_through_the_corners(angle, lines):
+    yarns = math.radians(angle)
+    points, cells, _ = specimen(200, 50, 40, 10, "yarns", yarns=yarns)
+    edges = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
+    edges = points[np.unique(edges, axis=0)][:, :, :2]
+    found = yarns_through_corners(200, 50, yarns)
+    assert len(found) == lines
+    for start, end in found:
+        assert set(np.abs(start) / [200, 50]) <= {0.0, 1.0}
+        direction = (end - start) / np.linalg.norm(end - start)
+        assert (
+            max(
+                abs(direction @ [math.cos(yarns), math.sin(yarns)]),
+                abs(direction @ [-math.sin(yarns), math.cos(yarns)]),
+            )
+            > 1 - 1e-12
+        )
+        off = np.abs((edges - start) @ [-direction[1], direction[0]]).max(1)
+        on = edges[off < 1e-9]
+        assert np.linalg.norm(on[:, 1] - on[:, 0], axis=1).sum() == pytest.approx(
+            np.linalg.norm(end - start), rel=1e-9
+        )
+
+
+def test_graded_cells_are_small_across_lines_from_the_corners():
+    crossed, cells, _ = specimen(200, 50, 48, 12)
+    points = specimen(200, 50, 48, 12, "graded")[0]
+    edges = np.isclose(crossed, 0), np.isclose(crossed, [200, 50, 0])
+    assert np.allclose(points[edges[0]], 0, atol=1e-12)
+    assert np.allclose((points - [200, 50, 0])[edges[1]], 0, atol=1e-12)
+
+    def heights(x):  # of cells across the two directions at 45 deg
+        along = x[:, [0]] + x[:, [1]] * [1, -1]
+        return along, np.ptp(along[cells], axis=1).min(1)
+
+    along, height = heights(points)
+    before, even = heights(crossed)
+    lines = before % 50 == 0
+    assert np.allclose(along[lines], before[lines], atol=1e-12)
+    assert (along[np.isclose(before % 50, 50 / 12)] % 50 < 0.5).all()  # the nodes next to them
+    assert height.min() < 0.1 * even.min() and height.max() < 2 * even.max()
+    with pytest.raises(InputError, match="210 x 50 mm .* graded.* multiple of the width"):
+        specimen(210, 50, 48, 12, "graded")
+
+
+def test_crossed_cuts_each_rectangle_into_four():
+    points, cells, _ = specimen(nx=100, ny=25)
+    assert len(cells) == 10_000 and len(points) == 101 * 26 + 2500
+
+
+@pytest.mark.parametrize("suffix", [".vtk", ".vtu", ".stl", ".inp"])
+def test_any_meshio_file_is_a_blank(tmp_path, suffix):
+    points, cells, kind = specimen(120, 30, 6, 2)
+    meshio.write_points_cells(tmp_path / f"s{suffix}", points, [(kind, cells)])
+    blank = Blank.read(tmp_path / f"s{suffix}")
+    assert area(blank) == pytest.approx(3600, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["triangle6", "quad9"])
+def test_curved_cells(tmp_path, kind):
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.occ.addDisk(0, 0, 0, 10, 10)
+    gmsh.model.occ.synchronize()
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 3)
+    if kind == "quad9":
+        gmsh.option.setNumber("Mesh.RecombineAll", 1)
+        gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)
+    gmsh.model.mesh.generate(2)
+    gmsh.model.mesh.setOrder(2)
+    gmsh.write(str(tmp_path / "disk.msh"))
+    gmsh.finalize()
+    blank = Blank.read(tmp_path / "disk.msh")
+    assert area(blank) == pytest.approx(100 * math.pi, rel=1e-3)
+
+
+def cylinder(n=24, m=6, cell="triangle"):
+    """Quarter of a cylinder of radius 50 about the y axis, 40 long."""
+    points, cells, kind = specimen(math.pi / 2, 40, n, m, cell=cell)
+    t = points[:, 0]
+    return np.column_stack([50 * np.sin(t), points[:, 1], 50 * np.cos(t)]), cells, kind
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_fibres_on_a_curved_blank(cell):
+    arrays = cylinder(cell=cell) if COMM.rank == 0 else (None,) * 3
+    blank = Blank.from_arrays(COMM, *arrays, a=(1.0, 0.0, -1.0), up=(1.0, 0.0, 1.0))
+    a, b = (f.x.array.reshape(-1, 3) for f in (blank.a0, blank.b0))
+    x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)].mean(1)
+    radial = x * [1, 0, 1] / np.linalg.norm(x * [1, 0, 1], axis=1, keepdims=True)
+    assert np.allclose(np.linalg.norm(a, axis=1), 1) and np.allclose(np.linalg.norm(b, axis=1), 1)
+    assert np.abs((a * radial).sum(1)).max() < 0.04  # facets of the cylinder
+    assert np.allclose(np.cross(a, b)[:, [0, 2]] @ [1, 1] > 0, True)
+    assert np.abs((a * b).sum(1)).max() < 1e-12
+
+
+@pytest.mark.mpi
+def test_fibres_from_angle_vector_and_function_agree():
+    arrays = specimen(nx=6, ny=3) if COMM.rank == 0 else (None,) * 3
+    angle = 0.7
+    vector = [math.cos(angle), math.sin(angle)]
+    ways = [
+        angle,
+        vector,
+        [3 * v for v in vector] + [0.0],
+        lambda x: np.full(x.shape[1], angle),
+        lambda x: np.outer(vector, np.ones(x.shape[1])),
+    ]
+    fields = [Blank.from_arrays(COMM, *arrays, a=a) for a in ways]
+    for blank in fields:
+        assert np.allclose(blank.a0.x.array.reshape(-1, 2), vector, atol=1e-15)
+        assert np.allclose(blank.b0.x.array.reshape(-1, 2), [-vector[1], vector[0]], atol=1e-15)
+
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+BAD_FIBRES = [
+    ({"a": (0.0, 0.0)}, "a is zero or not finite"),
+    ({"a": float("nan")}, "a is zero or not finite"),
+    ({"a": (1.0, 0.0, 0.5)}, "a leaves the plane"),
+    ({"a": (1.0, 0.0, 0.0, 0.0)}, "4 components"),
+    ({"a": 0.3, "b": 0.3 + math.pi}, "parallel"),
+    ({"a": 0.0, "frame": [[1, 0], [1, 1]]}, "frame of the blank"),
+]
+
+
+@pytest.mark.mpi
+def test_straight_and_orthogonal_yarns_are_known_as_such():
+    def blank(**options):
+        return Blank.from_arrays(COMM, *specimen(40, 40, 4, 4), **options)
+
+    straight = blank(a=0.3)
+    c, s = math.cos(0.3), math.sin(0.3)
+    assert np.allclose(straight.straight, [[c, s], [-s, c]], atol=1e-15) and straight.orthogonal
+    assert blank(a=lambda x: 0.01 * x[0]).straight is None
+    assert blank(a=lambda x: 0.01 * x[0]).orthogonal and not blank(a=0.3, b=1.8).orthogonal
+
+
+@pytest.mark.mpi
+def test_one_energy_of_yarns_in_constants_and_in_fields():
+    energies = []
+    for turned in (0.0, 1e-9):  # too little to tell, but for the form
+        blank = Blank.from_arrays(COMM, *specimen(40, 40, 4, 4), a=lambda x: 0.3 + turned * x[0])
+        blank.u.interpolate(lambda x: [0.02 * x[0] + 0.1 * x[1], 0.05 * x[0] - 0.03 * x[1]])
+        energy = compat.form(alone(blank, Membrane(load("komeili"))).energy)
+        energies.append(COMM.allreduce(fem.assemble_scalar(energy)))
+        assert (blank.straight is None) == bool(turned)
+    assert energies[1] == pytest.approx(energies[0], rel=1e-6)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("options, words", BAD_FIBRES)
+def test_bad_fibres_are_named(options, words):
+    arrays = specimen(nx=4, ny=2) if COMM.rank == 0 else (None,) * 3
+    with pytest.raises(InputError, match=words):
+        Blank.from_arrays(COMM, *arrays, **options)
+
+
+@pytest.mark.mpi
+def test_fibres_normal_to_a_curved_blank_are_named_on_all_ranks():
+    arrays = cylinder() if COMM.rank == 0 else (None,) * 3
+    with pytest.raises(InputError, match="a is normal to the sheet in the cell at"):
+        Blank.from_arrays(COMM, *arrays, a=(0.0, 0.0, 1.0))
+
+
+BAD_MESHES = [
+    (SQUARE, [[0, 1, 2], [0, 3, 2]], "triangle", "inverted cell, number 1"),
+    (SQUARE, [[0, 1, 1]], "triangle", "degenerate"),
+    (SQUARE, [[0, 2, 1, 3]], "quad", "degenerate or non-convex"),
+    (SQUARE * np.nan, [[0, 1, 2]], "triangle", "not a number at node 0"),
+    (SQUARE, np.empty((0, 3), int), "triangle", "0 cells"),
+    (SQUARE, [[0, 1, 2, 3]], "tetra", "kind tetra"),
+]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("points, cells, kind, words", BAD_MESHES)
+def test_bad_meshes_are_named(points, cells, kind, words):
+    arrays = (points, cells, kind) if COMM.rank == 0 else (None,) * 3
+    with pytest.raises(InputError, match=words):
+        Blank.from_arrays(COMM, *arrays, source="sheet.msh")
+
+
+@pytest.mark.parametrize(
+    "wrong, sentence",
+    [
+        ({"pattern": "foo"}, "pattern is 'foo'; allowed are crossed, graded"),
+        ({"cell": "quad"}, "cell is 'quad'; allowed are triangle, quadrilateral"),
+        ({"nx": 0}, "nx is 0; allowed is a finite value above 0"),
+        ({"width": math.nan}, "width is nan"),
+    ],
+)
+def test_what_a_specimen_cannot_be_is_named(wrong, sentence):
+    with pytest.raises(InputError, match=sentence):
+        specimen(**wrong)
+
+
+def test_an_element_that_is_not_there_is_named():
+    arrays = specimen(nx=4, ny=1, cell="quadrilateral")
+    with pytest.raises(
+        InputError, match="of degree 3 on quadrilaterals; allowed is 1 on triangles"
+    ):
+        alone(Blank.from_arrays(COMM, *arrays, degree=3), Membrane(load("komeili")))

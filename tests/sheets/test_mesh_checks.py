@@ -1,0 +1,257 @@
+"""Meshes that lie are refused or doubted with their place; sound ones pass without a word."""
+
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.meshes.specimen import PATTERNS, specimen
+from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.sheets.cells import CELLS
+from fabric_fenicsx.sheets.mesh_checks import checked_mesh
+
+COMM = MPI.COMM_WORLD
+
+
+STRIP = specimen(4, 2, 4, 2, "right")
+CORNER = STRIP[0][STRIP[1][0]]
+TWO = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [2, 1, 0], [2, 2, 0.0]])
+
+
+def hanging(off=0.0, cell="triangle"):
+    """Sheet of 4 x 2 mm, of which a cell under y = 1 is cut at x = 1.5, and the one above it is
+    not."""
+    points, cells, kind = specimen(4, 2, 4, 2, "right", cell)
+    at = {tuple(p): i for i, p in enumerate(points[:, :2].astype(int).tolist())}
+    low, high = [at[x, 0] for x in (1, 2)], [at[x, 1] for x in (1, 2)]
+    n = len(points)
+    points = np.vstack([points, [1.5, 1 + off, 0], [1.5, 0, 0]])
+    if cell == "triangle":  # the other corner is (1, 0)
+        whole, cut = {low[0], *high}, [[low[0], high[1], n], [low[0], n, high[0]]]
+    else:
+        whole, cut = {*low, *high}, [[low[0], n + 1, n, high[0]], [n + 1, low[1], high[1], n]]
+    (below,) = [i for i, c in enumerate(cells) if set(c) == whole]
+    return points, np.vstack([np.delete(cells, below, 0), cut]), kind
+
+
+def spiral(turns, n=40):
+    """Strip of quadrilaterals once or more around a ring."""
+    points, cells, kind = specimen(turns * 2 * math.pi, 10, n, 2, cell="quadrilateral")
+    t, r = points[:, 0], 30 - points[:, 1]
+    return np.column_stack([r * np.cos(t), r * np.sin(t), 0 * t]), cells, kind
+
+
+def slit():
+    """Strip of 8 x 2 mm with a slit from (2, 1) to (6, 1), whose lips have nodes of their own."""
+    points, cells, kind = specimen(8, 2, 8, 2, "right")
+    lips = np.flatnonzero((points[:, 1] == 1) & (points[:, 0] > 2) & (points[:, 0] < 6))
+    own = np.arange(len(points))
+    own[lips] = len(points) + np.arange(len(lips))
+    above = points[cells, 1].mean(1) > 1
+    cells = np.where(above[:, None], own[cells], cells)
+    return np.vstack([points, points[lips]]), cells, kind
+
+
+def second_order(points, cells, kind):
+    """The same mesh with a node in the middle of each edge and, of quadrilaterals, each cell."""
+    k = CELLS[kind].corners
+    ends = np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2)
+    keys, number = np.unique(np.sort(ends, 1), axis=0, return_inverse=True)
+    middles = len(points) + number.reshape(-1, k)
+    new = [points, points[keys].mean(1)]
+    columns = [cells, middles]
+    if k == 4:
+        columns.append(len(points) + len(keys) + np.arange(len(cells))[:, None])
+        new.append(points[cells].mean(1))
+    return np.vstack(new), np.hstack(columns), {3: "triangle6", 4: "quad9"}[k]
+
+
+def one(kind, moved):
+    """One cell of kind, 10 mm wide, with some nodes moved (by number)."""
+    points = 10 * CELLS[kind].nodes
+    for node, by in moved.items():
+        points[node] += by
+    return points, np.arange(len(points))[None], kind
+
+
+def tee():
+    """Three rectangles of a sheet at one edge, not in a plane."""
+    points = np.array(
+        [[x, y, z] for x, z in ((0, 0), (10, 0), (-10, 0), (0, 10)) for y in (0, 5)], float
+    )
+    return points, np.array([[0, 2, 3, 1], [4, 0, 1, 5], [0, 1, 7, 6]]), "quad"
+
+
+def folded():
+    """Two rectangles of a sheet that is folded by 175 deg."""
+    turn = math.radians(5)
+    points = np.array([[0, 0, 0], [0, 5, 0], [10, 0, 0], [10, 5, 0]], float)
+    other = points[2:] @ np.array([[math.cos(turn), 0, math.sin(turn)], [0, 1, 0], [0, 0, 1]])
+    return np.vstack([points, other]), np.array([[0, 2, 3, 1], [0, 4, 5, 1]]), "quad"
+
+
+def again(mesh, *extra, new=()):
+    points, cells, kind = mesh
+    return np.vstack([points, *new]), np.vstack([cells, *extra]), kind
+
+
+def merged(mesh):
+    """The same mesh with one node for all that are at the same place."""
+    points, cells, kind = mesh
+    _, first, number = np.unique(
+        np.round(points, 9), axis=0, return_index=True, return_inverse=True
+    )
+    return points, first[number.ravel()][cells], kind
+
+
+def torn():
+    """Two quadratic triangles whose common edge has a middle node for each."""
+    points, cells, kind = second_order(TWO[:4], np.array([[0, 1, 2], [1, 3, 2]]), "triangle")
+    middle = np.intersect1d(*cells[:, 3:])[0]
+    cells[1][cells[1] == middle] = len(points)
+    return np.vstack([points, points[middle]]), cells, kind
+
+
+LIES = {
+    "hanging node": (
+        hanging(),
+        r"hanging node, number 15 at \[1.5, 1.0, 0.0\] mm: it lies on an edge of cell \d+",
+    ),
+    "nearly hanging node": (hanging(5e-4), r"hanging node, number 15 at \[1.5, 1.0005"),
+    "hanging node of a square": (hanging(cell="quadrilateral"), "hanging node, number 15 at"),
+    "hanging node of quadratic cells": (
+        second_order(*hanging()),
+        r"hanging node, number 31 at \[1.25, 1.0, 0.0\] mm",
+    ),
+    "corner inside an edge": (
+        merged(second_order(*hanging())),
+        "number 15 .* at the corner of one cell and inside an edge",
+    ),
+    "a cell twice": (again(STRIP, STRIP[1][:1]), "cell 16 at .* twice, as number 0 too"),
+    "a cell twice, begun elsewhere": (
+        again(STRIP, np.roll(STRIP[1][5], 1)),
+        "twice, as number 5 too",
+    ),
+    "a cell twice at the rim, with an own corner": (
+        again(STRIP, [len(STRIP[0]), *STRIP[1][0][1:]], new=CORNER[:1]),
+        "folds back on itself: cell 16|3 cells share",
+    ),
+    "an edge of three cells": (
+        tee(),
+        r"edge at \[0.0, 2.5, 0.0\] mm that 3 cells share, numbers 0, 1, 2",
+    ),
+    "folded sheet": (folded(), "folds back on itself"),
+    "sheet on itself": (spiral(1.1), r"overlaps itself at \["),
+    "cells that share a corner": (
+        (TWO, [[0, 1, 2], [2, 3, 4]], "triangle"),
+        "falls into 2 parts that share no edge",
+    ),
+    "triangle turned over at a corner": (
+        one("triangle6", {3: (-3, 0)}),
+        "number 0, that its curved edges turn over",
+    ),
+    "triangle turned over at an edge": (
+        one("triangle6", {3: (0, 3)}),
+        "number 0, that its curved edges turn over",
+    ),
+    "quadrilateral turned over inside": (one("quad9", {8: (4, 0)}), r"turn over inside, at \[\d"),
+    "two middle nodes": (torn(), r"two middle nodes, numbers \d and 9 at \[1.0, 0.5, 0.0\] mm"),
+    "node that is not there": (
+        (STRIP[0], [[0, 1, 99]], "triangle"),
+        r"nodes \[0, 1, 99\]; allowed are numbers from 0 to 14",
+    ),
+    "negative number": ((STRIP[0], [[0, 1, -1]], "triangle"), "allowed are numbers from 0 to 14"),
+    "cells of too few nodes": (
+        (STRIP[0], [[0, 1, 2]], "triangle6"),
+        "allowed are 6 for a triangle6",
+    ),
+}
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("case", LIES)
+def test_a_mesh_that_lies_is_refused_with_its_place(case):
+    mesh, words = LIES[case]
+    arrays = mesh if COMM.rank == 0 else (None,) * 3
+    with pytest.raises(InputError, match=words) as error:
+        Blank.from_arrays(COMM, *arrays, source="sheet.msh")
+    assert str(error.value).startswith("sheet.msh ") and "; allowed" in str(error.value)
+
+
+def test_a_cell_that_is_turned_over_between_its_nodes_only():
+    points, cells, kind = one("triangle6", {3: (2.5, 2.5), 4: (3, -3), 5: (-3, 1)})
+    s, t = CELLS[kind].nodes.T
+    r, zero = 1 - s - t, 0 * s
+    ds = np.stack([1 - 4 * r, 4 * s - 1, zero, 4 * (r - s), 4 * t, -4 * t], 1) @ points
+    dt = np.stack([1 - 4 * r, zero, 4 * t - 1, -4 * s, 4 * s, 4 * (r - t)], 1) @ points
+    assert (np.linalg.det(np.stack([ds, dt], 1)) > 0).all()
+    with pytest.raises(InputError, match="turn over inside"):
+        checked_mesh(points, cells, kind, "sheet")
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_specimens_are_not_doubted(pattern, cell):
+    mesh = specimen(60, 20, 12, 4, pattern, cell, 0.5)
+    assert checked_mesh(*mesh, "sheet").warnings == []
+    assert checked_mesh(*second_order(*mesh), "sheet").warnings == []
+
+
+def curved(kind):
+    """A ring's part of quadratic cells, whose edges are arcs as long as the radius."""
+    points, cells, kind = second_order(
+        *specimen(
+            2 * math.pi - 1e-2,
+            10,
+            6,
+            1,
+            cell={"triangle6": "triangle", "quad9": "quadrilateral"}[kind],
+        )
+    )
+    t, r = points[:, 0], 20 - points[:, 1]
+    return np.column_stack([r * np.cos(t), r * np.sin(t), 0 * t]), cells, kind
+
+
+def helix():
+    points, cells, kind = spiral(1.5)
+    return points + np.linspace(0, 20, len(points))[:, None] * [0, 0, 1], cells, kind
+
+
+def tube():
+    points, cells, kind = specimen(2 * math.pi, 40, 24, 4)
+    t = points[:, 0]
+    points = np.column_stack([50 * np.sin(t), points[:, 1], 50 * np.cos(t)])
+    seam = np.isclose(t, 2 * math.pi)
+    number = np.arange(len(t))
+    number[seam] = np.flatnonzero(np.isclose(t, 0))
+    return points, number[cells], kind
+
+
+SOUND = {
+    "nearly a ring": lambda: spiral(0.999),
+    "helix": helix,
+    "tube": tube,
+    "curved triangles": lambda: curved("triangle6"),
+    "curved quadrilaterals": lambda: curved("quad9"),
+    "one triangle": lambda: one("triangle6", {3: (0.5, -1)}),
+}
+
+
+@pytest.mark.parametrize("case", SOUND)
+def test_sound_meshes_pass(case):
+    mesh = SOUND[case]()
+    found = checked_mesh(*mesh, "sheet")
+    assert found.warnings == [] and len(found.cells) == len(mesh[1])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("make", [lambda mesh: mesh, lambda mesh: second_order(*mesh)])
+def test_a_slit_is_doubted_on_all_ranks(make):
+    arrays = make(slit()) if COMM.rank == 0 else (None,) * 3
+    (doubt,) = Blank.from_arrays(COMM, *arrays, source="sheet.msh").warnings
+    assert "sheet.msh has" in doubt
+    assert "where another one lies" in doubt
+    assert "1.0, 0.0] mm" in doubt
+    assert f"{3 if len(arrays[0]) < 40 else 7} nodes" in doubt if COMM.rank == 0 else True

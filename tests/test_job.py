@@ -1,0 +1,95 @@
+"""Jobs without options or studies: in a folder, without one, resumed, and what they measure."""
+
+import csv
+import json
+import math
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.solve.limits import Limits
+
+COMM = MPI.COMM_WORLD
+COARSE = {"nx": 8, "element": "P1"}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    return COMM.bcast(tmp_path / "run")
+
+
+@pytest.mark.mpi
+def test_without_a_folder_nothing_is_kept_but_the_result(tmp_path, monkeypatch):
+    monkeypatch.chdir(COMM.bcast(tmp_path))
+    result = ff.Tensile(**COARSE).job(steps=3).run()
+    COMM.barrier()
+    assert result.folder is None and not any(COMM.bcast(tmp_path).iterdir())
+    assert [row["load"] for row in result.rows] == pytest.approx([0, 1 / 3, 2 / 3, 1])
+    assert result.summary["converged"] and result.summary["reaction_N"] > 1000
+    if COMM.rank == 0:
+        assert result.grid.n_cells == result.summary["cells"]
+
+
+@pytest.mark.mpi
+def test_a_folder_holds_what_the_result_tells(folder):
+    result = ff.Tensile(**COARSE).job(steps=2, every=1).run(folder, pictures=False)
+    summary = json.loads((folder / "summary.json").read_text())
+    if COMM.rank == 0:  # each rank has its own wall time
+        assert summary == json.loads(json.dumps(result.summary))
+    with open(folder / "history.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["reaction_N"]) for row in rows] == [r["reaction_N"] for r in result.rows]
+    with pytest.raises(ff.InputError, match="holds results"):
+        ff.Tensile(**COARSE).job(steps=2).run(folder)
+    again = ff.Tensile(**COARSE).job(steps=2).run(folder, overwrite=True, pictures=False)
+    assert again.summary["reaction_N"] == pytest.approx(result.summary["reaction_N"], rel=1e-12)
+
+
+@pytest.mark.mpi
+def test_a_job_goes_on_from_its_checkpoint(folder):
+    def pull(**limits):
+        return ff.Tensile(**COARSE).job(steps=4, limits=Limits(**limits))
+
+    whole = pull().run()
+    with pytest.raises(ff.SolverFailure, match="not to be believed") as failure:
+        pull(strain=0.01).run(folder, pictures=False)
+    reached = failure.value.result.summary["stroke_reached"]
+    assert 0 < reached < 1
+    rest = pull().run(folder, resume=True, pictures=False)
+    assert rest.summary["reaction_N"] == pytest.approx(whole.summary["reaction_N"], rel=1e-9)
+    assert len(rest.rows) == len(whole.rows)
+
+
+@pytest.mark.mpi
+def test_a_checkpoint_of_another_fabric_is_refused(folder):
+    ff.Tensile(**COARSE).job(steps=2).run(folder, pictures=False)
+    other = ff.load("komeili").replace(b=600.0)
+    with pytest.raises(ff.InputError, match="was made with material ="):
+        ff.Tensile(other, **COARSE).job(steps=2).run(folder, resume=True)
+
+
+def test_the_force_and_travel_of_a_moving_support_are_measured():
+    measured = ff.Tensile(**COARSE).job(steps=2).run()
+    job = ff.Tensile(**COARSE).job(steps=2)
+    job.measure = None
+    plain = job.run()
+    for mine, row in zip(plain.rows, measured.rows):
+        assert mine["displacement_mm"] == pytest.approx(row["displacement_mm"])
+        assert mine["reaction_N"] == pytest.approx(row["reaction_N"])
+
+
+def test_a_field_is_drawn(tmp_path):
+    result = ff.Tensile(**COARSE).job(steps=4).run()
+    result.plot("shear_angle", tmp_path / "shear.png")
+    assert (tmp_path / "shear.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_quantities_and_tables_of_ones_own(folder):
+    job = ff.Tensile(**COARSE).job(steps=4)
+    job.quantities = lambda result: {"mean_eps_a": float(np.mean(result.fields["eps_a"]))}
+    job.tables = lambda result, folder: (folder / "own.txt").write_text("own")
+    result = job.run(folder, pictures=False)
+    assert math.isclose(result.summary["quantities"]["mean_eps_a"], 0.03, rel_tol=0.1)
+    assert (folder / "own.txt").read_text() == "own"
