@@ -43,7 +43,7 @@ class Job:
 
     steps: load steps, max_step: the largest (1/steps), accuracy, milestones, viscosity: see
     `march`. tolerance: residual over the forces on the sheet; path_tolerance: a looser one before
-    the full load. linear_solver: one of `solve.newton.LINEAR_SOLVERS`. every: accepted steps
+    the full load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps
     between states written for ParaView. limits: beyond which the result is not believed.
     measure: function of scene and load factor to displacement [mm] and force [N] for the history;
     by default those of the first tool or moving support. quantities: function of a `Result` to

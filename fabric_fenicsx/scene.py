@@ -14,6 +14,7 @@ from . import dolfinx_compat as compat
 from .errors import InputError
 from .material.laws import Law
 from .mechanics.term import Term
+from .mechanics.triplets import TripletMatrix
 from .mechanics.work import Work
 from .sheets.blank import Blank
 from .supports import Supports, free_motion
@@ -73,7 +74,7 @@ class Scene:
             compat.form(_inverted_area(blank)) if blank.mesh.geometry.dim == 2 else None
         )
         self._supported()
-        self._extra: Any = None  # stiffness of the terms that are no forms
+        self._extra: TripletMatrix | None = None  # stiffness of the terms that are no forms
         # a viscous drag [N/mm] on the nodes' displacement since `origin`
         self.drag, self.origin = 0.0, None
         self.support_work = Work()
@@ -246,11 +247,11 @@ class Scene:
         )
         if self.comm.allreduce(len(rows), MPI.MAX) > 0:
             names, numbers = A.getLGMap()
-            self._extra = self._sparsity(A, rows, cols)
-            self._fill_extra(values)
+            self._extra = TripletMatrix(A, rows, cols)
+            self._extra.fill(values)
             fem_petsc.assemble_matrix(A, self._tangent)  # as unused places are given up
             A.assemble()
-            A.axpy(1.0, self._extra, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             A.setLGMap(names, numbers)
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         x = self.u.duplicate()
@@ -265,37 +266,12 @@ class Scene:
             fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs if held else [])
             A.assemble()
             if self._extra is not None:
-                self._fill_extra(np.concatenate([term.tangent()[2] for term in self.terms]))
+                self._extra.fill(np.concatenate([term.tangent()[2] for term in self.terms]))
                 if held:
-                    self._extra.diagonalScale(self._free, self._free)
-                A.axpy(1.0, self._extra, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+                    self._extra.matrix.diagonalScale(self._free, self._free)
+                A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             if self.drag:
                 A.shift(self.drag)
-
-    def _sparsity(self, A, rows, cols):
-        """Empty matrix, of A's sizes, for triplets at these rows and columns; how they fill it."""
-        size, (low, high) = A.size[0], A.getOwnershipRange()
-        keys, self._entry = np.unique(rows.astype(np.int64) * size + cols, return_inverse=True)
-        rows, cols = np.divmod(keys, size)
-        rows, counts = np.unique(rows, return_counts=True)
-        self._csr = [
-            part.astype(PETSc.IntType) for part in (rows, np.append(0, counts.cumsum()), cols)
-        ]
-        # as ranks add to others' rows
-        room = np.full(high - low, counts.max(initial=0), dtype=PETSc.IntType)
-        extra = PETSc.Mat().create(self.comm)
-        extra.setSizes(A.getSizes())
-        extra.setType("aij")
-        extra.setPreallocationNNZ((np.minimum(room, high - low), room))
-        extra.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        return extra
-
-    def _fill_extra(self, values):
-        rows, starts, cols = self._csr
-        summed = np.bincount(self._entry, values, len(cols))
-        self._extra.zeroEntries()
-        self._extra.setValuesIJV(starts, cols, summed, addv=PETSc.InsertMode.ADD, rowmap=rows)
-        self._extra.assemble()
 
     def anticipate(self) -> None:
         """After `residual`: let terms see it before the tangent for the next correction."""

@@ -24,7 +24,7 @@ from ..results.output import Output
 from ..scenarios.numbers import COUNT, POSITIVE, Rule
 from ..scenarios.scenario import Scenario
 from ..solve.limits import Limits
-from ..solve.newton import LINEAR_SOLVERS
+from ..solve.linear import LINEAR_SOLVERS
 from .console import Console
 from .options import HelpFormatter, Parser, exit_status, option_type, restart_command
 

@@ -1,7 +1,6 @@
 """Newton's method on a scene's energy, run as a PETSc SNES."""
 
 import logging
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,63 +9,10 @@ from petsc4py import PETSc
 from ..errors import InputError
 from ..scene import Scene
 from ..timing import phase
+from .linear import LINEAR_SOLVERS, NOT_DEFINITE, PREFIX, configure, factorisation_had_room, inertia
+from .report import KSP_WORDS, SNES_WORDS, Reason, Report
 
 log = logging.getLogger(__name__)
-Reason = PETSc.SNES.ConvergedReason
-SNES_WORDS = {
-    Reason.CONVERGED_FNORM_ABS: "converged: what force is left is rounding",
-    Reason.CONVERGED_FNORM_RELATIVE: "converged: residual below the tolerance",
-    Reason.CONVERGED_SNORM_RELATIVE: "converged: the correction is below the rounding of positions",
-    Reason.DIVERGED_MAX_IT: "no convergence within the allowed iterations",
-    Reason.DIVERGED_LINEAR_SOLVE: "the linear solver failed",
-    Reason.DIVERGED_LINE_SEARCH: "the line search found no state of lower energy",
-    Reason.DIVERGED_FNORM_NAN: "the energy, its forces or its tangent are not a number",
-    Reason.DIVERGED_FUNCTION_DOMAIN: "a cell is turned inside out",
-    Reason.DIVERGED_LOCAL_MIN: "the state is a saddle of the energy that could not be left",
-}
-KSP_WORDS = {
-    value: name.lower().replace("_", " ").replace("diverged ", "")
-    for name, value in vars(PETSc.KSP.ConvergedReason).items()
-    if isinstance(value, int)
-}
-NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness across itself
-    getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name)
-    for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
-}
-
-LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
-    "mumps-cholesky": {"ksp_type": "preonly", "pc_type": "cholesky", "mat_mumps_icntl_24": 1},
-    "mumps-lu": {"ksp_type": "preonly", "pc_type": "lu"},
-    # flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times
-    # stiffer than shear
-    "cg-gamg": {
-        "ksp_type": "fcg",
-        "pc_type": "gamg",
-        "pc_gamg_agg_nsmooths": 0,
-        "ksp_rtol": 1e-8,
-        "ksp_max_it": 2000,
-    },
-    "cg-hypre": {"ksp_type": "fcg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
-}
-MUMPS_ROOM = 14  # its option for how much more than estimated it may take [%]
-
-
-@dataclass
-class Report:
-    """How a solve ended: `residuals` are norms over the free degrees of freedom [N], one before
-    each iteration and one at the end, `scale` the force [N] they are measured by; `negative_pivots`
-    those of the last tangent (None for solvers that do not tell); `saddles` those that were left:
-    there the path branches."""
-
-    converged: bool = False
-    reason: str = ""
-    iterations: int = 0
-    shifts: int = 0
-    cuts: int = 0
-    negative_pivots: int | None = None
-    saddles: int = 0
-    scale: float = 0.0
-    residuals: list[float] = field(default_factory=list)
 
 
 class _Ended(Exception):
@@ -119,26 +65,12 @@ class Newton:
         self._r, self._d, self._trial = (self.x.duplicate() for _ in range(3))
         self.A = scene.create_matrix()
         self.snes = PETSc.SNES().create(scene.comm)
-        self.snes.setOptionsPrefix("fabric_")
+        self.snes.setOptionsPrefix(PREFIX)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
         self.snes.setPythonContext(self)
         self.snes.setFunction(self._function, self._r)
         self.snes.setJacobian(self._jacobian, self.A)
-        options = PETSc.Options("fabric_")
-        given = LINEAR_SOLVERS[linear_solver]
-        for key, value in given.items():
-            options[key] = value
-        if linear_solver.startswith("mumps"):
-            self.snes.ksp.pc.setType(given["pc_type"])
-            self.snes.ksp.pc.setFactorSolverType("mumps")
-        self.snes.setFromOptions()
-        self.snes.ksp.setFromOptions()
-        for key in given:
-            # read only when the factor is made; read here too, as PETSc reports unused options
-            if key == "mat_mumps_icntl_24":
-                options.getInt(key)
-            else:
-                options.delValue(key)
+        configure(self.snes, linear_solver)
 
     def solve_for(self, x: PETSc.Vec, tolerance: float | None = None) -> Report:
         """Solve from x, overwritten by the solution, to the solver's tolerance or a looser one;
@@ -356,11 +288,12 @@ class Newton:
             with phase("linear_solve"):
                 ksp.setOperators(self.A)
                 ksp.solve(rhs, d)
-                while not self._factorisation_had_room():
+                while not factorisation_had_room(ksp.pc):
                     ksp.setOperators(self.A)
                     ksp.solve(rhs, d)
                 reason = ksp.getConvergedReason()
-                negative, zero = self._pivots() if reason > 0 else (None, None)
+                tells = self.tells_inertia and reason > 0
+                negative, zero = inertia(ksp.pc) if tells else (None, None)
             if attempt == 0:
                 report.negative_pivots = negative
             if not negative and not zero and reason > 0 and self._add_tool_compliance(d):
@@ -383,21 +316,6 @@ class Newton:
             shift = larger
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
 
-    def _factorisation_had_room(self):
-        """False if MUMPS ran out of the room that its analysis foresaw, as where many pivots were
-        zero then and are not now. It then starts anew, with more: after an error it would never
-        factor again."""
-        pc = self.snes.ksp.pc
-        if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
-            return True
-        factor = pc.getFactorMatrix()
-        room = factor.getMumpsIcntl(MUMPS_ROOM)
-        if factor.getMumpsInfog(1) >= 0 or room > 10_000:
-            return True
-        PETSc.Options("fabric_")[f"mat_mumps_icntl_{MUMPS_ROOM}"] = 5 * room
-        pc.reset()
-        return False
-
     def _add_tool_compliance(self, d):
         """Make the correction d that of a tangent in which tools moved by force give way
         (Woodbury); False if that is not positive definite."""
@@ -417,14 +335,6 @@ class Newton:
             d.axpy(travel, y)
         return True
 
-    def _pivots(self):
-        """Negative and zero pivots of the last factorisation, None for solvers that do not tell."""
-        return (
-            self.snes.ksp.pc.getFactorMatrix().getInertia()[:2]
-            if self.tells_inertia
-            else (None, None)
-        )
-
     def _is_saddle(self, snes, x):
         """Whether the tangent at the converged x has negative pivots; the last one's word is taken
         after an easy solve where none was met yet."""
@@ -438,7 +348,7 @@ class Newton:
         with phase("linear_solve"):
             snes.ksp.setOperators(self.A)
             snes.ksp.setUp()
-            report.negative_pivots = self._pivots()[0]
+            report.negative_pivots = inertia(snes.ksp.pc)[0]
         return report.negative_pivots > 0
 
     def _leave_saddle(self, x, energy):

@@ -9,7 +9,8 @@ import numpy as np
 from petsc4py import PETSc
 
 from ..errors import InputError
-from .newton import Newton, Report
+from .newton import Newton
+from .report import Report
 
 EASY_ITERATIONS = 15  # iterations up to which the next step may grow
 GROWTH, CUT = 1.5, 0.5

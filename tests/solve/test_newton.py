@@ -15,7 +15,8 @@ from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.solve.newton import LINEAR_SOLVERS, Newton
+from fabric_fenicsx.solve.linear import LINEAR_SOLVERS
+from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import Viscosity, march
 from fabric_fenicsx.supports import Support, clamped_ends, rolling_ends
 

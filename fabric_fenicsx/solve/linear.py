@@ -1,0 +1,64 @@
+"""Linear solvers by name: their options, MUMPS' room and the inertia it tells."""
+
+from typing import Any
+
+from petsc4py import PETSc
+
+PREFIX = "fabric_"  # of PETSc's options
+LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
+    "mumps-cholesky": {"ksp_type": "preonly", "pc_type": "cholesky", "mat_mumps_icntl_24": 1},
+    "mumps-lu": {"ksp_type": "preonly", "pc_type": "lu"},
+    # flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times
+    # stiffer than shear
+    "cg-gamg": {
+        "ksp_type": "fcg",
+        "pc_type": "gamg",
+        "pc_gamg_agg_nsmooths": 0,
+        "ksp_rtol": 1e-8,
+        "ksp_max_it": 2000,
+    },
+    "cg-hypre": {"ksp_type": "fcg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
+}
+MUMPS_ROOM = 14  # its option for how much more than estimated it may take [%]
+NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness across itself
+    getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name)
+    for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
+}
+
+
+def configure(snes: PETSc.SNES, name: str) -> None:
+    """Give `snes` the linear solver `name`, one of `LINEAR_SOLVERS`."""
+    options, given = PETSc.Options(PREFIX), LINEAR_SOLVERS[name]
+    for key, value in given.items():
+        options[key] = value
+    if name.startswith("mumps"):
+        snes.ksp.pc.setType(given["pc_type"])
+        snes.ksp.pc.setFactorSolverType("mumps")
+    snes.setFromOptions()
+    snes.ksp.setFromOptions()
+    for key in given:
+        # read only when the factor is made; read here too, as PETSc reports unused options
+        if key == "mat_mumps_icntl_24":
+            options.getInt(key)
+        else:
+            options.delValue(key)
+
+
+def factorisation_had_room(pc: PETSc.PC) -> bool:
+    """False if MUMPS ran out of the room that its analysis foresaw, as where many pivots were zero
+    then and are not now. It then starts anew, with more: after an error it would never factor
+    again."""
+    if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
+        return True
+    factor = pc.getFactorMatrix()
+    room = factor.getMumpsIcntl(MUMPS_ROOM)
+    if factor.getMumpsInfog(1) >= 0 or room > 10_000:
+        return True
+    PETSc.Options(PREFIX)[f"mat_mumps_icntl_{MUMPS_ROOM}"] = 5 * room
+    pc.reset()
+    return False
+
+
+def inertia(pc: PETSc.PC) -> tuple[int, int]:
+    """Negative and zero pivots of the last factorisation by `mumps-cholesky`."""
+    return pc.getFactorMatrix().getInertia()[:2]
