@@ -3,6 +3,7 @@
 import pytest
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize(
     "options",
     [
@@ -13,7 +14,7 @@ import pytest
     ],
 )
 def test_normalised_shear_force(launch, options):
-    done = launch("picture_frame", "--quick", "--steps", 10, *options, ranks=2)
+    done = launch("picture_frame", "--quick", "--steps", 10, *options)
     assert done.status == 0, done.err
     s, q = done.summary, done.summary["quantities"]
     assert q["normalised_shear_force_N_per_mm"] == pytest.approx(
