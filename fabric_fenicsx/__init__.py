@@ -61,6 +61,7 @@ _HOMES = {
         "DoubleDome",
         "Flipped",
         "ImplicitSurface",
+        "Nearest",
         "Offset",
         "Plane",
         "Plate",

@@ -16,9 +16,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from mpi4py import MPI
 
-COMM = MPI.COMM_WORLD
 ROOT = Path(__file__).parents[1]
 # Seconds after which what a test started counts as hung: far more than the slowest takes on a
 # machine with other work.
@@ -31,6 +29,15 @@ RANKS_ENVIRONMENT = {
     "OMP_NUM_THREADS": "1",
     "OMPI_MCA_mpi_yield_when_idle": "1",
 }
+
+
+def world():
+    """MPI's communicator. MPI begins when it is asked for first, in the process that runs tests:
+    were it to begin in pytest-xdist's own, workers would inherit its environment, and no mpirun of
+    theirs would start."""
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
 
 
 def on_ranks(ranks):
@@ -83,7 +90,7 @@ def run_here(patch, script):
                 each.close()
         for each, handler in signals.items():
             signal.signal(each, handler)
-        if COMM.size == 1:  # PETSc's objects are in circles; ranks would free them out of order
+        if world().size == 1:  # PETSc's objects are in circles; ranks would free them out of order
             made.clear()
             gc.collect()
     return status, out.getvalue(), err.getvalue()
@@ -153,7 +160,7 @@ def random_states():
 @pytest.fixture
 def shared_path(tmp_path):
     """`tmp_path`, one for all ranks of a test."""
-    return COMM.bcast(tmp_path)
+    return world().bcast(tmp_path)
 
 
 @pytest.fixture
@@ -191,7 +198,7 @@ def launch(shared_path, monkeypatch):
                 patch.chdir(shared_path)
                 patch.setattr(sys, "argv", words)
                 status, *texts = run_here(patch, script)
-                out_text, err_text = COMM.bcast(texts)  # rank 0 speaks; and all have written
+                out_text, err_text = world().bcast(texts)  # rank 0 speaks; and all have written
         summary = folder / "summary.json"
         return SimpleNamespace(
             status=status,

@@ -80,6 +80,12 @@ class Term:
             return
         self._scene, self.blank = weakref.ref(scene), scene.blank
         self.set_up(scene)
+        forces = type(self).add_forces is not Term.add_forces
+        if self.energy is None and not forces:
+            raise InputError(
+                f"term {self.name} has neither an energy nor forces; allowed is `self.energy` in "
+                "`set_up`, or `add_forces`"
+            )
 
     def set_up(self, scene: SceneFacts) -> None:
         """Make what needs the sheet; `blank` is known."""

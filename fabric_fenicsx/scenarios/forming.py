@@ -119,6 +119,12 @@ class Forming(Scenario):
     def prepare(self) -> None:
         """Make blank, membrane and tools."""
         t = self.fabric.thickness
+        if not self.full and not self._is_mirrored():
+            self.warnings.append(
+                f"yarns at {self.fibre_angle:g} and {self.fibre_angle + self.yarn_angle:g} deg are "
+                "not their own mirror images, so the quarter stands for a ply of four mirrored "
+                f"ones; take the whole ply ({self.spelled('full')})"
+            )
         self.blank = self.sheet(share=1.0 if self.full else 0.5, centred=self.full)
         surface = self._surface()
         depth = self._depth(surface)
@@ -148,6 +154,14 @@ class Forming(Scenario):
         radius = min(*self.punch_tool.surface.radii, *self.die.surface.radii)
         self.penalty = self.penalty or default_penalty(self.fabric, radius)
         self.membrane = self.fabric_membrane()
+
+    def _is_mirrored(self):
+        """Whether planes along the axes mirror the yarns into yarns of the same kind."""
+        a, b = self.fibre_angle % 180, (self.fibre_angle + self.yarn_angle) % 180
+        along = {a, b} == {0.0, 90.0}
+        one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
+        energies = self.fabric.derivatives(one, two, sheared, False).parts.sum(1)
+        return along or (abs(a + b - 180) < 1e-9 and math.isclose(*energies))
 
     def _depth(self, surface):
         """Greatest stroke of a punch with this surface [mm]."""
@@ -311,7 +325,9 @@ class Forming(Scenario):
         elif isinstance(surface, DoubleDome):
             points, triangles = double_dome(surface, size=8.0)
         else:
-            points, _, triangles = surface.mesh(*self.blank.extent(), 8.0)
+            low, high = self.blank.extent()
+            below, above = np.array([0, 0, -self.stroke]), np.array([0, 0, 2 * self.stroke])
+            points, _, triangles = surface.mesh(low + below, high + above, 8.0)
         moved = points + self.punch_tool.displacement
         return pyvista.PolyData.from_regular_faces(moved, triangles)
 

@@ -147,9 +147,10 @@ class ImplicitSurface(Surface):
             radii = (25.0, 25.0)
 
             def implicit(self, x):
-                zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25 gradient = np.array([-np.cos(x[0] / 5)
-                / 5, zero, zero + 1]) return x[2] - 25 * curve, gradient, np.array([[curve, zero,
-                zero], [zero] * 3, [zero] * 3])
+                zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25
+                gradient = np.array([-np.cos(x[0] / 5) / 5, zero, zero + 1])
+                hessian = np.array([[curve, zero, zero], [zero] * 3, [zero] * 3])
+                return x[2] - 25 * curve, gradient, hessian
 
             def bound(self, F, x):
                 return abs(F) / 1.02  # by the gradient's largest length

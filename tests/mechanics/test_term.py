@@ -176,3 +176,10 @@ def test_bending_has_either_a_stiffness_or_a_modulus(options):
         InputError, match="bending has D_a = .* and modulus = .*; allowed is one of them"
     ):
         Bending(**options)
+
+
+def test_a_term_that_does_nothing_is_refused():
+    with pytest.raises(InputError, match="term mine has neither an energy nor forces; allowed is"):
+        Scene(
+            sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), type("Mine", (Term,), {"name": "mine"})()]
+        )

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
@@ -60,3 +61,42 @@ def test_a_ply_over_ones_own_punch():
         assert result.summary["converged"]
         found.append([row["reaction_N"] for row in result.rows])
     assert found[0] == pytest.approx(found[1], rel=1e-9) and found[0][-1] > 0
+
+
+@pytest.mark.parametrize("angle, said", [(0, False), (45, False), (30, True), (90, False)])
+def test_a_quarter_whose_yarns_no_plane_mirrors_is_warned_of(angle, said):
+    ply = ff.Forming(nx=4, fibre_angle=angle)
+    assert any("mirror images" in text for text in ply.warnings) == said
+
+
+def test_a_quarter_of_an_unbalanced_fabric_at_45_deg_is_warned_of(unbalanced):
+    assert any("mirror" in text for text in ff.Forming(unbalanced, nx=4, fibre_angle=45).warnings)
+
+
+class Bump(ff.ImplicitSurface):
+    """z = h (1 - r^2 / R^2)^3 within R of the origin, a flange beyond."""
+
+    def __init__(self, height, radius):
+        self.height, self.radius = height, radius
+        self.radii = (radius**2 / (6 * height),) * 2
+
+    def implicit(self, x):
+        zero, squared = 0 * x[0], self.radius**2
+        s = np.maximum(0, 1 - (x[0] ** 2 + x[1] ** 2) / squared)
+        d, dd = -6 * self.height * s**2 / squared, 24 * self.height * s / squared**2
+        mixed = dd * x[0] * x[1]
+        flat = [[d + dd * x[0] ** 2, mixed, zero], [mixed, d + dd * x[1] ** 2, zero], [zero] * 3]
+        gradient = np.array([-d * x[0], -d * x[1], zero + 1])
+        return x[2] - self.height * s**3, gradient, -np.array(flat)
+
+    def bound(self, F, x):
+        return abs(F) / np.hypot(1, 1.72 * self.height / self.radius)
+
+
+def test_a_ply_over_a_surface_of_ones_own_is_drawn(tmp_path):
+    sizes = {"length": 300, "width": 200, "stroke": 25.0, "holder": "grippers", "nx": 8}
+    ply = ff.Forming(punch=Bump(25.0, 80.0), **sizes)
+    result = ply.job(steps=8, limits=ff.Limits(imbalance=0.3)).run(tmp_path / "bump")
+    assert result.summary["quantities"]["punch_force_N"] > 0
+    for name in ("formed", "outline", "paths", "states"):
+        assert (tmp_path / "bump" / f"{name}.png").stat().st_size > 10_000

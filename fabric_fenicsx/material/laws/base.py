@@ -90,6 +90,13 @@ class Law(Parameters):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for field in dataclasses.fields(self):  # a file would lack a number that no rule names
+            number = field.init and field.type in (float, "float")
+            if number and field.name not in self.rules and field.name not in SHEET:
+                raise InputError(
+                    f"{field.name} of law {self.law} has no rule; allowed is one for each number, "
+                    "in `rules`"
+                )
         for name, rule in SHEET.items():
             object.__setattr__(self, name, check_number(rule, getattr(self, name), name))
         if not isinstance(self.name, str):

@@ -170,3 +170,13 @@ def test_a_material_file_names_its_law(tmp_path):
         LAW58.replace(E_a=-1)
     with pytest.raises(InputError, match="replace: p_min is unknown; allowed are"):
         LAW58.replace(p_min=1)
+
+
+def test_a_number_without_a_rule_is_refused():
+    @dataclass(frozen=True)
+    class Ruleless(Law):
+        law = "ruleless"
+        E: float
+
+    with pytest.raises(InputError, match="E of law ruleless has no rule; allowed is one for each"):
+        Ruleless(3.0)
