@@ -31,7 +31,22 @@ if TYPE_CHECKING:
     from .sheets.blank import Blank
     from .solve.limits import Limits
     from .supports import Support, clamped_ends, frame, rolling_ends
-    from .tools import Cylinder, DoubleDome, Plane, Plate, Sphere, Tool, Torus, TriangulatedSurface
+    from .tools import (
+        Cylinder,
+        DoubleDome,
+        Flipped,
+        ImplicitSurface,
+        Nearest,
+        Offset,
+        Plane,
+        Plate,
+        Reversed,
+        Sphere,
+        Surface,
+        Tool,
+        Torus,
+        TriangulatedSurface,
+    )
 
 # where each name lives
 _HOMES = {

@@ -4,9 +4,10 @@ import json
 import logging
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
@@ -18,16 +19,13 @@ from .errors import Interrupted, SolverFailure
 from .mechanics import mesh_warnings
 from .results.history import ENERGIES, History, check_notes
 from .results.output import Output
-from .results.result import Result, draw_state
+from .results.result import LAST_PICTURE, Result, draw_state
 from .scene import Scene
 from .signals import StopSignals
 from .solve.checkpoint import Checkpoint
 from .solve.limits import EDGES, Limits
 from .solve.newton import Newton
 from .solve.stepping import Accepted, march
-
-if TYPE_CHECKING:
-    pass
 
 log = logging.getLogger(__package__)
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
@@ -91,21 +89,17 @@ class Job:
         """
         if isinstance(out, Output):
             return self._run(out, out.folder(part), problem, pictures)
-        with tempfile.TemporaryDirectory() as nowhere:  # of rank 0, if nothing is to be kept
-            path = Path(self.scene.comm.bcast(nowhere) if out is None else out)
-            output = Output(self.name, path, self.scene.comm, resume=resume, overwrite=overwrite)
-            output.is_kept = out is not None
+        comm, is_kept = self.scene.comm, out is not None
+        with nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory() as path:
+            output = Output(
+                self.name, Path(comm.bcast(path)), comm, resume=resume, overwrite=overwrite
+            )
+            output.is_kept = is_kept
             output.facts["fabric"] = _material(self.scene)
             try:
-                result = self._run(
-                    output, output.folder(part), problem, pictures and out is not None
-                )
+                return self._run(output, output.folder(part), problem, pictures and is_kept)
             finally:
                 output.close()
-            if out is None:
-                result.forget_folder()
-            self.scene.comm.barrier()
-        return result
 
     def _run(self, output, folder, problem, pictures):
         from .results.fields import FieldSeries  # pyvista takes longer to import than a coarse run
@@ -227,18 +221,21 @@ class Job:
                 f"{words} at load factor {outcome.reached:.6g}; --resume goes on from there"
             )
         self._show(output, result, pictures)
+        if not output.is_kept:
+            result.forget_folder()
         if wrong:
             raise SolverFailure(wrong + output.where(folder), result)
         return result
 
     def _show(self, output, result, pictures):
-        """Write the tables and draw the pictures of a result."""
-        if self.tables:
+        """Draw the last state; of a run that reached its end write the tables and pictures, too."""
+        reached = result.summary["converged"]
+        if self.tables and reached:
             self.tables(result, result.folder)
         if self.scene.comm.rank == 0 and pictures:
-            draw_state(output.name, result, result.folder)
-            if self.pictures:
+            if self.pictures and reached:
                 self.pictures(result, result.folder)
+            draw_state(output.name, result, result.folder)
         self.scene.comm.barrier()
 
     def _finished_before(self, output, folder, start, notes, summary, pictures):
@@ -250,7 +247,8 @@ class Job:
         scene.at(1.0)
         fields = scene.cell_fields()
         result = Result(summary, notes["rows"], fields, folder, scene)
-        self._show(output, result, pictures)  # it may have ended before they were drawn
+        drawn = scene.comm.bcast((folder / LAST_PICTURE).exists())
+        self._show(output, result, pictures and not drawn)
         return result
 
     def _facts(self):
@@ -357,8 +355,10 @@ def _balance(rows, energy):
 
 def _viscous_words(rows, load):
     """What to warn of when the regularisation's share of the strain energy becomes large."""
-    shares = [row["viscous_energy_Nmm"] - VISCOUS * abs(row["strain_energy_Nmm"]) for row in rows]
-    if shares[-1] <= 0 or shares[-2] > 0:
+    large = [
+        row["viscous_energy_Nmm"] > VISCOUS * abs(row["strain_energy_Nmm"]) for row in rows[-2:]
+    ]
+    if large != [False, True]:
         return ""
     share = rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"])
     return (

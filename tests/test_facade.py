@@ -1,7 +1,9 @@
 """What `import fabric_fenicsx as ff` offers."""
 
+import ast
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -25,3 +27,10 @@ def test_nothing_is_imported_before_it_is_used():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "[]\n", done.stderr
+
+
+def test_types_are_known_of_each_name():
+    """What is imported for type checkers alone is all that the facade offers."""
+    tree = ast.parse(Path(ff.__file__).read_text())
+    (typed,) = (node for node in tree.body if isinstance(node, ast.If))
+    assert sorted(alias.name for line in typed.body for alias in line.names) == ff.__all__

@@ -93,3 +93,22 @@ def test_quantities_and_tables_of_ones_own(folder):
     result = job.run(folder, pictures=False)
     assert math.isclose(result.summary["quantities"]["mean_eps_a"], 0.03, rel_tol=0.1)
     assert (folder / "own.txt").read_text() == "own"
+
+
+def test_a_run_that_ends_early_keeps_its_reason(folder):
+    """Its own pictures are of what it had not reached, here a shear angle."""
+    frame = ff.PictureFrame(nx=4, pre_tension=0.01)
+    with pytest.raises(ff.SolverFailure, match="yarns are stretched by more than") as failure:
+        frame.job(steps=10, limits=Limits(strain=1e-3)).run(folder)
+    assert failure.value.result.summary["stroke_reached"] < 0.1
+    assert (folder / "maps.png").exists()
+
+
+@pytest.mark.mpi
+def test_what_ended_early_without_a_folder_has_its_grid():
+    with pytest.raises(ff.SolverFailure, match="not to be believed") as failure:
+        ff.Tensile(**COARSE).job(steps=4, limits=Limits(strain=0.01)).run()
+    result = failure.value.result
+    assert result.folder is None
+    if COMM.rank == 0:
+        assert result.grid.n_cells == result.summary["cells"]

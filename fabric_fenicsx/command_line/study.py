@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError, Interrupted, SolverFailure
@@ -19,7 +18,6 @@ from ..job import Result
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import load
 from ..mechanics.membrane import Membrane
-from ..results import measures
 from ..results.output import Output
 from ..scenarios.numbers import COUNT, POSITIVE, Rule
 from ..scenarios.scenario import Scenario
@@ -269,15 +267,6 @@ class Study(Output):
         weave = None if args.weave_angle is None else math.radians(args.weave_angle)
         options = {"integration": args.integration, "weave_angle": weave}
         return Membrane(fabric or self.fabric, **options)
-
-    def extremes(self, values: np.ndarray) -> tuple[float, float]:
-        """Smallest and largest of the arrays of all ranks."""
-        return measures.extremes(self.comm, values)
-
-    def mean(self, values: np.ndarray, where: np.ndarray) -> float:
-        """Mean of the values of all ranks at the True of `where`."""
-        total = self.comm.allreduce(np.array([values[where].sum(), where.sum()], dtype=float))
-        return float(total[0] / total[1])
 
 
 def _in_words(options):

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from ..tools import Tool
 
+LAST_PICTURE = "maps.png"  # where it is, all pictures of a run are
 MAPS = "log_eps_11", "log_eps_22", "shear_angle"  # what one looks at first
 OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's scale
 
@@ -61,8 +62,6 @@ def draw_state(name: str, result: Result, folder: Path) -> None:
     """maps.png and curve.png, what one looks at first."""
     from . import pictures
 
-    rows = result.rows
+    pictures.reactions(folder / "curve.png", {"": result})
     maps = {name.replace("_", " "): result.grid}
-    pictures.maps(folder / "maps.png", maps, MAPS, outliers=OUTLIERS)
-    curve = [row["displacement_mm"] for row in rows], [row["reaction_N"] for row in rows]
-    pictures.curves(folder / "curve.png", {"": curve}, "displacement / mm", "reaction / N")
+    pictures.maps(folder / LAST_PICTURE, maps, MAPS, outliers=OUTLIERS)

@@ -157,11 +157,11 @@ class Forming(Scenario):
 
     def _is_mirrored(self):
         """Whether planes along the axes mirror the yarns into yarns of the same kind."""
-        a, b = self.fibre_angle % 180, (self.fibre_angle + self.yarn_angle) % 180
-        along = {a, b} == {0.0, 90.0}
+        a, b = self.fibre_angle, self.fibre_angle + self.yarn_angle
+        along = _is_multiple(a, 90) and _is_multiple(b, 90)
         one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
         energies = self.fabric.derivatives(one, two, sheared, False).parts.sum(1)
-        return along or (abs(a + b - 180) < 1e-9 and math.isclose(*energies))
+        return along or (_is_multiple(a + b, 180) and math.isclose(*energies))
 
     def _depth(self, surface):
         """Greatest stroke of a punch with this surface [mm]."""
@@ -363,6 +363,11 @@ class Forming(Scenario):
 def _at(axis, place):
     """Function of points (3, n) to whether their coordinate along `axis` is `place` [mm]."""
     return lambda x: abs(x[axis] - place) < 1e-6
+
+
+def _is_multiple(angle, of):
+    """Whether an angle is one of those, to 1e-6 deg."""
+    return abs(math.remainder(angle, of)) < 1e-6
 
 
 def _dome(pairs, name):

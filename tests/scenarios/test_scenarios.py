@@ -63,7 +63,18 @@ def test_a_ply_over_ones_own_punch():
     assert found[0] == pytest.approx(found[1], rel=1e-9) and found[0][-1] > 0
 
 
-@pytest.mark.parametrize("angle, said", [(0, False), (45, False), (30, True), (90, False)])
+@pytest.mark.parametrize(
+    "angle, said",
+    [
+        (0, False),
+        (45, False),
+        (30, True),
+        (90, False),
+        (45 + 1e-10, False),
+        (-45, False),
+        (1e-10, False),
+    ],
+)
 def test_a_quarter_whose_yarns_no_plane_mirrors_is_warned_of(angle, said):
     ply = ff.Forming(nx=4, fibre_angle=angle)
     assert any("mirror images" in text for text in ply.warnings) == said

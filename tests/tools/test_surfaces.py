@@ -1,6 +1,9 @@
 """Surfaces of tools against closed forms, difference quotients of their own gap, and each other."""
 
+import inspect
 import math
+import re
+import textwrap
 
 import numpy as np
 import pytest
@@ -490,3 +493,17 @@ def test_tool_moves():
     tool = Tool(Sphere(10, [0, 0, 0]), path=lambda load: (load**2, 0, 0), name="die")
     tool.at(3)
     assert np.array_equal(tool.displacement, [9, 0, 0]) and tool.evaluate([[20, 0, 0]]).gap == [1]
+
+
+@pytest.mark.parametrize("surface", [Surface, ImplicitSurface])
+def test_examples_in_docstrings_are_surfaces(surface):
+    lines = inspect.getdoc(surface).splitlines()
+    code = "\n".join(line for line in lines if line.startswith("    "))
+    names = {"np": np, "Surface": Surface, "ImplicitSurface": ImplicitSurface, "Nearest": Nearest}
+    exec(textwrap.dedent(code), names)
+    own = names[re.search(r"class (\w+)", code)[1]]()
+    x = np.array([[0.3, 0.2, 2.0], [7.0, -3.0, 1.5]])
+    found, step = own.evaluate(x), 1e-6
+    for axis in range(3):
+        moved = own.evaluate(x + step * np.eye(3)[axis]).gap - found.gap
+        assert moved / step == pytest.approx(found.normal[:, axis], abs=1e-5)
