@@ -62,7 +62,7 @@ class Forming(Scenario):
     NAME: ClassVar[str] = "double_dome"
     FULL = {"nx": 47, "steps": 40}
     QUICK = {"nx": 12, "steps": 12}
-    SOLVER = {"tolerance": 1e-6, "path_tolerance": 1e-6, "every": 10}
+    SOLVER = {"path_tolerance": 1e-6, "every": 10}
     DEFAULT_SIZES = (470.0, 270.0)
     SPATIAL = True
 
