@@ -130,25 +130,24 @@ def form(ufl_form: ufl.Form) -> "fem.Form":
 
 
 class PointEvaluation:
-    """Values of a UFL expression at the quadrature points of the owned cells.
+    """Values of a UFL expression at the quadrature points of `cells` (n,), owned ones.
 
     degree: of the quadrature; weights: its weights (points,), which sum to the reference cell's
     area.
     """
 
-    def __init__(self, expression: Expr, mesh: Mesh, degree: int) -> None:
+    def __init__(self, expression: Expr, mesh: Mesh, degree: int, cells: np.ndarray) -> None:
         points, self.weights = basix.make_quadrature(
             getattr(basix.CellType, cell_name(mesh)), degree
         )
         with _compiling():
             self._expression = fem.Expression(expression, points, **_jit())
         self._mesh = mesh
-        index_map = mesh.topology.index_map(mesh.topology.dim)
-        self._cells = np.arange(index_map.size_local, dtype=np.int32)
+        self._cells = cells.astype(np.int32)
         self._shape = (len(self._cells), len(self.weights), *expression.ufl_shape)
 
     def __call__(self) -> np.ndarray:
-        """Array (owned cells, points a cell, *shape of the expression)."""
+        """Array (cells, points a cell, *shape of the expression)."""
         values = (
             self._expression.eval(self._cells)
             if OLD

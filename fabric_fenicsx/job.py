@@ -39,9 +39,9 @@ Measure = Callable[[Scene, float], tuple[float, float]]
 class Job:
     """Load stepping of `scene` from rest to full load, with history, fields, checkpoint, summary.
 
-    steps: load steps, max_step: the largest (1/steps), accuracy, milestones, viscosity: see
-    `march`. tolerance: residual over the forces on the sheet; path_tolerance: a looser one before
-    the full load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps
+    steps: load steps, max_step: the largest (1/steps), accuracy, balance, milestones, viscosity:
+    see `march`. tolerance: residual over the forces on the sheet; path_tolerance: a looser one
+    before the full load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps
     between states written for ParaView. limits: beyond which the result is not believed.
     measure: function of scene and load factor to displacement [mm] and force [N] for the history;
     by default those of the first tool or moving support. quantities: function of a `Result` to
@@ -57,6 +57,7 @@ class Job:
     linear_solver: str = "mumps-cholesky"
     viscosity: bool = True
     accuracy: float | None = None
+    balance: float | None = None
     every: int = 5
     limits: Limits = field(default_factory=Limits)
     milestones: Sequence[float] = ()
@@ -184,6 +185,7 @@ class Job:
                 milestones=self.milestones,
                 viscosity=self.viscosity,
                 accuracy=self.accuracy,
+                balance=self.balance,
                 path_tolerance=self.path_tolerance,
                 stop=lambda: signals() or _not_believed(wrong_now),
             )

@@ -17,6 +17,7 @@ from .mechanics.term import Term
 from .mechanics.triplets import TripletMatrix
 from .mechanics.work import Work
 from .sheets.blank import Blank
+from .sheets.parts import Part
 from .supports import Supports, free_motion
 from .timing import phase
 from .tools import Tool
@@ -36,6 +37,14 @@ def _inverted_area(blank):
     return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.Measure(
         "dx", blank.mesh, metadata={"quadrature_degree": degree}
     )
+
+
+def _by_part(terms):
+    """Lists of the terms on one part each."""
+    parts: dict[str, list[Term]] = {}
+    for term in terms:
+        parts.setdefault(term.part_name, []).append(term)
+    return list(parts.values())
 
 
 class Scene:
@@ -66,9 +75,16 @@ class Scene:
             raise InputError(
                 f"the scene of {blank.name} has no elastic term; allowed is a membrane or the like"
             )
-        residuals, tangents = zip(*(term.variations(v, w) for term in forms))
-        self._residual = compat.form(sum(residuals[1:], residuals[0]))
-        self._tangent = compat.form(sum(tangents[1:], tangents[0]))
+        # one form is of one part, as parts share their number
+        found = [[term.variations(v, w) for term in on] for on in _by_part(forms)]
+        self._residuals, self._tangents = (
+            [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in found]
+            for i in (0, 1)
+        )
+        # where any of the parts has entries
+        self._places = (
+            self._tangents[0] if len(found) == 1 else compat.form(ufl.inner(v, w) * ufl.dx)
+        )
         self._energies = [(term.energy_kind, compat.form(term.energy)) for term in forms]
         self._inverted = (
             compat.form(_inverted_area(blank)) if blank.mesh.geometry.dim == 2 else None
@@ -85,8 +101,31 @@ class Scene:
 
     @property
     def fabric(self) -> Law | None:
-        """What the sheet is made of, if one of the terms knows."""
+        """What the sheet is made of, if one of the terms knows; of several the first."""
         return next((term.fabric for term in self.terms if term.fabric is not None), None)
+
+    def fabric_of(self, part: Part) -> Law | None:
+        """What a part of the blank is made of, if a term on it, or on all of the blank, knows."""
+        known = [term for term in self.terms if term.fabric is not None]
+        if part.is_whole:
+            return self.fabric
+        on = [term for term in known if self.blank.part(term.part_name) in (part, self.blank.whole)]
+        return on[0].fabric if on else None
+
+    def at_nodes(self, of: Callable[[Law], float]) -> float | np.ndarray | None:
+        """A number of the fabric: one, or where parts differ one for each owned node (nodes,);
+        None without a fabric."""
+        parts = list(self.blank.parts.values()) or [self.blank.whole]
+        fabrics = [self.fabric_of(part) for part in parts]
+        if not all(fabrics):
+            return None
+        numbers = [of(fabric) for fabric in fabrics if fabric]
+        if len(set(numbers)) == 1:
+            return numbers[0]
+        found = np.zeros(self.blank.V.dofmap.index_map.size_local)
+        for part, number in zip(parts, numbers):
+            found[part.nodes] = number
+        return found
 
     def _supported(self):
         """Degrees of freedom held by the supports, and DOLFINx's view of them."""
@@ -229,7 +268,8 @@ class Scene:
         with phase("assemble"):
             with self._f.localForm() as local:
                 local.set(0)
-            fem_petsc.assemble_vector(self._f, self._residual)
+            for form in self._residuals:
+                fem_petsc.assemble_vector(self._f, form)
             with self._f.localForm() as local:
                 for term in self.terms:
                     term.add_forces(local.array)
@@ -241,7 +281,9 @@ class Scene:
 
     def create_matrix(self) -> PETSc.Mat:
         """Matrix for `tangent`, which tells multigrid the rigid motions."""
-        A = fem_petsc.create_matrix(self._tangent)
+        A = fem_petsc.create_matrix(self._places)
+        self.pattern = self._pattern()
+        self._extra = None
         rows, cols, values = (
             np.concatenate(part) for part in zip(*(term.tangent() for term in self.terms))
         )
@@ -249,8 +291,7 @@ class Scene:
             names, numbers = A.getLGMap()
             self._extra = TripletMatrix(A, rows, cols)
             self._extra.fill(values)
-            fem_petsc.assemble_matrix(A, self._tangent)  # as unused places are given up
-            A.assemble()
+            self._assemble(A, [])  # as unused places are given up
             A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             A.setLGMap(names, numbers)
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
@@ -263,8 +304,7 @@ class Scene:
         """Second derivative of the energy into A; unit rows and columns where `held` [N/mm]."""
         with phase("assemble"):
             A.zeroEntries()
-            fem_petsc.assemble_matrix(A, self._tangent, bcs=self._bcs if held else [])
-            A.assemble()
+            self._assemble(A, self._bcs if held else [])
             if self._extra is not None:
                 self._extra.fill(np.concatenate([term.tangent()[2] for term in self.terms]))
                 if held:
@@ -272,6 +312,18 @@ class Scene:
                 A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
             if self.drag:
                 A.shift(self.drag)
+
+    def _assemble(self, A, bcs):
+        for form in self._tangents:
+            fem_petsc.assemble_matrix(A, form, bcs=bcs)
+            A.assemble()
+
+    def _pattern(self):
+        return [term.pattern for term in self.terms]
+
+    def fits(self) -> bool:
+        """Whether the matrix made last has the places of the present `tangent`, on all ranks."""
+        return self.comm.allreduce(self.pattern == self._pattern(), MPI.LAND)
 
     def anticipate(self) -> None:
         """After `residual`: let terms see it before the tangent for the next correction."""

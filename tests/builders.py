@@ -68,6 +68,12 @@ class Alone:
     def __init__(self, blank, terms, fabric=None):
         self.blank, self.terms, self.fabric = blank, terms, fabric
 
+    def fabric_of(self, part):
+        return self.fabric
+
+    def at_nodes(self, of):
+        return self.fabric and of(self.fabric)
+
 
 def alone(blank, *terms, fabric=None):
     """Bind terms to a sheet without a scene, to test them by themselves; the first of them."""

@@ -96,6 +96,13 @@ def parser(
         "steps where the path matters",
         free=True,
     )
+    p.option(
+        "--balance",
+        type=option_type(POSITIVE),
+        default=solver.get("balance"),
+        help="largest share of a step's work that energies may miss; steps beyond are halved",
+        free=True,
+    )
     solvers = tuple(LINEAR_SOLVERS)
     p.option("--linear-solver", choices=solvers, default="mumps-cholesky", free=True)
     p.group("limits, beyond which a result is not believed (exit status 3)")
@@ -236,6 +243,7 @@ class Study(Output):
             linear_solver=args.linear_solver,
             viscosity=args.viscosity == "auto",
             accuracy=args.accuracy,
+            balance=args.balance,
             every=args.every,
             limits=Limits(*limits),
         )

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 from scipy import sparse
 
 from .. import dolfinx_compat as compat
 from ..errors import InputError
+from .gathered import GatheredNodes
 from .morley import MorleyCells, Where
 from .term import SceneFacts, Term, Triplets
 
@@ -81,7 +81,7 @@ class Bending(Term):
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
-        blank, given, fabric = scene.blank, self._given, scene.fabric
+        blank, given, fabric = scene.blank, self._given, scene.fabric_of(self.part)
         if not (compat.is_affine(blank.mesh) and blank.degree == 1):
             raise InputError(
                 f"bending of {blank.name} is asked on other than linear triangles; allowed is P1"
@@ -100,6 +100,9 @@ class Bending(Term):
             self.stiffnesses = np.array([given["D_a"], given["D_b"], given["D_t"]], float)
         self._cells, self._dim = MorleyCells(blank, *self._edges), blank.mesh.geometry.dim
         operator, curved = self._cells.curvature(self.stiffnesses)
+        if not self.part.is_whole:
+            operator, curved = operator[self.part.cells], curved[self.part.cells]
+            self._cells = self._cells.only(self.part.cells)
         self._weights = self._cells.area[:, None] * self.stiffnesses
         self._own_curvature = np.where(
             np.abs(curved) < 1e-10 * np.abs(curved).max(initial=1e-300), 0, curved
@@ -157,12 +160,7 @@ class Bending(Term):
             forces += self._turning
         at = self._mirrored
         forces[at] = np.einsum("nij,ni->nj", self._cells.mirrors[self._codes[at]], forces[at])
-        self._sent.array[:] = forces.ravel()
-        self._sum.set(0)
-        self._scatter.scatter(
-            self._sent, self._sum, addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE
-        )
-        f[: self._sum.local_size] += self._sum.array
+        self._reached.add(forces, f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
@@ -201,8 +199,7 @@ class Bending(Term):
     def _displacement(self):
         """Displacement of the nodes that this rank's cells reach and of their mirror images,
         (nodes, gdim)."""
-        self._scatter.scatter(compat.petsc_vector(self.blank.u), self._sent)
-        U, at = self._sent.array.reshape(-1, self._dim).copy(), self._mirrored
+        U, at = self._reached.displacement(), self._mirrored
         U[at] = np.einsum("nij,nj->ni", self._cells.mirrors[self._codes[at]], U[at])
         return U
 
@@ -214,11 +211,7 @@ class Bending(Term):
         self._columns = columns = columns.reshape(cells.nodes.shape)
         nodes, self._codes = np.divmod(keys, mirrors)
         self._mirrored = np.flatnonzero(self._codes)
-        vector = compat.petsc_vector(self.blank.u)
-        wanted = PETSc.IS().createBlock(dim, nodes.astype(PETSc.IntType), comm=MPI.COMM_SELF)
-        self._sent = PETSc.Vec().createSeq(len(nodes) * dim, comm=MPI.COMM_SELF)
-        self._scatter = PETSc.Scatter().create(vector, wanted, self._sent, None)
-        self._sum = vector.duplicate()
+        self._reached = GatheredNodes(self.blank, nodes)
         rows = np.arange(3 * count).reshape(count, 3, 1) + np.zeros_like(columns)[:, None]
         over = np.broadcast_to(columns[:, None], rows.shape)
         self._operator = sparse.csr_matrix(

@@ -1,39 +1,20 @@
 """Contact of a sheet with rigid tools: a penalty at its nodes."""
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..material import kernel
 from ..material.laws import Law
 from ..tools import Tool
 from .nodes import Nodes, PressingTerm, TangentialForces
+from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, default_penalty
 from .term import SceneFacts, Triplets
 from .work import Work
 
-STRAIN = 0.02  # of both yarns, whose pull over the tightest radius sets the default penalty
-FLAT_RADIUS = 10.0  # thicknesses: what counts as the least radius of a tool that is flat
 MORE = 4.0  # times the present pressure, up to which a node's pressure is anticipated
-PERMITTED = 0.0125  # of the thickness, the penetration under it
-
-
-def default_penalty(fabric: Law, radius: float, permitted: float | None = None) -> float:
-    """Penalty [N/mm^3] for a tool of least `radius` [mm] (inf: a flat one, which has none to give).
-
-    Under it yarns stretched by `STRAIN` over that radius press the sheet into the tool by
-    `permitted` [mm], by default `PERMITTED` of the thickness. Of a flat tool the radius counts as
-    `FLAT_RADIUS` thicknesses.
-    """
-    t = fabric.thickness
-    stretched = kernel.evaluate(
-        fabric, gradient=[(1 + STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None]
-    )
-    pull = float(np.trace(stretched.cauchy[0])) * t
-    return (
-        pull / (radius if np.isfinite(radius) else FLAT_RADIUS * t) / (permitted or PERMITTED * t)
-    )
 
 
 class ContactState(NamedTuple):
@@ -52,8 +33,8 @@ class ContactState(NamedTuple):
 class Contact(PressingTerm):
     """Energy of a sheet's nodes pressed into a `tool`, over their undeformed areas.
 
-    The pressure is p = k e^2 / (2 s) where the tool reaches e deep into the ply's face, up to
-    e = s, and grows by the `penalty` k [N/mm^3] beyond: its slope is continuous. The ply is on the
+    The pressure follows the `PressureLaw` of the depth to which the tool reaches into the ply's
+    face, with the `penalty` k [N/mm^3]. The ply is on the
     side to which the tool's normal points, its faces `thickness` / 2 [mm] off the mesh.
 
     - thickness: by default that of the scene's fabric
@@ -97,26 +78,33 @@ class Contact(PressingTerm):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         given = self._given
-        self.thickness: float = given["thickness"] or self._fabric(scene, "thickness").thickness
-        self.penalty: float = given["penalty"] or default_penalty(
-            self._fabric(scene, "penalty"), min(self.tool.surface.radii)
+        radius = min(self.tool.surface.radii)
+        self.thickness = given["thickness"] or self._of_fabric(
+            scene, "thickness", lambda fabric: fabric.thickness
         )
-        self.smoothing: float = given["smoothing"] or 0.3 * PERMITTED * self.thickness
-        self.nodes = Nodes(scene.blank)
+        self.penalty = given["penalty"] or self._of_fabric(
+            scene, "penalty", lambda fabric: default_penalty(fabric, radius)
+        )
+        self.smoothing = given["smoothing"] or SMOOTHING * PERMITTED * self.thickness
+        self.nodes = Nodes(scene.blank, self.part)
+        self._law = PressureLaw(self.penalty, self.smoothing)
         self._shift = self._accepted_shift = np.zeros(self.nodes.count)
         self._accepted_travel = self.tool.travel
         # deepest penetration of each node in accepted states
         self._depth = np.zeros(self.nodes.count)
         self.accept()
 
-    def _fabric(self, scene: SceneFacts, name: str) -> Law:
-        """The scene's, from which the value `name` follows that was not given."""
-        if scene.fabric is None:
+    def _of_fabric(
+        self, scene: SceneFacts, name: str, of: Callable[[Law], float]
+    ) -> float | np.ndarray:
+        """The value `name`, of the scene's fabric or one for each node, that was not given."""
+        value = scene.at_nodes(of)
+        if value is None:
             raise InputError(
                 f"contact with {self.tool.name} is given no {name}, and no term of the scene has a "
                 "fabric; allowed is a number above 0"
             )
-        return scene.fabric
+        return value
 
     # -- what a scene calls
 
@@ -193,15 +181,9 @@ class Contact(PressingTerm):
         p, normal, areas = p[pressed], now.normal[pressed], self.nodes.areas[pressed]
         balancing = p + (f[: 3 * n].reshape(-1, 3)[pressed] * normal).sum(1) / areas
         balancing = np.clip(balancing, 0.0, MORE * p)
-        depths = (
-            _depth(p, self.penalty, self.smoothing),
-            _depth(balancing, self.penalty, self.smoothing),
-        )
-        changes = abs(balancing - p) > 1e-6 * p
-        slope = _law(depths[0], self.penalty, self.smoothing)[2]
-        chord = np.where(
-            changes, (balancing - p) / np.where(changes, depths[1] - depths[0], 1.0), slope
-        )
+        law = self._law.at(pressed)
+        slope = law(law.depth(p))[2]
+        chord = law.chord(p, balancing)
         blocks = now.blocks.copy()
         blocks[pressed] += (
             (areas * (chord - slope))[:, None, None] * normal[:, :, None] * normal[:, None]
@@ -251,7 +233,11 @@ class Contact(PressingTerm):
 
     def tractions(self) -> np.ndarray:
         """Of the tool on this rank's nodes, (nodes, 3) [MPa]."""
-        return self.state().forces / self.nodes.areas[:, None]
+        return self.state().forces / np.maximum(self.nodes.areas, 1e-300)[:, None]
+
+    def depth_under(self, pressure: float) -> np.ndarray:
+        """Depth of the tool in the ply's face at each node under a pressure, (nodes,) [mm]."""
+        return np.broadcast_to(self._law.depth(np.array(pressure)), self.nodes.count)
 
     def penetration(self) -> float:
         """Largest depth of the tool in the ply's face, of all ranks [mm]."""
@@ -263,7 +249,8 @@ class Contact(PressingTerm):
 
     def penetration_of_thickness(self) -> float:
         """As in `Term`."""
-        return self.deepest() / self.thickness
+        deepest = float((self._depth / self.thickness).max(initial=0.0))
+        return self.nodes.comm.allreduce(deepest, MPI.MAX)
 
     def tools(self) -> tuple[Tool, ...]:
         """As in `Term`."""
@@ -276,6 +263,7 @@ class Contact(PressingTerm):
         gap = self.tool.evaluate(x).gap
         lost = np.isnan(gap)  # so far off that no nearest point is found: a lower bound will do
         gap[lost] = self.tool.evaluate(x[lost], reach=0.0).gap
+        gap[self.nodes.others] = np.inf
         return gap - self.thickness / 2
 
     def add_nodal_fields(self, fields: dict[str, Any]) -> None:
@@ -300,11 +288,12 @@ class Contact(PressingTerm):
         return self._found[1]
 
     def _state_at(self, x):
-        nearest = self.tool.evaluate(x, reach=self.thickness)
-        k, s, areas = self.penalty, self.smoothing, self.nodes.areas
+        nearest = self.tool.evaluate(x, reach=float(np.max(self.thickness)))
+        law, areas = self._law, self.nodes.areas
         gap = nearest.gap - self.thickness / 2
-        rest = _law(self._shift, k, s)[0] if self._shift.any() else 0.0
-        energy, pressure, slope = _law(np.maximum(0.0, self._shift - gap), k, s)
+        gap[self.nodes.others] = np.inf
+        rest = law(self._shift)[0] if self._shift.any() else 0.0
+        energy, pressure, slope = law(np.maximum(0.0, self._shift - gap))
         normal = nearest.normal
         blocks = (areas * slope)[:, None, None] * normal[:, :, None] * normal[:, None]
         blocks -= (areas * pressure)[:, None, None] * nearest.curvature
@@ -333,7 +322,8 @@ class Contact(PressingTerm):
     def _balanced_near(self, x):
         """The same by Newton's method on the tool's travel, bracketed; None if it finds nothing."""
         tool, nodes, comm = self.tool, self.nodes, self.nodes.comm
-        low, high, back = None, None, self.thickness / 4
+        back = quarter = float(np.min(self.thickness)) / 4
+        low, high = None, None
         for _ in range(100):
             now, travel = self._state_at(x), tool.travel
             forces = sum((friction.forces() for friction in self._frictions), now.forces)
@@ -344,8 +334,8 @@ class Contact(PressingTerm):
             stiffness = nodes.total(self._blocks(now) @ tool.direction) @ tool.direction
             free = max(comm.allreduce(now.gap.min(initial=np.inf), MPI.MIN), 0.0)
             # without contact as far as no point is passed
-            step = missing / stiffness if stiffness > 0 else free + self.smoothing
-            new = travel + float(np.clip(step, -back, free + self.thickness / 4))
+            step = missing / stiffness if stiffness > 0 else free + float(np.min(self.smoothing))
+            new = travel + float(np.clip(step, -back, free + quarter))
             back = back if high is None or low is not None else 2 * back
             if low is not None and high is not None and not low < new < high:
                 new = 0.5 * (low + high)
@@ -353,15 +343,3 @@ class Contact(PressingTerm):
                     return now
             tool.travel = new
         return None
-
-
-def _law(e, k, s):
-    """Energy per area [N/mm], pressure [MPa] and its slope [N/mm^3] at depths e (n,) [mm]."""
-    soft, beyond = np.minimum(e, s), np.maximum(e - s, 0.0)
-    energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
-    return energy, k * (soft**2 / (2 * s) + beyond), k * soft / s
-
-
-def _depth(p, k, s):
-    """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]: the inverse of `_law`."""
-    return np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)

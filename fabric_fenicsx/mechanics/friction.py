@@ -5,6 +5,7 @@ import numpy as np
 from ..errors import InputError
 from ..tools import Tool
 from .nodes import PressingTerm
+from .slipping import elastic, potential, stiffness, tangent, traction, turned
 from .term import SceneFacts, Term, Triplets
 
 
@@ -77,11 +78,10 @@ class Friction(Term):
         """Keep what slip is elastic; what energy changes as normal forces do counts as taken."""
         z = self._slipped()
         self.settled = self.force()
-        self._taken = self._taken + self._potential(z)
-        length = np.linalg.norm(z, axis=1)
-        self._z = z * np.minimum(1.0, self.slip / np.maximum(length, 1e-300))[:, None]
+        self._taken = self._taken + potential(z, self._limit, self.slip)
+        self._z = elastic(z, self.slip)
         self._start()
-        self._taken -= self._potential(self._z)
+        self._taken -= potential(self._z, self._limit, self.slip)
 
     def work(self) -> float:
         """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
@@ -106,7 +106,7 @@ class Friction(Term):
         """Energy taken by this rank's nodes, elastic and dissipated [N mm]."""
         # puts a tool moved by force where it is balanced, here and below
         self._pressing.normal_forces()
-        return float((self._taken + self._potential(self._slipped())).sum())
+        return float((self._taken + potential(self._slipped(), self._limit, self.slip)).sum())
 
     def add_forces(self, f: np.ndarray) -> None:
         """Add the potential's derivative to f, of this rank's degrees of freedom [N]."""
@@ -125,7 +125,7 @@ class Friction(Term):
     def memory(self) -> dict[str, np.ndarray]:
         """Elastic slip (nodes, 3) [mm] and energy taken (nodes, 1) [N mm] when last
         accepted."""
-        energy = self._taken + self._potential(self._z)
+        energy = self._taken + potential(self._z, self._limit, self.slip)
         return {"slip": self._z, "energy": energy[:, None]}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
@@ -138,19 +138,12 @@ class Friction(Term):
 
     def forces(self) -> np.ndarray:
         """Of the tool on this rank's nodes (nodes, 3) [N]."""
-        z = self._slipped()
-        return -(self._limit / np.maximum(np.linalg.norm(z, axis=1), self.slip))[:, None] * z
+        return -traction(self._slipped(), self._limit, self.slip)
 
     def blocks(self) -> np.ndarray:
         """By which forces fall as nodes move, (nodes, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         tangent plane, less the direction of slip where it slides."""
-        z = self._slipped()
-        length = np.linalg.norm(z, axis=1)
-        blocks = np.eye(3) - self._normal[:, :, None] * self._normal[:, None]
-        slides = length > self.slip
-        along = z[slides] / length[slides, None]
-        blocks[slides] -= along[:, :, None] * along[:, None]
-        return blocks * (self._limit / np.maximum(length, self.slip))[:, None, None]
+        return stiffness(self._slipped(), self._limit, self._normal, self.slip)
 
     def tool_force(self, tool: Tool) -> np.ndarray:
         """As in `Term`."""
@@ -167,25 +160,13 @@ class Friction(Term):
         with them."""
         normal_forces, self._normal = self._normal_forces()
         self._limit = self._accepted_limit = self.mu * normal_forces
-        length = np.linalg.norm(self._z, axis=1)
-        flat = self._along(self._z)
-        flat *= (length / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
-        self._z = np.where((self._limit > 0)[:, None], flat, 0.0)
+        self._z = turned(self._z, self._limit, self._normal)
         self._from, self._tool = self.nodes.displacement(), self.tool.displacement.copy()
         self._force = self.force()
 
     def _normal_forces(self):
         return np.linalg.norm(self._pressing.normal_forces(), axis=1), self._pressing.normals()
 
-    def _along(self, vectors):
-        """What of vectors (nodes, 3) is tangent."""
-        return vectors - (vectors * self._normal).sum(1, keepdims=True) * self._normal
-
     def _slipped(self):
         moved = self.nodes.displacement() - self._from - (self.tool.displacement - self._tool)
-        return self._z + self._along(moved)
-
-    def _potential(self, z):
-        length = np.linalg.norm(z, axis=1)
-        beyond = np.maximum(length - self.slip, 0.0)
-        return self._limit * ((length - beyond) ** 2 / (2 * self.slip) + beyond)
+        return self._z + tangent(moved, self._normal)

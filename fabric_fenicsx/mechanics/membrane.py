@@ -104,7 +104,7 @@ class Membrane(Term):
         law = self._law(mesh, fabric)
         self._a0, self._b0 = self._fibres()
         fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
-        cosine = ufl.dot(self._a0, self._b0) if not blank.orthogonal else ufl.as_ufl(0.0)
+        cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
         rest = cosine
         if self.weave_angle is not None:
             rest = fem.Constant(mesh, np.cos(self.weave_angle))
@@ -113,7 +113,7 @@ class Membrane(Term):
         if self.integration == "reduced":
             self._check_reduced(cell)
             self.degree = 1
-        self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": self.degree})
+        self._dx = self.part.dx(self.degree)
         self._gradients = (
             self._held_gradients() * self._dx if self.integration == "reduced" else None
         )
@@ -209,8 +209,8 @@ class Membrane(Term):
         """a0, b0: constants where they are, on cells without one tangent plane projected anew at
         each point."""
         mesh = self.blank.mesh
-        if self.blank.straight:
-            return [fem.Constant(mesh, direction) for direction in self.blank.straight]
+        if self.part.straight:
+            return [fem.Constant(mesh, direction) for direction in self.part.straight]
         fibres = self.blank.a0, self.blank.b0
         if mesh.geometry.dim == 2 or compat.is_affine(mesh):
             return fibres
@@ -220,7 +220,7 @@ class Membrane(Term):
 
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
-        UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the owned
+        UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the part's
         cells."""
         if self._points is None:
             law, fa, fb, cosine, rest = self._ufl
@@ -238,7 +238,9 @@ class Membrane(Term):
             S = 2 * ufl.diff(W, C)
             flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
             values = ufl.as_vector([*flat, cosine, S[0, 0], S[1, 1], S[0, 1]])
-            self._points = compat.PointEvaluation(values, self.blank.mesh, self.degree)
+            self._points = compat.PointEvaluation(
+                values, self.blank.mesh, self.degree, self.part.cells
+            )
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
             self._evaluated = u.copy(), self._points()
@@ -250,7 +252,7 @@ class Membrane(Term):
         return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
-        """`kernel.State` at every quadrature point of the owned cells, arrays (cells, points,
+        """`kernel.State` at every quadrature point of the part's cells, arrays (cells, points,
         ...), with the deformed fibres fa, fb (cells, points, 3) and the kernel's mismatch on this
         rank.
 
@@ -293,7 +295,7 @@ class Membrane(Term):
     # -- results
 
     def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
-        """Add means over the cells, arrays (cells,) or (cells, 3); their units are in `UNITS`.
+        """Add means over the part's cells, (cells,) or (cells, 3); their units are in `UNITS`.
 
         a, b: deformed fibres; eps_a, eps_b: nominal, log_eps_11, log_eps_22: logarithmic fibre
         strains; shear_angle; I4, I6, I8, I10; energy_a, energy_b, energy_shear; strain_state 1..4,
@@ -308,23 +310,25 @@ class Membrane(Term):
 
         I4, I6, I8, I10 = np.moveaxis(state.invariants, -1, 0)
         parts = mean(state.energy_parts)
-        fields |= {"a": mean(fa), "b": mean(fb)}
-        fields |= {"eps_a": mean(np.sqrt(I4) - 1), "eps_b": mean(np.sqrt(I8) - 1)}
-        fields |= {
+        found = {"a": mean(fa), "b": mean(fb)}
+        found |= {"eps_a": mean(np.sqrt(I4) - 1), "eps_b": mean(np.sqrt(I8) - 1)}
+        found |= {
             "log_eps_11": mean(np.log(I4)) / 2,
             "log_eps_22": mean(np.log(I8)) / 2,
             "shear_angle": mean(I10),
         }
-        fields |= {"I4": mean(I4), "I6": mean(I6), "I8": mean(I8), "I10": fields["shear_angle"]}
-        fields |= {"energy_a": parts[:, 0], "energy_b": parts[:, 1], "energy_shear": parts[:, 2]}
-        fields["strain_state"] = (1 + (fields["eps_b"] <= 0) + 2 * (fields["eps_a"] <= 0)).astype(
+        found |= {"I4": mean(I4), "I6": mean(I6), "I8": mean(I8), "I10": found["shear_angle"]}
+        found |= {"energy_a": parts[:, 0], "energy_b": parts[:, 1], "energy_shear": parts[:, 2]}
+        found["strain_state"] = (1 + (found["eps_b"] <= 0) + 2 * (found["eps_a"] <= 0)).astype(
             np.int32
         )
         for name, f, I in (("sigma_a", fa, I4), ("sigma_b", fb, I8)):
-            fields[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
+            found[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
         stable = stability.evaluate(self.fabric, state.invariants)
-        fields["stability_convexity"] = stable.convexity.min(1)
-        fields["stability_ellipticity"] = stable.ellipticity.min(1)
+        found["stability_convexity"] = stable.convexity.min(1)
+        found["stability_ellipticity"] = stable.ellipticity.min(1)
+        for name, values in found.items():
+            self.part.put(fields, name, values)
 
     def _invariants_at_points(self):
         """I4, I6, I8 (cells, points) and shear angle, at a third of the cost of `state`."""
@@ -342,18 +346,24 @@ class Membrane(Term):
         """Add `min_stability`, the least ellipticity indicator of all points: a band is the
         material's only where it is negative, see `material.stability`."""
         least = stability.least_ellipticity(self.fabric, self._invariants_at_points())
-        row["min_stability"] = self.blank.mesh.comm.allreduce(least, MPI.MIN)
+        least = self.blank.mesh.comm.allreduce(least, MPI.MIN)
+        row["min_stability"] = min(least, row.get("min_stability", np.inf))
 
     def add_summary(self, summary: dict[str, Any]) -> None:
         """Add what the sheet is made of and how it is integrated, and the kernel's mismatch."""
+        mismatch = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
         summary["integration"] = self.integration
-        summary["couplings"] = sorted(self.fabric.couplings)
-        summary["material"] = self.fabric.name
-        summary["kernel_mismatch"] = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
+        couplings = sorted(self.fabric.couplings)
+        if self.part.is_whole:
+            summary |= {"couplings": couplings, "material": self.fabric.name}
+        else:
+            known = {"couplings": couplings, "material": self.fabric.name}
+            summary.setdefault("parts", {})[self.part.name] = known
+        summary["kernel_mismatch"] = max(mismatch, summary.get("kernel_mismatch", 0.0))
 
     def overstretched(self, strain: float) -> float:
         """As in `Term`, by the larger mean nominal strain of a cell's two yarns."""
-        invariants, areas = self._invariants_at_points(), self.blank.areas()
+        invariants, areas = self._invariants_at_points(), self.blank.areas()[self.part.cells]
         stretch = np.sqrt(
             np.maximum(invariants[..., 0] @ self.weights, invariants[..., 2] @ self.weights)
         )

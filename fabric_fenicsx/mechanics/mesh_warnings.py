@@ -12,6 +12,7 @@ from .. import dolfinx_compat as compat
 from ..errors import InputError
 from ..material import kernel
 from ..sheets.blank import Blank
+from ..sheets.parts import Part
 from ..tools import Tool
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def locking_warning(membrane: "Membrane") -> str:
     cells, at the same shear angles.
     """
     blank = membrane.blank
-    off = share_off_the_yarns(blank) if blank.degree == 1 else 0.0
+    off = share_off_the_yarns(membrane.part) if blank.degree == 1 else 0.0
     taken = alternating_energy(membrane) if off > OFF else 0.0
     if taken <= LOCKED:
         return ""
@@ -85,22 +86,23 @@ def locking_warning(membrane: "Membrane") -> str:
     )
 
 
-def share_off_the_yarns(blank: Blank) -> float:
-    """Share of all cells at whose corners edges of the mesh do not run along both yarns; for linear
-    displacements."""
-    comm, nodes = blank.mesh.comm, _nodes(blank)
+def share_off_the_yarns(part: Part) -> float:
+    """Share of a part's cells at whose corners edges of the mesh do not run along both yarns; for
+    linear displacements."""
+    blank = part.blank
+    comm, nodes, corners = blank.mesh.comm, _nodes(blank)[part.cells], _round(blank)[part.cells]
     gdim = blank.mesh.geometry.dim
-    edges = np.roll(_round(blank), -1, 1) - _round(blank)
+    edges = np.roll(corners, -1, 1) - corners
     edges /= np.linalg.norm(edges, axis=2, keepdims=True)
     follows = []
     for field in (blank.a0, blank.b0):
-        yarn = field.x.array.reshape(-1, gdim)[: len(nodes), None]
+        yarn = field.x.array.reshape(-1, gdim)[part.cells, None]
         edge = np.abs((edges * yarn).sum(2)) >= ALONG
         follows.append(edge | np.roll(edge, 1, 1))  # both of its ends
     marks = np.stack(follows, -1).astype(float)
     if nodes.shape[1] == 4:
         marks[:, [2, 3]] = marks[:, [3, 2]]
-    reached = (blank.summed(marks)[nodes] > 0).any(1).all(1)
+    reached = (blank.summed(marks, part.cells)[nodes] > 0).any(1).all(1)
     off, cells = comm.allreduce(np.array([(~reached).sum(), len(nodes)]), MPI.SUM)
     return float(off / cells)
 
@@ -112,7 +114,8 @@ def alternating_energy(membrane: "Membrane") -> float:
     state, _, _, _ = membrane.state()
     _, b, _ = membrane.at_points()
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
-    corners, nodes = _round(blank), _nodes(blank)
+    cells = membrane.part.cells
+    corners, nodes = _round(blank)[cells], _nodes(blank)[cells]
     ends = (
         ((1, 0), (2, 0)) if nodes.shape[1] == 3 else ((2, 0), (3, 1))
     )  # two sides, or both diagonals
@@ -122,7 +125,7 @@ def alternating_energy(membrane: "Membrane") -> float:
     means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
 
     def at_nodes(values):
-        return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1))[nodes]
+        return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
 
     smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
     before = np.arctan2(b[..., 1], b[..., 0])  # angle from yarns a to b

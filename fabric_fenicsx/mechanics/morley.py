@@ -12,6 +12,8 @@ neighbours and Morley's triangle has no others.
 """
 
 from collections.abc import Callable, Sequence
+from copy import copy
+from typing import Self
 
 import dolfinx
 import numpy as np
@@ -57,6 +59,13 @@ class MorleyCells:
         self._geometry()
         self._edges(symmetric, clamped)
         self._quadratics()
+
+    def only(self, cells: np.ndarray) -> Self:
+        """Those `cells` (k,) of them, after `curvature`."""
+        some = copy(self)
+        for name in ("area", "corners", "along_a", "nodes", "codes"):
+            setattr(some, name, getattr(self, name)[cells])
+        return some
 
     def _beyond(self):
         """The cell beyond each edge, -1 if there is none, and that edge's number there."""

@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..errors import InputError
 from ..sheets.blank import Blank
+from ..sheets.parts import Part
 from ..tools import Tool
 from .term import Term
 
@@ -18,12 +19,13 @@ from .term import Term
 class Nodes:
     """This rank's owned nodes of a blank in space, where forces of tools go.
 
-    count: how many; places (count, 3) [mm] and areas (count,) [mm^2], undeformed; rows, cols
+    part: of the blank, by default all of it. count: how many nodes the blank has; places (count, 3)
+    [mm] and areas of the part (count,) [mm^2], undeformed, 0 at the nodes of others; rows, cols
     (9 count,): global degrees of freedom of each node's 3 x 3 block. Raises InputError for a blank
     in a plane, along turned axes or of other than linear cells.
     """
 
-    def __init__(self, blank: Blank) -> None:
+    def __init__(self, blank: Blank, part: Part | None = None) -> None:
         mesh, asked = blank.mesh, f"contact of {blank.name} is asked"
         if mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
             raise InputError(
@@ -32,11 +34,13 @@ class Nodes:
         self.blank, self.comm = blank, mesh.comm
         self.count = blank.V.dofmap.index_map.size_local
         self.places = blank.coordinates()[: self.count]
-        area = fem_petsc.assemble_vector(compat.form(ufl.TestFunction(blank.V)[0] * ufl.dx))
+        part = part or blank.whole
+        if blank.degree != 1:
+            raise InputError(f"{asked} on other than linear cells; allowed are P1 and Q1")
+        area = fem_petsc.assemble_vector(compat.form(ufl.TestFunction(blank.V)[0] * part.dx()))
         area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         self.areas = area.array[::3].copy()
-        if self.comm.allreduce(self.areas.min(initial=np.inf), MPI.MIN) <= 0:
-            raise InputError(f"{asked} on other than linear cells; allowed are P1 and Q1")
+        self.others = np.flatnonzero(~part.nodes)  # nodes of other parts
         first = blank.V.dofmap.index_map.local_range[0]
         dofs = 3 * (first + np.arange(self.count))[:, None] + np.arange(3)
         self.rows = np.repeat(dofs, 3, axis=1).ravel().astype(PETSc.IntType)

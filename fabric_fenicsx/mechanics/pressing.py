@@ -45,7 +45,7 @@ class BlankHolderPressure(PressingTerm):
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
-        self.nodes = Nodes(scene.blank)
+        self.nodes = Nodes(scene.blank, self.part)
         self._accepted_areas = self._pressed()
         self.at(0.0)
         self.accept()

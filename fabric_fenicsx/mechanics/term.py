@@ -1,8 +1,8 @@
 """What a term of a scene may do: a base class whose methods do nothing."""
 
 import weakref
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 import ufl
@@ -12,6 +12,7 @@ from ufl.core.expr import Expr
 from ..errors import InputError
 from ..material.laws import Law
 from ..sheets.blank import Blank
+from ..sheets.parts import Part
 
 if TYPE_CHECKING:
     from ..tools import Tool
@@ -32,7 +33,14 @@ class SceneFacts(Protocol):
 
     @property
     def fabric(self) -> Law | None:
-        """What the sheet is made of, if one of the terms knows."""
+        """What the sheet is made of, if one of the terms knows; of several the first."""
+
+    def fabric_of(self, part: Part) -> Law | None:
+        """What a part of the blank is made of, if a term on it, or on all of the blank, knows."""
+
+    def at_nodes(self, of: Callable[[Law], float]) -> float | np.ndarray | None:
+        """A number of the fabric: one, or where parts differ one for each owned node (nodes,);
+        None without a fabric."""
 
 
 class Term:
@@ -51,7 +59,9 @@ class Term:
     - prestressed: whether the sheet has stress as it lies, before load
     - energy: a UFL form in `blank.u` over the sheet [N mm], minus the work of a load; None of
       terms that are no form, which have `stored`, `add_forces` and `tangent` instead
-    - blank: the sheet, from `set_up` on
+    - blank: the sheet, from `set_up` on; part: what of it the term is on
+    - part_name: of the blank's part that it is restricted to, see `on`
+    - pattern: a number that changes when the places of `tangent` do
     """
 
     name = "term"
@@ -62,13 +72,23 @@ class Term:
     prestressed: bool = False
     energy: ufl.Form | None = None
     blank: Blank
+    part: Part
+    pattern = 0
+    part_name: str = ""
     # weak, as circles of solver objects end at another time on each rank
     _scene: weakref.ref | None = None
+
+    def on(self, part: str) -> Self:
+        """Restrict the term to a part of the blank: a sheet of a stack, or a patch; itself."""
+        self.part_name = part
+        self.name = f"{self.name} of {part}"
+        return self
 
     def bind(self, scene: SceneFacts) -> None:
         """Tell the term its scene, once; `set_up` then does the rest.
 
-        Raises InputError for a term that is in another scene, and what `set_up` raises.
+        Raises InputError for a term that is in another scene, for a part that the blank does not
+        have, and what `set_up` raises.
         """
         known = self._scene
         if known is not None:
@@ -79,6 +99,7 @@ class Term:
                 )
             return
         self._scene, self.blank = weakref.ref(scene), scene.blank
+        self.part = scene.blank.part(self.part_name)
         self.set_up(scene)
         forces = type(self).add_forces is not Term.add_forces
         if self.energy is None and not forces:
@@ -110,7 +131,7 @@ class Term:
 
     def tangent(self) -> Triplets:
         """Second derivative of `stored`: rows, columns (k,), GLOBAL degrees of freedom, the same
-        ones each time, and values (k,), to be summed."""
+        ones as long as `pattern` is the same, and values (k,), to be summed."""
         return NO_TANGENT
 
     def anticipate(self, f: np.ndarray) -> None:

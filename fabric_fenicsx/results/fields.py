@@ -25,6 +25,7 @@ UNITS = {
     "yarn_coordinate_a": "mm",
     "yarn_coordinate_b": "mm",
     "rank": "-",
+    "part": "-",
     "Normals": "-",
 }
 # how much more it counts that a line follows its yarn than that lines are evenly spaced
@@ -77,7 +78,8 @@ def yarn_coordinates(blank: Blank) -> np.ndarray:
 class FieldSeries:
     """`DIR/fields.pvd` with one unstructured grid a state and rank: undeformed geometry, in VTK's
     cells of the displacement's degree; displacement `u`, `yarn_coordinates` and the scene's nodal
-    fields at the points, its cell fields on the cells, `rank`.
+    fields at the points, its cell fields on the cells, `rank`. Sheets of a stack
+    and patches have a grid each, with its name, and the number `part`.
 
     If the sheet may touch tools, `DIR/tools.pvd` has a surface a state and tool, where that then
     is. Times are load factors. Each array has its unit as VTK's UNITS_LABEL and, as ParaView does
@@ -93,6 +95,7 @@ class FieldSeries:
         self.states = [tuple(state) for state in states]
         self._units = UNITS | scene.units()
         self._tools = scene.tools()
+        self._parts = list(self.blank.parts.values()) or [self.blank.whole]
         extent = self.blank.extent()
         self._surfaces = (
             [_triangulated(tool, *extent) for tool in self._tools] if self.comm.rank == 0 else []
@@ -106,6 +109,11 @@ class FieldSeries:
             self._grid.cell_data["rank"] = np.full(
                 self._grid.n_cells, self.comm.rank, dtype=np.int32
             )
+            if self.blank.parts:
+                number = np.zeros(len(types), dtype=np.int32)
+                for k, part in enumerate(self._parts):
+                    number[part.cells] = k
+                self._grid.cell_data["part"] = number
             for name, values in zip("ab", yarns.T):
                 self._grid.point_data[f"yarn_coordinate_{name}"] = values
         self._together(self._begin)
@@ -124,6 +132,10 @@ class FieldSeries:
         self._together(lambda: self._write(len(self.states), cells, nodes))
         self.states.append((load, self._ranks))
         self._together(self._list)
+
+    def _file(self, number, rank, part):
+        """Name of the file of a state, a rank and, if there are several, a part."""
+        return f"{number:04d}_{rank}" + (f"_{part}" if self.blank.parts else "")
 
     def _at_vtk_nodes(self, values):
         """Nodal values (nodes, k) at the nodes of VTK's cells, which are evenly spaced; those of
@@ -182,11 +194,10 @@ class FieldSeries:
                 )
             for name, array in fields.items():
                 self._grid.cell_data[name] = array
-            _save(
-                self.directory / "fields" / f"{number:04d}_{self.comm.rank}.vtu",
-                self._grid,
-                self._units,
-            )
+            for k, part in enumerate(self._parts):
+                grid = self._grid if part.is_whole else self._grid.extract_cells(part.cells)
+                path = self.directory / "fields" / f"{self._file(number, self.comm.rank, k)}.vtu"
+                _save(path, grid, self._units)
         for k, surface in enumerate(self._surfaces):
             moved = surface.translate(self._tools[k].displacement)
             _save(self.directory / "tools" / f"{number:04d}_{k}.vtp", moved, self._units)
@@ -198,8 +209,13 @@ class FieldSeries:
         sets: dict[str, list[str]] = {"fields.pvd": [], "tools.pvd": []}
         for i, (load, ranks) in enumerate(self.states):
             sets["fields.pvd"] += [
-                f'timestep="{float(load)!r}" part="{r}" file="fields/{i:04d}_{r}.vtu"'
-                for r in ranks
+                f'timestep="{float(load)!r}" part="{n}"{name} '
+                f'file="fields/{self._file(i, r, k)}.vtu"'
+                for n, (k, name, r) in enumerate(
+                    (k, f" name={quoteattr(part.name)}" if part.name else "", r)
+                    for k, part in enumerate(self._parts)
+                    for r in ranks
+                )
             ]
             sets["tools.pvd"] += [
                 f'timestep="{float(load)!r}" part="{k}" name={name} file="tools/{i:04d}_{k}.vtp"'

@@ -212,57 +212,70 @@ def _surface(ply, full):
     return surface
 
 
+def _cut_away(surface, share):
+    """The formed ply without that share of its length, seen from its lower end."""
+    if not share:
+        return surface
+    x = surface["place"][:, 0]
+    return surface.clip_scalar(x, invert=False, value=float(x.min() + share * np.ptp(x)))
+
+
+def _draw_ply(plotter, surface, angles, spacing, limit):
+    """Add a formed ply with its yarns."""
+    plotter.add_mesh(
+        surface,
+        scalars="shear_angle",
+        cmap=COLOURS,
+        clim=(0, limit),
+        show_scalar_bar=False,
+        smooth_shading=True,
+        ambient=0.25,
+        diffuse=0.8,
+        specular=0.15,
+    )
+    for angle in np.radians(angles):
+        across = surface["place"] @ [-np.sin(angle), np.cos(angle), 0]
+        low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
+        places = spacing * np.arange(low, high + 1)
+        yarns = surface.contour(places, scalars=across).strip(max_length=100000)
+        plotter.add_mesh(
+            yarns.tube(radius=spacing / 28, n_sides=8), color="#30343b", smooth_shading=True
+        )
+
+
 def formed_picture(
     path: File,
-    grid: Grid,
+    plies: Sequence[tuple[Grid, Sequence[float]]],
     tool: pyvista.PolyData | None = None,
-    fibre_angles_deg: Sequence[float] = (0, 90),
     spacing: float = 10.0,
     full: bool = True,
     limit: float | None = None,
     view: Sequence[float] = (0.4, -1.0, 0.75),
 ) -> None:
-    """The formed ply coloured by the magnitude of the shear angle, with yarns, over the tool: 1600
-    x 1000 pixels.
+    """The formed plies coloured by the magnitude of the shear angle, with yarns, over the tool:
+    1600 x 1000 pixels.
 
-    tool: its surface [pyvista.PolyData] where it is now. fibre_angles_deg: of the families of yarns
-    to x on the flat ply; a line each `spacing` [mm]. full: mirror a quarter. limit: of the colours
-    [deg], by default the multiple of 5 deg that covers all (means over the cells around each node).
-    view: direction from the ply to the camera. Raises InputError where VTK finds nothing to draw
-    on.
+    plies: grid, and angles of the families of yarns to x on the flat ply [deg], the lowest first;
+    of several each is cut away further than the one below. tool: its surface [pyvista.PolyData]
+    where it is now. A line each `spacing` [mm] is a yarn. full: mirror a quarter. limit: of the
+    colours [deg], by default the multiple of 5 deg that covers all (means over the cells around
+    each node). view: direction from the ply to the camera. Raises InputError where VTK finds
+    nothing to draw on.
     """
-    ply = ply_of(grid)
-    largest = abs(np.degrees(ply.fields["shear_angle"])).max()
-    ply = _surface(ply, full)
-    limit = limit or max(5.0, 5 * np.ceil(ply["shear_angle"].max() / 5))
+    found = [ply_of(grid) for grid, _ in plies]
+    largest = max(abs(np.degrees(ply.fields["shear_angle"])).max() for ply in found)
+    surfaces = [_surface(ply, full) for ply in found]
+    highest = max(surface["shear_angle"].max() for surface in surfaces)
+    limit = limit or max(5.0, 5 * np.ceil(highest / 5))
     towards = np.array(view) / np.linalg.norm(view)
     with screen():
         verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-        vtkLogger.SetStderrVerbosity(
-            vtkLogger.VERBOSITY_ERROR
-        )  # VTK warns of no screen before it does without
+        # VTK warns of no screen before it does without
+        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
         plotter = pyvista.Plotter(off_screen=True, window_size=SCREEN)
         plotter.set_background("white")
-        plotter.add_mesh(
-            ply,
-            scalars="shear_angle",
-            cmap=COLOURS,
-            clim=(0, limit),
-            show_scalar_bar=False,
-            smooth_shading=True,
-            ambient=0.25,
-            diffuse=0.8,
-            specular=0.15,
-        )
-        for angle in np.radians(fibre_angles_deg):
-            across = ply["place"] @ [-np.sin(angle), np.cos(angle), 0]
-            low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
-            yarns = ply.contour(spacing * np.arange(low, high + 1), scalars=across).strip(
-                max_length=100000
-            )
-            plotter.add_mesh(
-                yarns.tube(radius=spacing / 28, n_sides=8), color="#30343b", smooth_shading=True
-            )
+        for k, (surface, (_, angles)) in enumerate(zip(surfaces, plies)):
+            _draw_ply(plotter, _cut_away(surface, k / len(plies)), angles, spacing, limit)
         if tool is not None:
             # away from the camera, so that it looks the same but does not show through the ply
             plotter.add_mesh(

@@ -40,6 +40,16 @@ class Result:
             self._grid = read_last(self.folder)
         return self._grid
 
+    @property
+    def grids(self) -> "dict[str, pyvista.UnstructuredGrid]":
+        """The last state of each sheet of a stack {name: grid}, or of the one {"": grid}, on rank 0
+        only."""
+        names = list(self.scene.blank.parts)
+        if not names:
+            return {"": self.grid}
+        number = np.asarray(self.grid.cell_data["part"])
+        return {name: self.grid.extract_cells(number == k) for k, name in enumerate(names)}
+
     def force(self, tool: "Tool") -> np.ndarray:
         """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
         return self.scene.tool_force(tool)
@@ -55,7 +65,7 @@ class Result:
         if self.scene.comm.rank == 0:
             from . import pictures
 
-            pictures.maps(Path(path), {"": self.grid}, (name,), outliers=OUTLIERS)
+            pictures.maps(Path(path), self.grids, (name,), outliers=OUTLIERS)
 
 
 def draw_state(name: str, result: Result, folder: Path) -> None:
@@ -63,5 +73,5 @@ def draw_state(name: str, result: Result, folder: Path) -> None:
     from . import pictures
 
     pictures.reactions(folder / "curve.png", {"": result})
-    maps = {name.replace("_", " "): result.grid}
+    maps = {part or name.replace("_", " "): grid for part, grid in result.grids.items()}
     pictures.maps(folder / LAST_PICTURE, maps, MAPS, outliers=OUTLIERS)

@@ -16,14 +16,18 @@ from scipy.optimize import brentq
 from ..errors import InputError
 from ..job import Result
 from ..mechanics.bending import Bending
-from ..mechanics.contact import Contact, default_penalty
+from ..mechanics.contact import Contact
 from ..mechanics.friction import Friction
 from ..mechanics.load import EdgeTension
+from ..mechanics.membrane import Membrane
 from ..mechanics.nodes import PressingTerm
 from ..mechanics.pressing import BlankHolderPressure
+from ..mechanics.pressure_law import default_penalty
 from ..mechanics.term import Term
 from ..results import measures
 from ..scene import Scene
+from ..sheets.blank import Blank
+from ..sheets.stack import Stack
 from ..supports import Support
 from ..tools import (
     DoubleDome,
@@ -36,7 +40,9 @@ from ..tools import (
     check_motion,
     check_punch,
 )
+from . import stacking
 from .numbers import FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
+from .plies import Ply, read_plies
 from .scenario import ELEMENTS, Scenario
 
 if TYPE_CHECKING:
@@ -45,8 +51,10 @@ if TYPE_CHECKING:
 log = logging.getLogger("fabric_fenicsx")
 ANGLES = 0, 45, 90  # of the paths to x [deg]
 HOLDERS = ("pressure", "force", "gap", "grippers")
+PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
 RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it to be held
 UP = np.array([0.0, 0.0, 1.0])
+PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quarter
 DIMENSIONS = ", ".join(each.name for each in dataclasses.fields(DoubleDome))
 
 
@@ -62,7 +70,7 @@ class Forming(Scenario):
     NAME: ClassVar[str] = "double_dome"
     FULL = {"nx": 47, "steps": 40}
     QUICK = {"nx": 12, "steps": 12}
-    SOLVER = {"path_tolerance": 1e-6, "every": 10}
+    SOLVER = {"path_tolerance": 1e-6, "balance": 0.02, "every": 10}
     DEFAULT_SIZES = (470.0, 270.0)
     SPATIAL = True
 
@@ -74,6 +82,9 @@ class Forming(Scenario):
     twist_modulus: float = number(1.0, FROM_ZERO, "G [MPa]", "ply")
     in_plane_bending: float = number(
         0.0, FROM_ZERO, "stiffness of yarns in the ply, of that out of it", "ply"
+    )
+    stack: str | Sequence[Ply] | None = text(
+        None, "plies on one another, from the punch to the die: a TOML file", "FILE", "ply"
     )
     stroke: float = number(None, POSITIVE, "of the punch (the dome's depth) [mm]", "tools")
     dome: Mapping[str, float] | Sequence[str] = field(
@@ -118,14 +129,15 @@ class Forming(Scenario):
 
     def prepare(self) -> None:
         """Make blank, membrane and tools."""
-        t = self.fabric.thickness
-        if not self.full and not self._is_mirrored():
-            self.warnings.append(
-                f"yarns at {self.fibre_angle:g} and {self.fibre_angle + self.yarn_angle:g} deg are "
-                "not their own mirror images, so the quarter stands for a ply of four mirrored "
-                f"ones; take the whole ply ({self.spelled('full')})"
-            )
-        self.blank = self.sheet(share=1.0 if self.full else 0.5, centred=self.full)
+        self.plies = self._plies()
+        if not self.full:
+            take = f"take the whole ply ({self.spelled('full')})"
+            self.warnings += [
+                f"{ply.mirror_warning()}; {take}" for ply in self.plies if ply.mirror_warning()
+            ]
+        self.blank = self._blank()
+        # of all that lies between the tools
+        t = self.thickness = sum(ply.fabric.thickness for ply in self.plies if ply.fabric)
         surface = self._surface()
         depth = self._depth(surface)
         self.stroke = self.stroke or depth
@@ -149,19 +161,45 @@ class Forming(Scenario):
             Reversed(Offset(surface, self.clearance)), lambda load: (0.0, 0.0, lift), name="die"
         )
         owned = self.blank.V.dofmap.index_map.size_local
-        nodes = self.blank.coordinates()[:owned]
+        nodes = self.blank.coordinates()[:owned] * (1, 1, 0 if self.stack else 1)
         check_motion([self.punch_tool, self.die], nodes, t, self.comm)
         radius = min(*self.punch_tool.surface.radii, *self.die.surface.radii)
-        self.penalty = self.penalty or default_penalty(self.fabric, radius)
-        self.membrane = self.fabric_membrane()
+        self.penalty = self.penalty or min(
+            default_penalty(ply.fabric, radius) for ply in self.plies if ply.fabric
+        )
 
-    def _is_mirrored(self):
-        """Whether planes along the axes mirror the yarns into yarns of the same kind."""
-        a, b = self.fibre_angle, self.fibre_angle + self.yarn_angle
-        along = _is_multiple(a, 90) and _is_multiple(b, 90)
-        one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
-        energies = self.fabric.derivatives(one, two, sheared, False).parts.sum(1)
-        return along or (_is_multiple(a + b, 180) and math.isclose(*energies))
+    def membranes(self) -> list[Membrane]:
+        """As in `Scenario`."""
+        return stacking.membranes(self.plies) if self.stack else [self.fabric_membrane()]
+
+    def _plies(self) -> list[Ply]:
+        """Those of the stack, the lowest first, or the one of the other fields."""
+        if self.stack is None:
+            return [
+                Ply(fabric=self.fabric, fibre_angle=self.fibre_angle, yarn_angle=self.yarn_angle)
+            ]
+        usual = {each.name: each.default for each in dataclasses.fields(self)}
+        if given := [self.spelled(k) for k in PLIES_SAY if getattr(self, k) != usual[k]]:
+            raise InputError(
+                f"{', '.join(given)} is given beside {self.spelled('stack')}; allowed is to say "
+                "it of each ply"
+            )
+        plies = read_plies(self.stack) if isinstance(self.stack, str) else self.stack
+        return [ply.completed(self.fabric, f"ply {k + 1}") for k, ply in enumerate(plies)]
+
+    def _blank(self) -> Blank:
+        share = 1.0 if self.full else 0.5
+        if self.stack is None:
+            return self.sheet(share=share, centred=self.full)
+        sizes = [getattr(self, k) or usual for k, usual in zip(self.SIZES, self.DEFAULT_SIZES)]
+        options = {
+            "ny": self.ny,
+            "pattern": self.pattern,
+            "element": self.element,
+            "centred": self.full,
+            "comm": self.comm,
+        }
+        return stacking.lay(self.plies, lambda ply: ply.blank(sizes, share, self.nx, **options))
 
     def _depth(self, surface):
         """Greatest stroke of a punch with this surface [mm]."""
@@ -185,13 +223,16 @@ class Forming(Scenario):
             name += f" {self.punch}"
         warn = self.warnings.append
         if isinstance(surface, TriangulatedSurface):
-            check_punch(surface, name, half, self.fabric.thickness, warn)
+            check_punch(surface, name, half, self.thickness, warn)
         return surface
 
     def terms(self) -> list[Term]:
         """Bending, contact with the tools, blank holder, friction."""
         terms = [*self._bending(), self._contact(self.die), self._contact(self.punch_tool)]
         terms += self._blank_holder()
+        if isinstance(self.blank, Stack):
+            planes = () if self.full else PLANES
+            terms += stacking.between(self.blank, self.plies, self.slip, self.lag, planes)
         self.pressing = [term for term in terms if isinstance(term, PressingTerm)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         rubbed = [term.tool for term in self.pressing] if self.friction else []
@@ -203,20 +244,22 @@ class Forming(Scenario):
     def _bending(self) -> list[Term]:
         if not self.bending_modulus:
             return []
-        planes = () if self.full else [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]
-        return [
+        terms: list[Term] = [
             Bending(
                 modulus=self.bending_modulus,
                 twist_modulus=self.twist_modulus,
                 in_plane=self.in_plane_bending,
-                symmetric=planes,
+                symmetric=() if self.full else PLANES,
             )
+            for _ in self.plies
         ]
+        return [term.on(p.name) for term, p in zip(terms, self.plies)] if self.stack else terms
 
     def _blank_holder(self) -> list[Term]:
-        t = self.fabric.thickness
+        t = self.thickness
         if self.holder == "pressure":
-            return [BlankHolderPressure(self.holder_pressure, UP, self._on_flange, lag=self.lag)]
+            pressure = BlankHolderPressure(self.holder_pressure, UP, self._on_flange, lag=self.lag)
+            return [pressure.on(self.plies[0].name) if self.stack else pressure]
         if self.holder == "grippers":
             return list(self._gripped_edges())
         gap = self.holder_gap or 1.1 * t
@@ -244,7 +287,7 @@ class Forming(Scenario):
     def _on_flange(self, x):
         """Share of the places x (n, 3) that lies beneath the die's flange, (n,): 0 at its end, 1
         from `RINGS` inwards."""
-        t, rings = self.fabric.thickness, itertools.product(RINGS, np.arange(8) * math.pi / 4)
+        t, rings = self.thickness, itertools.product(RINGS, np.arange(8) * math.pi / 4)
         shifts = np.array([(r * math.cos(angle), r * math.sin(angle), 0) for r, angle in rings])
         at = (x * (1, 1, 0) + shifts[:, None]).reshape(-1, 3)
         gap, normal, _ = self.die.evaluate(at, reach=t)
@@ -266,42 +309,73 @@ class Forming(Scenario):
             Support("end of the axis", lambda x: (abs(x[1]) < near) & (x[0] > end), (1,)),
         ]
 
+    def start(self) -> None:
+        """Press the sheets of a stack together as under the holder: where that is not so, they part
+        at once, while sheets that do not touch yet resist nothing."""
+        held = self.holder == "pressure" and self.holder_pressure
+        if isinstance(self.blank, Stack) and held:
+            on_die = next(term for term in self.contacts if term.tool is self.die)
+            terms, under = self.scene.terms, self._on_flange
+            stacking.press(self.blank, terms, on_die, self.holder_pressure, under)
+
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Stroke [mm] and force [N] of the punch, of a quarter if that is modelled."""
         return load * self.stroke, float(scene.tool_force(self.punch_tool)[2])
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Forces, penetrations, shear, strains, draw-in and wrinkles."""
-        from ..results import forming
 
-        t, comm, fields, rows = self.fabric.thickness, self.comm, result.fields, result.rows
-        shape = None
-        if comm.rank == 0:
-            wrinkles = forming.wrinkles(result.grid, self.punch_tool, t)
-            shape = {"draw_in": forming.draw_in(result.grid), "wrinkles": wrinkles}
-        gamma = np.degrees(np.abs(fields["shear_angle"]))
+        rows = result.rows
+        plies = {
+            part.name: self._ply_quantities(result, part)
+            for part in (self.blank.parts.values() or [self.blank.whole])
+        }
+        several = {"plies": plies} if self.stack else {}
+        worst = max(plies.values(), key=lambda q: q["shear_angle_max_deg"])
+        several["draw_in"] = max(
+            (q["draw_in"] for q in plies.values()), key=lambda found: found["largest_mm"]
+        )
         total = sum((self.scene.tool_force(term.tool) for term in self.pressing), np.zeros(3))
         strain, force = rows[-1]["strain_energy_Nmm"], rows[-1]["reaction_N"]
-        deepest = max(contact.deepest() for contact in self.contacts)
+        return (
+            {
+                "punch_force_N": force,
+                "punch_force_of_whole_ply_N": force * (1 if self.full else 4),
+                "contact_forces_N": {
+                    contact.tool.name: float(np.linalg.norm(contact.force()))
+                    for contact in self.contacts
+                },
+                "unbalanced_force_N": float(abs(total[2])),
+                "penalty_N_per_mm3": self.penalty,
+                "penetration_mm": max(contact.penetration() for contact in self.contacts),
+                "penetration_largest_mm": max(contact.deepest() for contact in self.contacts),
+                "penetration_of_thickness": self.scene.penetration_of_thickness(),
+                "sticking_slip_mm": self.slip if self.friction else None,
+                "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / strain
+                if strain
+                else 0.0,
+            }
+            | worst
+            | several
+        )
+
+    def _ply_quantities(self, result, part):
+        """Shear, strains, draw-in and wrinkles of one ply."""
+        from ..results import forming
+
+        comm, shape = self.comm, None
+        if comm.rank == 0:
+            grid = result.grids[part.name]
+            wrinkles = forming.wrinkles(grid, self.punch_tool, self.fabric.thickness)
+            shape = {"draw_in": forming.draw_in(grid), "wrinkles": wrinkles}
+        fields = {name: values[part.cells] for name, values in result.fields.items()}
+        gamma = np.degrees(np.abs(fields["shear_angle"]))
         ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
 
         def extremes(values):
             return measures.extremes(comm, values)
 
         return {
-            "punch_force_N": force,
-            "punch_force_of_whole_ply_N": force * (1 if self.full else 4),
-            "contact_forces_N": {
-                contact.tool.name: float(np.linalg.norm(contact.force()))
-                for contact in self.contacts
-            },
-            "unbalanced_force_N": float(abs(total[2])),
-            "penalty_N_per_mm3": self.penalty,
-            "penetration_mm": max(contact.penetration() for contact in self.contacts),
-            "penetration_largest_mm": deepest,
-            "penetration_of_thickness": deepest / t,
-            "sticking_slip_mm": self.slip if self.friction else None,
-            "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / strain if strain else 0.0,
             "shear_angle_deg": extremes(np.degrees(fields["shear_angle"])),
             "shear_angle_max_deg": extremes(gamma)[1],
             "log_eps_11": extremes(fields["log_eps_11"]),
@@ -335,21 +409,30 @@ class Forming(Scenario):
         """Strain states, the formed ply and paths of this run."""
         from ..results import forming, forming_pictures
 
-        grid = result.grid
-        forming.write_paths(folder / "paths.csv", forming.along_paths(grid, ANGLES))
-        forming_pictures.state_map(folder / "states.png", grid)
-        yarns = self.fibre_angle, self.fibre_angle + self.yarn_angle
+        grids, formed = result.grids, []
+        for ply, (name, grid) in zip(self.plies, grids.items()):
+            end = f"_{name.replace(' ', '_')}" if name else ""
+            forming.write_paths(folder / f"paths{end}.csv", forming.along_paths(grid, ANGLES))
+            forming_pictures.state_map(folder / f"states{end}.png", grid)
+            formed.append((grid, (ply.fibre_angle, ply.fibre_angle + ply.yarn_angle)))
         try:
-            forming_pictures.formed_picture(folder / "formed.png", grid, self.punch_mesh(), yarns)
+            forming_pictures.formed_picture(folder / "formed.png", formed, self.punch_mesh())
         except InputError as error:  # nothing to draw with, which is no reason to lose a run
             log.warning("warning: formed.png was not drawn: %s", error)
-        self.compare({"": result}, folder)
+        self._compare(grids, folder)
 
     def compare(self, results: Mapping[str, Result], folder: Path) -> None:
         """Outlines and paths of plies {label: `Result`} side by side, into `folder`."""
+        grids = {
+            " ".join(filter(None, (label, name))): grid
+            for label, result in results.items()
+            for name, grid in result.grids.items()
+        }
+        self._compare(grids, folder)
+
+    def _compare(self, grids, folder):
         from ..results import forming, forming_pictures
 
-        grids = {label: result.grid for label, result in results.items()}
         forming_pictures.outline_picture(folder / "outline.png", grids)
         paths = {label: forming.along_paths(grid, ANGLES) for label, grid in grids.items()}
         surface, marks = self.punch_tool.surface, {}
@@ -363,11 +446,6 @@ class Forming(Scenario):
 def _at(axis, place):
     """Function of points (3, n) to whether their coordinate along `axis` is `place` [mm]."""
     return lambda x: abs(x[axis] - place) < 1e-6
-
-
-def _is_multiple(angle, of):
-    """Whether an angle is one of those, to 1e-6 deg."""
-    return abs(math.remainder(angle, of)) < 1e-6
 
 
 def _dome(pairs, name):

@@ -94,7 +94,8 @@ class Scenario:
             for name, size in zip(self.SIZES, self.DEFAULT_SIZES):
                 setattr(self, name, getattr(self, name) or size)
         self.prepare()
-        self.scene = Scene(self.blank, [self.membrane, *self.terms()], self.supports())
+        self.scene = Scene(self.blank, [*self.membranes(), *self.terms()], self.supports())
+        self.start()
 
     # -- what a subclass says
 
@@ -103,6 +104,10 @@ class Scenario:
         self.blank = self.sheet()
         self.membrane = self.fabric_membrane()
 
+    def membranes(self) -> list[Membrane]:
+        """The membrane of the sheet, or of each one of several."""
+        return [self.membrane]
+
     def terms(self) -> Iterable[Term]:
         """The terms of the scene besides the membrane."""
         return []
@@ -110,6 +115,9 @@ class Scenario:
     def supports(self) -> Supports:
         """The supports of the scene."""
         raise NotImplementedError
+
+    def start(self) -> None:
+        """Set a displacement from which equilibrium at load 0 is sought."""
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Displacement [mm] and force [N] for the history, at a load factor."""

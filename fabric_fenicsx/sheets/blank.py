@@ -1,7 +1,7 @@
 """The sheet: its mesh, yarn directions and displacement."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, Self
@@ -20,11 +20,13 @@ from ..errors import InputError
 from .cells import CELLS
 from .fibres import Direction, fibre_fields
 from .mesh_checks import MeshArrays, checked_mesh
+from .parts import Part
 
 
 class Blank:
     """A woven sheet: mesh, fibre fields `a0`, `b0` and the unknown `u`. `straight` has the two
     directions if each is one all over, `orthogonal` tells whether they are so in every point.
+    `parts` are its named parts, see `divide` and `Stack`; `whole` is all of it.
 
     mesh: DOLFINx mesh of triangles or quadrilaterals in R^2 or R^3 [mm]. a, b, up: see
     `fibre_fields`. degree: of the displacement, 1 or 2, on triangles also 3. frame: (gdim, gdim)
@@ -49,9 +51,10 @@ class Blank:
         self.mesh, self.name = mesh, name
         self.warnings: list[str] = []
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
-        self.straight = _common(self.a0, self.b0)
-        self.orthogonal = b is None and (self.straight is not None or compat.is_affine(mesh))
         self.V = compat.vector_space(mesh, "Lagrange", degree, gdim)
+        self.whole = Part(self, orthogonal=b is None)
+        self.straight, self.orthogonal = self.whole.straight, self.whole.orthogonal
+        self.parts: dict[str, Part] = {}
         self.u = fem.Function(self.V, name="u")
         self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
         if self.frame.shape != (gdim, gdim) or not np.allclose(
@@ -61,6 +64,38 @@ class Blank:
                 f"frame of the blank is {self.frame.tolist()}; allowed are {gdim} orthonormal rows"
             )
         self._turned = not np.array_equal(self.frame, np.eye(gdim))
+
+    def part(self, name: str = "") -> Part:
+        """The part of that name, "" for all of the blank. Raises InputError if there is none."""
+        if name and name not in self.parts:
+            raise InputError(
+                f"{self.name} has no part {name!r}; allowed is one of "
+                f"{', '.join(self.parts) or 'none, as it is one sheet'}"
+            )
+        return self.parts[name] if name else self.whole
+
+    def divide(self, patches: Mapping[str, Callable[[np.ndarray], np.ndarray]], rest: str) -> None:
+        """Name patches as `parts`, by functions of the cells' centres (3, n) [mm] to a mask (n,);
+        what none of them marks is part `rest`, if there is any. Raises InputError for a patch
+        without cells, for a cell in two, and for a blank that has parts."""
+        if self.parts:
+            raise InputError(
+                f"{self.name} has parts {', '.join(self.parts)} already; allowed is to divide once"
+            )
+        middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
+        masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
+        taken = np.sum(list(masks.values()), axis=0)
+        if self.mesh.comm.allreduce(int((taken > 1).sum())):
+            raise InputError(f"patches of {self.name} overlap; allowed is one for each cell")
+        masks |= {rest: taken == 0}
+        for name, mask in masks.items():
+            if self.mesh.comm.allreduce(int(mask.sum())):
+                at = np.flatnonzero(mask)
+                self.parts[name] = Part(self, name, at, orthogonal=self.orthogonal)
+            elif name != rest:
+                raise InputError(
+                    f"patch {name} of {self.name} has no cells; allowed are one or more"
+                )
 
     @property
     def displacement(self) -> Expr:
@@ -117,14 +152,15 @@ class Blank:
         squares = (first**2).sum(2) * (second**2).sum(2) - (first * second).sum(2) ** 2
         return np.sqrt(np.maximum(squares, 0)).sum(1) / 2
 
-    def summed(self, values: np.ndarray) -> np.ndarray:
+    def summed(self, values: np.ndarray, cells: np.ndarray | None = None) -> np.ndarray:
         """Sums at the local nodes of `u`, (nodes, k) with k up to gdim, over the cells around each,
-        of all ranks, of `values` (owned cells, nodes of a cell, k)."""
+        of all ranks, of `values` (owned cells, nodes of a cell, k); cells: which of the owned
+        (all)."""
         gdim, k = self.mesh.geometry.dim, values.shape[2]
         total = compat.petsc_vector(self.u).duplicate()
         with total.localForm() as local:
             local.set(0.0)
-            nodes = compat.dofmap(self.V)[: len(values)]
+            nodes = compat.dofmap(self.V)[slice(len(values)) if cells is None else cells]
             np.add.at(local.array.reshape(-1, gdim)[:, :k], nodes.ravel(), values.reshape(-1, k))
         total.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         total.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
@@ -256,14 +292,6 @@ def layout(
     if yarn_angle != 90:
         options["b"] = a + math.radians(yarn_angle)
     return options
-
-
-def _common(*fields: fem.Function) -> list[list[float]] | None:
-    """The vectors that the fields have in all cells of all ranks, None if one differs."""
-    mesh = fields[0].function_space.mesh
-    values = np.vstack([field.x.array.reshape(-1, mesh.geometry.dim).T for field in fields])
-    low, high = _bounds(mesh.comm, values)
-    return high.reshape(len(fields), -1).tolist() if (high - low).max() <= 1e-15 else None
 
 
 def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -63,19 +63,20 @@ class Newton:
         self._noise, self._negative_pivots_met, self._shift = 0.0, False, 0.0
         self.x = scene.u.duplicate()
         self._r, self._d, self._trial = (self.x.duplicate() for _ in range(3))
-        self.A = scene.create_matrix()
+        self._linear_solver = linear_solver
         self.snes = PETSc.SNES().create(scene.comm)
         self.snes.setOptionsPrefix(PREFIX)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
         self.snes.setPythonContext(self)
         self.snes.setFunction(self._function, self._r)
-        self.snes.setJacobian(self._jacobian, self.A)
+        self._make_matrix()
         configure(self.snes, linear_solver)
 
     def solve_for(self, x: PETSc.Vec, tolerance: float | None = None) -> Report:
         """Solve from x, overwritten by the solution, to the solver's tolerance or a looser one;
         returns a `Report`."""
         self.report, self._allowed = Report(), max(self.tolerance, tolerance or 0.0)
+        self._keep_matrix_fitting()
         self.snes.solve(None, x)
         reason = self.snes.getConvergedReason()
         self.report.converged = reason > 0
@@ -85,6 +86,18 @@ class Newton:
                 f" ({KSP_WORDS.get(self.snes.ksp.getConvergedReason(), 'unknown reason')})"
             )
         return self.report
+
+    def _make_matrix(self):
+        self.A = self.scene.create_matrix()
+        self.snes.setJacobian(self._jacobian, self.A)
+
+    def _keep_matrix_fitting(self):
+        """Make the matrix anew if contact of sheets has found other places."""
+        if not self.scene.fits():
+            self.A.destroy()
+            self._make_matrix()
+            self.snes.ksp.reset()
+            configure(self.snes, self._linear_solver)
 
     def memory(self) -> dict[str, Any]:
         """What this solver remembers of earlier solves, for `recall` by another one."""
@@ -97,6 +110,7 @@ class Newton:
     def stiffness(self, x: PETSc.Vec) -> float:
         """Mean diagonal of the tangent at x [N/mm]."""
         self.scene.set(x)
+        self._keep_matrix_fitting()
         self.scene.tangent(self.A)
         return self.A.getDiagonal().sum() / self.A.size[0]
 
@@ -113,6 +127,7 @@ class Newton:
         added to x."""
         scene, d, rhs = self.scene, self._d, self._trial
         scene.set(x)
+        self._keep_matrix_fitting()
         d.set(0)
         d.array[scene.held] = change
         scene.tangent(self.A, held=False)

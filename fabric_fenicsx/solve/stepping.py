@@ -17,6 +17,8 @@ GROWTH, CUT = 1.5, 0.5
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
 LAGGED_UPDATES = 30  # of what terms hold during a solve, at most in one step
+SMALL_WORK = 0.1  # of the energies, below which a step's work is not what its balance is of
+FINEST = 8  # of these make the largest step, where energies miss work
 STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
 
 
@@ -107,6 +109,7 @@ def march(
     viscosity: bool = True,
     accuracy: float | None = None,
     path_tolerance: float | None = None,
+    balance: float | None = None,
     stop: Callable[[], str] | None = None,
 ) -> Outcome:
     """Bring the supports of `newton.scene` to load factor 1, from 0 or from the `Progress` `start`;
@@ -126,8 +129,10 @@ def march(
     is in equilibrium without it. accuracy: for scenes that depend on the path, the largest distance
     between a state and its linear extrapolation from the two before, over the displacement's norm;
     steps beyond twice that are cut. None: any. path_tolerance: looser than the solver's, for the
-    states between the start and the next milestone or full load. Raises InputError for steps or an
-    accuracy that are not above 0.
+    states between the start and the next milestone or full load. balance: the largest share of a
+    step's work that may be missing from the energies; a step beyond is halved, down to 1/`FINEST`
+    of the largest, as what is lost in a snap is missing with any step. None: any. Raises InputError
+    for steps, an accuracy or a balance that are not above 0.
     """
     if not (np.isfinite(steps) and steps >= 1):
         raise InputError(f"steps is {steps}; allowed is 1 or more")
@@ -136,6 +141,8 @@ def march(
         raise InputError(f"max-step is {max_step}; allowed is a load factor above 0 and up to 1")
     if accuracy is not None and not accuracy > 0:
         raise InputError(f"accuracy is {accuracy}; allowed is a number above 0")
+    if balance is not None and not balance > 0:
+        raise InputError(f"balance is {balance}; allowed is a number above 0")
     scene, x = newton.scene, newton.x
     scene.check_held()
     progress, r, predicted = start, x.duplicate(), x.duplicate()
@@ -163,6 +170,7 @@ def march(
     if not progress.memory:
         scene.support_work.accept(progress.load, scene.held_forces(), progress.x.array[scene.held])
     cuts, steps_at_rest, clock = 0, 0, time.perf_counter()
+    stored = sum(_energies(scene, progress).values())
     settled = start is not None or newton.is_at_rest(progress.x)
     if on_accept and start is None and settled:
         on_accept(
@@ -184,7 +192,7 @@ def march(
         _predict(newton, progress, taken, values)
         x.copy(predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
-        allowed = None if load == goal or not settled else path_tolerance
+        allowed = None if load == goal else path_tolerance
         report = newton.solve_for(x, allowed)
         progress.iterations += report.iterations
         for update in range(LAGGED_UPDATES):
@@ -204,6 +212,10 @@ def march(
         )
         if report.converged and accuracy and error > 2 * accuracy:
             report.converged, report.reason = False, f"the path is not known to {accuracy:g}"
+        if report.converged and balance and settled and taken > 1.5 * max_step / FINEST:
+            report.converged, report.reason = _is_balanced(
+                scene, progress, stored, load, values, balance
+            )
         if not report.converged:
             progress.rejected += 1
             cuts += 1
@@ -231,7 +243,7 @@ def march(
                 )
                 break
             continue
-        progress.viscosity.energy += 2 * scene.drag_energy()
+        progress.viscosity.energy += _drag_work(scene)
         progress.previous, progress.x = progress.x, progress.previous
         x.copy(progress.x)
         forces = scene.held_forces()
@@ -245,6 +257,7 @@ def march(
         progress.accepted += settled  # equilibrium at load 0 is no step
         if not settled:
             settled, progress.work = True, sum(energies.values())
+        stored = sum(_energies(scene, progress).values()) if balance else 0.0
         progress.load = load
         progress.last_step = taken or progress.last_step
         if accuracy and error:
@@ -273,6 +286,22 @@ def march(
             )
         )
     return Outcome(progress.load, reason, progress.accepted, progress.rejected, progress.iterations)
+
+
+def _drag_work(scene):
+    """What the drag takes in this step [N mm]."""
+    return 2 * scene.drag_energy()
+
+
+def _is_balanced(scene, progress, stored, load, values, allowed):
+    """Whether the step's work is found in the energies, which were `stored`, and if not why."""
+    work = scene.work() + scene.comm.allreduce(
+        scene.support_work.since(load, scene.held_forces(), values)
+    )
+    rise = sum(_energies(scene, progress).values()) + _drag_work(scene) - stored
+    of = max(abs(work), abs(rise), SMALL_WORK * abs(stored), 1e-300)
+    missing = abs(work - rise) / of
+    return missing <= allowed, f"{100 * missing:.3g} % of the step's work is not in the energies"
 
 
 def _energies(scene, progress):

@@ -13,11 +13,12 @@ from scipy.spatial import Delaunay
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact import Contact, default_penalty
+from fabric_fenicsx.mechanics.contact import Contact
 from fabric_fenicsx.mechanics.friction import Friction
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.mechanics.pressing import BlankHolderPressure
+from fabric_fenicsx.mechanics.pressure_law import default_penalty
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank

@@ -13,9 +13,10 @@ from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.job import Job
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.bending import Bending, plate_stiffness
-from fabric_fenicsx.mechanics.contact import Contact, default_penalty
+from fabric_fenicsx.mechanics.contact import Contact
 from fabric_fenicsx.mechanics.friction import Friction
 from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.pressure_law import default_penalty
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.results.history import COLUMNS
 from fabric_fenicsx.scene import Scene

@@ -296,7 +296,7 @@ def test_picture_of_the_formed_ply(tmp_path, angle, capfd):
     grid = formed(on_dome, angle=np.radians(angle), ranks=2)
     for with_tool in (tool, None):
         path = tmp_path / "formed.png"
-        forming_pictures.formed_picture(path, grid, with_tool, (angle, angle + 90))
+        forming_pictures.formed_picture(path, [(grid, (angle, angle + 90))], with_tool)
         assert is_picture(path, (1600, 1000))
         path.rename(tmp_path / f"formed_{with_tool is not None}.png")
     assert capfd.readouterr().err == ""

@@ -1,0 +1,71 @@
+"""Points of one sheet and the places on another one that lie below them."""
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy import sparse
+
+from ..sheets.blank import Blank
+from .gathered import GatheredNodes
+
+TWICE = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # entries of a symmetric 3 x 3 matrix
+
+
+class Pairs:
+    """Points (n,) whose motion relative to another sheet is `weights` (n, k) times that of nodes
+    (k,), by their global numbers. Made and used by all ranks together.
+
+    rows, cols (m,): global degrees of freedom of the stiffness of these points, see `values`.
+    """
+
+    def __init__(self, blank: Blank, nodes: np.ndarray, weights: sparse.csr_matrix) -> None:
+        used = np.unique(weights.indices)
+        self._relative = weights = weights[:, used].tocsr()
+        self._transposed = weights.T.tocsr()
+        known = nodes[used]
+        self._gathered = GatheredNodes(blank, known)
+        # PETSc keeps the places of weights^T factors weights, so that values cost little
+        csr = weights.indptr.astype(PETSc.IntType), weights.indices.astype(PETSc.IntType)
+        self._left, self._right = (
+            PETSc.Mat().createAIJ(weights.shape, csr=(*csr, weights.data), comm=MPI.COMM_SELF)
+            for _ in range(2)
+        )
+        self._product = self._left.transposeMatMult(self._right)
+        starts, j, _ = self._product.getValuesCSR()
+        axis, i = np.arange(3), np.repeat(np.arange(len(known)), np.diff(starts))
+        rows = (known[i] * 3)[:, None, None] + axis[:, None]
+        cols = (known[j] * 3)[:, None, None] + axis
+        self.rows, self.cols = (
+            a.astype(PETSc.IntType).ravel() for a in np.broadcast_arrays(rows, cols)
+        )
+
+    def relative(self) -> np.ndarray:
+        """Displacement of the points relative to the other sheet, (n, 3) [mm]."""
+        return self._relative @ self._gathered.displacement()
+
+    def apart(self, owned: np.ndarray) -> np.ndarray:
+        """Of values at this rank's owned nodes (nodes, 3), those of the points' own sheet less
+        those of the other one, (n, 3)."""
+        return self._relative @ self._gathered.values(owned)
+
+    def add(self, forces: np.ndarray, f: np.ndarray) -> None:
+        """Add forces (n, 3) on the points, and their reactions, to f, of this rank's degrees of
+        freedom [N]."""
+        self._gathered.add(self._transposed @ forces, f)
+
+    def values(self, blocks: np.ndarray) -> np.ndarray:
+        """At `rows` and `cols`, the stiffness of symmetric blocks (n, 3, 3) [N/mm] by which forces
+        on the points grow as they move, (m,)."""
+        weights = self._relative
+        found = np.zeros((len(self.rows) // 9, 3, 3))
+        if not blocks.any():
+            return found.ravel()
+        entries, starts = np.diff(weights.indptr), weights.indptr.astype(PETSc.IntType)
+        columns = weights.indices.astype(PETSc.IntType)
+        for i, j in TWICE:
+            scaled = weights.data * np.repeat(blocks[:, i, j], entries)
+            self._right.setValuesCSR(starts, columns, scaled)
+            self._right.assemble()
+            self._left.transposeMatMult(self._right, result=self._product)
+            found[:, i, j] = found[:, j, i] = self._product.getValuesCSR()[2]
+        return found.ravel()

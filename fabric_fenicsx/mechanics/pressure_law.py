@@ -1,0 +1,64 @@
+"""The law of contact: pressure over depth, and its default numbers."""
+
+from typing import NamedTuple, Self
+
+import numpy as np
+
+from ..material import kernel
+from ..material.laws import Law
+
+STRAIN = 0.02  # of both yarns, whose pull over the tightest radius sets the default penalty
+FLAT_RADIUS = 10.0  # thicknesses: what counts as the least radius of a tool that is flat
+PERMITTED = 0.0125  # of the thickness, the penetration under it
+SMOOTHING = 0.3  # of the permitted penetration
+
+
+def default_penalty(fabric: Law, radius: float, permitted: float | None = None) -> float:
+    """Penalty [N/mm^3] for a tool of least `radius` [mm] (inf: a flat one, which has none to give).
+
+    Under it yarns stretched by `STRAIN` over that radius press the sheet into the tool by
+    `permitted` [mm], by default `PERMITTED` of the thickness. Of a flat tool the radius counts as
+    `FLAT_RADIUS` thicknesses.
+    """
+    t = fabric.thickness
+    stretched = kernel.evaluate(
+        fabric, gradient=[(1 + STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None]
+    )
+    pull = float(np.trace(stretched.cauchy[0])) * t
+    return (
+        pull / (radius if np.isfinite(radius) else FLAT_RADIUS * t) / (permitted or PERMITTED * t)
+    )
+
+
+class PressureLaw(NamedTuple):
+    """Pressure p = k e^2 / (2 s) at depths e up to s, growing by k beyond, so that its slope is
+    continuous. penalty k [N/mm^3], smoothing s [mm]: numbers, or one for each place (n,)."""
+
+    penalty: float | np.ndarray
+    smoothing: float | np.ndarray
+
+    def at(self, places: np.ndarray) -> Self:
+        """The law at some of the places (k,)."""
+        return self._replace(
+            **{name: v[places] for name, v in self._asdict().items() if np.ndim(v)}
+        )
+
+    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Energy per area [N/mm], pressure [MPa] and its slope [N/mm^3] at depths e (n,) from 0
+        [mm]."""
+        k, s = self
+        soft, beyond = np.minimum(e, s), np.maximum(e - s, 0.0)
+        energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
+        return energy, k * (soft**2 / (2 * s) + beyond), k * soft / s
+
+    def chord(self, p: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """Slope between two pressures (n,) [N/mm^3]."""
+        depths = self.depth(p), self.depth(other)
+        changes = abs(other - p) > 1e-6 * p
+        slope = self(depths[0])[2]
+        return np.where(changes, (other - p) / np.where(changes, depths[1] - depths[0], 1.0), slope)
+
+    def depth(self, p: np.ndarray) -> np.ndarray:
+        """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]."""
+        k, s = self
+        return np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)

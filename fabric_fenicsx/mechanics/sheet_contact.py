@@ -1,0 +1,326 @@
+"""Contact of a sheet with another one: a penalty at points of one over the smooth face of the
+other."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import basix
+import numpy as np
+from mpi4py import MPI
+from scipy import sparse
+
+from ..errors import InputError
+from ..tools import Tool
+from .contact import MORE
+from .faces import Face
+from .morley import Where
+from .nodes import Nodes
+from .pairs import Pairs
+from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, default_penalty
+from .term import SceneFacts, Term, Triplets
+
+POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
+LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
+REACH = 1.0  # of the distance between the sheets, up to which what lies below a point is known
+
+
+class Facing(NamedTuple):
+    """The points of a sheet over the other one, as the sheets lie: numbers of points (n,), gap
+    between the faces (n,) [mm], its gradient (n, 3) and Hessian (n, 3, 3) [1/mm], their `Pairs`,
+    and the relative displacement then, (n, 3) [mm]."""
+
+    points: np.ndarray
+    gap: np.ndarray
+    normal: np.ndarray
+    curvature: np.ndarray
+    pairs: Pairs
+    relative: np.ndarray
+
+
+class SheetContact(Term):
+    """Energy of two sheets pressed into each other: `lower` and `upper`, parts of a stack.
+
+    Pressure follows the `PressureLaw` of the depth to which the faces of both sheets, half of each
+    one's thickness off its smooth `Face`, overlap. It acts at `points` in each cell of the sheet of
+    smaller cells (1, 3 or 6; of equal ones the upper), over their undeformed areas, and reacts on
+    the corners of the triangle below, so that forces balance exactly. Uniform pressure then loads
+    the nodes of the one sheet exactly, those of the other by its integration: 6 points on cells in
+    the ratio 1 : 1.37 to the other's are 0.8 % off, 3 points 1.9 %.
+
+    Within a solve the gap is a paraboloid in the relative displacement, of the places, normal and
+    curvature found in the last accepted state, so it has no kinks. If forces with the faces as they
+    are then differ by more than `lag` of their sum, it is taken anew, and the solve repeated.
+
+    - penalty [N/mm^3]: by default the smaller of both fabrics' `default_penalty` with the tightest
+      tool of the scene
+    - symmetric: as in `Bending`
+
+    Raises InputError for parts that are not sheets of a stack, or the same, for other cells than
+    linear triangles, for a number of points that is not allowed and values not above 0, and for
+    sheets that overlap, or of which none lies over the other, as the scene is made.
+    """
+
+    energy_kind = "contact"
+    units = {"sheet_pressure": "MPa", "sliding": "mm", "sliding_size": "mm"}
+
+    def __init__(
+        self,
+        lower: str,
+        upper: str,
+        penalty: float | None = None,
+        points: int = 3,
+        lag: float = LAG,
+        symmetric: Where | Sequence[Where] = (),
+    ) -> None:
+        self.sheets = lower, upper
+        self.name = f"contact of {lower} and {upper}"
+        for name, value in (("penalty", penalty), ("lag", lag)):
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(f"{self.name} has {name} {value}; allowed is a number above 0")
+        if points not in POINTS:
+            raise InputError(
+                f"{self.name} has {points} points in a cell; allowed are "
+                f"{', '.join(map(str, POINTS))}"
+            )
+        if lower == upper:
+            raise InputError(f"{self.name} is of one sheet; allowed are two different ones")
+        self._given, self.lag, self._rule = penalty, lag, POINTS[points]
+        self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        blank, comm = scene.blank, scene.blank.mesh.comm
+        parts = [blank.part(name) for name in self.sheets]
+        thickness = [self._thickness(part) for part in parts]
+        self.distance, self.thickness = sum(thickness) / 2, min(thickness)
+        sizes = [
+            comm.allreduce(blank.areas()[part.cells].sum()) / comm.allreduce(len(part.cells))
+            for part in parts
+        ]
+        over = 1 if sizes[1] <= sizes[0] * (1 + 1e-6) else 0
+        self._part = parts[over]
+        # the face below the points looks at them
+        self._face = Face(parts[1 - over], 1.0 if over else -1.0, self._symmetric)
+        self._own = Face(parts[over], 1.0, self._symmetric)
+        places, weights = basix.make_quadrature(basix.CellType.triangle, self._rule)
+        N = np.column_stack([1 - places.sum(1), places])
+        self._per_cell = len(N)
+        self._weights = self._own.own_weights(N)
+        self._flat = self._own.flat(N)
+        areas = blank.areas()[self._part.cells]
+        self.areas = (areas[:, None] * weights / weights.sum()).ravel()
+        self.count = len(self.areas)
+        penalty = self._given or self._default_penalty(scene, parts)
+        self._law = PressureLaw(penalty, SMOOTHING * PERMITTED * self.thickness)
+        self._nodal_areas = Nodes(blank).areas
+        self._below = np.full(self.count, -1)  # what was found last
+        self._depth = np.zeros(self.count)  # greatest in accepted states
+        self._cached: tuple[np.ndarray, Any] | None = None
+        self._found: tuple[np.ndarray, Facing] | None = None
+        self._accepted = self._now = self.facing()
+        self._check_start()
+        self._first = self._accepted
+
+    def _thickness(self, part):
+        if part.thickness is None:
+            raise InputError(
+                f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
+            )
+        return part.thickness
+
+    def _default_penalty(self, scene, parts):
+        fabrics = [scene.fabric_of(part) for part in parts]
+        if not all(fabrics):
+            raise InputError(
+                f"{self.name} is given no penalty, and not both sheets have a fabric; allowed is "
+                "a number above 0"
+            )
+        tools: list[Tool] = [tool for term in scene.terms for tool in term.tools()]
+        radius = min((min(tool.surface.radii) for tool in tools), default=np.inf)
+        return min(default_penalty(fabric, radius) for fabric in fabrics if fabric)
+
+    def _check_start(self):
+        comm, gap = self.blank.mesh.comm, self._accepted.gap
+        if not comm.allreduce(len(gap)):
+            raise InputError(
+                f"{self.name} finds no place of one over the other; allowed are sheets that lie on "
+                "one another"
+            )
+        deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN)
+        if deepest > self.thickness / 4:
+            raise InputError(
+                f"{self.name} begins with sheets that overlap by {deepest:.3g} mm; allowed are "
+                "sheets laid on one another with their thicknesses"
+            )
+
+    # -- places
+
+    def facing(self) -> Facing:
+        """The points over the other sheet at the present displacement, on all ranks together."""
+        u = self.blank.u.x.array
+        known = self._found is not None and np.array_equal(u, self._found[0])
+        if self._found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
+            self._found = u.copy(), self._faced()
+        return self._found[1]
+
+    def _faced(self):
+        self._face.take()
+        self._own.take()
+        points = self._own.points(self._weights, self._flat)
+        over = self._face.below(points, self._below, (1 + REACH) * self.distance)
+        self._below = over.triangle
+        at = np.flatnonzero(over.triangle >= 0)
+        face = self._face
+        below = face.weights(over.triangle[at], over.weights[at])
+        weights = sparse.hstack([self._weights[at], -below]).tocsr()
+        pairs = Pairs(self.blank, np.concatenate([self._own.nodes, face.nodes]), weights)
+        return Facing(
+            at,
+            over.gap[at] - self.distance,
+            over.normal[at],
+            over.curvature[at],
+            pairs,
+            pairs.relative(),
+        )
+
+    def at(self, load: float) -> None:
+        """Go back to the faces of the last accepted state."""
+        self._take(self._accepted)
+
+    def accept(self) -> None:
+        """Take the faces as they are."""
+        self._accepted = self.facing()
+        self._take(self._accepted)
+        at = self._accepted.points
+        self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap)
+
+    def update_lagged(self) -> bool:
+        """Take the faces as they are, if that changes forces by more than `lag` of their sum."""
+        before, taken = self._forces_of_all(), self._now
+        self._take(self.facing())
+        after = self._forces_of_all()
+        changed, total = self.blank.mesh.comm.allreduce(
+            np.array(
+                [np.linalg.norm(after - before, axis=1).sum(), np.linalg.norm(after, axis=1).sum()]
+            )
+        )
+        if changed > self.lag * total:
+            return True
+        self._take(taken)
+        return False
+
+    def _take(self, facing):
+        if facing is not self._now:
+            self._now, self._cached = facing, None
+            self.pattern += 1
+
+    def _forces_of_all(self):
+        forces = np.zeros((self.count, 3))
+        forces[self._now.points] = self._state()[1]
+        return forces
+
+    # -- energy, forces, stiffness
+
+    def _state(self):
+        """Pressures (n,), forces on the points (n, 3), stiffness blocks (n, 3, 3), energy."""
+        u = self.blank.u.x.array
+        known = self._cached is not None and np.array_equal(u, self._cached[0])
+        # relative motion asks all ranks
+        if self._cached is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
+            now = self._now
+            moved = now.pairs.relative() - now.relative
+            turned = np.einsum("nij,nj->ni", now.curvature, moved)
+            gap = now.gap + ((now.normal + 0.5 * turned) * moved).sum(1)
+            normal, areas = now.normal + turned, self.areas[now.points]
+            energy, pressure, slope = self._law(np.maximum(0.0, -gap))
+            forces = (areas * pressure)[:, None] * normal
+            blocks = (areas * slope)[:, None, None] * normal[:, :, None] * normal[:, None]
+            blocks -= (areas * pressure)[:, None, None] * now.curvature
+            self._cached = u.copy(), (pressure, forces, blocks, float(areas @ energy))
+        return self._cached[1]
+
+    def anticipate(self, f: np.ndarray) -> None:
+        """As `Contact` does: let `tangent` be the law's slope up to the pressure that balances the
+        other forces on both sheets, until these move."""
+        pressure, forces, blocks, energy = self._state()
+        pairs, points = self._now.pairs, self._now.points
+        areas = self._nodal_areas
+        apart = pairs.apart(f[: 3 * len(areas)].reshape(-1, 3) / areas[:, None])
+        at = np.flatnonzero(pressure > 0)
+        normal = forces[at] / (pressure[at] * self.areas[points[at]])[:, None]
+        p, areas = pressure[at], self.areas[points[at]]
+        balancing = np.clip(p + 0.5 * (apart[at] * normal).sum(1), 0.0, MORE * p)
+        slope = self._law(self._law.depth(p))[2]
+        change = areas * (self._law.chord(p, balancing) - slope)
+        blocks = blocks.copy()
+        blocks[at] += change[:, None, None] * normal[:, :, None] * normal[:, None]
+        self._cached = self.blank.u.x.array.copy(), (pressure, forces, blocks, energy)
+
+    def stored(self) -> float:
+        """As in `Term`."""
+        return self._state()[3]
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """As in `Term`."""
+        self._now.pairs.add(-self._state()[1], f)
+
+    def tangent(self) -> Triplets:
+        """As in `Term`."""
+        pairs = self._now.pairs
+        return pairs.rows, pairs.cols, pairs.values(self._state()[2])
+
+    def depth_under(self, pressure: float) -> float:
+        """Overlap of the faces [mm] under a pressure [MPa]."""
+        return float(self._law.depth(np.array(pressure)))
+
+    def normal_forces(self) -> np.ndarray:
+        """On all points of this rank, whether over the other sheet or not, (count,) [N]."""
+        forces = np.zeros(self.count)
+        forces[self._now.points] = self._state()[0] * self.areas[self._now.points]
+        return forces
+
+    # -- results
+
+    def force(self) -> np.ndarray:
+        """By which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
+        total = self.blank.mesh.comm.allreduce(self._state()[1].sum(0), MPI.SUM)
+        return total if self._part.name == self.sheets[1] else -total
+
+    def deepest(self) -> float:
+        """Largest overlap of the faces in accepted states, of all ranks [mm]."""
+        return self.blank.mesh.comm.allreduce(float(self._depth.max(initial=0.0)), MPI.MAX)
+
+    def penetration_of_thickness(self) -> float:
+        """As in `Term`, of the thinner sheet."""
+        return self.deepest() / self.thickness
+
+    def sliding(self) -> np.ndarray:
+        """Of each point along the other sheet, from the place that it first lay over,
+        (count, 3) [mm]; NaN without one."""
+        moved = np.full((self.count, 3), np.nan)
+        first, now = self._first, self._now
+        moved[first.points] = first.pairs.relative() - first.relative
+        normal = np.full((self.count, 3), np.nan)
+        normal[now.points] = now.normal
+        return moved - (moved * normal).sum(1, keepdims=True) * normal
+
+    def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
+        """Means over cells: pressure on the sheet whose points bear it [MPa], and how far these
+        have slid on the other sheet, as a vector and its size [mm]; NaN elsewhere."""
+        shape = len(self._part.cells), self._per_cell
+        pressure = (self.normal_forces() / self.areas).reshape(shape)
+        slid = self.sliding().reshape(*shape, 3)
+        self._part.put(fields, "sheet_pressure", pressure.mean(1))
+        self._part.put(fields, "sliding", slid.mean(1))
+        self._part.put(fields, "sliding_size", np.linalg.norm(slid.mean(1), axis=1))
+
+    def add_summary(self, summary: dict[str, Any]) -> None:
+        """Add force, penetration and largest sliding of the pair."""
+        comm, sizes = self.blank.mesh.comm, np.linalg.norm(self.sliding(), axis=1)
+        furthest = np.nanmax(sizes, initial=0.0)
+        summary.setdefault("sheet_contacts", {})[f"{self.sheets[0]}, {self.sheets[1]}"] = {
+            "force_N": float(np.linalg.norm(self.force())),
+            "normal_force_N": comm.allreduce(float(self.normal_forces().sum())),
+            "penetration_of_thickness": self.penetration_of_thickness(),
+            "sliding_largest_mm": comm.allreduce(float(furthest), MPI.MAX),
+        }

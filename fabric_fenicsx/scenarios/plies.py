@@ -1,0 +1,142 @@
+"""The plies of a stack: as a scenario is given them, and from a file."""
+
+import dataclasses
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ..errors import InputError
+from ..material.files import read_toml
+from ..material.laws import Law
+from ..material.presets import load
+from ..material.validation import shown, unknown_key
+from ..sheets.blank import Blank, layout
+from .numbers import BETWEEN_YARNS, COUNT, FINITE, FROM_ZERO, POSITIVE, number
+
+FRICTION = 0.334  # of fabric on fabric: Table 2 of Schäfer et al.
+
+
+@dataclass(kw_only=True)
+class Ply:
+    """One ply of a stack; what is None is the scenario's.
+
+    fabric: its law; name: by default "ply 1" and so on; friction: coefficient to the next ply.
+    """
+
+    fabric: Law | None = None
+    name: str = ""
+    fibre_angle: float = number(0.0, FINITE, "of yarns a from the length [deg]")
+    yarn_angle: float = number(90.0, BETWEEN_YARNS, "from yarns a to yarns b [deg]")
+    length: float = number(None, POSITIVE, "of the whole ply [mm]")
+    width: float = number(None, POSITIVE, "of the whole ply [mm]")
+    thickness: float = number(None, POSITIVE, "in place of the fabric's [mm]")
+    nx: int = number(None, COUNT, "rectangles along the length")
+    mesh: str | None = None
+    friction: float = number(FRICTION, FROM_ZERO, "coefficient to the next ply")
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if "rule" in each.metadata and value is not None:
+                where = f"{each.name} of {self.name or 'a ply'}"
+                setattr(self, each.name, each.metadata["rule"].check(where, value))
+
+    def completed(self, fabric: Law, name: str) -> Self:
+        """The ply with these where it has none, and the fabric of its thickness."""
+        fabric = self.fabric or fabric
+        if self.thickness:
+            fabric = fabric.replace(thickness=self.thickness)
+        return dataclasses.replace(self, fabric=fabric, name=self.name or name)
+
+    def blank(self, sizes: Sequence[float], share: float, nx: int, **options: Any) -> Blank:
+        """Its `Blank` in space; sizes: of a whole ply that has none of its own [mm]; share: of
+        them that is modelled; options: as in `Blank.rectangle`."""
+        if self.mesh:
+            angles = layout(options["element"], self.fibre_angle, self.yarn_angle)
+            return Blank.read(self.mesh, spatial=True, comm=options["comm"], **angles)
+        return Blank.rectangle(
+            share * (self.length or sizes[0]),
+            share * (self.width or sizes[1]),
+            nx=self.nx or nx,
+            fibre_angle=self.fibre_angle,
+            yarn_angle=self.yarn_angle,
+            spatial=True,
+            **options,
+        )
+
+    def mirror_warning(self) -> str:
+        """What to warn of where planes along the axes don't mirror the yarns into such of the same
+        kind, "" where they do."""
+        assert self.fabric
+        a, b = self.fibre_angle, self.fibre_angle + self.yarn_angle
+        along = _is_multiple(a, 90) and _is_multiple(b, 90)
+        one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
+        energies = self.fabric.derivatives(one, two, sheared, False).parts.sum(1)
+        if along or (_is_multiple(a + b, 180) and math.isclose(*energies)):
+            return ""
+        return (
+            f"yarns at {a:g} and {b:g} deg are not their own mirror images, so the quarter stands "
+            "for a ply of four mirrored ones"
+        )
+
+
+def _is_multiple(angle, of):
+    """Whether an angle is one of those, to 1e-6 deg."""
+    return abs(math.remainder(angle, of)) < 1e-6
+
+
+def read_plies(path: str | os.PathLike[str]) -> list[Ply]:
+    """The plies of a TOML file, from the punch to the die: a table `[[ply]]` each, with the fields
+    of `Ply`; `unit = "mm"` stands above them, as lengths are in mm; `fabric` is a preset or a
+    material file beside it.
+
+    Raises InputError that names file, ply and field.
+    """
+    if not os.path.isfile(path):
+        raise InputError(
+            f"stack file {shown(path)} does not exist or is not a file; allowed is a TOML file "
+            "with a table [[ply]] for each ply"
+        )
+    folder = Path(path).parent
+    return read_toml(path, lambda document: _plies(document, folder))
+
+
+def _plies(document: Mapping[str, Any], folder: Path) -> list[Ply]:
+    for key in document:
+        if key not in ("ply", "unit"):
+            raise unknown_key(key, ("ply", "unit"), f"key {shown(key)}")
+    if document.get("unit") != "mm":
+        raise InputError(
+            f'unit is {shown(document.get("unit"))}; allowed is "mm", which all lengths are in'
+        )
+    tables = document.get("ply")
+    if not isinstance(tables, list) or not tables or not all(isinstance(t, dict) for t in tables):
+        raise InputError("there is no ply; allowed is a table [[ply]] for each")
+    return [_ply(table, f"ply {k + 1}", folder) for k, table in enumerate(tables)]
+
+
+def _ply(table, name, folder):
+    known = [each.name for each in fields(Ply)]
+    for key in table:
+        if key not in known:
+            raise unknown_key(key, known, f"key {shown(key)} of {name}")
+    given = {"name": name} | table
+    if not isinstance(given["name"], str) or not given["name"].strip():
+        raise InputError(f"name of {name} is {shown(given['name'])}; allowed is a word")
+    for key in ("fabric", "mesh"):
+        if key in given and not isinstance(given[key], str):
+            raise InputError(f"{key} of {name} is {shown(given[key])}; allowed is a name or a file")
+        beside = folder / given.get(key, "")
+        if key in given and beside.is_file():
+            given[key] = str(beside)
+    if "fabric" in given:
+        try:
+            given["fabric"] = load(given["fabric"])
+        except InputError as error:
+            raise InputError(f"fabric of {name}: {error}") from None
+    return Ply(**given)

@@ -1,0 +1,83 @@
+"""Plies laid on one another: their stack, and the terms of each and between them."""
+
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ..mechanics.contact import Contact
+from ..mechanics.membrane import Membrane
+from ..mechanics.sheet_contact import SheetContact
+from ..mechanics.sheet_friction import SheetFriction
+from ..mechanics.term import Term
+from ..sheets.blank import Blank
+from ..sheets.stack import Stack
+from .plies import Ply
+
+Where = Callable[[np.ndarray], np.ndarray]
+LOOSE = 0.02  # of the least thickness, between plies as they are laid
+
+
+def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
+    """The `Stack` of plies, the lowest first, each from `make`, its upper face under the tool that
+    lies half of all thicknesses over z = 0; a little loose, so that it is known which places
+    touch."""
+    sheets = [(make(ply), ply.fabric.thickness, ply.name) for ply in plies if ply.fabric]
+    thicknesses = [thickness for _, thickness, _ in sheets]
+    play = LOOSE * min(thicknesses)
+    return Stack(sheets, -sum(thicknesses) / 2 - play * (len(sheets) - 1), play)
+
+
+def membranes(plies: Sequence[Ply]) -> list[Membrane]:
+    """The membrane of each ply."""
+    return [Membrane(ply.fabric).on(ply.name) for ply in plies if ply.fabric]
+
+
+def between(
+    stack: Stack, plies: Sequence[Ply], slip: float, lag: float, planes: Sequence[Where]
+) -> list[Term]:
+    """Contact and friction of each ply with the next, and of two whose neighbour between them is
+    smaller than both."""
+    terms: list[Term] = []
+    for lower, upper in _facing(stack, plies):
+        names = lower.name, upper.name
+        terms.append(SheetContact(*names, lag=lag, symmetric=planes))
+        if lower.friction:
+            terms.append(SheetFriction(*names, lower.friction, slip, lag))
+    return terms
+
+
+def _facing(stack, plies):
+    """Pairs of plies that may touch."""
+    pairs = list(pairwise(plies))
+    corner = {sheet.name: sheet.blank.extent()[1][:2] for sheet in stack.sheets}
+    for lower, middle, upper in zip(plies, plies[1:], plies[2:]):
+        least = np.minimum(corner[lower.name], corner[upper.name])
+        if (least > corner[middle.name] + 1e-6).any():
+            pairs.append((lower, upper))
+    return pairs
+
+
+def press(
+    stack: Stack,
+    terms: Sequence[Term],
+    on_top: Contact,
+    pressure: float,
+    under: Callable[[np.ndarray], np.ndarray],
+) -> None:
+    """Displace the sheets towards the tool that the last one lies under, as far as the pressure
+    [MPa] of a holder presses them into it and each other; under: share (n,) of the places (n, 3)
+    that it presses."""
+    depths = on_top.depth_under(pressure)
+    contacts = {term.sheets: term for term in terms if isinstance(term, SheetContact)}
+    count = len(depths)
+    u = stack.u.x.array.reshape(-1, 3)[:count]
+    share = under(stack.coordinates()[:count])
+    rise = 0.0
+    for k, sheet in reversed(list(enumerate(stack.sheets))):
+        at = stack.parts[sheet.name].nodes
+        u[at, 2] = share[at] * (rise + depths[at])
+        if k:
+            pair = contacts[stack.sheets[k - 1].name, sheet.name]
+            rise += stack.play + pair.depth_under(pressure)
+    stack.u.x.scatter_forward()

@@ -1,0 +1,83 @@
+"""Parts of a blank, to which terms are restricted: sheets of a stack, patches of a sheet."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import ufl
+from dolfinx.mesh import meshtags
+from mpi4py import MPI
+
+from .. import dolfinx_compat as compat
+
+if TYPE_CHECKING:
+    from .blank import Blank
+
+SAME = 1e-15  # by which directions may differ that are taken as one
+
+
+class Part:
+    """Cells of a `blank`: a sheet of a stack, a patch, or all of it.
+
+    - name: "" if it is all of the blank; thickness: of a stack's sheet, otherwise None [mm]
+    - cells (n,): this rank's owned cells; nodes (owned nodes,): whether a node is at one of the
+      part's cells, of any rank
+    - straight: the directions of yarns a and b, if each is one all over, otherwise None
+    - orthogonal: whether the yarns are so in every point
+    """
+
+    def __init__(
+        self,
+        blank: "Blank",
+        name: str = "",
+        local_cells: np.ndarray | None = None,
+        thickness: float | None = None,
+        orthogonal: bool | None = None,
+    ) -> None:
+        mesh = blank.mesh
+        self.blank, self.name, self.thickness = blank, name, thickness
+        self.is_whole = local_cells is None
+        owned = mesh.topology.index_map(2).size_local
+        local = np.arange(len(compat.dofmap(blank.V))) if local_cells is None else local_cells
+        self.cells = local[local < owned].astype(np.int32)
+        count = blank.V.dofmap.index_map.size_local
+        at = compat.dofmap(blank.V)[local].ravel()
+        self.nodes = np.zeros(count, dtype=bool)
+        self.nodes[at[at < count]] = True
+        fibres = [field.x.array.reshape(-1, mesh.geometry.dim) for field in (blank.a0, blank.b0)]
+        self.straight = _common(mesh.comm, [values[self.cells] for values in fibres])
+        crossed = self.straight is not None or compat.is_affine(mesh)
+        self.orthogonal = crossed if orthogonal is None else orthogonal and crossed
+        if not self.is_whole:
+            self._tags = meshtags(mesh, 2, np.sort(self.cells), np.ones(len(self.cells), np.int32))
+
+    def dx(self, degree: int | None = None) -> ufl.Measure:
+        """Integration over the part, with a quadrature of this degree.
+
+        Parts of one blank have the same subdomain number, so that they share compiled forms; one
+        form is of one part.
+        """
+        metadata = {} if degree is None else {"quadrature_degree": degree}
+        if self.is_whole:
+            return ufl.Measure("dx", self.blank.mesh, metadata=metadata)
+        return ufl.Measure(
+            "dx", self.blank.mesh, subdomain_data=self._tags, subdomain_id=1, metadata=metadata
+        )
+
+    def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
+        """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values
+        stay, NaN (0 of whole numbers) where there are none."""
+        if self.is_whole:
+            fields[name] = values
+            return
+        shape = self.blank.mesh.topology.index_map(2).size_local, *values.shape[1:]
+        is_float = np.issubdtype(values.dtype, np.floating)
+        none = np.full(shape, np.nan if is_float else 0, dtype=values.dtype)
+        fields.setdefault(name, none)[self.cells] = values
+
+
+def _common(comm: MPI.Comm, fields: list[np.ndarray]) -> list[list[float]] | None:
+    """The vectors that fields (cells, k) have in all cells of all ranks, None if one differs."""
+    values = np.hstack(fields)
+    low = comm.allreduce(values.min(0, initial=np.inf), np.minimum)
+    high = comm.allreduce(values.max(0, initial=-np.inf), np.maximum)
+    return high.reshape(len(fields), -1).tolist() if (high - low).max() <= SAME else None

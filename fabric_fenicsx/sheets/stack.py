@@ -1,0 +1,130 @@
+"""Several sheets that are laid on one another: one mesh with a part for each."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import dolfinx_compat as compat
+from ..errors import InputError
+from .blank import Blank
+from .parts import Part
+
+FLAT = 1e-9  # of a sheet's size, what may lie off its plane
+
+
+class Sheet(NamedTuple):
+    """A sheet of a stack: a flat `blank` in space, its `thickness` [mm] and its `name`, which terms
+    are told by `on`."""
+
+    blank: Blank
+    thickness: float
+    name: str
+
+
+class Stack(Blank):
+    """Sheets, the lowest first, each laid on the one below: a blank whose `parts` they are.
+
+    The first stays at its height z, or its lower face is laid at `bottom` [mm]; the lower face of
+    each other one is `play` [mm] above the upper face of the sheet below it. Sheets may differ in
+    outline, cells and yarns, not in the kind of cells. Raises InputError without sheets, for names
+    that are empty or the same, for a thickness that is not above 0, for sheets in a plane mesh,
+    that are not flat in z, of other than linear cells of one kind, or that have no part above or
+    below any other.
+    """
+
+    def __init__(
+        self,
+        sheets: Sequence[tuple[Blank, float, str]],
+        bottom: float | None = None,
+        play: float = 0.0,
+        name: str = "stack",
+    ) -> None:
+        self.sheets = [Sheet(*sheet) for sheet in sheets]
+        _check(self.sheets)
+        comm = self.sheets[0].blank.mesh.comm
+        self.play = play
+        lower_faces = np.cumsum([0.0, *(s.thickness + play for s in self.sheets[:-1])])
+        middles = lower_faces + [s.thickness / 2 for s in self.sheets]
+        low = [sheet.blank.extent()[0][2] for sheet in self.sheets]
+        self.heights = middles + (low[0] - middles[0] if bottom is None else bottom)
+        points, cells, kept = _merged(self.sheets, self.heights - low, comm)
+        kind = compat.cell_name(self.sheets[0].blank.mesh)
+        mesh = compat.create_mesh(comm, cells, points, kind, 1)
+        # of each cell as it was given, by all ranks: its yarns and its sheet
+        known = np.concatenate(comm.allgather(kept))[mesh.topology.original_cell_index]
+        a, b, number = np.split(known, [3, 6], axis=1)
+        super().__init__(mesh, lambda x: a.T, lambda x: b.T, name=name)
+        self.number = number[:, 0].astype(np.int32)
+        self.warnings = [text for sheet in self.sheets for text in sheet.blank.warnings]
+        for k, sheet in enumerate(self.sheets):
+            at = np.flatnonzero(self.number == k)
+            self.parts[sheet.name] = Part(
+                self, sheet.name, at, sheet.thickness, sheet.blank.orthogonal
+            )
+
+    @property
+    def thickness(self) -> float:
+        """Of all sheets together [mm]."""
+        return sum(sheet.thickness for sheet in self.sheets)
+
+
+def _check(sheets):
+    if not sheets:
+        raise InputError("the stack has no sheet; allowed are one or more")
+    names = [sheet.name for sheet in sheets]
+    if len(set(names)) < len(names) or not all(names):
+        raise InputError(f"sheets of the stack are named {names}; allowed are different names")
+    kinds = {compat.cell_name(sheet.blank.mesh) for sheet in sheets}
+    if len(kinds) > 1:
+        raise InputError(f"the stack has sheets of {sorted(kinds)}s; allowed is one kind of cells")
+    for sheet in sheets:
+        blank, where = sheet.blank, f"sheet {sheet.name} of the stack"
+        if not (np.isfinite(sheet.thickness) and sheet.thickness > 0):
+            raise InputError(
+                f"{where} has thickness {sheet.thickness}; allowed is a number above 0 [mm]"
+            )
+        if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
+            raise InputError(
+                f"{where} lies in a plane mesh or along turned axes; allowed is a sheet in space "
+                "(spatial=True)"
+            )
+        if blank.degree != 1 or blank.mesh.geometry.cmap.degree != 1:
+            raise InputError(f"{where} has other than linear cells; allowed are P1 and Q1")
+        low, high = blank.extent()
+        if high[2] - low[2] > FLAT * (high - low).max():
+            raise InputError(
+                f"{where} is {high[2] - low[2]:.4g} mm high; allowed is a flat sheet, z = const"
+            )
+    extents = [sheet.blank.extent() for sheet in sheets]
+    for k, (low, high) in enumerate(extents):
+        others = extents[:k] + extents[k + 1 :]
+        apart = [((low >= h) | (high <= l))[:2].any() for l, h in others]
+        if others and all(apart):
+            raise InputError(
+                f"sheet {sheets[k].name} of the stack lies beside all others; allowed is one that "
+                "has another above or below it"
+            )
+
+
+def _merged(sheets, lifts, comm):
+    """This rank's points (n, 3) and cells (m, nodes) of one mesh of all sheets, each lifted, and of
+    each cell yarns a and b and the number of its sheet (m, 7)."""
+    maps = [sheet.blank.mesh.geometry.index_map() for sheet in sheets]
+    counts = np.array(comm.allgather([each.size_local for each in maps]))  # (ranks, sheets)
+    # points are numbered by rank, then by sheet
+    before = np.concatenate([[0], counts.ravel().cumsum()[:-1]]).reshape(counts.shape)
+    points, cells, kept = [], [], []
+    for k, (sheet, index_map, lift) in enumerate(zip(sheets, maps, lifts)):
+        mesh = sheet.blank.mesh
+        owned = mesh.topology.index_map(2).size_local
+        points.append(mesh.geometry.x[: index_map.size_local] + [0.0, 0.0, lift])
+        local = compat.geometry_dofmap(mesh)[:owned]
+        known = index_map.local_to_global(local.ravel().astype(np.int32))
+        ends = counts[:, k].cumsum()
+        rank = np.searchsorted(ends, known, side="right")
+        number = known - (ends - counts[:, k])[rank] + before[rank, k]
+        cells.append(number.reshape(local.shape))
+        fields = [f.x.array.reshape(-1, 3)[:owned] for f in (sheet.blank.a0, sheet.blank.b0)]
+        kept.append(np.hstack([*fields, np.full((owned, 1), float(k))]))
+    return np.concatenate(points), np.concatenate(cells).astype(np.int64), np.concatenate(kept)
