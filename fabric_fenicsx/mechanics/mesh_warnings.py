@@ -70,11 +70,11 @@ def locking_warning(membrane: "Membrane") -> str:
     if taken <= LOCKED:
         return ""
     cure = (
-        "take P2 with --integration reduced, P3, or a mesh with edges along "
-        "the yarns (--pattern yarns)"
+        'take P2 with `integration="reduced"`, P3, or a mesh with edges along '
+        'the yarns (`pattern="yarns"`)'
         if blank.mesh.geometry.dim == 2
         else (
-            "take yarns at 0, 45 or 90 deg with --pattern crossed, an own mesh with edges "
+            'take yarns at 0, 45 or 90 deg with `pattern="crossed"`, an own mesh with edges '
             "along the yarns, or finer cells"
         )
     )

@@ -123,7 +123,7 @@ class Forming(Scenario):
             self.warnings.append(
                 f"yarns at {self.fibre_angle:g} and {self.fibre_angle + self.yarn_angle:g} deg are "
                 "not their own mirror images, so the quarter stands for a ply of four mirrored "
-                f"ones; take the whole ply ({self.spelled('full')})"
+                f"ones; take the whole ply (`full`)"
             )
         self.blank = self.sheet(share=1.0 if self.full else 0.5, centred=self.full)
         surface = self._surface()
@@ -131,13 +131,12 @@ class Forming(Scenario):
         self.stroke = self.stroke or depth
         if self.stroke > depth:
             raise InputError(
-                f"{self.spelled('stroke')} {self.stroke:g} is deeper than the die; allowed is up "
-                f"to {depth:g} mm"
+                f"`stroke` {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm"
             )
         self.clearance = self.clearance or 1.2 * t
         if self.clearance < t:
             raise InputError(
-                f"{self.spelled('clearance')} {self.clearance:g} is less than the ply's "
+                f"`clearance` {self.clearance:g} is less than the ply's "
                 f"thickness; allowed is from {t:g} mm"
             )
         lift = t / 2 - self.clearance  # so that the punch ends `clearance` from the die all over
@@ -170,16 +169,16 @@ class Forming(Scenario):
         if isinstance(surface, TriangulatedSurface):
             return float(surface.points[:, 2].max())
         if self.stroke is None:
-            raise InputError("stroke is not given; allowed is one [mm] for a surface of your own")
+            raise InputError("`stroke` is not given; allowed is one [mm] for a surface of your own")
         return self.stroke
 
     def _surface(self):
         """The punch's surface, checked."""
         if not self.punch:
-            return _dome(self.dome, self.spelled("dome"))
+            return _dome(self.dome, "`dome`")
         low, high = self.blank.extent()
         half = np.maximum(abs(low), abs(high))[:2]
-        surface, name = self.punch, self.spelled("punch")
+        surface, name = self.punch, "`punch`"
         if not isinstance(surface, Surface):
             surface = TriangulatedSurface.read(surface, self.chord)
             name += f" {self.punch}"
@@ -223,7 +222,7 @@ class Forming(Scenario):
         if self.holder == "gap":
             if gap < 0.5 * t:
                 raise InputError(
-                    f"{self.spelled('holder_gap')} {gap:g} crushes the ply; allowed is from "
+                    f"`holder_gap` {gap:g} crushes the ply; allowed is from "
                     f"{t / 2:g} mm, half its thickness"
                 )
             return [self._contact(Tool(Plane((0, 0, t / 2 - gap), UP), name="blank holder"))]
