@@ -87,6 +87,9 @@ class Job:
         written, if the full load was not reached or the result is beyond the limits, and
         Interrupted after SIGINT or SIGTERM.
         """
+        resume = out.resume if isinstance(out, Output) else resume
+        if not resume:  # before anything is written
+            self.scene.check_start()
         if isinstance(out, Output):
             return self._run(out, out.folder(part), problem, pictures)
         comm, is_kept = self.scene.comm, out is not None

@@ -121,6 +121,12 @@ class Scene:
             "allowed are supports that hold it against every rigid motion"
         )
 
+    def check_start(self) -> None:
+        """Raise InputError if the scene can't begin: as `check_held`, and as its terms do."""
+        self.check_held()
+        for term in self.terms:
+            term.check_start()
+
     def at(self, load: float) -> None:
         """Set the load factor, and take the terms back to the last accepted state in all else."""
         for term in self.terms:

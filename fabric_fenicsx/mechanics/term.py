@@ -127,6 +127,10 @@ class Term:
 
     # -- load steps
 
+    def check_start(self) -> None:
+        """Raise InputError, on all ranks, if at load 0 the sheet or a tool is where no run can
+        begin."""
+
     def at(self, load: float) -> None:
         """Set the load factor, and go back to the last accepted state in all else."""
 
