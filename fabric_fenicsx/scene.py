@@ -97,6 +97,12 @@ class Scene:
         self._nodes: list[np.ndarray] = []
         held = np.zeros(len(x) * gdim, dtype=bool)
         for support in self.supports:
+            if not set(support.components) <= set(range(gdim)):
+                raise InputError(
+                    f"support {support.name} holds the components {tuple(support.components)} of "
+                    f"{blank.name}; allowed are those from 0 to {gdim - 1}"
+                    + (", or 2 on a blank made with `spatial=True`" if gdim == 2 else "")
+                )
             nodes = np.flatnonzero(support.where(x.T))
             if self.comm.allreduce(int((nodes < owned).sum())) == 0:
                 raise InputError(

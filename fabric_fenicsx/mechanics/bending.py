@@ -86,6 +86,11 @@ class Bending(Term):
             raise InputError(
                 f"bending of {blank.name} is asked on other than linear triangles; allowed is P1"
             )
+        if blank.mesh.geometry.dim == 2 and not self.in_plane:
+            raise InputError(
+                f"bending of {blank.name} is asked in a plane with in_plane 0, where nothing "
+                "bends; allowed is a blank made with `spatial=True`, or in_plane above 0"
+            )
         if "modulus" in given:
             if fabric is None:
                 raise InputError(

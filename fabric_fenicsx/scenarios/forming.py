@@ -7,6 +7,7 @@ import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -56,7 +57,7 @@ class Forming(Scenario):
 
     The flat ply lies in z = 0 with its centre at the origin, under the die's flange. The punch
     comes from below. punch: a surface with its flange at z = 0, or a file of one, in place of the
-    double dome; `dome`: dimensions of that, as a mapping or as texts NAME=VALUE.
+    double dome; `dome`: that, its dimensions as a mapping, or as texts NAME=VALUE.
     """
 
     NAME: ClassVar[str] = "double_dome"
@@ -76,7 +77,7 @@ class Forming(Scenario):
         0.0, FROM_ZERO, "stiffness of yarns in the ply, of that out of it", "ply"
     )
     stroke: float = number(None, POSITIVE, "of the punch (the dome's depth) [mm]", "tools")
-    dome: Mapping[str, float] | Sequence[str] = field(
+    dome: DoubleDome | Mapping[str, float] | Sequence[str] = field(
         default=(),
         metadata={
             "repeated": "NAME=VALUE",
@@ -125,6 +126,9 @@ class Forming(Scenario):
                 "not their own mirror images, so the quarter stands for a ply of four mirrored "
                 f"ones; take the whole ply (`full`)"
             )
+        if self.full and not self.mesh:
+            self.nx += self.nx % 2 if self.nx == self.FULL["nx"] else 0
+            self.ny = self.ny or 2 * max(1, round(self.nx * self.width / self.length / 2))
         self.blank = self.sheet(share=1.0 if self.full else 0.5, centred=self.full)
         surface = self._surface()
         depth = self._depth(surface)
@@ -149,10 +153,20 @@ class Forming(Scenario):
         )
         owned = self.blank.V.dofmap.index_map.size_local
         nodes = self.blank.coordinates()[:owned]
+        self._check_supported(nodes)
         check_motion([self.punch_tool, self.die], nodes, t, self.comm)
         radius = min(*self.punch_tool.surface.radii, *self.die.surface.radii)
         self.penalty = self.penalty or default_penalty(self.fabric, radius)
         self.membrane = self.fabric_membrane()
+
+    def _check_supported(self, nodes):
+        """A whole ply is held in single nodes, which even numbers of rectangles have."""
+        for support in self.supports():
+            if not self.comm.allreduce(int(support.where(nodes.T).sum())):
+                raise InputError(
+                    f"the ply has no node at its {support.name}; allowed for a whole ply are even "
+                    "`nx`, `ny` and `pattern` crossed, left or right, or an own mesh with one"
+                )
 
     def _is_mirrored(self):
         """Whether planes along the axes mirror the yarns into yarns of the same kind."""
@@ -175,7 +189,7 @@ class Forming(Scenario):
     def _surface(self):
         """The punch's surface, checked."""
         if not self.punch:
-            return _dome(self.dome, "`dome`")
+            return self.dome if isinstance(self.dome, DoubleDome) else _dome(self.dome)
         low, high = self.blank.extent()
         half = np.maximum(abs(low), abs(high))[:2]
         surface, name = self.punch, "`punch`"
@@ -222,8 +236,8 @@ class Forming(Scenario):
         if self.holder == "gap":
             if gap < 0.5 * t:
                 raise InputError(
-                    f"`holder_gap` {gap:g} crushes the ply; allowed is from "
-                    f"{t / 2:g} mm, half its thickness"
+                    f"`holder_gap` {gap:g} crushes the ply; allowed is from {t / 2:g} mm, half its "
+                    "thickness"
                 )
             return [self._contact(Tool(Plane((0, 0, t / 2 - gap), UP), name="blank holder"))]
         force = self.holder_force * (1.0 if self.full else 0.25)
@@ -284,8 +298,7 @@ class Forming(Scenario):
         deepest = max(contact.deepest() for contact in self.contacts)
         ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
 
-        def extremes(values):
-            return measures.extremes(comm, values)
+        extremes = partial(measures.extremes, comm)
 
         return {
             "punch_force_N": force,
@@ -369,7 +382,7 @@ def _is_multiple(angle, of):
     return abs(math.remainder(angle, of)) < 1e-6
 
 
-def _dome(pairs, name):
+def _dome(pairs):
     """The `DoubleDome` with dimensions {name: value} or texts NAME=VALUE."""
     names, given = [each.name for each in dataclasses.fields(DoubleDome)], {}
     if isinstance(pairs, Mapping):
@@ -379,9 +392,8 @@ def _dome(pairs, name):
         try:
             given[key] = float(value)
         except ValueError:
-            raise InputError(
-                f"{name} {pair} has no number after its name; allowed is NAME=VALUE"
-            ) from None
+            where = f"`dome` {pair} has no number after its name"
+            raise InputError(f"{where}; allowed is NAME=VALUE") from None
         if key not in names:
-            raise InputError(f"{name} {pair} names no dimension; allowed are {', '.join(names)}")
+            raise InputError(f"`dome` {pair} names no dimension; allowed are {', '.join(names)}")
     return DoubleDome(**given)

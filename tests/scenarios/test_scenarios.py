@@ -63,6 +63,22 @@ def test_a_ply_over_ones_own_punch():
     assert found[0] == pytest.approx(found[1], rel=1e-9) and found[0][-1] > 0
 
 
+def test_a_dome_is_given_by_itself_or_by_its_dimensions():
+    dome = ff.DoubleDome(depth=55)
+    given = [ff.Forming(nx=4, dome=each) for each in (dome, {"depth": 55}, ["depth=55"])]
+    assert all(ply.punch_tool.surface == dome and ply.stroke == 55 for ply in given)
+
+
+def test_a_whole_ply_has_a_node_at_its_centre():
+    assert [(ply.nx, ply.ny) for ply in (ff.Forming(full=True, nx=n) for n in (12, 22))] == [
+        (12, 6),
+        (22, 12),
+    ]
+    for cells in ({"nx": 11}, {"nx": 12, "ny": 7}, {"nx": 6, "pattern": "unstructured"}):
+        with pytest.raises(ff.InputError, match="no node at its centre; allowed .* even `nx`"):
+            ff.Forming(full=True, **cells)
+
+
 @pytest.mark.parametrize(
     "angle, said",
     [
