@@ -110,7 +110,7 @@ def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch, draws, w
 def test_a_blank_picture_is_told(monkeypatch):
     monkeypatch.setattr("pyvista.Plotter.add_mesh", lambda *_, **__: None)
     with pytest.raises(info.Broken, match="blank"):
-        info._draw()
+        info.draw_triangle()
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_a_blank_picture_is_told(monkeypatch):
     ],
 )
 def test_the_blas_is_named(file, words):
-    assert words in info._named([file])
+    assert words in info.describe_blas([file])
 
 
 @pytest.mark.parametrize("arguments", [(), ("inform",), ("info", "--fast"), ("info", "more")])
