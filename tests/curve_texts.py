@@ -1,5 +1,7 @@
 """Texts of test curves as a user writes them, and a folder of them."""
 
+import re
+
 SHEET = 'name = "x"\nthickness_mm = 1.2\ndensity_g_per_cm3 = 0.6\nbalanced = true\n'
 UNIAXIAL = """# any remark: is ignored
 # test: uniaxial_a
