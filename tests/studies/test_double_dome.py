@@ -157,7 +157,7 @@ def test_compression_parameters(launch, monkeypatch):
 
     # of each ply, which others test
     monkeypatch.setattr(forming_pictures, "formed_picture", lambda *_: None)
-    options = "--quick", "--vary", "s_C", "--stroke", 6
+    options = "--nx", 8, "--steps", 6, "--vary", "s_C", "--stroke", 6
     done = launch("compression_parameters", *options)
     assert done.status == 0, done.err
     lines = (done.folder / "parameters.csv").read_text().splitlines()
