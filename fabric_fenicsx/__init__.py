@@ -47,6 +47,7 @@ if TYPE_CHECKING:
         Torus,
         TriangulatedSurface,
     )
+    from .verification.derivatives import check_derivatives
 
 # where each name lives
 _HOMES = {
@@ -87,6 +88,7 @@ _HOMES = {
         "Torus",
         "TriangulatedSurface",
     ),
+    "verification.derivatives": ("check_derivatives",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = sorted(_HOME_OF)

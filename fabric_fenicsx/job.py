@@ -88,6 +88,9 @@ class Job:
         written, if the full load was not reached or the result is beyond the limits, and
         Interrupted after SIGINT or SIGTERM.
         """
+        resume = out.resume if isinstance(out, Output) else resume
+        if not resume:  # before anything is written
+            self.scene.check_start()
         if isinstance(out, Output):
             return self._run(out, out.folder(part), problem, pictures)
         comm, is_kept = self.scene.comm, out is not None
@@ -220,7 +223,7 @@ class Job:
         )
         if words := signals():
             raise Interrupted(
-                f"{words} at load factor {outcome.reached:.6g}; --resume goes on from there"
+                f"{words} at load factor {outcome.reached:.6g}; `resume=True` goes on from there"
             )
         self._show(output, result, pictures)
         if not output.is_kept:
@@ -281,7 +284,7 @@ class Job:
         if balance["energy_imbalance"] > UNBALANCED:
             output.warn(
                 "work of supports and tools and stored energy differ by "
-                f"{100 * balance['energy_imbalance']:.3g} %; take smaller steps (--max-step), "
+                f"{100 * balance['energy_imbalance']:.3g} %; take smaller steps (`max_step`), "
                 "unless the sheet snapped"
             )
         viscous = energy["viscous"] / max(abs(energy["strain"]), 1e-300)
@@ -296,7 +299,7 @@ class Job:
         if over > EDGES:
             wrong.append(
                 f"yarns are stretched by more than {100 * limit:.3g} % in {100 * over:.3g} % of "
-                f"the sheet; allowed is {100 * EDGES:.3g} % of it (--max-strain)"
+                f"the sheet; allowed is {100 * EDGES:.3g} % of it (`Limits.strain`)"
             )
         return wrong
 
@@ -365,7 +368,7 @@ def _viscous_words(rows, load):
     share = rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"])
     return (
         f"at load {load:.6g} (step {len(rows) - 1}) the regularisation has taken "
-        f"{100 * share:.2g} % of the strain energy; take smaller steps (--max-step) or look for a "
+        f"{100 * share:.2g} % of the strain energy; take smaller steps (`max_step`) or look for a "
         "snap there"
     )
 

@@ -136,6 +136,12 @@ class Scene:
         self._nodes: list[np.ndarray] = []
         held = np.zeros(len(x) * gdim, dtype=bool)
         for support in self.supports:
+            if not set(support.components) <= set(range(gdim)):
+                raise InputError(
+                    f"support {support.name} holds the components {tuple(support.components)} of "
+                    f"{blank.name}; allowed are those from 0 to {gdim - 1}"
+                    + (", or 2 on a blank made with `spatial=True`" if gdim == 2 else "")
+                )
             nodes = np.flatnonzero(support.where(x.T))
             if self.comm.allreduce(int((nodes < owned).sum())) == 0:
                 raise InputError(
@@ -159,6 +165,12 @@ class Scene:
             f"the supports ({supports}) leave {self.blank.name} free to {free}; "
             "allowed are supports that hold it against every rigid motion"
         )
+
+    def check_start(self) -> None:
+        """Raise InputError if the scene can't begin: as `check_held`, and as its terms do."""
+        self.check_held()
+        for term in self.terms:
+            term.check_start()
 
     def at(self, load: float) -> None:
         """Set the load factor, and take the terms back to the last accepted state in all else."""

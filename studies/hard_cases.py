@@ -11,8 +11,8 @@ from fabric_fenicsx.verification.hard_cases import CASES, Setting, run_case
 
 def options():
     p = parser(Scenario, __doc__, "hard_cases", element="P1")
-    test, every = p.add_argument_group("test"), "".join(CASES)
-    test.add_argument("--only", metavar="LETTERS", default=every, help="cases to run")
+    p.group("test")
+    p.option("--only", metavar="LETTERS", default="".join(CASES), help="cases to run")
     return p
 
 

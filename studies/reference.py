@@ -12,8 +12,8 @@ from fabric_fenicsx.verification.strips import STRIPS
 
 def options():
     p = parser(Scenario, __doc__, "reference")
-    test = p.add_argument_group("test")
-    test.add_argument("--scenes", nargs="+", choices=tuple(STRIPS), default=list(STRIPS))
+    p.group("test")
+    p.option("--scenes", nargs="+", choices=tuple(STRIPS), default=list(STRIPS))
     return p
 
 

@@ -13,7 +13,8 @@ AGREEMENT = 1e-9  # of the stresses at a state, or of s1 where they are smaller
 
 def options():
     p = parser(Scenario, __doc__, "single_element", element="Q1")
-    p.add_argument_group("test").add_argument(
+    p.group("test")
+    p.option(
         "--points",
         type=int,
         default=47,

@@ -31,11 +31,11 @@ SIZES = "instead: one tangent and its solution, over mesh sizes"
 
 def options():
     p = parser(Scenario, __doc__, "speed_vs_error")
-    test = p.add_argument_group("test")
-    test.add_argument("--scenes", nargs="+", choices=tuple(STRIPS), help=SCENES)
-    test.add_argument("--reference", metavar="DIR", type=Path, default=REFERENCE, help=ERRORS)
-    test.add_argument("--limit", type=option_type(POSITIVE), default=60.0, help=LIMIT)
-    test.add_argument("--sizes", action="store_true", help=SIZES)
+    p.group("test")
+    p.option("--scenes", nargs="+", choices=tuple(STRIPS), help=SCENES)
+    p.option("--reference", metavar="DIR", type=Path, default=REFERENCE, help=ERRORS)
+    p.option("--limit", type=option_type(POSITIVE), default=60.0, help=LIMIT)
+    p.option("--sizes", action="store_true", help=SIZES)
     p.add_argument("--configuration", help=argparse.SUPPRESS)  # one run, in a process of its own
     return p
 
@@ -47,10 +47,9 @@ def rows_of(study, runs):
     command += ["--material", args.material, "--model", args.model]
     command += [word for coupling in args.without for word in ("--without", coupling)]
     for c in tqdm(runs, disable=None, leave=False):
-        row = study.once(str(asdict(c)), lambda c=c: run_apart(c, command, args.limit))
+        yield (row := study.once(str(asdict(c)), lambda c=c: run_apart(c, command, args.limit)))
         if row["reason"]:
             tqdm.write(f"{c}: {row['reason']}", file=sys.stderr)
-        yield row
 
 
 def sizes(study):
@@ -69,8 +68,7 @@ def main(study):
         c = Configuration(**json.loads(args.configuration))
         return study.say(json.dumps(cost(comm, fabric, c, args.reference)))
     if comm.size > 1:
-        ranks = f"the study was started on {comm.size} ranks"
-        raise InputError(f"{ranks}; allowed is 1, it starts its runs itself")
+        raise InputError(f"{comm.size} ranks are given; allowed is 1, which starts all runs itself")
     if args.sizes:
         return sizes(study)
     names = args.scenes or list(STRIPS)[: 2 if args.quick else None]

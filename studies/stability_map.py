@@ -15,7 +15,8 @@ AGREEMENT = 1e-9  # of the kernel's stresses with the closed form, or of s1 wher
 
 def options():
     p = parser(Scenario, __doc__, "stability_map")
-    p.add_argument_group("map").add_argument(
+    p.group("map")
+    p.option(
         "--points",
         type=int,
         choices=range(11, 2001),

@@ -65,8 +65,8 @@ def run_here(patch, script):
 
     class Noted(study.Study):
         def __init__(self, *args):
-            made.append(self)
             super().__init__(*args)
+            made.append(self)
 
     def unexpected():
         raise
@@ -86,8 +86,7 @@ def run_here(patch, script):
         status = end.code or 0
     finally:
         for each in made:
-            if hasattr(each, "_lock"):  # otherwise it was refused before
-                each.close()
+            each.close()
         for each, handler in signals.items():
             signal.signal(each, handler)
         if world().size == 1:  # PETSc's objects are in circles; ranks would free them out of order

@@ -112,3 +112,19 @@ def test_what_ended_early_without_a_folder_has_its_grid():
     assert result.folder is None
     if COMM.rank == 0:
         assert result.grid.n_cells == result.summary["cells"]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "surface", [ff.Sphere(30, (100, 25, -28)), ff.Plane((0, 0, 31), (0, 0, 1))]
+)
+def test_a_tool_that_the_sheet_is_in_is_told_before_anything_runs(folder, surface):
+    """Too deep, and on the wrong side of a table."""
+    ply = ff.Blank.rectangle(200, 50, nx=20, spatial=True)
+    ball = ff.Tool(surface, name="ball")
+    terms = [ff.Membrane(ff.load("komeili")), ff.Contact(ball)]
+    scene = ff.Scene(ply, terms, supports=ff.clamped_ends())
+    with pytest.raises(ff.InputError, match="ball is .* mm deep in the sheet's face at"):
+        ff.Job(scene).run(folder)
+    COMM.barrier()
+    assert not folder.exists()

@@ -107,3 +107,6 @@ def test_what_a_scene_cannot_be_made_of_is_named():
         InputError, match="'grip' is not of this scene; allowed are fixed grip, moving grip"
     ):
         scene.reaction("grip")
+    normal = [Support("rest", lambda x: x[0] < 1, (2,))]
+    with pytest.raises(InputError, match=r"rest holds the components \(2,\) of .*`spatial=True`"):
+        Scene(blank, [Membrane(load("komeili"))], normal)

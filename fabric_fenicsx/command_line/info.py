@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 PATIENCE = 60  # seconds to draw
 LONG = 300  # characters of a reason
-DRAWING = f"from {__name__} import _draw; _draw()"  # in a process of its own
+DRAWING = f"from {__name__} import draw_triangle; draw_triangle()"  # in a process of its own
 
 
 class Broken(Exception):
@@ -216,10 +216,11 @@ def _blas(comm: "MPI.Comm | None") -> str:
     found = sorted(file for file in files if ".libs/" not in file)
     if not found:
         raise Broken("no shared BLAS is loaded with PETSc")
-    return _named(found)
+    return describe_blas(found)
 
 
-def _named(files: list[str]) -> str:
+def describe_blas(files: list[str]) -> str:
+    """Which BLAS these shared libraries are, and what would be faster."""
     names = ", ".join(files)
     if any("openblas" in file for file in files):
         return f"OpenBLAS ({names})"
@@ -290,7 +291,7 @@ def _pyvista(comm: "MPI.Comm | None") -> str:
     return ""
 
 
-def _draw() -> None:
+def draw_triangle() -> None:
     """Draw a red triangle on white as the package's pictures are drawn; an exception if none is
     seen."""
     import numpy as np

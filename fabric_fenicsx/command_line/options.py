@@ -1,6 +1,7 @@
 """Options, and how a program ends: what scripts share that need no DOLFINx."""
 
 import argparse
+import re
 import shlex
 import sys
 from collections.abc import Callable
@@ -27,6 +28,11 @@ def restart_command(ranks: int = 1) -> str:
     return (f"mpirun -n {ranks} " if ranks > 1 else "") + shlex.join(words)
 
 
+def spelled(name: str) -> str:
+    """How an option of this name is spelled."""
+    return "--" + name.replace("_", "-")
+
+
 def option_type(rule: Rule) -> Callable[[str], Any]:
     """An argparse type of the numbers that `rule` allows."""
 
@@ -45,9 +51,13 @@ class Parser(argparse.ArgumentParser):
     `free`: names of the options that a resumed run may change; all others define the problem.
     """
 
+    # what messages say of a parameter: `name`, `name=value` or, of what is believed, `Limits.name`
+    PARAMETER = re.compile(r'`(Limits\.)?(\w+)(?:=(\w+|"[^"`]*"))?`')
+
     def __init__(self, **settings: Any) -> None:
         super().__init__(**{"allow_abbrev": False} | settings)
         self.free: set[str] = set()
+        self._names: set[str] = set()
         self._groups: dict[str, Any] = {}
         self._group: Any = self
 
@@ -60,8 +70,22 @@ class Parser(argparse.ArgumentParser):
     def option(self, *names: str, free: bool = False, **settings: Any) -> None:
         """Add an option, as argparse's add_argument; free: a resumed run may change it."""
         action = self._group.add_argument(*names, **settings)
+        self._names.add(action.dest)
         if free:
             self.free.add(action.dest)
+
+    def translated(self, text: str) -> str:
+        """A message of the library with its parameters, `resume=True`, as options, --resume; other
+        words in backquotes stay."""
+
+        def option(match: re.Match[str]) -> str:
+            name = ("max_" if match[1] else "") + match[2]
+            if name not in self._names:
+                return match[0]
+            value = (match[3] or "True").strip('"')
+            return spelled(name) if value == "True" else f"{spelled(name)} {value}"
+
+        return self.PARAMETER.sub(option, text)
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with argparse's message."""

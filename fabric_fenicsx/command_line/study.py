@@ -24,7 +24,7 @@ from ..scenarios.scenario import Scenario
 from ..solve.limits import Limits
 from ..solve.linear import LINEAR_SOLVERS
 from .console import Console
-from .options import HelpFormatter, Parser, exit_status, option_type, restart_command
+from .options import HelpFormatter, Parser, exit_status, option_type, restart_command, spelled
 
 log = logging.getLogger("fabric_fenicsx")
 UP_TO_ONE = Rule("a load factor above 0 and up to 1", lambda v: 0 < v <= 1)
@@ -171,11 +171,6 @@ def add_scenario(p: Parser, scenario: type[Scenario]) -> None:
         p.option(spelled(each.name), **how)
 
 
-def spelled(name: str) -> str:
-    """How an option of this name is spelled."""
-    return "--" + name.replace("_", "-")
-
-
 class Study(Output):
     """A study under way: parsed options `args`, `fabric`, `comm`, and its output.
 
@@ -203,7 +198,7 @@ class Study(Output):
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(
             *args.without
         )
-        self._free = options.free
+        self._options = options
         log.handlers.clear()
         log.setLevel(logging.DEBUG)
         log.propagate = False
@@ -220,11 +215,15 @@ class Study(Output):
         for doubt in fabric.plausibility_warnings():
             self.warn(doubt)
 
+    def warn(self, text: str) -> None:
+        """As `Output.warn`, with parameters as options."""
+        super().warn(self._options.translated(text))
+
     def scenario(self, kind: type[Scenario], fabric: Any = None) -> Any:
         """The scenario of this kind of the options, of their fabric or another."""
         args, fields = self.args, [f.name for f in dataclasses.fields(kind) if "help" in f.metadata]
         given = {name: getattr(args, name) for name in fields if hasattr(args, name)}
-        made = kind(fabric or self.fabric, **given, comm=self.comm, spelled=spelled)
+        made = kind(fabric or self.fabric, **given, comm=self.comm)
         for name in ("nx", "ny", "pattern", "element", "integration", *kind.SIZES):
             setattr(args, name, getattr(made, name))  # as an own mesh's length
         for doubt in made.warnings:
@@ -255,7 +254,9 @@ class Study(Output):
         return super().once(key, make, problem or self.problem(self.fabric))
 
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
-        """As `Output.summarise`, with command, options and fabric."""
+        """As `Output.summarise`, with command, options and fabric, parameters as options."""
+        if "reason" in facts:
+            facts["reason"] = self._options.translated(facts["reason"])
         self.facts = {
             "command": self.command,
             "options": _in_words(vars(self.args)),
@@ -266,7 +267,7 @@ class Study(Output):
     def problem(self, fabric: Any) -> Mapping[str, Any]:
         """What a checkpoint must have been made with to be gone on from: all options but the free
         ones, and the fabric."""
-        defining = {k: v for k, v in vars(self.args).items() if k not in self._free}
+        defining = {k: v for k, v in vars(self.args).items() if k not in self._options.free}
         return {"study": self.name} | _in_words(defining) | {"material": fabric.dumps()}
 
     def membrane(self, fabric: Law | None = None) -> Membrane:
@@ -301,6 +302,7 @@ def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
         return
     except (InputError, SolverFailure, Interrupted) as error:
         status, text = exit_status(error)
+        text = options.translated(text)
         if study and status == 3:
             study.report(description, text)
     except OSError as error:

@@ -36,8 +36,8 @@ def derivatives(
 ) -> tuple[list[Expr], list[list[Expr]]]:
     """First, [3], and second, [3][3], derivatives of `energy_density` in (I4, I6, I8), in UFL.
 
-    Those of the energy in the strains are UFL's; the chain rule to the invariants is written out,
-    as the compiled kernel then has a third of the operations that UFL's own makes.
+    UFL derives the energy in the strains. The chain rule from these to the invariants is written
+    out: the compiled kernel then has a third of the operations.
     """
     q = [variable(strain) for strain in _strains(I4, I6, I8, cos_angle)]
     W = _energy(q, law)
@@ -79,7 +79,7 @@ class _Quick(MultiFunction):
     expr = MultiFunction.reuse_if_untouched
 
     def variable(self, o, *operands):
-        """Strains stay as they are, as W is differentiated in them."""
+        """Strains stay as they are: W is derived in them."""
         return o
 
     def power(self, o, base, exponent):
@@ -99,7 +99,7 @@ class _Quick(MultiFunction):
         return rest * ufl.exp(sum(powers[1:], powers[0]))
 
     def abs(self, o, x):
-        """Of a strain that W is differentiated in: a factor, as its derivative else is a call."""
+        """Of a strain in which W is derived: a sign times it, as C would call a function."""
         if not isinstance(x, Variable):
             return self.reuse_if_untouched(o, x)
         return conditional(lt(x, 0), -1.0, 1.0) * x

@@ -36,9 +36,9 @@ def lateral_strain(
     """Strain (n,) across a tension of `strain` (n,) along yarn a (0) or b (1), where the stress
     across is zero.
 
-    The stress across is convex and rises with the strain across, so Newton from any start comes
-    down on the root monotonically after one step. Fabrics that would contract by more than 99 %, or
-    grow, count as at that bound. Raises SolverFailure if no root is found.
+    The stress across is convex and rises with the strain across. So Newton's method converges from
+    any start, after its first step from one side. The strain is sought from -99 % to 0 and is that
+    bound if the root lies beyond. Raises SolverFailure if no root is found.
     """
     across = 1 - along
     e = np.zeros((len(strain), 3))

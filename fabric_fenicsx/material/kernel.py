@@ -8,7 +8,7 @@ Against Abaqus' VUMAT interface:
 | `stretchNew` | `stretch`, U in the plane of the membrane, (n, 2, 2) |
 | `defgradNew` | `gradient`, F, (n, 2, 2), or (n, 3, 2) from tangent plane to space |
 | `props` | `fabric`, a `Law` |
-| `stressNew` | `State.cauchy`, corotational if U or C came in, in space if F came in [MPa] |
+| `stressNew` | `State.cauchy` [MPa]: corotational if U or C was given, in space if F was |
 | `enerInternNew` | `State.energy` / density; `State.energy` is per undeformed volume [N mm/mm3] |
 | `stateNew` | `State.invariants`, `State.energy_parts`, `State.strain_state` |
 | `charLength` etc. | not needed: the law is elastic and has no rate |
@@ -27,8 +27,8 @@ from .strains import check_weave_angle, nominal_strain, shear_angle
 
 
 class State(NamedTuple):
-    """Result of `evaluate` at n points; tensors refer to the orthonormal basis in which C, U or F
-    came.
+    """Result of `evaluate` at n points; tensors are in the orthonormal basis in which C, U or F
+    was given.
 
     - invariants (n, 4): I4, I6, I8 [-] and I10 = gamma [rad], signed; eqs (5)-(8)
     - energy (n,): W_tot [MPa]; energy_parts (n, 3): along a, along b, shear with its couplings

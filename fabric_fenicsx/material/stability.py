@@ -9,8 +9,8 @@ m lies in the plane here; for m out of the plane Q is N·S N, so that a membrane
 wrinkling where its smallest principal S is not negative.
 
 Neither implies the other. The shear stiffness is so small that a few hundredths of a MPa of
-compression along a yarn already end ellipticity (yarns kink as they buckle); a Hessian that is
-indefinite need not, as no band strains both yarns freely.
+compression along a yarn already end ellipticity (yarns kink as they buckle). An indefinite Hessian
+need not end it, as no band strains both yarns freely.
 """
 
 from collections.abc import Callable
@@ -70,12 +70,10 @@ def convexity(
 
 
 def evaluate(fabric: Law, invariants: ArrayLike) -> Stability:
-    """Stability at states given by their invariants (..., 4) as in `kernel.State`, which also tell
-    the initial angle of the yarns (or the weave's, if shear counts from that; signs do not depend
-    on it).
+    """Stability at states given by their invariants (..., 4) as in `kernel.State`.
 
-    Nothing else of a state is needed, as W has no other argument. A state that is not finite gives
-    nan.
+    W has no other arguments, and the invariants also tell the initial angle of the yarns, or the
+    weave's if shear counts from that (no sign depends on it). A state that is not finite gives nan.
     """
     given = np.asarray(invariants, float)
     W, Q, out_of_plane = _second(fabric, given.reshape(-1, 4))
@@ -188,12 +186,11 @@ def smallest_eigenvalue(Q: np.ndarray, only_least: bool = False) -> tuple[np.nda
     coefficients (3, 3, n).
 
     No scan: wells near N across a stiff yarn are a fraction of a degree wide. det(Q - l) for a
-    given l is a quadratic function of x = (cos, sin) of 2 theta, whose least value on the unit
-    circle is global in one secular equation (More and Sorensen 1983, SIAM J. Sci. Stat. Comput. 4,
-    553-572). Where it is negative at x, the smaller eigenvalue at x is the next l; l falls, faster
-    than linearly, until no direction is left whose eigenvalue is below it. only_least: only the
-    least of all n is wanted; all start from the value of a likely point, or below, and most end
-    there.
+    given l is a quadratic function of x = (cos, sin) of 2 theta. One secular equation gives its
+    global minimum on the unit circle (More and Sorensen 1983, SIAM J. Sci. Stat. Comput. 4,
+    553-572). If that is negative, the smaller eigenvalue at its x is the next l. So l falls, faster
+    than linearly, until no direction has an eigenvalue below it. only_least: only the least of all
+    n is wanted; all start from the value of a likely point, or below, and most end there.
     """
     n = Q.shape[2]
     (t0, t1, t2), (h0, h1, h2), (o0, o1, o2) = Q

@@ -22,25 +22,28 @@ def plate_stiffness(modulus: float, thickness: float) -> float:
 class Bending(Term):
     """Energy 1/2 D_a |x,aa|^2 + 1/2 D_b |x,bb|^2 + 1/2 D_t |x,ab|^2 over the undeformed sheet.
 
-    x,aa is the second derivative of the deformed position along yarn a, x,ab the twist; of them
-    counts what is normal to the deformed cell and, times `in_plane`, what is tangent to it.
-    Curvature of the undeformed sheet is free. The operator is that of `morley.MorleyCells`.
+    x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
+    normal to the deformed cell count in full, their parts tangent to it times `in_plane`. Curvature
+    of the undeformed sheet takes no energy. The operator is that of `morley.MorleyCells`.
 
     - D_a, D_b, D_t: stiffness [N mm], D_b by default D_a. An isotropic plate without lateral
-      contraction has D_t = 2 D_a; D_t = 0 leaves pure twist, a saddle along the yarns' diagonals,
-      to the membrane.
+      contraction has D_t = 2 D_a. With D_t = 0 only the membrane resists pure twist, which is a
+      saddle along the yarns' diagonals.
     - modulus, twist_modulus: instead of these E of both yarns and G [MPa], for D_a = D_b =
       E t^3 / 12 and D_t = G t^3 / 3, with the thickness t of the scene's fabric
-    - in_plane: from 0, of D_a, D_b and D_t; all there is in a plane blank. It gives shear bands a
-      width of about sqrt(in_plane D / membrane stiffness in shear).
-    - symmetric: functions of points (3, n) [mm] to a mask (n,), one for each plane of symmetry,
-      that mark the blank's edge there, which supports must hold in its plane; clamped: the same
-      for edges whose tangent plane is held. All other edges are free of moment.
+    - in_plane: factor from 0 on D_a, D_b and D_t for bending within the sheet, the only bending of
+      a plane blank. It gives shear bands a width of about sqrt(in_plane D / membrane stiffness in
+      shear).
+    - symmetric: functions of points (3, n) [mm] to a mask (n,), one for each plane of symmetry.
+      Each marks the blank's edge in its plane, where supports must hold it. clamped: the same for
+      edges whose tangent plane is held. All other edges are free of moment.
 
-    Normals are those of the last accepted state, so within a step the energy is quadratic; what
-    turning normals add to its derivative is held at that state too, where the forces are therefore
-    exact. Raises InputError, on all ranks, for a blank other than of linear triangles, negative
-    stiffnesses, a modulus beside D_a or without a fabric, or edges not found.
+    Normals are lagged, so within a step the energy is quadratic. What turning normals add to its
+    derivative is lagged, too, so the forces are exact at each accepted state.
+
+    Raises InputError, on all ranks, for a blank other than of linear triangles, negative
+    stiffnesses, a modulus beside D_a or without a fabric, a plane blank without `in_plane`, or
+    edges not found.
     """
 
     name = energy_kind = "bending"
@@ -85,6 +88,11 @@ class Bending(Term):
         if not (compat.is_affine(blank.mesh) and blank.degree == 1):
             raise InputError(
                 f"bending of {blank.name} is asked on other than linear triangles; allowed is P1"
+            )
+        if blank.mesh.geometry.dim == 2 and not self.in_plane:
+            raise InputError(
+                f"bending of {blank.name} is asked in a plane with in_plane 0, where nothing "
+                "bends; allowed is a blank made with `spatial=True`, or in_plane above 0"
             )
         if "modulus" in given:
             if fabric is None:
@@ -184,7 +192,7 @@ class Bending(Term):
         return np.stack([a, np.cross(normal, a), normal], 1)
 
     def _moments(self, bent):
-        """What is conjugate to the curvatures by which cells are `bent`,
+        """Moments, conjugate to the curvatures by which cells are `bent`,
         (cells, 3, gdim) [N mm mm]."""
         moments = self.in_plane * bent
         if self._normal is not None:

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from ..errors import InputError
 from ..material.laws import Law
-from ..tools import Tool
+from ..tools import Tool, check_start
 from .nodes import Nodes, PressingTerm, TangentialForces
 from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, default_penalty
 from .term import SceneFacts, Triplets
@@ -107,6 +107,12 @@ class Contact(PressingTerm):
         return value
 
     # -- what a scene calls
+
+    def check_start(self) -> None:
+        """As in `Term`: for a tool whose body the sheet's nodes are in."""
+        self.tool.at(0.0)
+        x = (self.nodes.places + self.nodes.displacement())[self.part.nodes]
+        check_start(self.tool, x, float(np.max(self.thickness)), self.nodes.comm)
 
     def at(self, load: float) -> None:
         """Move the tool, from where it was in the last accepted state, and drop shifts since."""

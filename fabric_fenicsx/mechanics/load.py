@@ -20,8 +20,10 @@ def _direction(name: str, direction: ArrayLike, gdim: int) -> np.ndarray:
     """`direction` (gdim,) at length 1; InputError if it has none."""
     given = np.asarray(direction, float)
     if given.shape != (gdim,) or not (np.isfinite(given).all() and given.any()):
+        plane = ", or 3 on a blank made with `spatial=True`" if given.shape == (3,) else ""
         raise InputError(
-            f"direction of {name} is {given.tolist()}; allowed are {gdim} finite numbers, not all 0"
+            f"direction of {name} is {given.tolist()}; allowed are {gdim} finite numbers, not all "
+            f"0{plane if gdim == 2 else ''}"
         )
     return given / np.linalg.norm(given)
 

@@ -50,18 +50,18 @@ class Membrane(Term):
     compiled form. quadrature_degree: by default that of `QUADRATURE_DEGREE`.
 
     integration: `reduced`, on plane quadratic triangles with straight sides, takes the law at the
-    centre of each: two yarns that hardly stretch then are two constraints on a cell's four degrees
+    centre of each. Two yarns that hardly stretch are then two constraints on a cell's four degrees
     of freedom, so cells that do not follow the yarns do not lock (reduced integration as projected
     strains: Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978; locking of fibres:
-    ten Thije and Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). What
-    the centre does not see, gradients of strains and shear angle, is held by `GRADIENTS` of the
-    yarns' stiffness and by the shear stiffness at rest (as Liu, Ong and Uras, Comput. Methods Appl.
-    Mech. Eng. 53, 1985, hold hourglasses), so that no mode of a cell is free. Points and states
-    then are those at the centres.
+    ten Thije and Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). The
+    centre does not see gradients of strains and shear angle. So that no mode of a cell is free,
+    these are resisted by `GRADIENTS` of the yarns' stiffness and by the shear stiffness at rest (as
+    Liu, Ong and Uras, Comput. Methods Appl. Mech. Eng. 53, 1985, hold hourglasses). Points and
+    states are then those at the centres.
 
     weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
-    angle counts; by default the initial one of the blank, as in eq. (8). With another the blank is
-    not free of stress as it lies.
+    angle counts. The default is the initial angle of the blank, as in eq. (8). With any other the
+    blank has stress as it lies.
 
     Raises InputError for a weave_angle that is not above 0 and below pi, and in a scene for an
     element that is not listed in `QUADRATURE_DEGREE`, or that `reduced` is not for.

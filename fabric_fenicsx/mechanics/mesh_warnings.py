@@ -31,11 +31,10 @@ TURN = 90.0
 
 
 def size_warning(blank: Blank, thickness: float, source: str) -> str:
-    """Whether the sheet's size may be in another unit than mm, in words, "" if it may not;
-    thickness: of the fabric [mm].
+    """A sentence if the sheet's size may be in another unit than mm, else ""; thickness: of the
+    fabric [mm].
 
-    Raises InputError for a sheet smaller than its thickness: no membrane is, so this can only be
-    metres.
+    Raises InputError for a sheet smaller than its thickness, which must be in metres.
     """
     low, high = blank.extent()
     sides = " x ".join(f"{side:.4g}" for side in high - low)
@@ -58,12 +57,12 @@ def size_warning(blank: Blank, thickness: float, source: str) -> str:
 
 
 def locking_warning(membrane: "Membrane") -> str:
-    """Whether linear cells lock in the present state, in words, "" if they don't.
+    """A sentence if linear cells lock in the present state, else "".
 
-    Yarns hardly stretch, so cells that no edges along both yarns reach can only shear together with
-    cells that stretch yarns, here one way, there the other. What energy that takes tells locking:
-    from the law with the strains as they are, less that with the strains smoothed over neighbouring
-    cells, at the same shear angles.
+    Yarns hardly stretch. Cells without edges along both yarns can still only shear if they stretch
+    yarns, and neighbours do so in opposite directions. The energy of this is the measure of
+    locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
+    the same shear angles.
     """
     blank = membrane.blank
     off = share_off_the_yarns(membrane.part) if blank.degree == 1 else 0.0
@@ -71,11 +70,11 @@ def locking_warning(membrane: "Membrane") -> str:
     if taken <= LOCKED:
         return ""
     cure = (
-        "take P2 with --integration reduced, P3, or a mesh with edges along "
-        "the yarns (--pattern yarns)"
+        'take P2 with `integration="reduced"`, P3, or a mesh with edges along '
+        'the yarns (`pattern="yarns"`)'
         if blank.mesh.geometry.dim == 2
         else (
-            "take yarns at 0, 45 or 90 deg with --pattern crossed, an own mesh with edges "
+            'take yarns at 0, 45 or 90 deg with `pattern="crossed"`, an own mesh with edges '
             "along the yarns, or finer cells"
         )
     )
@@ -160,8 +159,8 @@ def _round(blank):
 
 
 def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
-    """Whether cells are too large to bend around the tools' least radius, in words, "" if they
-    aren't; for linear displacements."""
+    """A sentence if cells are too large to bend around the tools' least radius, else ""; for linear
+    displacements."""
     radii = {tool.name: min(tool.surface.radii) for tool in tools}
     least = min(radii.values(), default=math.inf)
     corners = _round(blank)

@@ -2,13 +2,14 @@
 
 Cells are Morley's plate triangles (Morley 1968): their curvature is constant, and follows from the
 positions of the nodes and the slopes across the middles of the edges. The slopes are no unknowns
-here but are read off the quadratics through a cell's six nearest nodes, those of the cell and of
-its neighbours (Phaal & Calladine 1992), averaged over the two cells at the edge. With these
-quadratics' own curvature instead, or with slopes averaged over plane cells (Oñate & Zárate's BST
-2000), `crossed` meshes converge to a plate up to a third too soft or a quarter too stiff: the first
-is exact on quadratic deflections but out of balance under constant moments, the second the reverse.
-This passes both tests, and only linear states are free of energy, as slopes are common to
-neighbours and Morley's triangle has no others.
+here. A quadratic goes through a cell's six nearest nodes, those of the cell and of its neighbours
+(Phaal & Calladine 1992); the slope at an edge is the mean of those of its two cells' quadratics.
+
+Two simpler choices do not converge to the right plate on `crossed` meshes. The quadratics' own
+curvature makes it up to a third too soft: it is exact on quadratic deflections, but out of balance
+under constant moments. Slopes averaged over plane cells (Oñate & Zárate's BST 2000) make it up to a
+quarter too stiff, with the reverse fault. The one taken passes both tests. Only linear states are
+free of energy, as slopes are common to neighbours and Morley's triangle has no other such states.
 """
 
 from collections.abc import Callable, Sequence
@@ -34,11 +35,11 @@ NO_WORK = 1e-12
 class MorleyCells:
     """This rank's owned cells, and the 12 nodes that each one's curvature is read off.
 
-    nodes: their global numbers (cells, 12), first the cell's own, then those opposite across its
-    edges, then for each edge the two that the cell beyond has besides. codes: which of the matrices
-    `mirrors` (k, gdim, gdim) takes each node's displacement to that of the image which stands for
-    it, 0 for itself. Edge e is opposite corner e. area (cells,) [mm^2], corners (cells, 3, gdim)
-    and along_a (cells, 3), by which corners add up to yarn a's direction: of the undeformed cells.
+    nodes: their global numbers (cells, 12): first the cell's own, then those opposite across its
+    edges, then for each edge the two others of the cell beyond. codes: number of the matrix in
+    `mirrors` (k, gdim, gdim) that takes a node's displacement to its image's; 0 where no image is
+    needed. Edge e is opposite corner e. Of the undeformed cells: area (cells,) [mm^2], corners
+    (cells, 3, gdim), and along_a (cells, 3), weights with which corners sum to yarn a's direction.
 
     symmetric, clamped: as in `Bending`. Raises InputError, on all ranks, for edges not found, for
     symmetric ones in several planes, and for meshes that are no manifold.
@@ -207,8 +208,8 @@ class MorleyCells:
 
     def curvature(self, stiffnesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Operator (cells, 3, 12) from the 12 nodes' displacements to x,aa, x,bb, x,ab, and these
-        of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm]; free edges take
-        the slopes of least energy, so that no moment is on them."""
+        of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm]. Free edges take
+        the slopes of least energy, and so bear no moment."""
         count, six, dim = self.count, self.six, self.corners.shape[2]
         # slopes must not depend on a D_t near 0
         plate = np.broadcast_to(np.diag([1, 1, np.sqrt(2)]), (count, 3, 3))

@@ -27,10 +27,10 @@ class Nodes:
 
     def __init__(self, blank: Blank, part: Part | None = None) -> None:
         mesh, asked = blank.mesh, f"contact of {blank.name} is asked"
-        if mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
-            raise InputError(
-                f"{asked} in a plane or along turned axes; allowed is a sheet in space"
-            )
+        if mesh.geometry.dim != 3:
+            raise InputError(f"{asked} in a plane; allowed is a blank made with `spatial=True`")
+        if not np.array_equal(blank.frame, np.eye(3)):
+            raise InputError(f"{asked} along turned axes; allowed are x, y and z")
         self.blank, self.comm = blank, mesh.comm
         self.count = blank.V.dofmap.index_map.size_local
         self.places = blank.coordinates()[: self.count]

@@ -15,11 +15,11 @@ from .term import SceneFacts
 class BlankHolderPressure(PressingTerm):
     """Dead `pressure` [MPa] along `direction` (3,) on the parts of the sheet under a holder.
 
-    under: function of positions (n, 3) [mm] to the share of the nodes' areas, 0 to 1, asked at
-    accepted states and, if more than `lag` of the sum would change, for the present ones; lag
-    None: only at accepted ones.
-    pressure: a number, there from the start, or a function of the load factor. What takes the
-    pressure is a `Contact`.
+    pressure: a number, there from the start, or a function of the load factor. A `Contact` bears
+    it on the other side of the sheet.
+    under: function of positions (n, 3) [mm] to the share of each node's area, 0 to 1, that is under
+    the holder. The areas are lagged, but updated if more than `lag` of their sum has changed; lag
+    None: never within a step.
     tool: moves with the holder along a path, for its friction; by default one at rest. Raises
     InputError for a direction or pressure that is not finite or below 0, and as `Nodes` does.
     """

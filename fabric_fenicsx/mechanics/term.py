@@ -101,11 +101,18 @@ class Term:
         self._scene, self.blank = weakref.ref(scene), scene.blank
         self.part = scene.blank.part(self.part_name)
         self.set_up(scene)
-        forces = type(self).add_forces is not Term.add_forces
+        own = type(self)
+        forces = own.add_forces is not Term.add_forces
         if self.energy is None and not forces:
             raise InputError(
                 f"term {self.name} has neither an energy nor forces; allowed is `self.energy` in "
                 "`set_up`, or `add_forces`"
+            )
+        stores = self.energy is not None and own.work is Term.work  # otherwise a load
+        if self.energy_kind is None and (stores or own.stored is not Term.stored):
+            raise InputError(
+                f"term {self.name} stores an energy that has no name; allowed is an `energy_kind`, "
+                "its column in history.csv, or `work`, and `potential` for `stored`, of a load"
             )
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -147,6 +154,10 @@ class Term:
         return EMPTY
 
     # -- load steps
+
+    def check_start(self) -> None:
+        """Raise InputError, on all ranks, if at load 0 the sheet or a tool is where no run can
+        begin."""
 
     def at(self, load: float) -> None:
         """Set the load factor, and go back to the last accepted state in all else."""

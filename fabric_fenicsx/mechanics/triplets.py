@@ -1,12 +1,12 @@
-"""A PETSc matrix that is filled by triplets again and again."""
+"""A PETSc matrix that is filled from triplets many times."""
 
 import numpy as np
 from petsc4py import PETSc
 
 
 class TripletMatrix:
-    """`matrix`, of the sizes of A: the sum of values at global `rows` and `cols` (k,), which ranks
-    may add to each other's rows."""
+    """`matrix`, of the sizes of A: values summed at global `rows` and `cols` (k,). The rows may be
+    those of other ranks."""
 
     def __init__(self, A: PETSc.Mat, rows: np.ndarray, cols: np.ndarray) -> None:
         size, (low, high) = A.size[0], A.getOwnershipRange()
@@ -24,7 +24,7 @@ class TripletMatrix:
         self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
 
     def fill(self, values: np.ndarray) -> None:
-        """Take `values` (k,) for those that the triplets had before."""
+        """Replace the triplets' values by `values` (k,)."""
         rows, starts, cols = self._csr
         summed = np.bincount(self._entry, values, len(cols))
         self.matrix.zeroEntries()

@@ -9,10 +9,10 @@ GROWTH = 10  # of the bend from one step to the next, beyond which it is a kink
 class Work:
     """Work of forces (n,) [N] whose points move: of a tool, or of the supports.
 
-    Between two accepted states forces and places are parabolas in the load, so that work over few
-    steps, in which forces grow as a power of the load or turn with what they move, is as exact as
-    energies are. A parabola goes through the last three states; it is bent at most `GROWTH` times
-    as much as the one before it, so that a kink, as where friction begins to slip, stays one.
+    Between two accepted states forces and places are parabolas in the load. So work over few steps
+    is as exact as energies are, also where forces grow as a power of the load or turn with the
+    tool. A parabola goes through the last three states. It is bent at most `GROWTH` times as much
+    as the one before it: so a kink, as where friction begins to slip, stays a kink.
     """
 
     def __init__(self) -> None:
@@ -35,8 +35,8 @@ class Work:
         return float(work)
 
     def memory(self) -> np.ndarray:
-        """Load, force and place of the states that it remembers, (3, 2 + 2 n); a 0 before those
-        that it lacks."""
+        """Load, force and place of up to three states, (3, 2 + 2 n); the first column is 0 where
+        there is none yet."""
         rows = np.zeros((STATES, 2 + (self._states[0][1].size if self._states else 0)))
         for row, (load, state) in zip(rows, self._states):
             row[:] = 1.0, load, *state.ravel()

@@ -111,23 +111,23 @@ class Output:
         """Make the folder and hold it; what is wrong with it, in words."""
         out = self.path
         used = (
-            f"--out {out} is in use by another run; allowed is another folder, or this one when "
+            f"`out` {out} is in use by another run; allowed is another folder, or this one when "
             "that run has ended"
         )
         old = [] if self._lock else self._results()
         known = {"checkpoint.npz", "done.json"} & {file.name for file in old}
         if not self._lock and self.resume and not known:
             return (
-                f"--resume finds no checkpoint in {path}; allowed is the --out of a run that was "
-                "begun"
+                f"`resume=True` finds no checkpoint in {path}; allowed is the `out` of a run that "
+                "was begun"
             )
         try:
             if old and not (self.resume or self.overwrite):
                 if (out / LOCK_FILE).exists() and not lock_folder(out):
                     return used
                 return (
-                    f"--out {out} holds results ({old[0].relative_to(out)}); allowed is another "
-                    "folder, --resume to go on with them, --overwrite to lose them"
+                    f"`out` {out} holds results ({old[0].relative_to(out)}); allowed is another "
+                    "folder, `resume=True` to go on with them, `overwrite=True` to lose them"
                 )
             path.mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryFile(dir=path):
@@ -145,7 +145,7 @@ class Output:
                 log.addHandler(self._log)
         except OSError as e:
             return (
-                f"--out {path} can't be written to ({e.strerror}); allowed is a folder that is "
+                f"`out` {path} can't be written to ({e.strerror}); allowed is a folder that is "
                 "there or can be made"
             )
         return None

@@ -42,7 +42,7 @@ def cells_range(values: np.ndarray) -> str:
     return f"cells: {low:.4g} to {high:.4g}"
 
 
-def _polygons(grid):
+def cell_polygons(grid: pyvista.UnstructuredGrid) -> np.ndarray:
     """Deformed corner polygons (cells, k, 2) of a plane sheet."""
     # not cells_dict: before PyVista 0.45 it gives higher-order cells the nodes of linear ones
     kind, cells = grid.celltypes[0], grid.cells.reshape(grid.n_cells, -1)[:, 1:]
@@ -63,7 +63,7 @@ def maps(
     """
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
-    polygons = {title: _polygons(grid) for title, grid in variants.items()}
+    polygons = {title: cell_polygons(grid) for title, grid in variants.items()}
     length, width = max((np.ptp(p.reshape(-1, 2), axis=0) for p in polygons.values()), key=max)
     height = max(1.9, 0.72 * 7.0 * columns**-0.3 * width / length + (0.45 if one else 0.7))
     figure, axes = plt.subplots(

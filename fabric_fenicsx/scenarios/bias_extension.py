@@ -91,8 +91,8 @@ class BiasExtension(Scenario):
         self.element = self.element or ("P1" if self.in_plane_bending else "P2")
         if self.in_plane_bending and self.element != "P1":
             raise InputError(
-                f"{self.spelled('in_plane_bending')} {self.in_plane_bending:g} is given with "
-                f"{self.spelled('element')} {self.element}; allowed is P1, for which bending is"
+                f"`in_plane_bending` {self.in_plane_bending:g} is given with "
+                f"`element` {self.element}; allowed is P1, for which bending is"
             )
         if self.pattern is None and not self.mesh:  # thin cells would fold in deep shear
             graded = self.strain <= GRADED and can_be_graded(self.length, self.width)
@@ -106,7 +106,7 @@ class BiasExtension(Scenario):
         found = [c for c in curves.read(self.measured)[1] if c.responses[0].column == "F_sh"]
         if not found:
             raise InputError(
-                f"{self.spelled('measured')} {self.measured} has no test with a column F_sh; "
+                f"`measured` {self.measured} has no test with a column F_sh; "
                 "allowed is one with gamma and F_sh"
             )
         return found[0]
@@ -123,10 +123,10 @@ class BiasExtension(Scenario):
         self.at_45 = at_45 and not self.no_theory
         if self._measured and not self.at_45:
             raise InputError(
-                f"{self.spelled('measured')} {self.measured} has a normalised shear force, which "
+                f"`measured` {self.measured} has a normalised shear force, which "
                 "is known of a whole rectangle with yarns at +-45 deg; allowed is "
-                f"{self.spelled('fibre_angle')} 45 with neither {self.spelled('yarn_angle')} nor "
-                f"{self.spelled('weave_angle')} nor a hole in {self.spelled('mesh')}"
+                f"`fibre_angle` 45 with neither `yarn_angle` nor "
+                f"`weave_angle` nor a hole in `mesh`"
             )
 
     def terms(self) -> Sequence[Bending]:

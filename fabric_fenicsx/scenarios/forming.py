@@ -3,7 +3,6 @@ Schäfer et al., for a single ply)."""
 
 import dataclasses
 import itertools
-import logging
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from scipy.optimize import brentq
 
 from ..errors import InputError
 from ..job import Result
@@ -24,7 +22,6 @@ from ..mechanics.nodes import PressingTerm
 from ..mechanics.pressing import BlankHolderPressure
 from ..mechanics.pressure_law import default_penalty
 from ..mechanics.term import Term
-from ..results import measures
 from ..scene import Scene
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
@@ -48,8 +45,6 @@ from .scenario import ELEMENTS, Scenario
 if TYPE_CHECKING:
     import pyvista
 
-log = logging.getLogger("fabric_fenicsx")
-ANGLES = 0, 45, 90  # of the paths to x [deg]
 HOLDERS = ("pressure", "force", "gap", "grippers")
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
 RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it to be held
@@ -64,7 +59,7 @@ class Forming(Scenario):
 
     The flat ply lies in z = 0 with its centre at the origin, under the die's flange. The punch
     comes from below. punch: a surface with its flange at z = 0, or a file of one, in place of the
-    double dome; `dome`: dimensions of that, as a mapping or as texts NAME=VALUE.
+    double dome; `dome`: that, its dimensions as a mapping, or as texts NAME=VALUE.
     """
 
     NAME: ClassVar[str] = "double_dome"
@@ -87,7 +82,7 @@ class Forming(Scenario):
         None, "plies on one another, from the punch to the die: a TOML file", "FILE", "ply"
     )
     stroke: float = number(None, POSITIVE, "of the punch (the dome's depth) [mm]", "tools")
-    dome: Mapping[str, float] | Sequence[str] = field(
+    dome: DoubleDome | Mapping[str, float] | Sequence[str] = field(
         default=(),
         metadata={
             "repeated": "NAME=VALUE",
@@ -131,10 +126,15 @@ class Forming(Scenario):
         """Make blank, membrane and tools."""
         self.plies = self._plies()
         if not self.full:
-            take = f"take the whole ply ({self.spelled('full')})"
             self.warnings += [
-                f"{ply.mirror_warning()}; {take}" for ply in self.plies if ply.mirror_warning()
+                f"{words}; take the whole ply (`full`)"
+                for words in map(Ply.mirror_warning, self.plies)
+                if words
             ]
+        elif not self.mesh:
+            self.nx += self.nx % 2 if self.nx == self.FULL["nx"] else 0
+            sides = [getattr(self, k) or usual for k, usual in zip(self.SIZES, self.DEFAULT_SIZES)]
+            self.ny = self.ny or 2 * max(1, round(self.nx * sides[1] / sides[0] / 2))
         self.blank = self._blank()
         # of all that lies between the tools
         t = self.thickness = sum(ply.fabric.thickness for ply in self.plies if ply.fabric)
@@ -143,13 +143,12 @@ class Forming(Scenario):
         self.stroke = self.stroke or depth
         if self.stroke > depth:
             raise InputError(
-                f"{self.spelled('stroke')} {self.stroke:g} is deeper than the die; allowed is up "
-                f"to {depth:g} mm"
+                f"`stroke` {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm"
             )
         self.clearance = self.clearance or 1.2 * t
         if self.clearance < t:
             raise InputError(
-                f"{self.spelled('clearance')} {self.clearance:g} is less than the ply's "
+                f"`clearance` {self.clearance:g} is less than the ply's "
                 f"thickness; allowed is from {t:g} mm"
             )
         lift = t / 2 - self.clearance  # so that the punch ends `clearance` from the die all over
@@ -162,6 +161,7 @@ class Forming(Scenario):
         )
         owned = self.blank.V.dofmap.index_map.size_local
         nodes = self.blank.coordinates()[:owned] * (1, 1, 0 if self.stack else 1)
+        self._check_supported(nodes)
         check_motion([self.punch_tool, self.die], nodes, t, self.comm)
         radius = min(*self.punch_tool.surface.radii, *self.die.surface.radii)
         self.penalty = self.penalty or min(
@@ -179,10 +179,9 @@ class Forming(Scenario):
                 Ply(fabric=self.fabric, fibre_angle=self.fibre_angle, yarn_angle=self.yarn_angle)
             ]
         usual = {each.name: each.default for each in dataclasses.fields(self)}
-        if given := [self.spelled(k) for k in PLIES_SAY if getattr(self, k) != usual[k]]:
+        if given := [f"`{k}`" for k in PLIES_SAY if getattr(self, k) != usual[k]]:
             raise InputError(
-                f"{', '.join(given)} is given beside {self.spelled('stack')}; allowed is to say "
-                "it of each ply"
+                f"{', '.join(given)} is given beside `stack`; allowed is to say it of each ply"
             )
         plies = read_plies(self.stack) if isinstance(self.stack, str) else self.stack
         return [ply.completed(self.fabric, f"ply {k + 1}") for k, ply in enumerate(plies)]
@@ -201,6 +200,15 @@ class Forming(Scenario):
         }
         return stacking.lay(self.plies, lambda ply: ply.blank(sizes, share, self.nx, **options))
 
+    def _check_supported(self, nodes):
+        """A whole ply is held in single nodes, which even numbers of rectangles have."""
+        for support in self.supports():
+            if not self.comm.allreduce(int(support.where(nodes.T).sum())):
+                raise InputError(
+                    f"the ply has no node at its {support.name}; allowed for a whole ply are even "
+                    "`nx`, `ny` and `pattern` crossed, left or right, or an own mesh with one"
+                )
+
     def _depth(self, surface):
         """Greatest stroke of a punch with this surface [mm]."""
         if isinstance(surface, DoubleDome):
@@ -208,16 +216,16 @@ class Forming(Scenario):
         if isinstance(surface, TriangulatedSurface):
             return float(surface.points[:, 2].max())
         if self.stroke is None:
-            raise InputError("stroke is not given; allowed is one [mm] for a surface of your own")
+            raise InputError("`stroke` is not given; allowed is one [mm] for a surface of your own")
         return self.stroke
 
     def _surface(self):
         """The punch's surface, checked."""
         if not self.punch:
-            return _dome(self.dome, self.spelled("dome"))
+            return self.dome if isinstance(self.dome, DoubleDome) else _dome(self.dome)
         low, high = self.blank.extent()
         half = np.maximum(abs(low), abs(high))[:2]
-        surface, name = self.punch, self.spelled("punch")
+        surface, name = self.punch, "`punch`"
         if not isinstance(surface, Surface):
             surface = TriangulatedSurface.read(surface, self.chord)
             name += f" {self.punch}"
@@ -266,8 +274,8 @@ class Forming(Scenario):
         if self.holder == "gap":
             if gap < 0.5 * t:
                 raise InputError(
-                    f"{self.spelled('holder_gap')} {gap:g} crushes the ply; allowed is from "
-                    f"{t / 2:g} mm, half its thickness"
+                    f"`holder_gap` {gap:g} crushes the ply; allowed is from {t / 2:g} mm, half its "
+                    "thickness"
                 )
             return [self._contact(Tool(Plane((0, 0, t / 2 - gap), UP), name="blank holder"))]
         force = self.holder_force * (1.0 if self.full else 0.25)
@@ -324,123 +332,61 @@ class Forming(Scenario):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Forces, penetrations, shear, strains, draw-in and wrinkles."""
+        from ..results import formed
 
-        rows = result.rows
+        rows, tool = result.rows, self.punch_tool
         plies = {
-            part.name: self._ply_quantities(result, part)
-            for part in (self.blank.parts.values() or [self.blank.whole])
+            name: formed.ply_quantities(result, part, tool, self.fabric.thickness)
+            for name, part in (self.blank.parts or {"": self.blank.whole}).items()
         }
-        several = {"plies": plies} if self.stack else {}
         worst = max(plies.values(), key=lambda q: q["shear_angle_max_deg"])
-        several["draw_in"] = max(
-            (q["draw_in"] for q in plies.values()), key=lambda found: found["largest_mm"]
-        )
+        largest = max(plies.values(), key=lambda q: q["draw_in"]["largest_mm"])
         total = sum((self.scene.tool_force(term.tool) for term in self.pressing), np.zeros(3))
         strain, force = rows[-1]["strain_energy_Nmm"], rows[-1]["reaction_N"]
-        return (
-            {
-                "punch_force_N": force,
-                "punch_force_of_whole_ply_N": force * (1 if self.full else 4),
-                "contact_forces_N": {
-                    contact.tool.name: float(np.linalg.norm(contact.force()))
-                    for contact in self.contacts
-                },
-                "unbalanced_force_N": float(abs(total[2])),
-                "penalty_N_per_mm3": self.penalty,
-                "penetration_mm": max(contact.penetration() for contact in self.contacts),
-                "penetration_largest_mm": max(contact.deepest() for contact in self.contacts),
-                "penetration_of_thickness": self.scene.penetration_of_thickness(),
-                "sticking_slip_mm": self.slip if self.friction else None,
-                "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / strain
-                if strain
-                else 0.0,
-            }
-            | worst
-            | several
-        )
-
-    def _ply_quantities(self, result, part):
-        """Shear, strains, draw-in and wrinkles of one ply."""
-        from ..results import forming
-
-        comm, shape = self.comm, None
-        if comm.rank == 0:
-            grid = result.grids[part.name]
-            wrinkles = forming.wrinkles(grid, self.punch_tool, self.fabric.thickness)
-            shape = {"draw_in": forming.draw_in(grid), "wrinkles": wrinkles}
-        fields = {name: values[part.cells] for name, values in result.fields.items()}
-        gamma = np.degrees(np.abs(fields["shear_angle"]))
-        ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
-
-        def extremes(values):
-            return measures.extremes(comm, values)
-
-        return {
-            "shear_angle_deg": extremes(np.degrees(fields["shear_angle"])),
-            "shear_angle_max_deg": extremes(gamma)[1],
-            "log_eps_11": extremes(fields["log_eps_11"]),
-            "log_eps_22": extremes(fields["log_eps_22"]),
-            "stability_ellipticity_min": extremes(ellipticity)[0],
-            "cells_that_lost_ellipticity": comm.allreduce(int((ellipticity < 0).sum())),
-            "share_of_state_1_to_4": [
-                measures.mean(comm, (states == k) * 1.0, np.ones(len(states))) for k in (1, 2, 3, 4)
-            ],
-        } | comm.bcast(shape)
+        found = {
+            "punch_force_N": force,
+            "punch_force_of_whole_ply_N": force * (1 if self.full else 4),
+            "contact_forces_N": {
+                contact.tool.name: float(np.linalg.norm(contact.force()))
+                for contact in self.contacts
+            },
+            "unbalanced_force_N": float(abs(total[2])),
+            "penalty_N_per_mm3": self.penalty,
+            "penetration_mm": max(contact.penetration() for contact in self.contacts),
+            "penetration_largest_mm": max(contact.deepest() for contact in self.contacts),
+            "penetration_of_thickness": self.scene.penetration_of_thickness(),
+            "sticking_slip_mm": self.slip if self.friction else None,
+            "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / strain if strain else 0.0,
+        }
+        several = {"plies": plies} if self.stack else {}
+        return found | worst | {"draw_in": largest["draw_in"]} | several
 
     def punch_mesh(self) -> "pyvista.PolyData":
         """The punch, where it is now, as a PyVista surface [mm]."""
-        import pyvista
+        from ..results import formed
 
-        from ..meshes.double_dome import double_dome
-
-        surface = self.punch_tool.surface
-        if isinstance(surface, TriangulatedSurface):
-            points, triangles = surface.points, surface.triangles
-        elif isinstance(surface, DoubleDome):
-            points, triangles = double_dome(surface, size=8.0)
-        else:
-            low, high = self.blank.extent()
-            below, above = np.array([0, 0, -self.stroke]), np.array([0, 0, 2 * self.stroke])
-            points, _, triangles = surface.mesh(low + below, high + above, 8.0)
-        moved = points + self.punch_tool.displacement
-        return pyvista.PolyData.from_regular_faces(moved, triangles)
+        low, high = self.blank.extent()
+        rise = np.array([0, 0, self.stroke])
+        return formed.tool_mesh(self.punch_tool, low - rise, high + 2 * rise)
 
     def pictures(self, result: Result, folder: Path) -> None:
-        """Strain states, the formed ply and paths of this run."""
-        from ..results import forming, forming_pictures
+        """Strain states, the formed plies and paths of this run."""
+        from ..results import formed
 
-        grids, formed = result.grids, []
-        for ply, (name, grid) in zip(self.plies, grids.items()):
-            end = f"_{name.replace(' ', '_')}" if name else ""
-            forming.write_paths(folder / f"paths{end}.csv", forming.along_paths(grid, ANGLES))
-            forming_pictures.state_map(folder / f"states{end}.png", grid)
-            formed.append((grid, (ply.fibre_angle, ply.fibre_angle + ply.yarn_angle)))
-        try:
-            forming_pictures.formed_picture(folder / "formed.png", formed, self.punch_mesh())
-        except InputError as error:  # nothing to draw with, which is no reason to lose a run
-            log.warning("warning: formed.png was not drawn: %s", error)
-        self._compare(grids, folder)
+        angles = [(ply.fibre_angle, ply.fibre_angle + ply.yarn_angle) for ply in self.plies]
+        formed.draw_plies(folder, result.grids, angles, self.punch_mesh())
+        formed.draw_compared(folder, result.grids, self.punch_tool)
 
     def compare(self, results: Mapping[str, Result], folder: Path) -> None:
         """Outlines and paths of plies {label: `Result`} side by side, into `folder`."""
+        from ..results import formed
+
         grids = {
             " ".join(filter(None, (label, name))): grid
             for label, result in results.items()
             for name, grid in result.grids.items()
         }
-        self._compare(grids, folder)
-
-    def _compare(self, grids, folder):
-        from ..results import forming, forming_pictures
-
-        forming_pictures.outline_picture(folder / "outline.png", grids)
-        paths = {label: forming.along_paths(grid, ANGLES) for label, grid in grids.items()}
-        surface, marks = self.punch_tool.surface, {}
-        if isinstance(surface, DoubleDome):
-            rays = [np.array([[math.cos(k)], [math.sin(k)]]) for k in np.radians(ANGLES)]
-            at = [brentq(lambda r, ray=ray: surface.plan(*(r * ray))[0][0], 0, 1e3) for ray in rays]
-            marks = {"outline of the punch": at}
-        forming_pictures.paths_picture(folder / "paths.png", paths, marks)
+        formed.draw_compared(folder, grids, self.punch_tool)
 
 
 def _at(axis, place):
@@ -448,7 +394,7 @@ def _at(axis, place):
     return lambda x: abs(x[axis] - place) < 1e-6
 
 
-def _dome(pairs, name):
+def _dome(pairs):
     """The `DoubleDome` with dimensions {name: value} or texts NAME=VALUE."""
     names, given = [each.name for each in dataclasses.fields(DoubleDome)], {}
     if isinstance(pairs, Mapping):
@@ -458,9 +404,8 @@ def _dome(pairs, name):
         try:
             given[key] = float(value)
         except ValueError:
-            raise InputError(
-                f"{name} {pair} has no number after its name; allowed is NAME=VALUE"
-            ) from None
+            where = f"`dome` {pair} has no number after its name"
+            raise InputError(f"{where}; allowed is NAME=VALUE") from None
         if key not in names:
-            raise InputError(f"{name} {pair} names no dimension; allowed are {', '.join(names)}")
+            raise InputError(f"`dome` {pair} names no dimension; allowed are {', '.join(names)}")
     return DoubleDome(**given)

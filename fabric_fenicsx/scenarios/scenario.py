@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -73,19 +73,17 @@ class Scenario:
         "weave",
     )
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_WORLD, repr=False)
-    spelled: Callable[[str], str] = field(default=str, repr=False)  # how errors spell a field
     warnings: list[str] = field(init=False, default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
         for each in dataclasses.fields(self):
             value, meta = getattr(self, each.name), each.metadata
             if "rule" in meta and value is not None:
-                value = meta["rule"].check(self.spelled(each.name), value)
+                value = meta["rule"].check(f"`{each.name}`", value)
                 setattr(self, each.name, value)
             if value not in meta.get("choices", (value,)) and value is not None:
                 allowed = ", ".join(meta["choices"])
-                name = self.spelled(each.name)
-                raise InputError(f"{name} is {value!r}; allowed is one of {allowed}")
+                raise InputError(f"`{each.name}` is {value!r}; allowed is one of {allowed}")
         # fields of the mesh that an own one makes idle, if they were asked for
         idle = {"nx": None, "ny": None, "pattern": type(self).pattern}
         self._given = [k for k, usual in idle.items() if getattr(self, k) not in (None, usual)]
@@ -156,7 +154,7 @@ class Scenario:
         width that is modelled; centred: about the origin, which otherwise is a corner."""
         sides = [getattr(self, name) for name in self.SIZES]
         length, width = (share * (size or 0.0) for size in sides)
-        source = f"{self.spelled('mesh')} {self.mesh}" if self.mesh else "the specimen"
+        source = f"`mesh` {self.mesh}" if self.mesh else "the specimen"
         yarns: dict[str, Any] = {
             "element": self.element,
             "fibre_angle": self.fibre_angle,
@@ -185,7 +183,7 @@ class Scenario:
             )
         if (compat.cell_name(blank.mesh) == "triangle") != (self.element[0] == "P"):
             raise InputError(
-                f"{self.spelled('element')} {self.element} does not fit the cells of {source}; "
+                f"`element` {self.element} does not fit the cells of {source}; "
                 "allowed is P on triangles, Q on quadrilaterals"
             )
         self.warnings += blank.warnings
@@ -206,7 +204,7 @@ class Scenario:
         low, high = blank.extent()
         # rounded, to be the same on any number of ranks
         own = [float(f"{size / share:.9g}") for size in high - low]
-        where = f"{self.spelled('mesh')} {self.mesh}"
+        where = f"`mesh` {self.mesh}"
         if self.SIZES[0] == self.SIZES[1] and abs(own[0] - own[1]) > FITS * own[0]:
             raise InputError(
                 f"{where} is {own[0]:g} x {own[1]:g} mm; allowed in this study is a square"
@@ -215,11 +213,11 @@ class Scenario:
             asked = getattr(self, name)
             if asked is not None and abs(asked - size) > FITS * size:
                 raise InputError(
-                    f"{self.spelled(name)} {asked:g} does not fit {where}, of {size:g} mm; allowed "
+                    f"`{name}` {asked:g} does not fit {where}, of {size:g} mm; allowed "
                     "is its own, or none"
                 )
             setattr(self, name, size)
-        ignored = [self.spelled(name) for name in ("nx", "ny", "pattern") if name in self._given]
+        ignored = [f"`{name}`" for name in ("nx", "ny", "pattern") if name in self._given]
         if ignored:
             self.warnings.append(
                 f"{', '.join(ignored)} changes nothing, as {where} has its own cells"

@@ -119,7 +119,7 @@ class Checkpoint:
         """Meta data and arrays of the file, or what is wrong with it."""
         if not self.path.is_file():
             return (
-                f"--resume finds no checkpoint {self.path}; allowed is the --out "
+                f"`resume=True` finds no checkpoint {self.path}; allowed is the `out` "
                 "of a run that was begun"
             )
         try:

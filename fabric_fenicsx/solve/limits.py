@@ -30,7 +30,7 @@ class Limits:
         }
         return [
             f"{words[name].format(100 * value)}; allowed is "
-            f"{100 * getattr(self, name):.3g} % (--max-{name})"
+            f"{100 * getattr(self, name):.3g} % (`Limits.{name}`)"
             for name, value in found.items()
             if not value <= getattr(self, name)
         ]

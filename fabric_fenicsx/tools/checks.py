@@ -118,6 +118,31 @@ def check_punch(
     return surface
 
 
+def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
+    """Raise InputError on all ranks for a tool so deep in a sheet, whose nodes of this rank are at
+    places (n, 3) [mm], that these are in the tool themselves."""
+    nearest, place = _least_gap(tool, places, thickness, comm)
+    if nearest < -(0.5 + 1e-6) * thickness:
+        raise InputError(
+            f"{tool.name} is {-nearest:.3g} mm deep in the sheet's face at {_at(place)} before "
+            f"anything moves; allowed is up to {thickness / 2:g} mm, half the thickness, and a "
+            "tool whose normals point to the sheet (`Reversed` turns a surface round)"
+        )
+
+
+def _least_gap(tool, places, thickness, comm):
+    """The least gap [mm] of all ranks between the tool and the sheet's face, and its place."""
+    gap = tool.evaluate(places, reach=thickness).gap
+    deep = gap < -thickness / 2  # may be a bound
+    exact = tool.evaluate(places[deep]).gap
+    gap[deep] = np.where(np.isnan(exact), gap[deep], exact)
+    gap[np.isnan(gap)] = np.inf
+    least = int(gap.argmin()) if len(gap) else None
+    parts = comm.allgather((gap[least], places[least].tolist()) if len(gap) else (np.inf, []))
+    nearest, place = min(parts)
+    return float(nearest) - thickness / 2, place
+
+
 def check_motion(
     tools: Sequence[Tool], places: np.ndarray, thickness: float, comm: MPI.Comm
 ) -> None:
@@ -127,12 +152,7 @@ def check_motion(
     for tool in tools:
         for load in (0.0, 1.0):
             tool.at(load)
-            gap = tool.evaluate(places, reach=thickness).gap - thickness / 2
-            least = int(np.nanargmin(gap)) if len(gap) else None
-            seen = comm.allgather(
-                (float(gap[least]), places[least].tolist()) if least is not None else (np.inf, [])
-            )
-            nearest, place = min(seen)
+            nearest, place = _least_gap(tool, places, thickness, comm)
             if load == 0 and nearest < -FLANGE * thickness:
                 raise InputError(
                     f"{tool.name} cuts into the blank by {-nearest:.3g} mm at {_at(place)} before "

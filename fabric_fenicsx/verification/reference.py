@@ -202,12 +202,12 @@ def read_references(
             reference_grid(folder, name)
         except (OSError, ValueError, LookupError, TypeError):
             raise InputError(
-                f"--reference {folder} holds no readable {file}; allowed is a folder that "
+                f"`reference` {folder} holds no readable {file}; allowed is a folder that "
                 "studies/reference.py wrote"
             ) from None
         if own != fabric.dumps():
             raise InputError(
-                f"--material {material} is not that of {name}.json in {folder}; "
+                f"`material` {material} is not that of {name}.json in {folder}; "
                 "allowed is the one that studies/reference.py was run with"
             )
     return found

@@ -562,6 +562,12 @@ def test_bad_input_is_refused(options, words):
         alone(blank, Bending(**options))
 
 
+def test_bending_out_of_a_plane_blank_is_refused():
+    blank = Blank.from_arrays(MPI.COMM_SELF, *specimen(10, 10, 4, 4, "left"))
+    with pytest.raises(InputError, match="with in_plane 0, where nothing bends; .*`spatial=True`"):
+        alone(blank, Bending(1.0))
+
+
 @pytest.mark.parametrize("cell, degree", [("triangle", 2), ("quadrilateral", 1)])
 def test_only_linear_triangles(cell, degree):
     blank = Blank.from_arrays(MPI.COMM_SELF, *specimen(10, 10, 4, 4, "left", cell), degree=degree)

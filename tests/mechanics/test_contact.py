@@ -426,7 +426,7 @@ PLANE = Plane((0, 0, 0), (0, 0, 1))
         ({"blank": {"degree": 2}}, "other than linear cells; allowed are P1 and Q1"),
         (
             {"blank": {"frame": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}},
-            "along turned axes; allowed is a sheet in space",
+            "along turned axes; allowed are x, y and z",
         ),
     ],
 )
@@ -441,7 +441,9 @@ def test_bad_contact_is_refused(options, words):
 @pytest.mark.mpi
 def test_contact_in_a_plane_is_refused():
     blank = Blank.from_arrays(COMM, *(specimen(10, 10, 2, 2) if COMM.rank == 0 else (None,) * 3))
-    with pytest.raises(InputError, match="contact of blank is asked in a plane"):
+    with pytest.raises(
+        InputError, match="contact of blank is asked in a plane; allowed .* `spatial=True`"
+    ):
         alone(blank, Contact(Tool(PLANE, name="table"), T, K))
 
 

@@ -179,6 +179,24 @@ def test_bending_has_either_a_stiffness_or_a_modulus(options):
         Bending(**options)
 
 
+class Stored(Springs):
+    """Springs whose energy has no name."""
+
+    energy_kind = None
+
+
+class Unnamed(Bedding):
+    """A bedding whose energy has no name."""
+
+    energy_kind = None
+
+
+@pytest.mark.parametrize("term", [Stored(), Unnamed(K)])
+def test_an_energy_without_a_name_is_refused(term):
+    with pytest.raises(InputError, match="stores an energy that has no name; .*`energy_kind`"):
+        Scene(sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), term])
+
+
 def test_a_term_that_does_nothing_is_refused():
     with pytest.raises(InputError, match="term mine has neither an energy nor forces; allowed is"):
         Scene(

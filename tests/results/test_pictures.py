@@ -21,7 +21,7 @@ def test_polygons_cover_the_deformed_sheet(tmp_path, element):
     x, stretch = blank.coordinates()[:, :2], np.array([[0.1, 0.05], [0.0, -0.02]])
     blank.u.x.array[:] = (x @ stretch.T).ravel()
     FieldSeries(tmp_path, Scene(blank, [Membrane(load("komeili"))])).write(1.0)
-    x, y = np.moveaxis(pictures._polygons(read_last(tmp_path)), -1, 0)
+    x, y = np.moveaxis(pictures.cell_polygons(read_last(tmp_path)), -1, 0)
     areas = (x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(1) / 2
     assert len(areas) == blank.mesh.topology.index_map(2).size_local
     assert abs(areas) == pytest.approx(

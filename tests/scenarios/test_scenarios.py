@@ -23,19 +23,19 @@ def test_options_are_the_fields_with_their_defaults(kind):
 @pytest.mark.parametrize(
     "kind, fields, words",
     [
-        (ff.Tensile, {"nx": 0}, "nx is 0; allowed is a whole number of 1 or more"),
-        (ff.Tensile, {"nx": 2.5}, "nx is 2.5; allowed is a whole number of 1 or more"),
-        (ff.Tensile, {"strain": float("nan")}, "strain is nan; allowed is a fraction"),
-        (ff.Tensile, {"width": "wide"}, "width is wide; allowed is a number above 0"),
-        (ff.Tensile, {"pattern": "zigzag"}, "pattern is 'zigzag'; allowed is one of crossed"),
-        (ff.Tensile, {"grips": "glue"}, "grips is 'glue'; allowed is one of clamped, rollers"),
+        (ff.Tensile, {"nx": 0}, "`nx` is 0; allowed is a whole number of 1 or more"),
+        (ff.Tensile, {"nx": 2.5}, "`nx` is 2.5; allowed is a whole number of 1 or more"),
+        (ff.Tensile, {"strain": float("nan")}, "`strain` is nan; allowed is a fraction"),
+        (ff.Tensile, {"width": "wide"}, "`width` is wide; allowed is a number above 0"),
+        (ff.Tensile, {"pattern": "zigzag"}, "`pattern` is 'zigzag'; allowed is one of crossed"),
+        (ff.Tensile, {"grips": "glue"}, "`grips` is 'glue'; allowed is one of clamped, rollers"),
         (ff.BiasExtension, {"length": 80}, "allowed is a length of 2 widths or more"),
         (ff.BiasExtension, {"in_plane_bending": 1, "element": "P2"}, "allowed is P1"),
         (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
         (ff.PictureFrame, {"pre_tension": 0.5}, "allowed is a strain from 0 to 0.1"),
-        (ff.Forming, {"dome": {"depht": 3}}, "dome depht=3 names no dimension"),
-        (ff.Forming, {"stroke": 1000, "nx": 4}, "stroke 1000 is deeper than the die"),
-        (ff.Forming, {"punch": ff.Sphere(5, (0, 0, -5)), "nx": 4}, "stroke is not given"),
+        (ff.Forming, {"dome": {"depht": 3}}, "`dome` depht=3 names no dimension"),
+        (ff.Forming, {"stroke": 1000, "nx": 4}, "`stroke` 1000 is deeper than the die"),
+        (ff.Forming, {"punch": ff.Sphere(5, (0, 0, -5)), "nx": 4}, "`stroke` is not given"),
     ],
 )
 def test_a_field_that_is_not_allowed(kind, fields, words):
@@ -61,6 +61,22 @@ def test_a_ply_over_ones_own_punch():
         assert result.summary["converged"]
         found.append([row["reaction_N"] for row in result.rows])
     assert found[0] == pytest.approx(found[1], rel=1e-9) and found[0][-1] > 0
+
+
+def test_a_dome_is_given_by_itself_or_by_its_dimensions():
+    dome = ff.DoubleDome(depth=55)
+    given = [ff.Forming(nx=4, dome=each) for each in (dome, {"depth": 55}, ["depth=55"])]
+    assert all(ply.punch_tool.surface == dome and ply.stroke == 55 for ply in given)
+
+
+def test_a_whole_ply_has_a_node_at_its_centre():
+    assert [(ply.nx, ply.ny) for ply in (ff.Forming(full=True, nx=n) for n in (12, 22))] == [
+        (12, 6),
+        (22, 12),
+    ]
+    for cells in ({"nx": 11}, {"nx": 12, "ny": 7}, {"nx": 6, "pattern": "unstructured"}):
+        with pytest.raises(ff.InputError, match="no node at its centre; allowed .* even `nx`"):
+            ff.Forming(full=True, **cells)
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ from fabric_fenicsx.solve.limits import Limits
 @pytest.mark.parametrize(
     "name, value, words",
     [
-        ("imbalance", 0.06, ["work", "6 %", "allowed is 5 %", "--max-imbalance"]),
-        ("viscous", 0.2, ["regularisation", "20 %", "--max-viscous"]),
-        ("penetration", 0.7, ["70 %", "thickness", "--max-penetration"]),
+        ("imbalance", 0.06, ["work", "6 %", "allowed is 5 %", "`Limits.imbalance`"]),
+        ("viscous", 0.2, ["regularisation", "20 %", "`Limits.viscous`"]),
+        ("penetration", 0.7, ["70 %", "thickness", "`Limits.penetration`"]),
         ("imbalance", math.nan, ["nan"]),
     ],
 )

@@ -227,7 +227,7 @@ def test_steps_are_cut_and_grow_again():
     [
         ({"steps": 0}, "steps is 0"),
         ({"steps": float("nan")}, "steps is nan"),
-        ({"max_step": 0}, "max-step is 0"),
+        ({"max_step": 0}, "`max_step` is 0"),
     ],
 )
 def test_bad_steps_are_named(options, words):

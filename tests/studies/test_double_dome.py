@@ -51,7 +51,7 @@ def test_a_formed_ply_is_the_same_again(launch):
     """At default tolerances, with yarns that do not follow the tools: on other ranks, and with a
     length that differs by as much as rounding; every force on the way, too."""
     found = []
-    for ranks, length in ((1, 470), (2, 470), (3, 470), (1, 470.0000000001)):
+    for ranks, length in ((1, 470), (3, 470), (1, 470.0000000001)):
         coarse = ("--nx", 6, "--steps", 4, "--stroke", 24, "--max-imbalance", 0.2)  # few steps
         options = (*coarse, "--fibre-angle", 30, "--length", length, "--no-pictures")
         done = launch("double_dome", *options, ranks=ranks)
@@ -152,9 +152,13 @@ def test_a_punch_from_a_file(launch, tmp_path):
     assert forces[1] == pytest.approx(forces[0], rel=0.02)
 
 
-def test_compression_parameters(launch):
-    options = "--quick", "--vary", "s_C", "--stroke", 15
-    done = launch("compression_parameters", *options, apart=True)
+def test_compression_parameters(launch, monkeypatch):
+    from fabric_fenicsx.results import forming_pictures
+
+    # of each ply, which others test
+    monkeypatch.setattr(forming_pictures, "formed_picture", lambda *_: None)
+    options = "--nx", 8, "--steps", 6, "--vary", "s_C", "--stroke", 6
+    done = launch("compression_parameters", *options)
     assert done.status == 0, done.err
     lines = (done.folder / "parameters.csv").read_text().splitlines()
     assert len(lines) == 4

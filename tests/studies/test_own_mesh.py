@@ -91,7 +91,7 @@ def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
     mine = study(*TENSILE, specimen(120, 30, 12, 3), f"--{name}", str(value))
     own = {"length": 120, "width": 30}[name]
     with pytest.raises(
-        InputError, match=f"--{name} {value} does not fit --mesh .*s.vtk, of {own} mm; allowed"
+        InputError, match=f"`{name}` {value} does not fit `mesh` .*s.vtk, of {own} mm; allowed"
     ):
         mine.scenario(Tensile)
 

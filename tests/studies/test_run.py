@@ -149,7 +149,7 @@ def test_a_run_holds_its_folder_from_before_it_writes(tmp_path):
     first.folder()
     assert not lock_folder(tmp_path / "out")
     for options in ((), ("--overwrite",)):  # nothing is written yet
-        with pytest.raises(InputError, match="--out .*out is in use by another run"):
+        with pytest.raises(InputError, match="`out` .*out is in use by another run"):
             study(*options).folder()
     first.folder("part")  # its own
     del first

@@ -213,7 +213,7 @@ def test_resume_after_a_kill_on_other_ranks(launch):
     def curve(folder):
         return [row["reaction_N"] for row in rows(folder)]
 
-    options = ("--quick", "--steps", 40)
+    options = ("--quick", "--steps", 40, "--no-pictures")
     whole = launch("tensile", *options)
     expected = curve(whole.folder)
     for file in ("summary.json", "history.csv", "checkpoint.npz"):
@@ -233,7 +233,7 @@ def test_resume_after_a_kill_on_other_ranks(launch):
 
 @pytest.mark.mpi
 def test_a_load_that_cannot_be_reached(launch):
-    options = "--element", "P1", "--strain", 0.9, "--max-strain", 10
+    options = "--element", "P1", "--strain", 0.9, "--max-strain", 10, "--no-pictures"
     done = launch("bias_extension", "--quick", *options)
     assert done.status == 3, done.err
     (said,) = [
@@ -298,7 +298,7 @@ def test_a_material_that_is_not_a_number_at_run_time(launch, shared_path):
 
 
 def test_more_ranks_than_cells(launch):
-    done = launch("tensile", "--nx", 1, "--ny", 1, "--steps", 2, ranks=5)
+    done = launch("tensile", "--nx", 1, "--ny", 1, "--steps", 2, "--no-pictures", ranks=5)
     assert done.status == 0, done.err
     assert done.summary["cells"] == 4
 

@@ -1,5 +1,7 @@
 """What is checked of tools before anything runs: each flaw its sentence."""
 
+import re
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -7,11 +9,13 @@ from mpi4py import MPI
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.tools import (
+    Plane,
     Sphere,
     Tool,
     TriangulatedSurface,
     check_motion,
     check_punch,
+    check_start,
     check_triangles,
 )
 
@@ -158,3 +162,20 @@ def test_motion():
     ):
         with pytest.raises(InputError, match=words):
             moved(Sphere(10, [3, 4, -10]), start, end)
+
+
+@pytest.mark.parametrize(
+    "surface, deep, place",
+    [
+        (Sphere(10, (3, 4, -9.5)), 0.7, "(3, 4, 0)"),
+        (Plane((0, 0, 5), (0, 0, 1)), 5.2, "(0, 0, 0)"),  # the sheet is on its wrong side
+    ],
+)
+def test_a_tool_that_the_sheet_is_in_at_the_start(surface, deep, place):
+    x, y = np.meshgrid(np.arange(7.0), np.arange(9.0))
+    places = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    words = f"ball is {deep} mm deep in the sheet's face at {place} before anything moves; allowed "
+    with pytest.raises(InputError, match=re.escape(words) + "is up to 0.2 mm"):
+        check_start(Tool(surface, name="ball"), places, 0.4, MPI.COMM_SELF)
+    lowered = Tool(surface, lambda load: (0, 0, 0.2 - deep), name="ball")  # up to its middle
+    check_start(lowered, places, 0.4, MPI.COMM_SELF)

@@ -1,4 +1,4 @@
-"""What values of a test curve cannot be, and curves that contradict each other."""
+"""Values that a test curve cannot have, and curves that contradict each other."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -117,12 +117,13 @@ def unit_warnings(curves: Sequence[Curve]) -> list[str]:
 
 
 def check_contradictions(curves: Sequence[Curve], balanced: bool) -> None:
-    """InputError if two curves of the same states differ, as r.m.s. over their common range, by
-    more than a quarter of the larger peak and 4 standard deviations of their stated noise. If
-    `balanced`, warp is also compared with weft.
+    """InputError if two curves of the same states contradict each other.
 
-    Also if two files are copies, which would count twice, and if a strip is stiffer with free sides
-    than with held ones, as k_TC <= 1 where the yarns across contract (eq. 17).
+    They do if their difference, as r.m.s. over the common range, is more than a quarter of the
+    larger peak and more than 4 standard deviations of their stated noise. If `balanced`, warp is
+    also compared with weft. Also an error are two copies of one file, which would count twice, and
+    a strip that is stiffer with free sides than with held ones: k_TC <= 1 where the yarns across
+    contract (eq. 17).
     """
     for i, one in enumerate(curves):
         for two in curves[i + 1 :]:

@@ -64,9 +64,10 @@ KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key i
 
 @dataclass(frozen=True)
 class Response:
-    """A measured column: `values` (n,) in `unit`, and how the law predicts it: gain * s, plus half
-    * tau(gamma/2) if `half` is given, with s the stress conjugate to eps_a, eps_b or gamma, or the
-    lateral strain."""
+    """A measured column: `values` (n,) in `unit`, and how the law predicts it.
+
+    It predicts gain * s, plus half * tau(gamma/2) if `half` is given, where s is the stress
+    conjugate to eps_a, eps_b or gamma, or the lateral strain."""
 
     column: str
     unit: str

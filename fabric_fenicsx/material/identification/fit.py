@@ -139,8 +139,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
 
 
 def _check_yarns(sheet, names, reason, source):
-    """InputError if one direction of a fabric that is not balanced was pulled, and nothing is said
-    of the other."""
+    """InputError for an unbalanced fabric of which one direction was not pulled and is not given
+    otherwise."""
     if sheet.balanced:
         return
     said = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
@@ -155,9 +155,10 @@ def _check_yarns(sheet, names, reason, source):
 
 
 def _moves(problem, theta, free, weighted, sd, k, half):
-    """What 10 % more of the assumed parameter k changes the fitted ones by: {name: change} of those
-    beyond `half`, half the widths of their intervals (len(free),). weighted: their Jacobian over
-    the deviations, per natural change."""
+    """How the fitted parameters change if the assumed one k is 10 % larger: {name: change}.
+
+    Only changes beyond `half` count, half the widths of the intervals (len(free),). weighted: the
+    Jacobian of the fitted ones over the deviations, per natural change."""
     if not free or not np.isfinite(problem.natural[k]):
         return {}
     more = 0.1 * theta[k] * (problem.jacobian(theta, [k])[:, 0] / sd)
@@ -167,8 +168,10 @@ def _moves(problem, theta, free, weighted, sd, k, half):
 
 
 def _regression(problem, default, reason, source):
-    """Stage 1, stage 2 and the joint fit, given up by one parameter at a time (into `reason`) until
-    the data determine all that is fitted. Returns values after the joint fit, after the stages, and
+    """Stage 1, stage 2 and the joint fit.
+
+    They are repeated with one parameter less, its reason in `reason`, until the data determine all
+    that is fitted. Returns values after the joint fit, after the stages, and
     the parameters that were free in it."""
     names = problem.names
     couplings = [k for k, n in enumerate(names) if base(n) not in STAGE_1]
@@ -243,8 +246,8 @@ def _regression(problem, default, reason, source):
 
 
 def _weights(problem, theta):
-    """Deviations (N,), and the noise estimated for curves that state none if others do (else None,
-    as then the variance of the residuals gives it)."""
+    """Deviations (N,), and the noise estimated for curves that state none. It is None unless others
+    state theirs: the variance of the residuals then gives it."""
     predicted = problem.predict(theta)
     silent = np.concatenate(
         [np.full(s.stop - s.start, curve.noise is None) for (curve, _), s in problem.parts]

@@ -111,7 +111,7 @@ class Problem:
         return fabric
 
     def predict(self, theta: np.ndarray) -> np.ndarray:
-        """What the law says to every measured value, (N,)."""
+        """The law's prediction of every measured value, (N,)."""
         fabric, strains = self.material(theta), self.strains
         if self.free:
             strains = strains.copy()
@@ -136,7 +136,7 @@ class Problem:
         return value
 
     def sizes(self, theta: np.ndarray) -> np.ndarray:
-        """What change of each parameter is a large one, (len(theta),)."""
+        """A large change of each parameter, (len(theta),)."""
         natural = np.where(np.isfinite(self.natural), 1e-3 * self.natural, 0)
         return np.max([np.abs(theta), np.abs(self.start), natural], 0)
 
@@ -194,9 +194,11 @@ class Problem:
     def undetermined(
         self, theta: np.ndarray, free: list[int], sd: Any = 0.0, slack: float = 1.0
     ) -> list[tuple[int, float]]:
-        """Of the parameters `free`, those whose 95 % half-width, at the noise `sd` but at least
-        NOISE, is larger than `slack` times both the value and its natural change (p_min: 0.5); as
-        pairs of index and half-width."""
+        """Those of the parameters `free` that the data do not determine, as pairs of index and
+        half-width.
+
+        The half-width is that of the 95 % interval at the noise `sd`, but at least NOISE. It is too
+        large above `slack` times both the value and its natural change (p_min: above 0.5)."""
         weight = np.maximum(sd, NOISE * self.peak)
         J = self.jacobian(theta, free) * self.natural[free] / weight[:, None]
         _, s, Vt = np.linalg.svd(J, full_matrices=len(free) > len(J))

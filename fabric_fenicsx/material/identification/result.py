@@ -31,8 +31,8 @@ class Assumed:
     """A parameter that was not fitted: value in `unit`, where that is from, and why the data don't
     determine it.
 
-    moves: what 10 % more of it would change the fitted ones by, in their units, where that is
-    beyond half the width of their intervals, which hold for the assumed values.
+    moves: changes of fitted parameters, in their units, if this one were 10 % larger. Only those
+    beyond half the width of their intervals are listed: the intervals hold for the assumed values.
     """
 
     value: float
@@ -70,7 +70,7 @@ class Identification:
     areal_weight: float | None = None  # [g/m2], if the density is from it
 
     def remarks(self) -> list[str]:
-        """What a material file must tell of where its values are from, a line each."""
+        """Lines for a material file that tell where its values are from."""
         lines = []
         if self.areal_weight is not None:
             lines.append(

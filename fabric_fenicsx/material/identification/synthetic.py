@@ -1,4 +1,4 @@
-"""Test curves that the law predicts, and how often intervals from them hold."""
+"""Test curves that the law predicts, and how often the intervals of a fit to them hold."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -86,6 +86,13 @@ class Law(Parameters):
     name: str = dataclasses.field(default="", kw_only=True)
 
     def __init_subclass__(cls) -> None:
+        known, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
+        # the same class again, as from a notebook's cell run twice, replaces itself
+        if not cls.law or (known.__module__, known.__qualname__) != here:
+            raise InputError(
+                f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
+                f"than {', '.join(sorted(LAWS))}"
+            )
         LAWS[cls.law] = cls
 
     def __post_init__(self) -> None:

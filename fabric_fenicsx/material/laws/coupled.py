@@ -173,11 +173,11 @@ class WovenFabric(Law):
         W_S = \tfrac12 s_1 \gamma^2 + \tfrac13 s_2 |\gamma|^3 + \tfrac14 s_3 \gamma^4
         $$
 
-        This equals the four cases of eq. (30), as each factor is 1 and each term 0 in those that
-        lack it. Two readings of the paper are made: shear energies take |gamma|, since a weave does
-        not care which way it is sheared (with signed odd powers the energy would be unbounded
-        below), and the last case of eq. (13) is read as I8 <= 1, as in eq. (30). A coupling that is
-        off leaves no trace in the expression.
+        This equals the four cases of eq. (30): in a case that lacks a factor this is 1, and a term
+        that it lacks is 0. The paper is read in two ways of our own. Shear energies take |gamma|,
+        since a weave resists shear in both senses alike, and with signed odd powers the energy
+        would be unbounded below. The last case of eq. (13) is read as I8 <= 1, as in eq. (30). A
+        coupling that is off leaves no trace in the expression.
         """
         a, b, gamma = self.warp, self.weft, abs(gamma)
         tension_a, tension_b = positive(eps_a), positive(eps_b)

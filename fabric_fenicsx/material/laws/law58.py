@@ -18,9 +18,9 @@ class Law58(Law):
     - G_0 [MPa]: shear stiffness at rest; G_T [MPa]: that at the locking angle gamma_T [rad]
       (GT and AlphaT, which Radioss takes in degrees)
 
-    Form: Altair Radioss Reference Guide, /MAT/LAW58, and OpenRadioss, mat058/hm_read_mat58.F, of
-    which crimp, friction, viscosity and unloading are left out; tau is taken as conjugate to gamma.
-    The guide has no constants of a real fabric: those of a file are the user's own.
+    Source: Altair Radioss Reference Guide, /MAT/LAW58, and OpenRadioss, mat058/hm_read_mat58.F.
+    Crimp, friction, viscosity and unloading are left out; tau is taken as conjugate to gamma. The
+    guide has no constants of a real fabric: those of a file are the user's own.
     """
 
     law = "law58"

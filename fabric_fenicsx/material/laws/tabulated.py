@@ -35,10 +35,10 @@ class Curve(Parameters):
     """Nominal stress [MPa] over strain [- or rad] through points; x, y: tuples of n >= 3 numbers,
     x rising.
 
-    Between the points a monotone cubic (Fritsch and Carlson 1980, SciPy's PCHIP): where the data
-    rise so does the curve, its slope is continuous, so the energy is C2. Beyond the first and last
-    point it goes on straight. Energy is counted from zero strain, where the curve must be free of
-    stress. Raises InputError, which names the point, for other points than these.
+    Between the points it is a monotone cubic (Fritsch and Carlson 1980, SciPy's PCHIP): it rises
+    where the data rise, and its slope is continuous, so the energy is C2. Beyond the first and last
+    point it is straight. Energy counts from zero strain, where the curve must be free of stress.
+    Raises InputError, which names the point, for points of another kind.
     """
 
     x: tuple[float, ...]
@@ -120,7 +120,7 @@ def _energies(starts: np.ndarray, c: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class TabulatedFabric(Law):
     """FABRIC from tables: curves of warp and weft over nominal strain, of shear over the shear
-    angle (both senses mirror images, so that its table begins at 0).
+    angle. Shear is the same in both senses, so its table begins at 0.
 
     Raises InputError for a shear table that begins below 0, and for a thickness [mm] or density
     [g/cm3] not above 0.

@@ -138,6 +138,21 @@ def test_a_law_of_a_users_script_is_known_by_its_name(tmp_path):
         del LAWS["linear"]
 
 
+@pytest.mark.parametrize("name", ["", "coupled"])
+def test_a_law_has_a_name_of_its_own(name):
+    with pytest.raises(InputError, match=f"law of class Mine is '{name}'; allowed is a name of"):
+        type("Mine", (Law,), {"law": name})
+    assert LAWS["coupled"] is type(PRESETS["komeili"])
+
+
+def test_a_law_defined_again_replaces_itself():
+    try:
+        first, second = (type("Again", (Law,), {"law": "again"}) for _ in range(2))
+        assert first is not second and LAWS["again"] is second
+    finally:
+        del LAWS["again"]
+
+
 def test_a_material_file_names_its_law(tmp_path):
     path = tmp_path / "m.toml"
     LAW58.to_toml(path, ["of nobody"])

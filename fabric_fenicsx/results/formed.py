@@ -1,0 +1,92 @@
+"""What a forming run tells of its plies: numbers, tables and pictures."""
+
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista
+from scipy.optimize import brentq
+
+from ..errors import InputError
+from ..sheets.parts import Part
+from ..tools import DoubleDome, Tool, TriangulatedSurface
+from . import forming, forming_pictures, measures
+from .result import Result
+
+log = logging.getLogger("fabric_fenicsx")
+ANGLES = 0, 45, 90  # of the paths to x [deg]
+
+
+def ply_quantities(result: Result, part: Part, tool: Tool, thickness: float) -> dict[str, Any]:
+    """Shear, strains, draw-in, wrinkles over the tool of one ply, which is all of a sheet or a part
+    of a stack."""
+    comm, shape = result.scene.comm, None
+    if comm.rank == 0:
+        grid = result.grids[part.name]
+        wrinkles = forming.wrinkles(grid, tool, thickness)
+        shape = {"draw_in": forming.draw_in(grid), "wrinkles": wrinkles}
+    fields = {name: values[part.cells] for name, values in result.fields.items()}
+    gamma = np.degrees(np.abs(fields["shear_angle"]))
+    ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
+    extremes = partial(measures.extremes, comm)
+    return {
+        "shear_angle_deg": extremes(np.degrees(fields["shear_angle"])),
+        "shear_angle_max_deg": extremes(gamma)[1],
+        "log_eps_11": extremes(fields["log_eps_11"]),
+        "log_eps_22": extremes(fields["log_eps_22"]),
+        "stability_ellipticity_min": extremes(ellipticity)[0],
+        "cells_that_lost_ellipticity": comm.allreduce(int((ellipticity < 0).sum())),
+        "share_of_state_1_to_4": [
+            measures.mean(comm, (states == k) * 1.0, np.ones(len(states))) for k in (1, 2, 3, 4)
+        ],
+    } | comm.bcast(shape)
+
+
+def tool_mesh(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyData:
+    """A tool, where it is now, as a PyVista surface between the corners low and high (3,) of where
+    its surface was given [mm]."""
+    from ..meshes.double_dome import double_dome
+
+    surface = tool.surface
+    if isinstance(surface, TriangulatedSurface):
+        points, triangles = surface.points, surface.triangles
+    elif isinstance(surface, DoubleDome):
+        points, triangles = double_dome(surface, size=8.0)
+    else:
+        points, _, triangles = surface.mesh(low, high, 8.0)
+    return pyvista.PolyData.from_regular_faces(points + tool.displacement, triangles)
+
+
+def draw_plies(
+    folder: Path,
+    grids: Mapping[str, pyvista.UnstructuredGrid],
+    angles: Sequence[Sequence[float]],
+    tool: pyvista.PolyData,
+) -> None:
+    """Paths and strain states of each ply, and all of them formed over the tool; angles: of each
+    one's yarns [deg]."""
+    for name, grid in grids.items():
+        end = f"_{name.replace(' ', '_')}" if name else ""
+        forming.write_paths(folder / f"paths{end}.csv", forming.along_paths(grid, ANGLES))
+        forming_pictures.state_map(folder / f"states{end}.png", grid)
+    try:
+        plies = list(zip(grids.values(), angles))
+        forming_pictures.formed_picture(folder / "formed.png", plies, tool)
+    except InputError as error:  # nothing to draw with, which is no reason to lose a run
+        log.warning("warning: formed.png was not drawn: %s", error)
+
+
+def draw_compared(folder: Path, grids: Mapping[str, pyvista.UnstructuredGrid], punch: Tool) -> None:
+    """Outlines and paths of plies {label: grid} side by side."""
+    forming_pictures.outline_picture(folder / "outline.png", grids)
+    paths = {label: forming.along_paths(grid, ANGLES) for label, grid in grids.items()}
+    surface, marks = punch.surface, {}
+    if isinstance(surface, DoubleDome):
+        rays = [np.array([[math.cos(k)], [math.sin(k)]]) for k in np.radians(ANGLES)]
+        at = [brentq(lambda r, ray=ray: surface.plan(*(r * ray))[0][0], 0, 1e3) for ray in rays]
+        marks = {"outline of the punch": at}
+    forming_pictures.paths_picture(folder / "paths.png", paths, marks)

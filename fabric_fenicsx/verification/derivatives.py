@@ -1,0 +1,200 @@
+"""Whether a law, a term or a surface of one's own has the derivatives that it says it has."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from numpy.typing import ArrayLike
+from petsc4py import PETSc
+
+from .. import dolfinx_compat as compat
+from ..errors import InputError
+from ..material.laws import Law
+from ..mechanics.term import Term
+from ..mechanics.triplets import TripletMatrix
+from ..scene import Scene
+from ..tools import Surface
+
+ALLOWED = 1e-4  # difference, over the largest of its kind
+KINKS = 0.02  # of states or points, at which a derivative may jump between both sides
+RANGES = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.8, 0.8]])  # of eps_a, eps_b, gamma
+
+
+class Row(NamedTuple):
+    """What was compared with what, how far it is off, over the largest of its kind, and where."""
+
+    what: str
+    off: float
+    where: str
+
+
+def check_derivatives(
+    thing: Law | Surface | Term, at: Any = None, *, load: float = 1.0, size: float | None = None
+) -> str:
+    """Compare the derivatives that `thing` gives with differences; a table in words.
+
+    - A law: stresses with differences of its energy, tangents with those of its stresses, at random
+      strains. `at`: other states (n, 3) of eps_a, eps_b [-] and gamma [rad].
+    - A surface: normal and curvature with differences of the gap at the points `at` (n, 3) [mm],
+      which should be near it; and whether the gap leads to it, so is a distance.
+    - A term: forces with differences of its energy, and tangent with those of its forces, in the
+      scene `at`, at the load factor `load`, where the sheet is and displaced by about `size` [mm]
+      (default: 1/1000 of a cell). The term is then at load 0, the sheet where it was.
+
+    Raises InputError, with the table, if one is off by more than `ALLOWED`; of laws and surfaces
+    `KINKS` of the states may be.
+    """
+    if isinstance(thing, Law):
+        name, rows = f"law {thing.law}", [*_of_law(thing, at)]
+    elif isinstance(thing, Surface):
+        name, rows = f"surface {type(thing).__name__}", [*_of_surface(thing, at)]
+    elif isinstance(at, Scene) and thing in at.terms:
+        name, rows = f"term {thing.name}", [*_of_term(thing, at, load, size)]
+    else:
+        raise InputError(
+            f"derivatives of {thing!r} are asked for with {at!r}; allowed are a law, a surface "
+            "with points, and a term with its scene"
+        )
+    table = "\n".join(f"{row.what:<45} {row.off:9.1e}  {row.where}" for row in rows)
+    for row in rows:  # the first, as what follows from it is off, too
+        if not row.off <= ALLOWED:
+            raise InputError(
+                f"{name}: {row.what} differ by {row.off:.2g} of the largest {row.where}; allowed "
+                f"is {ALLOWED:g}\n{table}"
+            )
+    return f"{name}: derivatives agree with differences\n{table}"
+
+
+def _row(
+    what: str, given: np.ndarray, found: np.ndarray, places: np.ndarray, kinks: float = KINKS
+) -> Row:
+    """The difference of `given` and `found` (n, ...) at that of the `places` (n, k) which is the
+    worst but for `kinks` of them."""
+    off = abs(given - found).reshape(len(places), -1).max(1)
+    off[np.isnan(off)] = np.inf
+    i = np.argsort(off)[int((1 - kinks) * (len(off) - 1))]
+    scale = max(np.nanmax(abs(given), initial=0), np.nanmax(abs(found), initial=0), 1e-300)
+    return Row(what, float(off[i] / scale), f"at ({', '.join(f'{v:.4g}' for v in places[i])})")
+
+
+def _central(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, h: float) -> np.ndarray:
+    """Differences of f at x (n, 3) along each of the three axes, (..., 3)."""
+    return np.stack([(f(x + h * e) - f(x - h * e)) / (2 * h) for e in np.eye(3)], -1)
+
+
+def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
+    low, high = RANGES.T
+    drawn = np.random.default_rng(0).uniform(low, high, (500, 3))
+    x = drawn if at is None else np.asarray(at, float)
+
+    def energy(x: np.ndarray) -> np.ndarray:
+        with np.errstate(all="ignore"):  # sides of a case that do not count
+            return sum(law.energy(*x.T)) + np.zeros(len(x))
+
+    here = law.derivatives(*x.T)
+    yield _row("energies of kernel and law", here.parts.sum(1), energy(x), x)
+    slopes = _central(energy, x, 1e-6)
+    turns = _central(lambda x: law.derivatives(x[:, 0], x[:, 1], x[:, 2], False).first.T, x, 1e-7)
+    for i, name in enumerate(("sigma_a", "sigma_b", "tau")):
+        yield _row(f"{name} and differences of energies", here.first[i], slopes[:, i], x)
+    pairs = {"aa": (0, 0), "ab": (0, 1), "bb": (1, 1), "ag": (0, 2), "bg": (1, 2), "gg": (2, 2)}
+    for k, (name, (i, j)) in enumerate(pairs.items()):
+        if here.second is not None:
+            what = f"tangents {name} and differences of stresses"
+            yield _row(what, here.second[k], turns[:, i, j], x)
+
+
+def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
+    x = np.asarray(np.empty((0, 3)) if at is None else at, float)
+    if not len(x):
+        raise InputError("a surface is checked at no points; allowed are some near it, (n, 3)")
+    here, h = surface.evaluate(x), 1e-5
+    slopes = _central(lambda x: surface.evaluate(x).gap, x, h)
+    yield _row("normals and differences of gaps", here.normal, slopes, x)
+    turns = _central(lambda x: surface.evaluate(x).normal, x, h)
+    # a flat surface has none to compare with
+    bent = np.append(abs(turns).ravel(), abs(here.curvature).ravel()).max() > 1e-6
+    yield _row("curvatures and differences of normals", here.curvature * bent, turns * bent, x)
+    gap = here.gap[:, None]
+    feet = surface.evaluate(x - gap * here.normal).gap[:, None]
+    yield _row("gaps and distances along the normal", gap, gap - feet, x)
+
+
+def _of_term(term: Term, scene: Scene, load: float, size: float | None) -> Iterator[Row]:
+    blank, comm = scene.blank, scene.comm
+    total = comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]), MPI.SUM)
+    size = size or 1e-3 * float(np.sqrt(total[0] / total[1]))
+    before, x, h = scene.u.copy(), scene.u.copy(), 1e-6 * size
+    # rough, and the same on any number of ranks
+    gdim, owned = blank.mesh.geometry.dim, blank.V.dofmap.index_map.size_local
+    places = blank.coordinates()[:owned]
+    angles = [1e3 * places @ [1.3, 1.7, 1.9] + i for i in range(2 * gdim)]
+    moved, d = np.sin(angles[:gdim]).T.ravel(), np.sin(angles[gdim:]).T.ravel()
+    v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
+    forms = []
+    if term.energy is not None:
+        forms = [compat.form(each) for each in (term.energy, *term.variations(v, w))]
+
+    def move(by: float | np.ndarray) -> None:
+        x.array[:] = before.array + size * moved + by
+        scene.set(x)
+
+    def energy(by: np.ndarray) -> float:
+        move(by)
+        form = fem.assemble_scalar(forms[0]) if forms else 0.0
+        return comm.allreduce(form + term.stored() + term.potential(), MPI.SUM)
+
+    def forces(by: float | np.ndarray) -> np.ndarray:
+        move(by)
+        f = scene.u.duplicate()
+        with f.localForm() as local:
+            local.set(0)
+        if forms:
+            fem_petsc.assemble_vector(f, forms[1])
+        with f.localForm() as local:
+            term.add_forces(local.array)
+        f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return f.array.copy()
+
+    def stiffness() -> np.ndarray:
+        A, direction, found = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
+        direction.array[:] = d
+        rows, cols, values = term.tangent()
+        extra = TripletMatrix(A, rows, cols)
+        extra.fill(values)
+        A.zeroEntries()
+        if forms:
+            fem_petsc.assemble_matrix(A, forms[2])
+        A.assemble()
+        (A * direction + extra.matrix * direction).copy(found)
+        if given := term.compliance():
+            c, k = given[0], given[1]
+            pushed = comm.allreduce(float(c @ d[: c.size]), MPI.SUM)
+            found.array[: c.size] -= c * pushed / k if k > 0 else 0.0
+        return found.array.copy()
+
+    def whole(values: np.ndarray) -> np.ndarray:
+        return np.concatenate(comm.allgather(values.reshape(owned, -1)))
+
+    try:
+        term.at(load)
+        f = forces(0.0)
+        Kd, change = stiffness(), (forces(h * d) - forces(-h * d)) / (2 * h)
+        # not d alone, along which forces may cancel
+        e = d / 2 + f / max(abs(whole(f)).max(), 1e-300)
+        slope, work = (energy(1e3 * h * e) - energy(-1e3 * h * e)) / (2e3 * h), whole(f * e)
+        off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), 1e-300)
+        yield Row(
+            "forces and differences of energies",
+            off,
+            "for displacements along the forces, and rough ones",
+        )
+        what = "tangent and differences of forces"
+        yield _row(what, whole(Kd), whole(change), whole(places), 0.0)
+    finally:
+        scene.set(before)
+        term.at(0.0)

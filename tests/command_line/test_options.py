@@ -1,0 +1,44 @@
+"""Messages speak of parameters; a command line speaks of its options."""
+
+import logging
+
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.command_line.study import Study, parser
+
+
+@pytest.mark.parametrize(
+    "words, told",
+    [
+        ("smaller steps (`max_step`)", "smaller steps (--max-step)"),
+        ("allowed is 5 % (`Limits.strain`)", "allowed is 5 % (--max-strain)"),
+        ("`resume=True` goes on", "--resume goes on"),
+        ('P2 with `integration="reduced"`', "P2 with --integration reduced"),
+        ("`out` results/a holds results", "--out results/a holds results"),
+        ("no line `# test: ...`, `self.energy` or `set_up`",) * 2,
+    ],
+)
+def test_parameters_become_options_and_other_words_stay(words, told):
+    assert parser(ff.Tensile, "").translated(words) == told
+
+
+def test_a_study_warns_and_sums_up_in_options(tmp_path):
+    study = Study("tensile", parser(ff.Tensile, ""), ["--out", str(tmp_path)])
+    study.warn("take smaller steps (`max_step`)")
+    summary = study.summarise(None, reason="allowed is 1 % (`Limits.strain`)")
+    logging.getLogger("fabric_fenicsx").handlers.clear()
+    assert summary["warnings"] == ["take smaller steps (--max-step)"]
+    assert summary["reason"] == "allowed is 1 % (--max-strain)"
+
+
+def test_the_library_speaks_of_parameters(tmp_path):
+    job = ff.Tensile(nx=4, element="P1", strain=0.01).job(steps=1)
+    with pytest.raises(ff.InputError, match="`resume=True` finds no checkpoint in .*`out`"):
+        job.run(tmp_path / "none", resume=True)
+    job.limits = ff.Limits(strain=1e-4)
+    with pytest.raises(ff.SolverFailure, match="`Limits.strain`") as failure:
+        job.run(tmp_path / "out", pictures=False)
+    with pytest.raises(ff.InputError, match="`out` .* holds results .*`overwrite=True` to lose"):
+        job.run(tmp_path / "out")
+    assert "--" not in str(failure.value)

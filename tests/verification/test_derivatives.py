@@ -1,0 +1,133 @@
+"""The check of own laws, terms and surfaces: right ones agree, what is wrong is named."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from builders import Elastic, sheet
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.material.laws import LAWS
+from fabric_fenicsx.material.validation import above_zero
+
+KOMEILI = ff.load("komeili")
+BALL = ff.Sphere(radius=30)
+NEAR = np.random.default_rng(0).uniform(20, 22, (200, 3)) * [1, -1, 1]
+
+
+def test_the_papers_law():
+    table = ff.check_derivatives(KOMEILI)
+    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 10
+
+
+def test_a_law_whose_stresses_are_not_its_energys():
+    @dataclass(frozen=True)
+    class Wrong(ff.Law):
+        law = "wrong"
+        rules = {"E": above_zero("stress")}
+        E: float
+
+        def energy(self, eps_a, eps_b, gamma):
+            return self.E * eps_a**2 / 2, self.E * eps_b**2 / 2, self.E * gamma**2 / 2
+
+        def derivatives(self, eps_a, eps_b, gamma, second=True):
+            found = super().derivatives(eps_a, eps_b, gamma, second)
+            return found._replace(first=found.first * [[1], [1], [1.5]])
+
+    del LAWS["wrong"]
+    words = "law wrong: tau and differences of energies differ by 0.33 of the largest at"
+    with pytest.raises(ff.InputError, match=words):
+        ff.check_derivatives(Wrong(3.0))
+
+
+@pytest.mark.parametrize("surface", [BALL, ff.Plane((0, 0, 1), (0, 1, 1)), ff.Offset(BALL, 1.0)])
+def test_surfaces_of_the_package(surface):
+    assert "agree" in ff.check_derivatives(surface, NEAR)
+
+
+class Ball(ff.Surface):
+    """A ball of 30 mm about the origin with factors that should be 1."""
+
+    def __init__(self, gap=1.0, normal=1.0, curvature=1.0):
+        self.gap, self.normal, self.curvature = gap, normal, curvature
+
+    def nearest(self, points, reach):
+        found = BALL.nearest(points, reach)
+        return ff.Nearest(*(k * v for k, v in zip(vars(self).values(), found)))
+
+
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        ({"normal": -1.0}, "Ball: normals and differences of gaps differ by 2 of the largest"),
+        ({"curvature": 1.1}, "Ball: curvatures and differences of normals differ by 0.09"),
+        ({"gap": 2.0, "normal": 2.0, "curvature": 2.0}, "Ball: gaps and distances along the"),
+        ({"normal": np.nan}, "Ball: normals and differences of gaps differ by inf"),
+    ],
+)
+def test_a_wrong_surface(wrong, words):
+    assert "agree" in ff.check_derivatives(Ball(), NEAR)
+    with pytest.raises(ff.InputError, match=words):
+        ff.check_derivatives(Ball(**wrong), NEAR)
+
+
+class Springs(ff.Term):
+    """A spring of hardening stiffness k (1 + u^2) at each component, with factors."""
+
+    name = energy_kind = "springs"
+
+    def __init__(self, force=1.0, stiffness=1.0):
+        self.force, self.stiffness = force, stiffness
+
+    def u(self):
+        gdim = self.blank.mesh.geometry.dim
+        return self.blank.u.x.array[: gdim * self.blank.V.dofmap.index_map.size_local]
+
+    def stored(self):
+        return float((self.u() ** 2 / 2 + self.u() ** 4 / 4).sum())
+
+    def add_forces(self, f):
+        f[: len(self.u())] += self.force * (self.u() + self.u() ** 3)
+
+    def tangent(self):
+        first = self.blank.V.dofmap.index_map.local_range[0] * self.blank.mesh.geometry.dim
+        dofs = (first + np.arange(len(self.u()))).astype(np.int32)
+        return dofs, dofs, self.stiffness * (1 + 3 * self.u() ** 2)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "wrong, words",
+    [
+        ({}, ""),
+        ({"force": 1.2}, "springs: forces and differences of energies differ by 0.17 of"),
+        ({"stiffness": 0.9}, "springs: tangent and differences of forces differ by 0.1 of"),
+    ],
+)
+def test_terms(wrong, words):
+    springs = Springs(**wrong)
+    scene = ff.Scene(sheet(20.0, 10.0, 6, 3), [Elastic(), springs], ff.clamped_ends(1.0))
+    scene.u.set(0.5)
+    before = scene.u.array.copy()
+    if words:
+        with pytest.raises(ff.InputError, match=words):
+            ff.check_derivatives(springs, scene, size=0.1)
+    else:
+        assert "agree" in ff.check_derivatives(springs, scene, size=0.1)
+    assert np.array_equal(scene.u.array, before)
+
+
+@pytest.mark.mpi
+def test_terms_of_the_package_in_a_scene():
+    """Among them a tool moved by force, which takes from the tangent."""
+    ply = ff.Forming(KOMEILI, nx=6, holder="force")
+    for term in ply.scene.terms:
+        assert "agree" in ff.check_derivatives(term, ply.scene, load=0.02), term.name
+
+
+def test_what_cannot_be_checked():
+    for thing, at in ((Springs(), None), ("law", None)):
+        with pytest.raises(ff.InputError, match="allowed are a law, a surface with points, and a"):
+            ff.check_derivatives(thing, at)
+    with pytest.raises(ff.InputError, match="allowed are some near it"):
+        ff.check_derivatives(BALL)
