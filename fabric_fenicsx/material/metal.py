@@ -29,7 +29,7 @@ class Metal(Parameters):
 
     rules: ClassVar[Mapping[str, Rule]] = {
         "E": above_zero("stress"),
-        "nu": Rule("", "from 0 to below 0.5", lambda v: 0 <= v < 0.5),
+        "nu": Rule("", "from 0 to 0.5", lambda v: 0 <= v <= 0.5),
         **SHEET,
     }
 

@@ -47,9 +47,7 @@ def volume_change(metal: Metal, elastic: np.ndarray) -> np.ndarray:
     return 2 * elastic[..., 0] * (1 - 2 * metal.nu) / (1 - metal.nu)
 
 
-def respond(
-    metal: Metal, trial: np.ndarray, plastic: np.ndarray, tangent: bool = True
-) -> Response:
+def respond(metal: Metal, trial: np.ndarray, plastic: np.ndarray, tangent: bool = True) -> Response:
     """Implicit step to the strain at which, without plastic flow in the step, elastic strains were
     `trial` (n, 3), from equivalent plastic strains `plastic` (n,)."""
     K = _stiffness(metal)

@@ -37,6 +37,7 @@ class MorleyCells:
     `mirrors` (k, gdim, gdim) takes each node's displacement to that of the image which stands for
     it, 0 for itself. Edge e is opposite corner e. area (cells,) [mm^2], corners (cells, 3, gdim)
     and along_a (cells, 3), by which corners add up to yarn a's direction: of the undeformed cells.
+    yarn_b (cells, 2): yarn b's direction along yarn a and across; (0, 1) makes axes orthonormal.
 
     symmetric, clamped: as in `Bending`. Raises InputError, on all ranks, for edges not found, for
     symmetric ones in several planes, and for meshes that are no manifold.
@@ -198,8 +199,9 @@ class MorleyCells:
 
     def curvature(self, stiffnesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Operator (cells, 3, 12) from the 12 nodes' displacements to x,aa, x,bb, x,ab, and these
-        of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm]; free edges take
-        the slopes of least energy, so that no moment is on them."""
+        of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm], or the matrix
+        (3, 3) that couples them; free edges take the slopes of least energy, so that no moment is
+        on them."""
         count, six, dim = self.count, self.six, self.corners.shape[2]
         # slopes must not depend on a D_t near 0
         plate = np.broadcast_to(np.diag([1, 1, np.sqrt(2)]), (count, 3, 3))
@@ -263,7 +265,11 @@ class MorleyCells:
         yarns = np.array([[one, zero, zero], [c * c, s * s, 2 * c * s], [c, zero, s]]).transpose(
             2, 0, 1
         )
-        relaxed = _relaxed(spread, np.sqrt(stiffnesses)[:, None] * yarns, self.free)
+        if stiffnesses.ndim == 1:
+            root = np.sqrt(stiffnesses)[:, None] * yarns
+        else:
+            root = np.linalg.cholesky(stiffnesses).T @ yarns
+        relaxed = _relaxed(spread, root, self.free)
         operator = np.einsum("cij,cje,cen->cin", yarns, relaxed, bends, optimize=True)
         operator[
             np.abs(operator) < NO_WORK * np.abs(operator).max((1, 2), initial=0)[:, None, None]
