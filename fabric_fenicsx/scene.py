@@ -74,9 +74,8 @@ class Scene:
             raise InputError(
                 f"the scene of {blank.name} has no elastic term; allowed is a membrane or the like"
             )
-        residuals, tangents = zip(
-            *(term.variations(v, w) for term in forms) or [_nothing(blank, v, w)]
-        )
+        variations = [term.variations(v, w) for term in forms] or [_nothing(blank, v, w)]
+        residuals, tangents = zip(*variations)
         self._residual = compat.form(sum(residuals[1:], residuals[0]))
         self._tangent = compat.form(sum(tangents[1:], tangents[0]))
         self._energies = [(term.energy_kind, compat.form(term.energy)) for term in forms]
@@ -152,7 +151,7 @@ class Scene:
     def memory(self) -> dict[str, np.ndarray]:
         """What accepted states left in terms and supports, {name: array (owned nodes, k)}, or
         (owned cells, k) where the name begins with `OF_CELLS`."""
-        memory = {}
+        memory: dict[str, np.ndarray] = {}
         for i, term in enumerate(self.terms):
             memory |= {f"{i} {key}": values for key, values in term.memory().items()}
             cells = term.cell_memory().items()

@@ -122,7 +122,7 @@ class Voce(Hardening):
 
 
 @dataclass(frozen=True)
-class Table(Hardening):
+class HardeningTable(Hardening):
     """Through points: plastic strains `eps`, rising from 0, and stresses `sigma` [MPa] above 0 that
     do not fall, two or more of each.
 

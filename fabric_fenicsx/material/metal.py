@@ -44,7 +44,7 @@ class Metal(Parameters):
         super().__post_init__()
         if not isinstance(self.hardening, Hardening):
             raise InputError(
-                f"hardening is {shown(self.hardening)}; allowed is a Swift, Voce or Table"
+                f"hardening is {shown(self.hardening)}; allowed is a Swift, Voce or HardeningTable"
             )
         if not isinstance(self.name, str):
             raise InputError(f"name is {shown(self.name)}; allowed is a text")
@@ -60,7 +60,7 @@ class Metal(Parameters):
     def dumps(self, remarks: Iterable[str] = ()) -> str:
         """The TOML text, which reads back as an equal object; remarks: comment lines at its top."""
         units = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
-        table = {"law": LAW, "name": self.name}
+        table: dict[str, Any] = {"law": LAW, "name": self.name}
         table |= {name: getattr(self, name) for name in self.rules}
         table |= {"units": units, "hardening": self.hardening.table()}
         return "".join(f"# {line}\n" for line in remarks) + tomli_w.dumps(table)

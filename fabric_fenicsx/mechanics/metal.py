@@ -78,7 +78,7 @@ class SheetMetal(Term):
     the undeformed sheet, times the elastic change of volume over that of area.
 
     - points: through the thickness, odd, from 5; see `through_thickness`. Plastic moments of 5 are
-      within 0.5 % from 8 times the curvature at which the sheet yields, below that within 9 %.
+      within 0.5 % from 9 times the curvature at which the sheet yields, below that within 9 %.
     - symmetric, clamped: as in `Bending`
 
     Energies: "metal" elastic, "plastic" dissipated. Raises InputError, on all ranks, for other
@@ -181,6 +181,10 @@ class SheetMetal(Term):
 
     # -- results
 
+    def material(self) -> str:
+        """As in `Term`."""
+        return self.metal.dumps()
+
     def add_history(self, row: dict[str, Any]) -> None:
         """Add `max_plastic_strain` and `min_metal_thickness_mm`."""
         comm, plastic = self.blank.mesh.comm, self._state().response.plastic
@@ -280,7 +284,7 @@ class SheetMetal(Term):
         # of points, in strains 11, 22, 2 12
         some = slice(at.start * points, at.stop * points)
         first, response = state.strain.first[some] @ MEAN_AND_SHEARS, state.response
-        strain = Hencky(*state.strain[:2], tuple(part[some] for part in state.strain.parts))
+        strain = state.strain._replace(parts=tuple(part[some] for part in state.strain.parts))
         curved = strain.second(2 * response.stress[some])
         D = first.swapaxes(1, 2) @ (2 * response.tangent[some]) @ first
         D += MEAN_AND_SHEARS.T @ curved @ MEAN_AND_SHEARS

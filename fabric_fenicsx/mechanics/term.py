@@ -161,6 +161,10 @@ class Term:
 
     # -- results
 
+    def material(self) -> str:
+        """What the sheet is made of, if this term knows, as a material file's text."""
+        return self.fabric.dumps() if self.fabric is not None else ""
+
     def add_history(self, row: dict[str, Any]) -> None:
         """Add columns to a row of history.csv, the same ones each time, of all ranks."""
 
