@@ -99,7 +99,7 @@ class SheetMetal(Term):
             raise InputError(f"metal is {metal!r}; allowed is a Metal, as `load_metal` gives")
         self.metal, self._edges = metal, (symmetric, clamped)
         self._places, self._weights = through_thickness(points)
-        self.resists = ("stretch", "turn") if clamped else ("stretch",)
+        self.resists = ("stretch", "turn") if symmetric or clamped else ("stretch",)
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""

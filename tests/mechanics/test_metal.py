@@ -3,13 +3,16 @@
 import builders
 import numpy as np
 import pytest
+import ufl
 from builders import COMM, alone, near, rotation, run
+from dolfinx import fem
 from mpi4py import MPI
 from scipy import sparse
 from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.metal import SheetMetal, through_thickness
+from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
@@ -351,6 +354,63 @@ def test_a_job_balances_work_with_elastic_energy_and_dissipation():
         errors.append(abs(held / energy["external_work"] - 1))
     assert errors[0] < 0.02
     assert errors[1] < errors[0]
+
+
+class Pressure(Term):
+    """A pressure that follows the sheet: minus its work is p times the volume between the sheet and
+    the plane z = 0, in which its rim lies."""
+
+    name = "pressure"
+
+    def __init__(self, pressure):
+        self.pressure = pressure
+
+    def set_up(self, scene):
+        blank = scene.blank
+        self._now = fem.Constant(blank.mesh, 0.0)
+        x = ufl.SpatialCoordinate(blank.mesh) + blank.u
+        a, b = (f + ufl.dot(ufl.grad(blank.u), f) for f in (blank.a0, blank.b0))
+        dx = ufl.dx(blank.mesh, metadata={"quadrature_degree": 3})
+        self.energy = -self._now * x[2] * ufl.cross(a, b)[2] * dx
+
+    def at(self, load):
+        self._now.value = load * self.pressure
+
+
+def blown_up(cells, half=50.0, pressure=2.5):
+    """A strip of 0.5 mm, hinged at both long edges, in plane strain; scene and its height."""
+    blank = sheet(half, half / cells, cells, 1, "left")
+    x = blank.coordinates()
+    blank.u.x.array[2::3] = 1e-3 * (1 - (x[:, 0] / half) ** 2)  # which side it goes to
+    sides = [near(0, 0.0), near(1, 0.0), near(1, half / cells)]
+    held = [Support("rim", near(0, half), (0, 2)), Support("middle", near(0, 0.0), (0,))]
+    held.append(Support("wide", builders.everywhere, (1,)))
+    metal = SheetMetal(INCOMPRESSIBLE.replace(thickness=0.5), symmetric=sides)
+    scene = Scene(blank, [metal, Pressure(pressure)], held)
+    run(scene, 20)
+    height = builders.displacement(blank)[:, 2].max(initial=0.0)
+    return COMM.allreduce(height, MPI.MAX)
+
+
+@pytest.mark.mpi
+def test_a_strip_blown_up_is_an_arc_that_bears_the_pressure():
+    """A membrane under pressure has one tension N, so one radius R = N / p; half of it 50 mm wide,
+    as high as h = 50 tan(alpha / 2), is stretched by ln(alpha / sin(alpha))."""
+    errors, half, pressure, share = [], 50.0, 2.5, 2 / np.sqrt(3)
+
+    def borne(alpha):
+        strain = np.log(alpha / np.sin(alpha))
+        curve, E = DC04.hardening.stress, DC04.E
+        p = brentq(lambda p: curve(p) / E + p - share * strain, 0, 2 * strain, xtol=1e-15)
+        return share * curve(p) * 0.5 * np.exp(-strain) * np.sin(alpha) / half
+
+    alpha = brentq(lambda a: borne(a) - pressure, 0.1, 1.0)
+    exact = half * np.tan(alpha / 2)
+    for cells in (8, 16, 32):
+        errors.append(abs(blown_up(cells) / exact - 1))
+    assert np.log(alpha / np.sin(alpha)) > 0.1
+    assert errors[2] < 2e-4
+    assert errors[2] < 0.35 * errors[1] < 0.12 * errors[0]
 
 
 # -- bad input
