@@ -14,7 +14,7 @@ from ..material.metal import Metal
 from ..material.plasticity import Response, elastic_energy, respond, volume_change, von_mises
 from .bending import plate_stiffness
 from .morley import MorleyCells, Where
-from .stencil import Stencil
+from .stencil import CellSums, Stencil
 from .term import SceneFacts, Term, Triplets
 
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
@@ -118,7 +118,8 @@ class SheetMetal(Term):
         self._operator, self._own = cells.curvature(plate)
         counts = (self._operator != 0).any(1)
         counts[:, :3] = True
-        self._stencil, self._corners = Stencil(cells, counts), cells.corners
+        self._stencil, self._corners = Stencil(cells), cells.corners
+        self._sums = CellSums(self._stencil, counts)
         self._slopes = -cells.out2 / cells.height[:, :, None]
         self._volumes = cells.area[:, None] * metal.thickness * self._weights
         undeformed = self._shape(np.zeros_like(self._stencil.displacement()))
@@ -156,7 +157,7 @@ class SheetMetal(Term):
         forces[:, :3] += np.einsum(
             "ck,ckix->cix", membrane, self._stretching(state.shape, slice(None))
         )
-        self._stencil.add_forces(forces, f)
+        self._sums.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's cells [N/mm]."""
@@ -165,7 +166,7 @@ class SheetMetal(Term):
         for start in range(0, len(blocks), CHUNK):
             at = slice(start, start + CHUNK)
             blocks[at] = self._stiffness(state, at)
-        return self._stencil.triplets(blocks)
+        return self._sums.triplets(blocks)
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
