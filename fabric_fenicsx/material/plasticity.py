@@ -14,8 +14,8 @@ import numpy as np
 from .metal import Metal
 
 YIELDS = 1e-13  # of the yield stress, above which a stress yields
-FOUND = 1e-15  # of the yield stress, or of the increment: rounding
-ITERATIONS = 100  # at most; each third one halves the bracket, so it ends with all digits
+FOUND = 4e-15  # of the yield stress and of what an increment's last digit makes of stress
+ITERATIONS = 100  # at most; each halves what is left of either excess or bracket, so they suffice
 
 
 class Response(NamedTuple):
@@ -90,20 +90,21 @@ def _flow(metal, parts, plastic, equivalent, strength):
     """
     K = _stiffness(metal)[:2] * [1, 3]
     low, high = np.zeros(len(plastic)), 2 * (equivalent - strength) / K.min()
-    flow = np.minimum((equivalent - strength) / K.max(), high)
-    for iteration in range(ITERATIONS):
+    flow, before = np.minimum((equivalent - strength) / K.max(), high), np.inf
+    for _ in range(ITERATIONS):
         Y, slope = metal.hardening.stress(plastic + flow), metal.hardening.slope(plastic + flow)
         softer = 1 / (1 + K * (flow / (2 * Y))[:, None])
         left = parts.T * softer**2
         now = np.sqrt(left.sum(1))
         excess = now - Y
-        low, high = np.where(excess > 0, flow, low), np.where(excess > 0, high, flow)
-        if (np.abs(excess) <= FOUND * Y).all() or (high - low <= FOUND * high).all():
+        found = np.abs(excess) <= FOUND * (Y + 0.1 * K.max() * flow)
+        if found.all():
             break
+        low, high = np.where(excess > 0, flow, low), np.where(excess > 0, high, flow)
         fall = (left * K * softer).sum(1) * (1 - flow * slope / Y) / (2 * Y * now) + slope
         newton = flow + excess / fall
-        halves = (newton <= low) | (newton >= high) | (iteration % 3 == 2)
-        halves &= np.abs(excess) > 1e-12 * Y
-        flow = np.where(halves, (low + high) / 2, np.clip(newton, low, high))
+        halves = (newton <= low) | (newton >= high) | (np.abs(excess) > before / 2)
+        flow = np.where(found, flow, np.where(halves, (low + high) / 2, newton))
+        before = np.abs(excess)
     Y = metal.hardening.stress(plastic + flow)
     return flow, 1 / (1 + K * (flow / (2 * Y))[:, None])

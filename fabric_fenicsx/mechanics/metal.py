@@ -19,7 +19,7 @@ from .term import SceneFacts, Term, Triplets
 
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
 MEAN_AND_SHEARS = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
-CHUNK = 2000  # cells whose stiffness is made at a time
+CHUNK = 250  # cells whose stiffness is made at a time
 UNITS = {
     "equivalent_plastic_strain": "-",
     "metal_thickness": "mm",
@@ -41,12 +41,15 @@ class _Shape(NamedTuple):
 
 
 class _State(NamedTuple):
-    """Cells at one displacement: their shape, strains and response at points (cells * points)."""
+    """Cells at one displacement: their shape, strains and response at points (cells * points), and
+    what is conjugate to the mid-surface's strains and to its curvature (cells, 3) [N mm]."""
 
     U: np.ndarray
     shape: _Shape
     strain: Hencky
     response: Response
+    forces: np.ndarray
+    moments: np.ndarray
 
 
 def through_thickness(points: int) -> tuple[np.ndarray, np.ndarray]:
@@ -152,11 +155,10 @@ class SheetMetal(Term):
     def add_forces(self, f: np.ndarray) -> None:
         """As in `Term`."""
         state = self._state()
-        membrane, moments = self._resultants(self._stresses(state))
-        forces = np.einsum("ck,cki,cx->cix", moments, state.shape.bends, state.shape.normal)
-        forces[:, :3] += np.einsum(
-            "ck,ckix->cix", membrane, self._stretching(state.shape, slice(None))
-        )
+        across = np.einsum("ck,cki->ci", state.moments, state.shape.bends)
+        forces = across[:, :, None] * state.shape.normal[:, None]
+        stretching = self._stretching(state.shape, slice(None))
+        forces[:, :3] += np.einsum("ck,ckix->cix", state.forces, stretching)
         self._sums.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
@@ -234,7 +236,7 @@ class SheetMetal(Term):
             strain = self._strain(shape)
             trial = self._elastic.reshape(-1, 3) + strain.strain - self._from
             response = respond(self.metal, trial, self._plastic.ravel())
-            self._now = _State(U, shape, strain, response)
+            self._now = _State(U, shape, strain, response, *self._resultants(strain, response))
         return self._now
 
     def _shape(self, U):
@@ -261,14 +263,10 @@ class SheetMetal(Term):
         bent = (shape.curvature - self._rest) @ MEAN_AND_SHEARS.T
         return hencky((C[:, None] - self._z[:, :, None] * bent[:, None]).reshape(-1, 3))
 
-    def _stresses(self, state):
-        """Conjugate to C's strains 11, 22, 2 12 at points, times volume, (cells, points, 3)."""
-        stress = np.einsum("nkj,nk->nj", state.strain.first, 2 * state.response.stress)
-        return (stress @ MEAN_AND_SHEARS).reshape(self._elastic.shape) * self._volumes[:, :, None]
-
-    def _resultants(self, stresses):
-        """Conjugate to the mid-surface's strains and to its curvature, (cells, 3) each."""
-        return stresses.sum(1), -np.einsum("cp,cpk->ck", self._z, stresses)
+    def _resultants(self, strain, response):
+        stress = np.einsum("nkj,nk->nj", strain.first, 2 * response.stress) @ MEAN_AND_SHEARS
+        stress = stress.reshape(self._elastic.shape) * self._volumes[:, :, None]
+        return stress.sum(1), -np.einsum("cp,cpk->ck", self._z, stress)
 
     def _stretching(self, shape, at):
         """Derivatives of strains 11, 22, 2 12 by the corners' motion of cells `at`, (cells, 3, 3,
@@ -280,8 +278,7 @@ class SheetMetal(Term):
     def _stiffness(self, state, at):
         """Second derivatives (cells, 12, 12, 3, 3) of the energy of cells `at` [N/mm]."""
         shape, points = _Shape(*(part[at] for part in state.shape)), len(self._places)
-        membrane, moments = self._resultants(self._stresses(state))
-        membrane, moments, z, count = membrane[at], moments[at], self._z[at], len(shape.base)
+        forces, moments, z, count = state.forces[at], state.moments[at], self._z[at], len(shape[0])
         # of points, in strains 11, 22, 2 12
         some = slice(at.start * points, at.stop * points)
         first, response = state.strain.first[some] @ MEAN_AND_SHEARS, state.response
@@ -290,25 +287,28 @@ class SheetMetal(Term):
         D = first.swapaxes(1, 2) @ (2 * response.tangent[some]) @ first
         D += MEAN_AND_SHEARS.T @ curved @ MEAN_AND_SHEARS
         D = D.reshape(count, points, 3, 3) * self._volumes[at, :, None, None]
-        # of cells, in these and in curvatures
-        H = np.empty((count, 2, 3, 2, 3))
-        H[:, 0, :, 0], H[:, 1, :, 1] = D.sum(1), np.einsum("cp,cpkl->ckl", z**2, D)
-        H[:, 0, :, 1] = H[:, 1, :, 0] = -np.einsum("cp,cpkl->ckl", z, D)
-        G = np.zeros((count, 2, 3, 12, 3))
-        G[:, 0, :, :3] = self._stretching(state.shape, at)
-        G[:, 1] = shape.bends[:, :, :, None] * shape.normal[:, None, None]
-        H, G = H.reshape(count, 6, 6), G.reshape(count, 6, 36)
-        blocks = (G.swapaxes(1, 2) @ H @ G).reshape(count, 12, 3, 12, 3).swapaxes(2, 3)
-        # as base vectors, normals and gradients turn
+        # of cells: of these, with curvatures, and of curvatures
+        plane, mixed, plate = (
+            np.einsum("cp,cpkl->ckl", power, D) for power in (np.ones_like(z), -z, z**2)
+        )
+        along, bends = self._stretching(state.shape, at), shape.bends
         (s, t), n, g = np.moveaxis(self._slopes[at], 2, 0), shape.normal, shape.gradients
-        pulls = np.einsum("c,ci,cj->cij", membrane[:, 2], s, t)
-        pulls = pulls + pulls.swapaxes(1, 2)
-        pulls += np.einsum("kc,kci,kcj->cij", membrane[:, :2].T, np.array([s, t]), np.array([s, t]))
+        bent = bends.swapaxes(1, 2) @ plate @ bends
+        bent[:, :3, :3] -= (moments * shape.curvature).sum(1)[:, None, None] * (
+            g @ g.swapaxes(1, 2)
+        )
+        # of motions of one node with those of another along the normal
+        V = 0.5 * bent[..., None] * n[:, None, None]
+        V[:, :3] += np.einsum("ckix,ckj->cijx", along, mixed @ bends)
+        V[:, :, :3] -= np.einsum("ck,cki->ci", moments, bends)[:, :, None, None] * g[:, None]
+        blocks = V[..., None] * n[:, None, None, None]
+        blocks = blocks + blocks.transpose(0, 2, 1, 4, 3)
+        flat = along.reshape(count, 3, 9)
+        stretched = (flat.swapaxes(1, 2) @ plane @ flat).reshape(count, 3, 3, 3, 3)
+        blocks[:, :3, :3] += stretched.swapaxes(2, 3)
+        across = forces[:, 2, None, None] * s[:, :, None] * t[:, None]
+        pulls = across + across.swapaxes(1, 2)
+        pulls += forces[:, 0, None, None] * s[:, :, None] * s[:, None]
+        pulls += forces[:, 1, None, None] * t[:, :, None] * t[:, None]
         blocks[:, :3, :3] += pulls[:, :, :, None, None] * np.eye(3)
-        by_node = np.einsum("ck,ckj->cj", moments, shape.bends)
-        turned = np.einsum("cj,cx,ciy->cijxy", by_node, n, g)
-        blocks[:, :3] -= turned
-        blocks[:, :, :3] -= turned.transpose(0, 2, 1, 4, 3)
-        work = (moments * shape.curvature).sum(1)
-        blocks[:, :3, :3] -= np.einsum("c,cix,cjx,cy,cz->cijyz", work, g, g, n, n, optimize=True)
         return blocks
