@@ -164,10 +164,10 @@ class SheetMetal(Term):
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's cells [N/mm]."""
         state = self._state()
-        blocks = np.empty((len(self._volumes), 12, 12, 3, 3))
-        for start in range(0, len(blocks), CHUNK):
+        blocks = np.empty((3, 3, 12, 12, len(self._volumes)))
+        for start in range(0, blocks.shape[-1], CHUNK):
             at = slice(start, start + CHUNK)
-            blocks[at] = self._stiffness(state, at)
+            blocks[..., at] = self._stiffness(state, at)
         return self._sums.triplets(blocks)
 
     def cell_memory(self) -> dict[str, np.ndarray]:
@@ -276,9 +276,12 @@ class SheetMetal(Term):
         return np.stack([s * a, t * b, s * b + t * a], 1)
 
     def _stiffness(self, state, at):
-        """Second derivatives (cells, 12, 12, 3, 3) of the energy of cells `at` [N/mm]."""
-        shape, points = _Shape(*(part[at] for part in state.shape)), len(self._places)
-        forces, moments, z, count = state.forces[at], state.moments[at], self._z[at], len(shape[0])
+        """Second derivatives (3, 3, 12, 12, cells) of the energy of cells `at` [N/mm]. Cells come
+        last in all arrays here, as NumPy is fast along long last axes alone."""
+        points = len(self._places)
+        base, n, g, bends, kappa = (np.moveaxis(part[at], 0, -1).copy() for part in state.shape)
+        (s, t), z = np.moveaxis(self._slopes[at], (2, 0), (0, 2)).copy(), self._z[at]
+        (N11, N22, N12), moments = state.forces[at].T, state.moments[at].T
         # of points, in strains 11, 22, 2 12
         some = slice(at.start * points, at.stop * points)
         first, response = state.strain.first[some] @ MEAN_AND_SHEARS, state.response
@@ -286,29 +289,27 @@ class SheetMetal(Term):
         curved = strain.second(2 * response.stress[some])
         D = first.swapaxes(1, 2) @ (2 * response.tangent[some]) @ first
         D += MEAN_AND_SHEARS.T @ curved @ MEAN_AND_SHEARS
-        D = D.reshape(count, points, 3, 3) * self._volumes[at, :, None, None]
+        D = D.reshape(-1, points, 3, 3) * self._volumes[at, :, None, None]
         # of cells: of these, with curvatures, and of curvatures
         plane, mixed, plate = (
-            np.einsum("cp,cpkl->ckl", power, D) for power in (np.ones_like(z), -z, z**2)
+            np.einsum("cp,cpkl->klc", power, D) for power in (np.ones_like(z), -z, z**2)
         )
-        along, bends = self._stretching(state.shape, at), shape.bends
-        (s, t), n, g = np.moveaxis(self._slopes[at], 2, 0), shape.normal, shape.gradients
-        bent = bends.swapaxes(1, 2) @ plate @ bends
-        bent[:, :3, :3] -= (moments * shape.curvature).sum(1)[:, None, None] * (
-            g @ g.swapaxes(1, 2)
-        )
-        # of motions of one node with those of another along the normal
-        V = 0.5 * bent[..., None] * n[:, None, None]
-        V[:, :3] += np.einsum("ckix,ckj->cijx", along, mixed @ bends)
-        V[:, :, :3] -= np.einsum("ck,cki->ci", moments, bends)[:, :, None, None] * g[:, None]
-        blocks = V[..., None] * n[:, None, None, None]
-        blocks = blocks + blocks.transpose(0, 2, 1, 4, 3)
-        flat = along.reshape(count, 3, 9)
-        stretched = (flat.swapaxes(1, 2) @ plane @ flat).reshape(count, 3, 3, 3, 3)
-        blocks[:, :3, :3] += stretched.swapaxes(2, 3)
-        across = forces[:, 2, None, None] * s[:, :, None] * t[:, None]
-        pulls = across + across.swapaxes(1, 2)
-        pulls += forces[:, 0, None, None] * s[:, :, None] * s[:, None]
-        pulls += forces[:, 1, None, None] * t[:, :, None] * t[:, None]
-        blocks[:, :3, :3] += pulls[:, :, :, None, None] * np.eye(3)
+        along = np.array([[s * x, t * y, s * y + t * x] for x, y in base[:, :, None]])
+        bent = np.einsum("kic,kjc->ijc", bends, np.einsum("klc,ljc->kjc", plate, bends))
+        bent[:3, :3] -= (moments * kappa).sum(0) * np.einsum("ixc,jxc->ijc", g, g)
+        # of a node's motion with another's along the normal
+        V = 0.5 * bent * n[:, None, None]
+        V[:, :3] += np.einsum("xkic,kjc->xijc", along, np.einsum("klc,ljc->kjc", mixed, bends))
+        by_node = np.einsum("kc,kic->ic", moments, bends)
+        V[:, :, :3] -= by_node[:, None] * g.swapaxes(0, 1)[:, None]
+        blocks = np.empty((3, 3, *bent.shape))
+        for x, y in np.ndindex(3, 3):
+            np.multiply(V[x], n[y], out=blocks[x, y])
+            blocks[x, y] += n[x] * V[y].swapaxes(0, 1)
+        stretched = np.einsum("klc,yljc->ykjc", plane, along)
+        blocks[:, :, :3, :3] += np.einsum("xkic,ykjc->xyijc", along, stretched)
+        pulls = N12 * s[:, None] * t
+        pulls += pulls.swapaxes(0, 1) + N11 * s[:, None] * s + N22 * t[:, None] * t
+        for x in range(3):
+            blocks[x, x, :3, :3] += pulls
         return blocks

@@ -81,7 +81,8 @@ class CellSums:
         cell, i, j = np.nonzero(counts[:, :, None] & counts[:, None])
         keys, pair = np.unique(columns[cell, i] * size + columns[cell, j], return_inverse=True)
         self._ends = np.divmod(keys, size)
-        self._on_pairs = _adding(pair, (cell * 12 + i) * 12 + j, len(keys), 144 * len(counts))
+        places = (i * 12 + j) * len(counts) + cell
+        self._on_pairs = _adding(pair, places, len(keys), 144 * len(counts))
         self._rows, self._cols = stencil.places(*self._ends)
 
     def add_forces(self, forces: np.ndarray, f: np.ndarray) -> None:
@@ -89,9 +90,11 @@ class CellSums:
         self._stencil.add_forces(self._on_nodes @ forces.reshape(-1, forces.shape[2]), f)
 
     def triplets(self, blocks: np.ndarray) -> Triplets:
-        """As `Term.tangent` gives them, from blocks (cells, 12, 12, gdim, gdim) [N/mm]."""
-        dim = blocks.shape[-1]
-        summed = (self._on_pairs @ blocks.reshape(-1, dim * dim)).reshape(-1, dim, dim)
+        """As `Term.tangent` gives them, from blocks (gdim, gdim, 12, 12, cells) [N/mm]."""
+        dim = len(blocks)
+        summed = np.empty((self._on_pairs.shape[0], dim, dim))
+        for x, y in np.ndindex(dim, dim):
+            summed[:, x, y] = self._on_pairs @ blocks[x, y].ravel()
         self._stencil.turn_back(summed, *self._ends)
         return self._rows, self._cols, summed.ravel()
 

@@ -291,7 +291,7 @@ def test_a_sheet_curved_within_its_thickness_is_out_of_reach():
 # -- runs
 
 
-def pressed(comm=COMM):
+def pressed(comm=COMM, metal=DC04):
     """A quarter of a clamped sheet whose centre is pushed out by its own thickness and more."""
 
     def pushed(x, load):
@@ -302,8 +302,8 @@ def pressed(comm=COMM):
     held = [Support("rim", rim, (0, 1, 2))]
     held += [Support("x", near(0, 0.0), (0,)), Support("y", near(1, 0.0), (1,))]
     held.append(Support("punch", lambda x: x[:2].max(0) < 2, (2,), pushed))
-    metal = SheetMetal(DC04, symmetric=[near(0, 0.0), near(1, 0.0)], clamped=rim)
-    return Scene(blank, [metal], held)
+    term = SheetMetal(metal, symmetric=[near(0, 0.0), near(1, 0.0)], clamped=rim)
+    return Scene(blank, [term], held)
 
 
 @pytest.mark.mpi
@@ -411,6 +411,20 @@ def test_a_strip_blown_up_is_an_arc_that_bears_the_pressure():
     assert np.log(alpha / np.sin(alpha)) > 0.1
     assert errors[2] < 2e-4
     assert errors[2] < 0.35 * errors[1] < 0.12 * errors[0]
+
+
+@pytest.mark.mpi
+def test_what_a_job_with_metal_keeps_and_with_which_metal_it_goes_on(tmp_path):
+    folder = COMM.bcast(tmp_path) / "run"
+    result = ff.Job(pressed(), steps=4).run(folder, pictures=False)
+    last, summary = result.rows[-1], result.summary
+    assert last["plastic_energy_Nmm"] == pytest.approx(summary["energy"]["plastic"], rel=1e-12)
+    assert last["max_plastic_strain"] > 0.01 and last["min_metal_thickness_mm"] < 1
+    assert (summary["metal"], summary["points_through_metal"]) == ("dc04", 5)
+    if COMM.rank == 0:
+        assert {"equivalent_plastic_strain", "von_mises_top"} <= set(result.grid.cell_data)
+    with pytest.raises(ff.InputError, match="was made with material"):
+        ff.Job(pressed(metal=INCOMPRESSIBLE), steps=4).run(folder, resume=True)
 
 
 # -- bad input
