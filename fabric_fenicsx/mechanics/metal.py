@@ -114,7 +114,8 @@ class SheetMetal(Term):
                 "allowed is P1 in space"
             )
         cells = MorleyCells(blank, *self._edges)
-        self._here = np.arange(cells.count)  # those of the rank's owned cells that are of metal
+        # how many cells this rank owns, and which of them are of metal: all cells here are those
+        self._owned, self._here = cells.count, np.arange(cells.count)
         cells.yarn_b = np.tile([0.0, 1.0], (cells.count, 1))  # orthonormal axes
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
@@ -173,13 +174,14 @@ class SheetMetal(Term):
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
         accepted."""
-        count = len(self._here)
-        return {"elastic": self._elastic.reshape(count, -1), "plastic": self._plastic}
+        count, points = self._plastic.shape
+        strains = self._elastic.reshape(count, 3 * points)
+        return {"elastic": self._among_owned(strains), "plastic": self._among_owned(self._plastic)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """As in `Term`."""
-        self._elastic = memory["elastic"].reshape(self._elastic.shape).copy()
-        self._plastic = memory["plastic"].copy()
+        self._elastic = memory["elastic"][self._here].reshape(self._elastic.shape)
+        self._plastic = memory["plastic"][self._here]
         self._hold(self._shape(self._stencil.displacement()))
 
     # -- results
@@ -205,9 +207,13 @@ class SheetMetal(Term):
         response, shape = self._state().response, self._plastic.shape
         volume = np.exp(volume_change(self.metal, response.elastic))
         stress = (von_mises(response.stress) / volume).reshape(shape)
-        fields["equivalent_plastic_strain"] = response.plastic.reshape(shape).max(1)
-        fields["metal_thickness"] = self.thickness()
-        fields["von_mises_top"], fields["von_mises_bottom"] = stress[:, -1], stress[:, 0]
+        found = {
+            "equivalent_plastic_strain": response.plastic.reshape(shape).max(1),
+            "metal_thickness": self.thickness(),
+            "von_mises_top": stress[:, -1],
+            "von_mises_bottom": stress[:, 0],
+        }
+        fields |= {name: self._among_owned(values) for name, values in found.items()}
 
     def thickness(self) -> np.ndarray:
         """Present thickness of this rank's cells, (cells,) [mm]."""
@@ -216,6 +222,13 @@ class SheetMetal(Term):
         return self._thickness(state.shape, elastic)
 
     # --
+
+    def _among_owned(self, values):
+        """Values (cells, ...) as those of all cells that the rank owns, 0 where there is no
+        metal."""
+        found = np.zeros((self._owned, *values.shape[1:]))
+        found[self._here] = values
+        return found
 
     def _thickness(self, shape, elastic):
         volume = volume_change(self.metal, np.einsum("cpk,p->ck", elastic, self._weights))

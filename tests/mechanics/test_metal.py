@@ -11,9 +11,11 @@ from scipy import sparse
 from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
+from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.mechanics.metal import SheetMetal, through_thickness
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
@@ -265,6 +267,27 @@ def test_rigid_motions_change_nothing_but_directions():
     (energy, f), (turned_energy, turned_f) = found
     assert turned_energy == pytest.approx(energy, rel=1e-11)
     assert np.abs(turned_f - f).max() < 1e-8 * np.abs(f).max()
+
+
+@pytest.mark.mpi
+def test_ranks_without_cells():
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], float)
+    cells = np.array([[0, 1, 2]])
+    given = (cells, points) if COMM.rank == 0 else (cells[:0], points[:0])
+    blank = Blank(compat.create_mesh(COMM, *given, "triangle", 1))
+    term = alone(blank, SheetMetal(DC04))
+    blank.u.x.array[:] = 0.01 * blank.coordinates().ravel()
+    energy, row = term.stored_by_kind(), {}
+    term.tangent()
+    term.accept()
+    term.add_history(row)
+    memory = term.cell_memory()
+    assert all(values.shape[1] in (5, 15) for values in memory.values())
+    term.recall(memory)
+    again = term.stored_by_kind()
+    assert COMM.allreduce(energy["plastic"]) > 0
+    assert [again[kind] for kind in energy] == pytest.approx(list(energy.values()), rel=1e-12)
+    assert row["max_plastic_strain"] > 0.01
 
 
 def test_a_sheet_that_lies_curved_is_free_of_stress():
