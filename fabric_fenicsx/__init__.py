@@ -12,15 +12,18 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from .errors import InputError, Interrupted, SolverFailure
     from .job import Job, Result
+    from .material.hardening import HardeningTable, Swift, Voce
     from .material.laws.base import Law
     from .material.laws.coupled import WovenFabric, Yarn
     from .material.laws.tabulated import TabulatedFabric
+    from .material.metal import Metal, load_metal
     from .material.presets import load
     from .mechanics.bending import Bending
     from .mechanics.contact import Contact
     from .mechanics.friction import Friction
     from .mechanics.load import DeadPressure, EdgeTension
     from .mechanics.membrane import Membrane
+    from .mechanics.metal import SheetMetal
     from .mechanics.pressing import BlankHolderPressure
     from .mechanics.term import Term
     from .scenarios.bias_extension import BiasExtension
@@ -53,15 +56,18 @@ if TYPE_CHECKING:
 _HOMES = {
     "errors": ("InputError", "Interrupted", "SolverFailure"),
     "job": ("Job", "Result"),
+    "material.hardening": ("HardeningTable", "Swift", "Voce"),
     "material.laws.base": ("Law",),
     "material.laws.coupled": ("WovenFabric", "Yarn"),
     "material.laws.tabulated": ("TabulatedFabric",),
+    "material.metal": ("Metal", "load_metal"),
     "material.presets": ("load",),
     "mechanics.bending": ("Bending",),
     "mechanics.contact": ("Contact",),
     "mechanics.friction": ("Friction",),
     "mechanics.load": ("DeadPressure", "EdgeTension"),
     "mechanics.membrane": ("Membrane",),
+    "mechanics.metal": ("SheetMetal",),
     "mechanics.pressing": ("BlankHolderPressure",),
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),

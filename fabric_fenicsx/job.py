@@ -287,7 +287,11 @@ class Job:
                 f"{100 * balance['energy_imbalance']:.3g} %; take smaller steps (`max_step`), "
                 "unless the sheet snapped"
             )
-        viscous = energy["viscous"] / max(abs(energy["strain"]), 1e-300)
+        # of stretching; kinds that only some terms have are its too, as of metal
+        kept = energy["strain"] + sum(
+            value for kind, value in energy.items() if kind not in (*ENERGIES, "external_work")
+        )
+        viscous = energy["viscous"] / max(abs(kept), 1e-300)
         return self.limits.exceeded({"imbalance": balance["energy_imbalance"], "viscous": viscous})
 
     def _beyond_limits(self):
@@ -339,8 +343,8 @@ def _stroke(scene, support, load):
 
 
 def _material(scene):
-    """The fabric of a scene as a material file's text, "" without one."""
-    return scene.fabric.dumps() if scene.fabric else ""
+    """What a scene's terms are made of as material files' texts, "" of nothing."""
+    return "\n".join(dict.fromkeys(text for term in scene.terms if (text := term.material())))
 
 
 def _not_believed(wrong):

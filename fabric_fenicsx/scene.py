@@ -22,6 +22,8 @@ from .supports import Supports, free_motion
 from .timing import phase
 from .tools import Tool
 
+OF_CELLS = "cells "  # before the names of what terms remember of cells
+
 
 def moving_grip(stroke: float) -> "Callable[[Scene, float], tuple[float, float]]":
     """Function of a scene with `clamped_ends(stroke)`, or `rolling_ends`, and its load factor to
@@ -45,6 +47,12 @@ def _by_part(terms):
     for term in terms:
         parts.setdefault(term.part_name, []).append(term)
     return list(parts.values())
+
+
+def _nothing(blank, v, w):
+    """First and second variation of no energy, where no term is a form."""
+    zero = fem.Constant(blank.mesh, 0.0)
+    return zero * ufl.inner(blank.u, v) * ufl.dx, zero * ufl.inner(w, v) * ufl.dx
 
 
 class Scene:
@@ -71,19 +79,20 @@ class Scene:
         self.u = compat.petsc_vector(blank.u)
         v, w = ufl.TestFunction(V), ufl.TrialFunction(V)
         forms = [term for term in self.terms if term.energy is not None]
-        if not forms:
+        if not forms and not any("stretch" in term.resists for term in self.terms):
             raise InputError(
                 f"the scene of {blank.name} has no elastic term; allowed is a membrane or the like"
             )
         # one form is of one part, as parts share their number
         found = [[term.variations(v, w) for term in on] for on in _by_part(forms)]
+        found = found or [[_nothing(blank, v, w)]]
         self._residuals, self._tangents = (
             [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in found]
             for i in (0, 1)
         )
         # where any of the parts has entries
         self._places = (
-            self._tangents[0] if len(found) == 1 else compat.form(ufl.inner(v, w) * ufl.dx)
+            self._tangents[0] if not blank.parts else compat.form(ufl.inner(v, w) * ufl.dx)
         )
         self._energies = [(term.energy_kind, compat.form(term.energy)) for term in forms]
         self._inverted = (
@@ -191,10 +200,13 @@ class Scene:
         return self.comm.allreduce(sum(term.work() for term in self.terms))
 
     def memory(self) -> dict[str, np.ndarray]:
-        """What accepted states left in terms and supports, {name: array (owned nodes, k)}."""
-        memory = {
-            f"{i} {key}": v for i, term in enumerate(self.terms) for key, v in term.memory().items()
-        }
+        """What accepted states left in terms and supports, {name: array (owned nodes, k)}, or
+        (owned cells, k) where the name begins with `OF_CELLS`."""
+        memory: dict[str, np.ndarray] = {}
+        for i, term in enumerate(self.terms):
+            memory |= {f"{i} {key}": values for key, values in term.memory().items()}
+            cells = term.cell_memory().items()
+            memory |= {f"{OF_CELLS}{i} {key}": values for key, values in cells}
         states = self.support_work.memory()
         # of each state: whether known, load, force and place
         nodal = np.zeros((self._f.local_size, len(states), 4))
@@ -208,7 +220,8 @@ class Scene:
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Give terms and supports back their `memory`, of the present displacement and load."""
         for i, term in enumerate(self.terms):
-            term.recall({key: memory[f"{i} {key}"] for key in term.memory()})
+            given = {key: memory[f"{i} {key}"] for key in term.memory()}
+            term.recall(given | {key: memory[f"{OF_CELLS}{i} {key}"] for key in term.cell_memory()})
         states = len(self.support_work.memory())
         nodal = memory["supports"].reshape(-1, states, 4)
         known = nodal[:, :, :2].max(0, initial=0.0)
@@ -247,7 +260,7 @@ class Scene:
         """The same with the potential of loads, as None."""
         with phase("assemble"):
             parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
-            parts += [(term.energy_kind, term.stored()) for term in self.terms if term.energy_kind]
+            parts += [part for term in self.terms for part in term.stored_by_kind().items()]
             parts += [(None, term.potential()) for term in self.terms]
         total = self.comm.allreduce(np.array([value for _, value in parts]), MPI.SUM)
         kinds = dict.fromkeys((kind for kind, _ in parts), 0.0)

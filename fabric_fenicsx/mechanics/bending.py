@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from petsc4py import PETSc
 from scipy import sparse
 
 from .. import dolfinx_compat as compat
 from ..errors import InputError
-from .gathered import GatheredNodes
 from .morley import MorleyCells, Where
+from .stencil import Stencil
 from .term import SceneFacts, Term, Triplets
 
 
@@ -124,11 +123,11 @@ class Bending(Term):
 
     def accept(self) -> None:
         """Take normals from the present displacement."""
-        U, dim = self._displacement(), self._dim
+        U, dim = self._stencil.displacement(), self._dim
         self._rest, self._normal, self._turning, self._origin = self._own_curvature, None, None, U
         P = np.broadcast_to(self.in_plane * np.eye(dim), (len(self._rest), dim, dim))
         if dim == 3:
-            corners = self._cells.corners + U[self._columns[:, :3]]
+            corners = self._cells.corners + U[self._stencil.columns[:, :3]]
             edges, axes = np.roll(corners, -2, 1) - np.roll(corners, -1, 1), self._axes(corners)
             self._normal = normal = axes[:, 2]
             P = P + (1 - self.in_plane) * normal[:, :, None] * normal[:, None]
@@ -141,19 +140,18 @@ class Bending(Term):
             slopes = np.cross(normal[:, None], edges) / area[:, None, None]
             along = -np.einsum("ci,cni->cn", np.cross(torque, normal), slopes)
             self._turning = np.zeros_like(U)
-            np.add.at(self._turning, self._columns[:, :3], along[:, :, None] * normal[:, None])
+            np.add.at(
+                self._turning, self._stencil.columns[:, :3], along[:, :, None] * normal[:, None]
+            )
         blocks = (self._pair_weights @ P.reshape(len(P), dim * dim)).reshape(-1, dim, dim)
         i, j = self._pairs
         blocks = np.concatenate([blocks, blocks[i != j]])
-        for mirror, transposed in zip(self._pair_mirrors, (True, False)):
-            at = mirror > 0
-            R = self._cells.mirrors[mirror[at]]
-            blocks[at] = R.swapaxes(1, 2) @ blocks[at] if transposed else blocks[at] @ R
+        self._stencil.turn_back(blocks, *self._both_ways)
         self._values = blocks.ravel()
 
     def stored(self) -> float:
         """Energy of this rank's owned cells [N mm]."""
-        U = self._displacement()
+        U = self._stencil.displacement()
         bent = self._curvature(U) - self._rest
         energy = 0.5 * np.vdot(bent, self._moments(bent))
         return float(
@@ -162,13 +160,11 @@ class Bending(Term):
 
     def add_forces(self, f: np.ndarray) -> None:
         """As in `Term`."""
-        moments = self._moments(self._curvature(self._displacement()) - self._rest)
+        moments = self._moments(self._curvature(self._stencil.displacement()) - self._rest)
         forces = self._transposed @ moments.reshape(-1, self._dim)
         if self._turning is not None:
             forces += self._turning
-        at = self._mirrored
-        forces[at] = np.einsum("nij,ni->nj", self._cells.mirrors[self._codes[at]], forces[at])
-        self._reached.add(forces, f)
+        self._stencil.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
@@ -178,7 +174,7 @@ class Bending(Term):
     def curvatures(self) -> np.ndarray:
         """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes,
         (cells, 3, gdim) [1/mm]."""
-        return self._curvature(self._displacement())
+        return self._curvature(self._stencil.displacement())
 
     # --
 
@@ -204,46 +200,24 @@ class Bending(Term):
     def _curvature(self, U):
         return (self._operator @ U).reshape(-1, 3, self._dim) + self._own_curvature
 
-    def _displacement(self):
-        """Displacement of the nodes that this rank's cells reach and of their mirror images,
-        (nodes, gdim)."""
-        U, at = self._reached.displacement(), self._mirrored
-        U[at] = np.einsum("nij,nj->ni", self._cells.mirrors[self._codes[at]], U[at])
-        return U
-
     def _gathered(self, operator):
         """Sparse matrices from the cells' `operator` (cells, 3, 12), and who is needed where."""
-        cells, dim, mirrors = self._cells, self._dim, len(self._cells.mirrors)
-        count = len(operator)
-        keys, columns = np.unique(cells.nodes * mirrors + cells.codes, return_inverse=True)
-        self._columns = columns = columns.reshape(cells.nodes.shape)
-        nodes, self._codes = np.divmod(keys, mirrors)
-        self._mirrored = np.flatnonzero(self._codes)
-        self._reached = GatheredNodes(self.blank, nodes)
+        self._stencil, count = Stencil(self._cells), len(operator)
+        columns, size = self._stencil.columns, self._stencil.count
         rows = np.arange(3 * count).reshape(count, 3, 1) + np.zeros_like(columns)[:, None]
         over = np.broadcast_to(columns[:, None], rows.shape)
         self._operator = sparse.csr_matrix(
-            (operator.ravel(), (rows.ravel(), over.ravel())), shape=(3 * count, len(nodes))
+            (operator.ravel(), (rows.ravel(), over.ravel())), shape=(3 * count, size)
         )
         self._operator.eliminate_zeros()
         self._transposed = self._operator.T.tocsr()
         # the stiffness of a pair of nodes is the sum over cells of a number times the cell's P
         products = np.einsum("ck,cki,ckj->cij", self._weights, operator, operator, optimize=True)
         cell, i, j = np.nonzero((products != 0) & (columns[:, :, None] <= columns[:, None]))
-        keys, pair = np.unique(
-            columns[cell, i] * len(nodes) + columns[cell, j], return_inverse=True
-        )
+        keys, pair = np.unique(columns[cell, i] * size + columns[cell, j], return_inverse=True)
         self._pair_weights = sparse.csr_matrix(
             (products[cell, i, j], (pair, cell)), shape=(len(keys), count)
         )
-        i, j = self._pairs = np.divmod(keys, len(nodes))
-        i, j = np.concatenate([i, j[i != j]]), np.concatenate([j, i[i != j]])
-        self._pair_mirrors = self._codes[i], self._codes[j]
-        axis = np.arange(dim)
-        rows, cols = (
-            (nodes[i] * dim)[:, None, None] + axis[:, None],
-            (nodes[j] * dim)[:, None, None] + axis,
-        )
-        self._rows, self._cols = (
-            k.astype(PETSc.IntType).ravel() for k in np.broadcast_arrays(rows, cols)
-        )
+        i, j = self._pairs = np.divmod(keys, size)
+        self._both_ways = np.concatenate([i, j[i != j]]), np.concatenate([j, i[i != j]])
+        self._rows, self._cols = self._stencil.places(*self._both_ways)

@@ -67,6 +67,11 @@ class Face:
         self._count = index_map.size_local
         self._comm, self._blank = comm, blank
         self._X = X = self._gathered(blank.coordinates()[: self._count])
+        # corners in an order that does not depend on the ranks
+        place = np.empty(len(X), dtype=np.int64)
+        place[np.lexsort(X.T)] = np.arange(len(X))
+        order = np.argsort(place[self.triangles], axis=1)
+        self.triangles = np.take_along_axis(self.triangles, order, 1)
         p, q, r = X[self.triangles].swapaxes(0, 1)
         turned = np.cross(q - p, r - p) @ UP * side < 0
         self.triangles[turned] = self.triangles[turned][:, [0, 2, 1]]

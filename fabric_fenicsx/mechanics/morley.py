@@ -40,6 +40,7 @@ class MorleyCells:
     `mirrors` (k, gdim, gdim) that takes a node's displacement to its image's; 0 where no image is
     needed. Edge e is opposite corner e. Of the undeformed cells: area (cells,) [mm^2], corners
     (cells, 3, gdim), and along_a (cells, 3), weights with which corners sum to yarn a's direction.
+    yarn_b (cells, 2): yarn b's direction along yarn a and across; (0, 1) makes axes orthonormal.
 
     symmetric, clamped: as in `Bending`. Raises InputError, on all ranks, for edges not found, for
     symmetric ones in several planes, and for meshes that are no manifold.
@@ -64,7 +65,7 @@ class MorleyCells:
     def only(self, cells: np.ndarray) -> Self:
         """Those `cells` (k,) of them, after `curvature`."""
         some = copy(self)
-        for name in ("area", "corners", "along_a", "nodes", "codes"):
+        for name in ("area", "corners", "along_a", "out2", "height", "nodes", "codes"):
             setattr(some, name, getattr(self, name)[cells])
         return some
 
@@ -208,8 +209,9 @@ class MorleyCells:
 
     def curvature(self, stiffnesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Operator (cells, 3, 12) from the 12 nodes' displacements to x,aa, x,bb, x,ab, and these
-        of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm]. Free edges take
-        the slopes of least energy, and so bear no moment."""
+        of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm], or the matrix
+        (3, 3) that couples them. Free edges take the slopes of least energy, and so bear no
+        moment."""
         count, six, dim = self.count, self.six, self.corners.shape[2]
         # slopes must not depend on a D_t near 0
         plate = np.broadcast_to(np.diag([1, 1, np.sqrt(2)]), (count, 3, 3))
@@ -273,7 +275,11 @@ class MorleyCells:
         yarns = np.array([[one, zero, zero], [c * c, s * s, 2 * c * s], [c, zero, s]]).transpose(
             2, 0, 1
         )
-        relaxed = _relaxed(spread, np.sqrt(stiffnesses)[:, None] * yarns, self.free)
+        if stiffnesses.ndim == 1:
+            root = np.sqrt(stiffnesses)[:, None] * yarns
+        else:
+            root = np.linalg.cholesky(stiffnesses).T @ yarns
+        relaxed = _relaxed(spread, root, self.free)
         operator = np.einsum("cij,cje,cen->cin", yarns, relaxed, bends, optimize=True)
         operator[
             np.abs(operator) < NO_WORK * np.abs(operator).max((1, 2), initial=0)[:, None, None]

@@ -269,6 +269,27 @@ class SheetContact(Term):
         pairs = self._now.pairs
         return pairs.rows, pairs.cols, pairs.values(self._state()[2])
 
+    def cell_memory(self) -> dict[str, np.ndarray]:
+        """Largest overlap at each point in accepted states, (cells, points) [mm]."""
+        return {"depth": self.among_cells(self._depth)}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """As in `Term`."""
+        self._depth = self.of_points(memory["depth"])
+
+    def among_cells(self, values: np.ndarray) -> np.ndarray:
+        """Values of all points (count, ...) as rows of the blank's owned cells, 0 elsewhere."""
+        wide = self._per_cell * int(np.prod(values.shape[1:]))
+        rows = np.zeros((len(self.blank.areas()), wide))
+        rows[self._part.cells] = values.reshape(-1, wide)
+        return rows
+
+    def of_points(self, rows: np.ndarray) -> np.ndarray:
+        """The reverse of `among_cells`, (count, k), or (count,) of one number a point."""
+        values = rows[self._part.cells]
+        wide = values.shape[1] // self._per_cell
+        return values.reshape((self.count, wide) if wide > 1 else self.count)
+
     def depth_under(self, pressure: float) -> float:
         """Overlap of the faces [mm] under a pressure [MPa]."""
         return float(self._law.depth(np.array(pressure)))

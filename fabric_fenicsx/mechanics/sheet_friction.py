@@ -77,6 +77,19 @@ class SheetFriction(Term):
         self._limit = now
         return True
 
+    def cell_memory(self) -> dict[str, np.ndarray]:
+        """Elastic slip (cells, 3 points) [mm] and energy taken (cells, points) [N mm] when last
+        accepted."""
+        energy = self._taken + potential(self._z, self._limit, self.slip)
+        rows = self._contact.among_cells
+        return {"slip": rows(self._z), "energy": rows(energy)}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """As in `Term`."""
+        self._z, self._taken = (self._contact.of_points(memory[k]) for k in ("slip", "energy"))
+        self._from = self._contact.facing()
+        self._limit = np.zeros(self._contact.count)  # until `accept`
+
     def _start(self):
         """Take places, normals and normal forces as they are, and turn the slip with them."""
         self._contact.accept()  # before this one, in whatever order they are given

@@ -53,7 +53,8 @@ class Term:
 
     - name: what summaries and errors call it
     - energy_kind: under which its energy is added up, a column of history.csv; None of loads
-    - resists: rigid motions of the sheet, "move" and "turn", that it may resist
+    - resists: rigid motions of the sheet, "move" and "turn", that it may resist; "stretch" if it
+      alone can hold the sheet together, though it is no form
     - fabric: what the sheet is made of, if this is the term that knows
     - units: of the arrays that it adds to fields, {name: unit}
     - prestressed: whether the sheet has stress as it lies, before load
@@ -129,6 +130,11 @@ class Term:
         """Energy that is no form [N mm]."""
         return 0.0
 
+    def stored_by_kind(self) -> dict[str, float]:
+        """`stored` by kinds, the same ones on all ranks, {kind: N mm}: of `energy_kind` alone, if a
+        term does not tell more."""
+        return {self.energy_kind: self.stored()} if self.energy_kind else {}
+
     def potential(self) -> float:
         """Of loads that are no form: minus their work [N mm]."""
         return 0.0
@@ -178,10 +184,18 @@ class Term:
         """What accepted states left, {name: array (owned nodes, k)}, for a checkpoint."""
         return {}
 
+    def cell_memory(self) -> dict[str, np.ndarray]:
+        """The same of cells, {name: array (owned cells, k)}, with names of its own."""
+        return {}
+
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """Take back what `memory` gave, at the displacement and load of then."""
+        """Take back what `memory` and `cell_memory` gave, at the displacement and load of then."""
 
     # -- results
+
+    def material(self) -> str:
+        """What the sheet is made of, if this term knows, as a material file's text."""
+        return self.fabric.dumps() if self.fabric is not None else ""
 
     def add_history(self, row: dict[str, Any]) -> None:
         """Add columns to a row of history.csv, the same ones each time, of all ranks."""

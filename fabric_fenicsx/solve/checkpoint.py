@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 from .. import dolfinx_compat as compat
 from ..errors import InputError
 from ..files import replace_file
+from ..scene import OF_CELLS
 from ..sheets.blank import Blank
 from .stepping import Progress, Viscosity
 
@@ -24,11 +25,13 @@ SCALARS = ("load", "step", "last_step", "work", "solver", "accepted", "rejected"
 COUNTS = ("accepted", "rejected", "iterations")
 NODAL = ("x", "around", "u", "previous")
 MEMORY = "memory "  # before the names of the terms' arrays
+CELLS = MEMORY + OF_CELLS  # and of those of cells
+CENTRES = "centres"  # of the cells, where a term remembers some
 
 
 class Checkpoint:
     """A file `path` (.npz) with the last accepted state of `blank`. It identifies nodes by their
-    position and by the cells around them.
+    position and by the cells around them, cells by their centres.
 
     problem: what defines the run, a dict that JSON can hold. A checkpoint of another problem is
     refused.
@@ -40,6 +43,7 @@ class Checkpoint:
         self.owned = blank.V.dofmap.index_map.size_local
         self._places = blank.coordinates()[: self.owned], self._around()
         self._known = [self.comm.gather(values) for values in self._places]
+        self._centres = blank.midpoints().T
 
     def _around(self):
         """Sum of the arms from each owned node to the centres of the cells around it, (owned nodes,
@@ -60,6 +64,8 @@ class Checkpoint:
         memory = {
             MEMORY + name: self.comm.gather(values) for name, values in progress.memory.items()
         }
+        if any(name.startswith(CELLS) for name in memory):
+            memory[CENTRES] = self.comm.gather(self._centres)
         if self.comm.rank != 0:
             return
         parts |= memory
@@ -87,25 +93,17 @@ class Checkpoint:
         if isinstance(content, str):
             raise InputError(content)
         meta, arrays = content
-        x, around = arrays["x"], arrays["around"]
-        size = np.ptp(x, axis=0).max()
-        nodes = self.comm.allreduce(self.owned)
-        distance, node = cKDTree(np.hstack([x, around])).query(np.hstack(self._places))
-        if nodes != len(x) or self.comm.allreduce(distance.max(initial=0.0), MPI.MAX) > 1e-9 * size:
-            raise InputError(
-                f"checkpoint {self.path} is of another mesh, with {len(x)} nodes, now there are "
-                f"{nodes} or they lie elsewhere; allowed is the same mesh"
-            )
-        if self.comm.allreduce(np.bincount(node, minlength=nodes)).max() > 1:
-            raise InputError(
-                f"checkpoint {self.path} has nodes that lie at one place amid the same cells; "
-                "allowed is a mesh whose nodes can be told apart"
-            )
+        places = np.hstack([arrays["x"], arrays["around"]])
+        node = self._found(places, np.hstack(self._places), np.ptp(arrays["x"], axis=0), "nodes")
+        cell = node
+        if CENTRES in arrays:
+            centres = arrays[CENTRES]
+            cell = self._found(centres, self._centres, np.ptp(centres, axis=0), "cells")
         vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
         for vector, name in zip(vectors, ("u", "previous")):
             vector.array[:] = arrays[name][node].ravel()
         remembered = {
-            k.removeprefix(MEMORY): values[node]
+            k.removeprefix(MEMORY): values[cell if k.startswith(CELLS) else node]
             for k, values in arrays.items()
             if k.startswith(MEMORY)
         }
@@ -114,6 +112,24 @@ class Checkpoint:
             "memory": remembered,
         }
         return Progress(x=vectors[0], previous=vectors[1], **state), meta["notes"]
+
+    def _found(self, saved, places, extent, what):
+        """Which of the `saved` nodes or cells (n, k) those at this rank's `places` (m, k) are."""
+        count = self.comm.allreduce(len(places))
+        distance, which = cKDTree(saved).query(places)
+        off = self.comm.allreduce(distance.max(initial=0.0), MPI.MAX)
+        if count != len(saved) or off > 1e-9 * extent.max():
+            raise InputError(
+                f"checkpoint {self.path} is of another mesh, with {len(saved)} {what}, now there "
+                f"are {count} or they lie elsewhere; allowed is the same mesh"
+            )
+        if self.comm.allreduce(np.bincount(which, minlength=count)).max() > 1:
+            amid = " amid the same cells" if what == "nodes" else ""
+            raise InputError(
+                f"checkpoint {self.path} has {what} that lie at one place{amid}; "
+                f"allowed is a mesh whose {what} can be told apart"
+            )
+        return which
 
     def _read(self, memory, solver):
         """Meta data and arrays of the file, or what is wrong with it."""
@@ -185,27 +201,28 @@ class Checkpoint:
 
     def _wrong_arrays(self, arrays, memory, begun):
         """What is missing in the arrays, of another shape or not finite."""
-        missing = [k for k in NODAL if k not in arrays]
+        of_cells = any(k.startswith(CELLS) for k in arrays)
+        fixed = (*NODAL, CENTRES) if of_cells else NODAL
+        missing = [k for k in fixed if k not in arrays]
         if missing:
             return f"{', '.join(missing)} is missing"
         gdim, nodes = self.blank.mesh.geometry.dim, len(np.atleast_1d(arrays["x"]))
-        shapes = {
-            "x": (nodes, 3),
-            "around": (nodes, gdim),
-            "u": (nodes, gdim),
-            "previous": (nodes, gdim),
-        }
-        names = sorted(k.removeprefix(MEMORY) for k in arrays if k not in NODAL)
+        cells = len(np.atleast_1d(arrays[CENTRES])) if of_cells else 0
+        shapes = {"x": (nodes, 3), "around": (nodes, gdim), CENTRES: (cells, gdim)}
+        shapes |= {"u": (nodes, gdim), "previous": (nodes, gdim)}
+        names = sorted(k.removeprefix(MEMORY) for k in arrays if k not in fixed)
         if memory is not None and (names or begun):
             if names != sorted(memory):
                 return (
                     f"it remembers {', '.join(names) or 'nothing'} where "
                     f"{', '.join(memory) or 'nothing'} should be"
                 )
-            shapes |= {MEMORY + name: (nodes, *values.shape[1:]) for name, values in memory.items()}
-        for name in (*NODAL, *(k for k in arrays if k not in NODAL)):
-            values = arrays[name]
-            shape = shapes.get(name, (nodes, *values.shape[1:]))
+            for name, values in memory.items():
+                rows = cells if name.startswith(OF_CELLS) else nodes
+                shapes[MEMORY + name] = rows, *values.shape[1:]
+        for name in (*fixed, *(k for k in arrays if k not in fixed)):
+            values, rows = arrays[name], cells if name.startswith(CELLS) else nodes
+            shape = shapes.get(name, (rows, *values.shape[1:]))
             if values.shape != shape:
                 return f"{name} has shape {values.shape} where {shape} should be"
             if values.dtype.kind != "f" or not np.isfinite(values).all():

@@ -92,6 +92,64 @@ def test_lips_of_a_slit_are_not_mixed_up(shared_path, degree, spatial, alone):
     assert np.allclose(found.memory["0 slip"], expected.memory["0 slip"], rtol=0, atol=1e-9)
 
 
+def of_cells(blank):
+    """Two numbers for each owned cell, of its centre."""
+    x = blank.midpoints()
+    return np.column_stack([100 * x[0] + 10 * x[1], x[1] ** 2])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("alone", [True, False])
+def test_cells_get_back_what_was_their_own(shared_path, alone):
+    """Written on one rank or on all, read on all."""
+    comm = MPI.COMM_SELF if alone else COMM
+    if not alone or COMM.rank == 0:
+        blank = slit(comm, 1)
+        state = progress(blank)
+        state.memory["cells 1 strain"] = of_cells(blank)
+        Checkpoint(shared_path / "c.npz", blank, {}).save(state, {})
+    COMM.barrier()
+    blank = slit(COMM, 1)
+    expected = progress(blank).memory | {"cells 1 strain": of_cells(blank)}
+    found, _ = Checkpoint(shared_path / "c.npz", blank, {}).load(expected)
+    assert sorted(found.memory) == sorted(expected)
+    for name, values in expected.items():
+        assert np.allclose(found.memory[name], values, rtol=0, atol=1e-9)
+
+
+CELLS_BROKEN = {
+    "no centres": (lambda arrays: arrays.pop("centres"), "centres is missing"),
+    "moved centres": (
+        lambda arrays: arrays.update(centres=arrays["centres"] + 1e-3),
+        "is of another mesh, with 32 cells, now there are 32 or they lie elsewhere",
+    ),
+    "short": (
+        lambda arrays: arrays.update({"memory cells 1 strain": np.zeros((31, 2))}),
+        r"memory cells 1 strain has shape \(31, 2\) where \(32, 2\) should be",
+    ),
+    "all at one place": (
+        lambda arrays: arrays.update(centres=np.repeat(arrays["centres"][:1], 32, 0)),
+        "is of another mesh",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CELLS_BROKEN)
+def test_what_is_wrong_with_memories_of_cells_is_said(tmp_path, case):
+    spoil, words = CELLS_BROKEN[case]
+    blank = slit(MPI.COMM_SELF, 1)
+    state = progress(blank)
+    state.memory["cells 1 strain"] = of_cells(blank)
+    checkpoint = Checkpoint(tmp_path / "c.npz", blank, {})
+    checkpoint.save(state, {})
+    with np.load(tmp_path / "c.npz") as file:
+        arrays = dict(file)
+    spoil(arrays)
+    np.savez(tmp_path / "c.npz", **arrays)
+    with pytest.raises(InputError, match=words):
+        checkpoint.load(state.memory)
+
+
 def meta(**changes):
     """Change of the meta data; None takes a key away."""
 

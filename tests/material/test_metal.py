@@ -1,0 +1,259 @@
+"""Metals at a point: hardening, logarithmic strain, plasticity, files."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.material.hardening import HardeningTable, Swift, Voce
+from fabric_fenicsx.material.hencky import hencky
+from fabric_fenicsx.material.metal import METALS, Metal, load_metal
+from fabric_fenicsx.material.plasticity import elastic_energy, respond, von_mises
+
+DC04 = load_metal("dc04")
+CURVES = {
+    "swift": DC04.hardening,
+    "ideal": Swift(159.0, 1.0, 0.0),
+    "voce": Voce(159.0, 180.0, 14.0),
+    # a plateau, then rising steeper
+    "table": HardeningTable((0.0, 0.01, 0.02, 0.1, 0.3), (159.0, 159.0, 165.0, 260.0, 390.0)),
+}
+
+
+def metal(curve):
+    return DC04.replace(hardening=CURVES[curve])
+
+
+# -- hardening
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_slope_and_work_belong_to_the_stress(curve):
+    curve, p, h = CURVES[curve], np.array([1e-4, 0.007, 0.013, 0.05, 0.2, 0.37, 1.0]), 1e-6
+    slope = (curve.stress(p + h) - curve.stress(p - h)) / (2 * h)
+    assert curve.slope(p) == pytest.approx(slope, rel=1e-5, abs=1e-6)
+    for end in p:
+        kinks = [k for k in (0.01, 0.02, 0.1, 0.3) if k < end]
+        exact = quad(lambda q: curve.stress(np.array([q]))[0], 0, end, points=kinks or None)[0]
+        assert curve.work(np.array([end]))[0] == pytest.approx(exact, rel=1e-8)
+
+
+def test_a_table_is_passed_through_and_goes_on_straight():
+    table = CURVES["table"]
+    assert table.stress(np.array(table.eps)) == pytest.approx(table.sigma, rel=1e-14)
+    beyond = table.stress(np.array([0.3, 0.4, 0.5]))
+    assert np.diff(beyond, 2) == pytest.approx(0, abs=1e-10)
+    assert beyond[1] - beyond[0] == pytest.approx(0.1 * table.slope(np.array([0.3]))[0])
+
+
+def test_dc04_has_the_yield_point_of_the_paper_and_a_strength_of_the_standard():
+    """Rp0.05 = 159 MPa of Table 2; EN 10130: 270 to 350 MPa, n from 0.18."""
+    curve = DC04.hardening
+    assert (DC04.E, DC04.nu, DC04.thickness) == (186600.0, 0.3, 1.0)
+    assert curve.stress(5e-4) == pytest.approx(159.0, rel=1e-12)
+    p = np.linspace(0, 0.5, 100001)
+    assert (curve.stress(p) * np.exp(-p)).max() == pytest.approx(310.0, rel=1e-8)
+    assert curve.n >= 0.18
+
+
+# -- strain
+
+
+def test_logarithmic_strain_is_that_of_the_spectral_form():
+    """From C = 1 on to stretches of 3, with both derivatives."""
+    rng = np.random.default_rng(1)
+    sizes = np.geomspace(1e-9, 0.9, 60)[:, None]
+    direction = rng.normal(size=(60, 2))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    mean = rng.uniform(0.5, 2, (60, 1))
+    C = np.hstack([mean, mean * sizes * direction])
+    found, h, weights = hencky(C), 1e-6, rng.normal(size=(60, 3))
+    for (m, d, o), strain in zip(C, found.strain):
+        values, vectors = np.linalg.eigh([[m + d, o], [o, m - d]])
+        E = (vectors * np.log(values) / 2) @ vectors.T
+        exact = [(E[0, 0] + E[1, 1]) / 2, (E[0, 0] - E[1, 1]) / 2, E[0, 1]]
+        assert strain == pytest.approx(exact, rel=1e-9, abs=1e-14)
+    for k in range(3):
+        more, less = (hencky(C + sign * h * np.eye(3)[k]) for sign in (1, -1))
+        change = (more.strain - less.strain) / (2 * h)
+        assert np.abs(change - found.first[:, :, k]).max() < 1e-7 * np.abs(found.first).max()
+        change = np.einsum("ni,nij->nj", weights, more.first - less.first) / (2 * h)
+        second = found.second(weights)
+        assert np.abs(change - second[:, k]).max() < 1e-6 * np.abs(second).max()
+
+
+@pytest.mark.parametrize("C", [(0.1, 0.2, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)])
+def test_what_is_no_stretch_has_no_finite_strain(C):
+    with np.errstate(all="raise"):
+        assert not np.isfinite(hencky(np.array([C])).strain).all()
+
+
+# -- plasticity
+
+
+def states(n=400, seed=0):
+    """Trial strains (n, 3) from far within to far beyond yielding, and plastic strains (n,)."""
+    rng = np.random.default_rng(seed)
+    trial = rng.normal(size=(n, 3)) * np.geomspace(1e-5, 0.5, n)[:, None]
+    return trial, rng.uniform(0, 0.4, n) * (rng.uniform(size=n) < 0.7)
+
+
+def potential(metal, trial, plastic):
+    after = respond(metal, trial, plastic, tangent=False)
+    work = metal.hardening.work
+    return elastic_energy(metal, after.elastic) + work(after.plastic) - work(plastic)
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_stress_ends_on_the_hardening_curve(curve):
+    trial, plastic = states()
+    found = respond(metal(curve), trial, plastic)
+    limit = CURVES[curve].stress(found.plastic)
+    grows = found.plastic > plastic
+    assert 100 < grows.sum() < 300
+    assert von_mises(found.stress)[grows] == pytest.approx(limit[grows], rel=1e-12)
+    assert (von_mises(found.stress) <= limit * (1 + 1e-12)).all()
+    # what flows is volume-preserving shear along the stress
+    flow = (trial - found.elastic)[grows]
+    along = found.stress[grows] * [1, 3, 3] / (2 * limit[grows, None])
+    assert flow == pytest.approx((found.plastic - plastic)[grows, None] * along, abs=1e-13)
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_stress_and_tangent_are_derivatives_of_the_potential(curve):
+    trial, plastic = states()
+    made, found = metal(curve), respond(metal(curve), trial, plastic)
+    h = 1e-8 + 1e-5 * np.linalg.norm(trial, axis=1)
+    for k in range(3):
+        step = h[:, None] * np.eye(3)[k]
+        rise = (potential(made, trial + step, plastic) - potential(made, trial - step, plastic)) / (
+            2 * h
+        )
+        assert np.abs(rise - 2 * found.stress[:, k]).max() < 1e-6 * np.abs(found.stress).max()
+        more, less = (respond(made, trial + s * step, plastic).stress for s in (1, -1))
+        change, size = (more - less) / (2 * h[:, None]), np.abs(found.tangent).max((1, 2))
+        error = np.abs(change - found.tangent[:, :, k]).max(1) / size
+        # but where the difference has a kink of yielding or of a table within it
+        assert (error < 1e-6).mean() > 0.985
+    assert found.tangent == pytest.approx(found.tangent.swapaxes(1, 2), rel=1e-12, abs=1e-9)
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_a_step_is_the_least_of_its_potential(curve):
+    """Any other plastic strain in the plane takes more energy."""
+    made, (trial, plastic) = metal(curve), states(100)
+    found, rng = respond(made, trial, plastic), np.random.default_rng(5)
+    least, flow = potential(made, trial, plastic), trial - found.elastic
+    for size in (1e-4, 1e-2, 1):
+        other = flow + size * rng.normal(size=flow.shape) * np.linalg.norm(
+            trial, axis=1, keepdims=True
+        )
+        # of von Mises: 2 sqrt(m^2 + (d^2 + o^2) / 3)
+        grown = 2 * np.sqrt(other[:, 0] ** 2 + (other[:, 1] ** 2 + other[:, 2] ** 2) / 3)
+        work = made.hardening.work
+        taken = elastic_energy(made, trial - other) + work(plastic + grown) - work(plastic)
+        assert (taken >= least * (1 - 1e-12)).all()
+
+
+def test_unloading_is_elastic():
+    found = respond(DC04, np.array([[0.002, 0.01, 0.001]]), np.zeros(1))
+    back = respond(DC04, 0.7 * found.elastic, found.plastic)
+    assert back.plastic == found.plastic
+    assert back.stress == pytest.approx(0.7 * found.stress, rel=1e-14)
+
+
+def test_plane_strain_tension_converges_with_steps():
+    """With elastic compressibility the stress turns; against the rate equations."""
+    K1, K2 = DC04.E / (1 - DC04.nu), DC04.E / (1 + DC04.nu)
+    end, curve = 0.02, DC04.hardening
+
+    def rate(strain, y):
+        (m, d), p = y[:2], y[2]
+        limit = np.hypot(m, np.sqrt(3) * d)
+        normal = np.array([m, 3 * d]) / (2 * limit)
+        K, towards = np.array([K1, K2]), np.array([0.5, 0.5])
+        if limit < curve.stress(p) * (1 - 1e-9):
+            return [*(K * towards), 0.0]
+        growth = 2 * normal @ (K * towards) / (2 * normal @ (K * normal) + curve.slope(p))
+        return [*(K * (towards - growth * normal)), growth]
+
+    first = curve.stress(0.0) / np.hypot(K1 / 2, np.sqrt(3) * K2 / 2)
+    start = [K1 * first / 2, K2 * first / 2, 0.0]
+    exact = solve_ivp(rate, (first, end), start, rtol=1e-10, atol=1e-12, max_step=1e-4).y[:, -1]
+    errors = []
+    for steps in (50, 100, 200):
+        elastic, plastic = np.zeros((1, 3)), np.zeros(1)
+        for _ in range(steps):
+            after = respond(DC04, elastic + np.array([[0.5, 0.5, 0]]) * end / steps, plastic)
+            elastic, plastic = after.elastic, after.plastic
+        found = [*after.stress[0, :2], plastic[0]]
+        errors.append(np.abs(np.array(found) / exact - 1).max())
+    assert errors[0] < 2e-3
+    assert errors[1] < 0.7 * errors[0]
+    assert errors[2] < 0.7 * errors[1]
+
+
+# -- files
+
+
+@pytest.mark.parametrize("curve", CURVES)
+def test_a_file_reads_back_as_it_was_written(tmp_path, curve):
+    made = metal(curve).replace(name="so named")
+    made.to_toml(tmp_path / "m.toml", ["a remark"])
+    assert load_metal(tmp_path / "m.toml") == made == Metal.from_toml(tmp_path / "m.toml")
+
+
+def test_units_are_in_keys_or_in_a_table(tmp_path):
+    (tmp_path / "m.toml").write_text(
+        'law = "metal"\nname = "dc04"\nE_GPa = 186.6\nnu = 0.3\nthickness_um = 1000\n'
+        '[hardening]\nlaw = "table"\neps = [0, 0.1]\nsigma_kPa = [159e3, 330e3]\n'
+    )
+    found = load_metal(tmp_path / "m.toml")
+    assert (found.E, found.thickness, found.density) == (186600.0, 1.0, 7.85)
+    assert found.hardening == HardeningTable((0.0, 0.1), (159.0, 330.0))
+
+
+HEAD = 'law = "metal"\nE_GPa = 186.6\nnu = 0.3\nthickness_mm = 1\n'
+SWIFT = '[hardening]\nlaw = "swift"\nK_MPa = 520\neps0 = 0.002\nn = 0.2\n'
+TABLE = '[hardening]\nlaw = "table"\n'
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (SWIFT, "law is None; allowed for a metal is 'metal'"),
+        (HEAD.replace("metal", "coupled") + SWIFT, "law is 'coupled'; allowed for a metal"),
+        (HEAD, "hardening.law None is unknown.*allowed are swift, voce, table"),
+        (HEAD + SWIFT.replace("swift", "swfit"), "did you mean swift"),
+        (HEAD + SWIFT.replace("n = 0.2", "n = 2"), "hardening.n is 2; .*from 0 to 1"),
+        (HEAD + SWIFT.replace("n = 0.2", ""), "missing hardening.n; allowed is to give all"),
+        (HEAD + SWIFT.replace("K_MPa", "K"), "hardening.K has no unit; allowed is K_MPa"),
+        (HEAD + SWIFT + "m = 1\n", "hardening.m is unknown"),
+        (HEAD.replace("0.3", "0.6") + SWIFT, "nu is 0.6; .*from 0 to 0.5"),
+        (HEAD.replace("E_GPa", "E_N") + SWIFT, "stress unit 'N' is unknown"),
+        (HEAD.replace("nu = 0.3\n", "") + SWIFT, "missing nu"),
+        (HEAD + TABLE + "eps = [0, 0.1]\n", "missing hardening.sigma"),
+        (HEAD + TABLE + "eps = [0, 0.1]\nsigma = [1, 2]\n", "hardening.sigma has no unit"),
+        (HEAD + TABLE + "eps = [0]\nsigma_MPa = [1]\n", "two lists of 2 or more"),
+        (HEAD + TABLE + "eps = [0.1, 0.2]\nsigma_MPa = [1, 2]\n", r"point 1 is \(0.1, 1.0\)"),
+        (HEAD + TABLE + "eps = [0, 0.2]\nsigma_MPa = [2, 1]\n", r"point 2 is \(0.2, 1.0\)"),
+        (HEAD + TABLE + "eps = 3\nsigma_MPa = [2, 1]\n", "hardening.eps is 3; allowed is a list"),
+        (HEAD + TABLE + 'eps = [0, "x"]\nsigma_MPa = [1, 2]\n', "allowed is a list of numbers"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said(tmp_path, text, words):
+    (tmp_path / "m.toml").write_text(text)
+    with pytest.raises(InputError, match=words) as error:
+        load_metal(tmp_path / "m.toml")
+    assert "m.toml: " in str(error.value) and "allowed" in str(error.value)
+
+
+def test_what_is_no_metal_is_refused():
+    with pytest.raises(InputError, match="metal 'dc06' is unknown; allowed is a preset .dc04. or"):
+        load_metal("dc06")
+    with pytest.raises(InputError, match="replace: Y is unknown"):
+        METALS["dc04"].replace(Y=3)
+    with pytest.raises(InputError, match="hardening is 159; allowed is a Swift"):
+        DC04.replace(hardening=159)
+    with pytest.raises(InputError, match="name is 3; allowed is a text"):
+        DC04.replace(name=3)
