@@ -6,15 +6,14 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
 
 from . import dolfinx_compat as compat
 from .errors import InputError
 from .material.laws import Law
+from .mechanics.assembly import Assembly
 from .mechanics.term import Term
-from .mechanics.triplets import TripletMatrix
 from .mechanics.work import Work
 from .sheets.blank import Blank
 from .sheets.parts import Part
@@ -41,20 +40,6 @@ def _inverted_area(blank):
     )
 
 
-def _by_part(terms):
-    """Lists of the terms on one part each."""
-    parts: dict[str, list[Term]] = {}
-    for term in terms:
-        parts.setdefault(term.part_name, []).append(term)
-    return list(parts.values())
-
-
-def _nothing(blank, v, w):
-    """First and second variation of no energy, where no term is a form."""
-    zero = fem.Constant(blank.mesh, 0.0)
-    return zero * ufl.inner(blank.u, v) * ufl.dx, zero * ufl.inner(w, v) * ufl.dx
-
-
 class Scene:
     """Residual, tangent and energy of `terms` on a `blank` with `supports`, at a load factor in
     [0, 1].
@@ -75,31 +60,18 @@ class Scene:
         self.comm = blank.mesh.comm
         for term in self.terms:
             term.bind(self)
-        V = blank.V
         self.u = compat.petsc_vector(blank.u)
-        v, w = ufl.TestFunction(V), ufl.TrialFunction(V)
         forms = [term for term in self.terms if term.energy is not None]
         if not forms and not any("stretch" in term.resists for term in self.terms):
             raise InputError(
                 f"the scene of {blank.name} has no elastic term; allowed is a membrane or the like"
             )
-        # one form is of one part, as parts share their number
-        found = [[term.variations(v, w) for term in on] for on in _by_part(forms)]
-        found = found or [[_nothing(blank, v, w)]]
-        self._residuals, self._tangents = (
-            [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in found]
-            for i in (0, 1)
-        )
-        # where any of the parts has entries
-        self._places = (
-            self._tangents[0] if not blank.parts else compat.form(ufl.inner(v, w) * ufl.dx)
-        )
+        self._assembly = Assembly(blank, self.terms)
         self._energies = [(term.energy_kind, compat.form(term.energy)) for term in forms]
         self._inverted = (
             compat.form(_inverted_area(blank)) if blank.mesh.geometry.dim == 2 else None
         )
         self._supported()
-        self._extra: TripletMatrix | None = None  # stiffness of the terms that are no forms
         # a viscous drag [N/mm] on the nodes' displacement since `origin`
         self.drag, self.origin = 0.0, None
         self.support_work = Work()
@@ -291,14 +263,7 @@ class Scene:
         """Internal forces on the free degrees of freedom into r, zero on the held ones [N]; keeps
         them all."""
         with phase("assemble"):
-            with self._f.localForm() as local:
-                local.set(0)
-            for form in self._residuals:
-                fem_petsc.assemble_vector(self._f, form)
-            with self._f.localForm() as local:
-                for term in self.terms:
-                    term.add_forces(local.array)
-            self._f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            self._assembly.residual(self._f)
             self._f.copy(r)
             r.array[self.held] = 0
             if self.drag:
@@ -306,20 +271,7 @@ class Scene:
 
     def create_matrix(self) -> PETSc.Mat:
         """Matrix for `tangent`, which tells multigrid the rigid motions."""
-        A = fem_petsc.create_matrix(self._places)
-        self.pattern = self._pattern()
-        self._extra = None
-        rows, cols, values = (
-            np.concatenate(part) for part in zip(*(term.tangent() for term in self.terms))
-        )
-        if self.comm.allreduce(len(rows), MPI.MAX) > 0:
-            names, numbers = A.getLGMap()
-            self._extra = TripletMatrix(A, rows, cols)
-            self._extra.fill(values)
-            self._assemble(A, [])  # as unused places are given up
-            A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            A.setLGMap(names, numbers)
-        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        A = self._assembly.create_matrix()
         x = self.u.duplicate()
         x.array[:] = self.blank.along(self.blank.coordinates().T).T.ravel()[: x.local_size]
         A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
@@ -328,27 +280,16 @@ class Scene:
     def tangent(self, A: PETSc.Mat, held: bool = True) -> None:
         """Second derivative of the energy into A; unit rows and columns where `held` [N/mm]."""
         with phase("assemble"):
-            A.zeroEntries()
-            self._assemble(A, self._bcs if held else [])
-            if self._extra is not None:
-                self._extra.fill(np.concatenate([term.tangent()[2] for term in self.terms]))
-                if held:
-                    self._extra.matrix.diagonalScale(self._free, self._free)
-                A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            if held:
+                self._assembly.tangent(A, self._bcs, self._free)
+            else:
+                self._assembly.tangent(A)
             if self.drag:
                 A.shift(self.drag)
 
-    def _assemble(self, A, bcs):
-        for form in self._tangents:
-            fem_petsc.assemble_matrix(A, form, bcs=bcs)
-            A.assemble()
-
-    def _pattern(self):
-        return [term.pattern for term in self.terms]
-
     def fits(self) -> bool:
         """Whether the matrix made last has the places of the present `tangent`, on all ranks."""
-        return self.comm.allreduce(self.pattern == self._pattern(), MPI.LAND)
+        return self._assembly.fits()
 
     def anticipate(self) -> None:
         """After `residual`: let terms see it before the tangent for the next correction."""

@@ -21,6 +21,8 @@ from .term import SceneFacts, Term, Triplets
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
+FREE = 3  # updates of the faces in a step, after which solves are kept near them
+STIFFEN = 0.02  # 1/mm, by how much gaps then count as more curved, doubled with each further one
 REACH = 1.0  # of the distance between the sheets, up to which what lies below a point is known
 
 
@@ -117,6 +119,7 @@ class SheetContact(Term):
         self._depth = np.zeros(self.count)  # greatest in accepted states
         self._cached: tuple[np.ndarray, Any] | None = None
         self._found: tuple[np.ndarray, Facing] | None = None
+        self._updates = 0
         self._accepted = self._now = self.facing()
         self._check_start()
         self._first = self._accepted
@@ -185,18 +188,21 @@ class SheetContact(Term):
 
     def at(self, load: float) -> None:
         """Go back to the faces of the last accepted state."""
+        self._updates = 0
         self._take(self._accepted)
 
     def accept(self) -> None:
         """Take the faces as they are."""
         self._accepted = self.facing()
+        self._updates = 0
         self._take(self._accepted)
         at = self._accepted.points
         self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap)
 
     def update_lagged(self) -> bool:
         """Take the faces as they are, if that changes forces by more than `lag` of their sum."""
-        before, taken = self._forces_of_all(), self._now
+        before, taken = self._forces_of_all(), (self._now, self.pattern)
+        self._updates += 1
         self._take(self.facing())
         after = self._forces_of_all()
         changed, total = self.blank.mesh.comm.allreduce(
@@ -206,13 +212,19 @@ class SheetContact(Term):
         )
         if changed > self.lag * total:
             return True
-        self._take(taken)
+        (self._now, self.pattern), self._cached = taken, None
         return False
 
     def _take(self, facing):
         if facing is not self._now:
             self._now, self._cached = facing, None
             self.pattern += 1
+            over = self._updates - FREE
+            if over >= 0:  # a paraboloid that is surely not outside of the face moves points less
+                n = facing.normal
+                flat = np.eye(3) - n[:, :, None] * n[:, None]
+                bent = facing.curvature - STIFFEN * 2.0**over * flat
+                self._now = facing._replace(curvature=bent)
 
     def _forces_of_all(self):
         forces = np.zeros((self.count, 3))

@@ -45,6 +45,7 @@ class SheetFriction(Term):
             )
         (self._contact,) = found
         self._contact.bind(scene)
+        self._from: Facing = self._contact.facing()
         count = self._contact.count
         self._taken = np.zeros(count)  # of energy in accepted states
         self._z, self._limit = np.zeros((count, 3)), np.zeros(count)
@@ -93,7 +94,7 @@ class SheetFriction(Term):
     def _start(self):
         """Take places, normals and normal forces as they are, and turn the slip with them."""
         self._contact.accept()  # before this one, in whatever order they are given
-        self._from: Facing = self._contact.facing()
+        self._from = self._contact.facing()
         self._normal = np.zeros((self._contact.count, 3))
         gradient = self._from.normal
         self._normal[self._from.points] = gradient / np.linalg.norm(gradient, axis=1)[:, None]

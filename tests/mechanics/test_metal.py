@@ -395,7 +395,7 @@ class Pressure(Term):
     """A pressure that follows the sheet: minus its work is p times the volume between the sheet and
     the plane z = 0, in which its rim lies."""
 
-    name = "pressure"
+    name = energy_kind = "pressure"
 
     def __init__(self, pressure):
         self.pressure = pressure

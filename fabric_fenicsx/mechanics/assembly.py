@@ -1,0 +1,98 @@
+"""Forms of terms, and the matrix that they and the other terms make."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from .. import dolfinx_compat as compat
+from ..sheets.blank import Blank
+from .term import Term
+from .triplets import TripletMatrix
+
+
+class Assembly:
+    """Residual and tangent of `terms` on a `blank`, of those that are forms and of the others."""
+
+    def __init__(self, blank: Blank, terms: Sequence[Term]) -> None:
+        self._blank, self._terms, self._comm = blank, terms, blank.mesh.comm
+        v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
+        # one form is of one part, as parts share their number
+        on: dict[str, list[Term]] = {}
+        for term in terms:
+            if term.energy is not None:
+                on.setdefault(term.part_name, []).append(term)
+        found = [[term.variations(v, w) for term in some] for some in on.values()]
+        found = found or [[_nothing(blank, v, w)]]
+        self._residuals, self._tangents = (
+            [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in found]
+            for i in (0, 1)
+        )
+        # where any of the parts has entries
+        whole = ufl.inner(v, w) * ufl.dx
+        self._places = compat.form(whole) if blank.parts else self._tangents[0]
+        self._extra: TripletMatrix | None = None  # stiffness of the terms that are no forms
+
+    def residual(self, f: PETSc.Vec) -> None:
+        """Make f (local dofs,) the derivative of all energies [N]."""
+        with f.localForm() as local:
+            local.set(0)
+        for form in self._residuals:
+            fem_petsc.assemble_vector(f, form)
+        with f.localForm() as local:
+            for term in self._terms:
+                term.add_forces(local.array)
+        f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+
+    def create_matrix(self) -> PETSc.Mat:
+        """A matrix with the places of the present tangent."""
+        PETSc.garbage_cleanup(self._comm)  # matrices and scatters of other places
+        A = fem_petsc.create_matrix(self._places)
+        self._pattern, self._extra = self._patterns(), None
+        rows, cols, values = (
+            np.concatenate(part) for part in zip(*(term.tangent() for term in self._terms))
+        )
+        if self._comm.allreduce(len(rows), MPI.MAX) > 0:
+            names, numbers = A.getLGMap()
+            self._extra = TripletMatrix(A, rows, cols)
+            self._extra.fill(values)
+            self._assemble(A, [])  # as unused places are given up
+            A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            A.setLGMap(names, numbers)
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        return A
+
+    def fits(self) -> bool:
+        """Whether the matrix made last has the places of the present tangent, on all ranks."""
+        return self._comm.allreduce(self._pattern == self._patterns(), MPI.LAND)
+
+    def tangent(
+        self, A: PETSc.Mat, bcs: Sequence["fem.DirichletBC"] = (), free: PETSc.Vec | None = None
+    ) -> None:
+        """Make A the second derivative of all energies [N/mm], with unit rows and columns where
+        `bcs` hold; free: 1 where they don't, 0 where they do."""
+        A.zeroEntries()
+        self._assemble(A, bcs)
+        if self._extra is not None:
+            self._extra.fill(np.concatenate([term.tangent()[2] for term in self._terms]))
+            if free is not None:
+                self._extra.matrix.diagonalScale(free, free)
+            A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+
+    def _assemble(self, A, bcs):
+        for form in self._tangents:
+            fem_petsc.assemble_matrix(A, form, bcs=list(bcs))
+            A.assemble()
+
+    def _patterns(self):
+        return [term.pattern for term in self._terms]
+
+
+def _nothing(blank, v, w):
+    """First and second variation of no energy, where no term is a form."""
+    zero = fem.Constant(blank.mesh, 0.0)
+    return zero * ufl.inner(blank.u, v) * ufl.dx, zero * ufl.inner(w, v) * ufl.dx
