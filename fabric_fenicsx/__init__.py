@@ -25,13 +25,17 @@ if TYPE_CHECKING:
     from .mechanics.membrane import Membrane
     from .mechanics.metal import SheetMetal
     from .mechanics.pressing import BlankHolderPressure
+    from .mechanics.sheet_contact import SheetContact
+    from .mechanics.sheet_friction import SheetFriction
     from .mechanics.term import Term
     from .scenarios.bias_extension import BiasExtension
     from .scenarios.forming import Forming
     from .scenarios.picture_frame import PictureFrame
+    from .scenarios.plies import Ply
     from .scenarios.tensile import Tensile
     from .scene import Scene
     from .sheets.blank import Blank
+    from .sheets.stack import Stack
     from .solve.limits import Limits
     from .supports import Support, clamped_ends, frame, rolling_ends
     from .tools import (
@@ -69,13 +73,17 @@ _HOMES = {
     "mechanics.membrane": ("Membrane",),
     "mechanics.metal": ("SheetMetal",),
     "mechanics.pressing": ("BlankHolderPressure",),
+    "mechanics.sheet_contact": ("SheetContact",),
+    "mechanics.sheet_friction": ("SheetFriction",),
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),
     "scenarios.forming": ("Forming",),
     "scenarios.picture_frame": ("PictureFrame",),
+    "scenarios.plies": ("Ply",),
     "scenarios.tensile": ("Tensile",),
     "scene": ("Scene",),
     "sheets.blank": ("Blank",),
+    "sheets.stack": ("Stack",),
     "solve.limits": ("Limits",),
     "supports": ("Support", "clamped_ends", "frame", "rolling_ends"),
     "tools": (
