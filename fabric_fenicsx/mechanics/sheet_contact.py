@@ -339,10 +339,10 @@ class SheetContact(Term):
 
     def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
         """Means over cells: pressure on the sheet whose points bear it [MPa], and how far these
-        have slid on the other sheet, as a vector and its size [mm]; NaN elsewhere."""
+        have slid on the other sheet, as a vector and its size [mm]; 0 off it."""
         shape = len(self._part.cells), self._per_cell
         pressure = (self.normal_forces() / self.areas).reshape(shape)
-        slid = self.sliding().reshape(*shape, 3)
+        slid = np.nan_to_num(self.sliding()).reshape(*shape, 3)
         self._part.put(fields, "sheet_pressure", pressure.mean(1))
         self._part.put(fields, "sliding", slid.mean(1))
         self._part.put(fields, "sliding_size", np.linalg.norm(slid.mean(1), axis=1))

@@ -65,13 +65,14 @@ class Part:
 
     def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
         """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values
-        stay, NaN (0 of whole numbers) where there are none."""
+        stay, NaN where there are none (0 of whole numbers and vectors, as VTK cannot read those with
+        NaN)."""
         if self.is_whole:
             fields[name] = values
             return
         shape = self.blank.mesh.topology.index_map(2).size_local, *values.shape[1:]
-        is_float = np.issubdtype(values.dtype, np.floating)
-        none = np.full(shape, np.nan if is_float else 0, dtype=values.dtype)
+        is_number = np.issubdtype(values.dtype, np.floating) and values.ndim == 1
+        none = np.full(shape, np.nan if is_number else 0, dtype=values.dtype)
         fields.setdefault(name, none)[self.cells] = values
 
 
