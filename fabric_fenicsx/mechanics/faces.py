@@ -43,9 +43,9 @@ class Face:
     see `vertex_normals`), so it is continuous, too. Where it points, `side` (1 or -1) times the z
     axis of the undeformed sheet, the gap is positive.
 
-    nodes (n,): global numbers; triangles (m, 3), of the numbers in `nodes`; own (cells, 3): those
-    of this rank's cells. symmetric: as in `Bending`, functions of points that mark edges on planes
-    of symmetry. Raises InputError for other cells than triangles.
+    nodes (n,): global numbers; triangles (m, 3): of positions in `nodes`; inner (n,): 0 at the
+    nodes of free edges, otherwise 1. symmetric: as in `Bending`, functions of points that mark
+    edges on planes of symmetry. Raises InputError for other cells than triangles.
     """
 
     def __init__(self, part: Part, side: float, symmetric: list[Where]) -> None:
@@ -77,11 +77,23 @@ class Face:
         self.triangles[turned] = self.triangles[turned][:, [0, 2, 1]]
         self._planes = [_plane(X, np.asarray(where(X.T), bool)) for where in symmetric]
         self._edges, self._bulges = self._bulge_operator()
+        self.inner = self._off_the_rim()
         self.take()
 
     def _gathered(self, values):
         """Rows of all ranks' owned nodes, for the nodes of this face."""
         return np.concatenate(self._comm.allgather(values))[self.nodes]
+
+    def _off_the_rim(self):
+        """0 at the nodes (n,) of free edges, 1 at all others."""
+        sides = np.sort(self.triangles[:, [NEXT, LAST]].swapaxes(1, 2).reshape(-1, 2), 1)
+        ends, count = np.unique(sides, axis=0, return_counts=True)
+        free = ends[count == 1]
+        for at, _ in self._planes:
+            free = free[~np.isin(free, at).all(1)]
+        inner = np.ones(len(self.nodes))
+        inner[free] = 0.0
+        return inner
 
     def _bulge_operator(self):
         """Of each triangle the edges opposite its corners (m, 3), and the matrix (edges, nodes)
