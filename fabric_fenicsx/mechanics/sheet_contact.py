@@ -29,8 +29,8 @@ REACH = 1.0  # of the distance between the sheets, up to which what lies below a
 
 class Facing(NamedTuple):
     """The points of a sheet over the other one, as the sheets lie: numbers of points (n,), areas
-    that they stand for (n,) [mm^2], gap between the faces (n,) [mm], its gradient (n, 3) and Hessian (n, 3, 3) [1/mm], their `Pairs`,
-    and the relative displacement then, (n, 3) [mm]."""
+    that they stand for (n,) [mm^2], gap between the faces (n,) [mm], its gradient (n, 3) and
+    Hessian (n, 3, 3) [1/mm], their `Pairs`, and the relative displacement then, (n, 3) [mm]."""
 
     points: np.ndarray
     areas: np.ndarray

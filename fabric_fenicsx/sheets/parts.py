@@ -65,8 +65,8 @@ class Part:
 
     def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
         """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values
-        stay, NaN where there are none (0 of whole numbers and vectors, as VTK cannot read those with
-        NaN)."""
+        stay, NaN where there are none (0 of whole numbers and of vectors, as VTK can't read those
+        with NaN)."""
         if self.is_whole:
             fields[name] = values
             return
