@@ -44,9 +44,10 @@ def test_the_programs(tmp_path, hang):
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=hang)
         assert done.returncode == 0, done.stderr
         printed.append([float(word) for word in done.stdout.split()])
-    (reaction, _), (reached, force, shear) = printed
+    (reaction, _), (reached, force, shear), (pressed, push, slid) = printed
     assert reaction == pytest.approx(1275.6, rel=0.01)
     assert reached == 1 and 40 < force < 60 and 0.01 < shear < 0.3
+    assert pressed == 1 and 60 < push < 68 and 0.2 < slid < 0.4
     assert (tmp_path / "formed.png").stat().st_size > 10_000
 
 

@@ -79,7 +79,7 @@ class Forming(Scenario):
         0.0, FROM_ZERO, "stiffness of yarns in the ply, of that out of it", "ply"
     )
     stack: str | Sequence[Ply] | None = text(
-        None, "plies on one another, from the punch to the die: a TOML file", "FILE", "ply"
+        None, "plies from the punch to the die: TOML, as in studies/stacks", "FILE", "ply"
     )
     stroke: float = number(None, POSITIVE, "of the punch (the dome's depth) [mm]", "tools")
     dome: DoubleDome | Mapping[str, float] | Sequence[str] = field(

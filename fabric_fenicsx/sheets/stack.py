@@ -87,7 +87,7 @@ def _check(sheets):
         if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
             raise InputError(
                 f"{where} lies in a plane mesh or along turned axes; allowed is a sheet in space "
-                "(spatial=True)"
+                "(`spatial=True`)"
             )
         if blank.degree != 1 or blank.mesh.geometry.cmap.degree != 1:
             raise InputError(f"{where} has other than linear cells; allowed are P1 and Q1")

@@ -140,9 +140,9 @@ def march(
     if not 0 < max_step <= 1:
         raise InputError(f"`max_step` is {max_step}; allowed is a load factor above 0 and up to 1")
     if accuracy is not None and not accuracy > 0:
-        raise InputError(f"accuracy is {accuracy}; allowed is a number above 0")
+        raise InputError(f"`accuracy` is {accuracy}; allowed is a number above 0")
     if balance is not None and not balance > 0:
-        raise InputError(f"balance is {balance}; allowed is a number above 0")
+        raise InputError(f"`balance` is {balance}; allowed is a number above 0")
     scene, x = newton.scene, newton.x
     scene.check_held() if start else scene.check_start()
     progress, r, predicted = start, x.duplicate(), x.duplicate()

@@ -343,7 +343,7 @@ def test_accuracy_limits_steps():
         energies.append(scene.energy())
     assert steps[1] > 1.5 * steps[0]
     assert energies[1] == pytest.approx(energies[0], rel=1e-9)
-    with pytest.raises(InputError, match="accuracy is 0"):
+    with pytest.raises(InputError, match="`accuracy` is 0"):
         march(Newton(strip()), accuracy=0)
 
 
