@@ -100,8 +100,8 @@ def parser(
         "--balance",
         type=option_type(POSITIVE),
         default=solver.get("balance"),
-        help="largest share of a step's work that may be missing from the energies; a step beyond is "
-        "halved",
+        help="largest share of a step's work that may be missing from the energies; a step beyond "
+        "is halved",
         free=True,
     )
     solvers = tuple(LINEAR_SOLVERS)

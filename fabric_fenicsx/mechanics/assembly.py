@@ -1,4 +1,4 @@
-"""Forms of terms, and the matrix that they and the other terms make."""
+"""Residual and tangent of all terms, of those that are forms and of the others."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,8 @@ from .triplets import TripletMatrix
 
 
 class Assembly:
-    """Residual and tangent of `terms` on a `blank`, of those that are forms and of the others."""
+    """Residual and tangent of `terms` on a `blank`. Terms that are forms are assembled by DOLFINx,
+    the others add forces and triplets."""
 
     def __init__(self, blank: Blank, terms: Sequence[Term]) -> None:
         self._blank, self._terms, self._comm = blank, terms, blank.mesh.comm
@@ -49,7 +50,7 @@ class Assembly:
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
     def create_matrix(self) -> PETSc.Mat:
-        """A matrix with the places of the present tangent."""
+        """A matrix with entries where the present tangent has some."""
         PETSc.garbage_cleanup(self._comm)  # matrices and scatters of other places
         A = fem_petsc.create_matrix(self._places)
         self._pattern, self._extra = self._patterns(), None
@@ -67,14 +68,14 @@ class Assembly:
         return A
 
     def fits(self) -> bool:
-        """Whether the matrix made last has the places of the present tangent, on all ranks."""
+        """Whether the matrix made last has the present tangent's entries, on all ranks."""
         return self._comm.allreduce(self._pattern == self._patterns(), MPI.LAND)
 
     def tangent(
         self, A: PETSc.Mat, bcs: Sequence["fem.DirichletBC"] = (), free: PETSc.Vec | None = None
     ) -> None:
         """Make A the second derivative of all energies [N/mm], with unit rows and columns where
-        `bcs` hold; free: 1 where they don't, 0 where they do."""
+        `bcs` hold. free: 0 at degrees of freedom that they hold, 1 at others."""
         A.zeroEntries()
         self._assemble(A, bcs)
         if self._extra is not None:

@@ -19,10 +19,13 @@ ITERATIONS = 12  # of Newton's method; three or four do
 
 
 class Over(NamedTuple):
-    """What lies below n points: triangle (n,), -1 where there is none; barycentric coordinates
-    (n, 3); gap (n,) [mm]; its gradient (n, 3), the normal but for terms of
-    h^2; and the normal's turning as the point moves, its Hessian but for such terms, (n, 3, 3)
-    [1/mm]."""
+    """What lies below n points.
+
+    - triangle (n,), -1 where there is none; weights (n, 3): barycentric coordinates in it
+    - gap (n,) [mm]; normal (n, 3): the gap's gradient, the face's normal but for terms of h^2
+    - curvature (n, 3, 3) [1/mm]: how the normal turns as the point moves, the gap's Hessian but for
+      such terms
+    """
 
     triangle: np.ndarray
     weights: np.ndarray
@@ -35,17 +38,21 @@ class Face:
     """A smooth surface through the nodes of a part of triangles, known on all ranks.
 
     Over barycentric coordinates N of a triangle it is sum_i N_i x_i + sum_{i<k} N_i N_k (G_i - G_k)
-    (X_k - X_i) / 2, with the undeformed places X, the deformed ones x, and gradients G of the
-    displacement at the nodes, averaged over the triangles around each: exact for quadratic
-    displacements where the cells around both nodes are regular, continuous across edges, and linear
-    in x, so that virtual work on it is exact (an interpolation as in A. Vlachos et al., Curved PN
-    triangles, 2001, of degree 2). The normal is interpolated between the corners' (N. Max, 1999,
-    see `vertex_normals`), so it is continuous, too. Where it points, `side` (1 or -1) times the z
-    axis of the undeformed sheet, the gap is positive.
+    (X_k - X_i) / 2. X are the undeformed places, x the deformed ones, and G the gradients of the
+    displacement at the nodes, averaged over the triangles around each. It is continuous across
+    edges, and linear in x, so that virtual work on it is exact. Quadratic displacements are met
+    exactly where the cells around both nodes are regular. The interpolation is that of A. Vlachos
+    et al., Curved PN triangles, 2001, of degree 2.
 
-    nodes (n,): global numbers; triangles (m, 3): of positions in `nodes`; inner (n,): 0 at the
-    nodes of free edges, otherwise 1. symmetric: as in `Bending`, functions of points that mark
-    edges on planes of symmetry. Raises InputError for other cells than triangles.
+    The normal is interpolated between the corners' (N. Max, 1999, see `vertex_normals`), so it is
+    continuous, too. It points to `side` (1 or -1) times the z axis of the undeformed sheet; there
+    the gap is positive.
+
+    - nodes (n,): global numbers; triangles (m, 3): corners, by their places in `nodes`
+    - inner (n,): 0 at the nodes of free edges, otherwise 1
+    - symmetric: as in `Bending`, functions of points that mark edges on planes of symmetry
+
+    Raises InputError for other cells than linear triangles.
     """
 
     def __init__(self, part: Part, side: float, symmetric: list[Where]) -> None:
@@ -97,7 +104,7 @@ class Face:
 
     def _bulge_operator(self):
         """Of each triangle the edges opposite its corners (m, 3), and the matrix (edges, nodes)
-        from places to (G_i - G_k) (X_k - X_i) / 2."""
+        from displacements to (G_i - G_k) (X_k - X_i) / 2."""
         X, triangles, n = self._X[:, :2], self.triangles, len(self.nodes)
         p, q, r = X[triangles].swapaxes(0, 1)
         twice = np.cross(q - p, r - p)
@@ -140,11 +147,11 @@ class Face:
         return (corners + between @ self._bulges).tocsr()
 
     def own_weights(self, N: np.ndarray) -> sparse.csr_matrix:
-        """The same for this rank's cells, at the k places N (k, 3) of each, (cells k, nodes)."""
+        """`weights` of this rank's cells, at the k places N (k, 3) of each, (cells k, nodes)."""
         return self.weights(np.repeat(self._own, len(N)), np.tile(N, (len(self._own), 1)))
 
     def flat(self, N: np.ndarray) -> np.ndarray:
-        """Undeformed places (cells k, 3) [mm] of these."""
+        """Undeformed places (cells k, 3) [mm] of the points of `own_weights`."""
         corners = self._X[self.triangles[self._own]]
         return np.einsum("kc,nci->nki", N, corners).reshape(-1, 3)
 
@@ -162,12 +169,13 @@ class Face:
         self._tree: cKDTree | None = None
 
     def points(self, weights: sparse.csr_matrix, flat: np.ndarray) -> np.ndarray:
-        """Places (n, 3) [mm] on the face of what lay at `flat` (n, 3), by `weights`."""
+        """Places (n, 3) [mm] on the face, now, of points with these `weights` that lay at `flat`
+        (n, 3)."""
         return flat + weights @ self.displacement
 
     def below(self, points: np.ndarray, guess: np.ndarray, reach: float) -> Over:
-        """What lies below points (n, 3) [mm], first looked for in the triangles `guess` (n,), -1
-        without one; further off than `reach` [mm] nothing is."""
+        """What lies below points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
+        look in first, -1 for none."""
         n = len(points)
         found = Over(
             np.full(n, -1),
@@ -195,8 +203,7 @@ class Face:
         return found
 
     def _look(self, points, rows, triangle, found):
-        """Put into `rows` of `found` what lies in these triangles below the points, where it
-        does."""
+        """Put into `rows` of `found` those points that lie over these triangles."""
         nodes = self.triangles[triangle]
         corners, normals = self.places[nodes], self.normals[nodes]
         p, n = corners[:, 0], normals[:, 0]

@@ -54,8 +54,8 @@ class _State(NamedTuple):
 
 def through_thickness(points: int) -> tuple[np.ndarray, np.ndarray]:
     """Places from -1/2 to 1/2 and weights (points,), which sum to one: Lobatto's rule over each
-    half, so faces and middle are among them and elastic bending is exact. Raises InputError for
-    numbers that are not odd, from 5."""
+    half. So faces and middle are among the places, and elastic bending is exact. Raises InputError
+    unless points is an odd number from 5."""
     if not (isinstance(points, int) and points >= 5 and points % 2):
         raise InputError(f"metal has points {points!r}; allowed is an odd number from 5")
     n = (points + 1) // 2
@@ -70,15 +70,15 @@ def through_thickness(points: int) -> tuple[np.ndarray, np.ndarray]:
 class SheetMetal(Term):
     """Elastic-plastic energy of a sheet of `metal` on linear triangles in space.
 
-    At z along the cell's normal, fibres of the mid-surface stretch as C - 2 z (kappa - kappa0) says
-    (Kirchhoff and Love): C = F^T F is the cell's, kappa its normal curvature from
-    `morley.MorleyCells`, on orthonormal axes, with the cell's present normal; so rigid motions are
-    free of energy, however large. Strain is logarithmic, E = 1/2 ln C, elastic strain adds to
-    plastic strain (Miehe, Apel and Lambrecht, Comput. Methods Appl. Mech. Eng. 191, 2002) and
-    stress is plane and Kirchhoff's. Within a step energy is the incremental potential of
-    `material.plasticity`, so it has a derivative and a tangent like any other. z follows the sheet
-    as it gets thinner, from one accepted state to the next, at held stress. Thickness is that of
-    the undeformed sheet, times the elastic change of volume over that of area.
+    At a height z along the cell's normal the sheet stretches as C - 2 z (kappa - kappa0) says
+    (Kirchhoff and Love). C = F^T F is the cell's; kappa is its normal curvature from
+    `morley.MorleyCells`, on orthonormal axes, with the cell's present normal. So rigid motions are
+    free of energy, however large. Strain is logarithmic, E = 1/2 ln C; elastic and plastic strain
+    add up (Miehe, Apel and Lambrecht, Comput. Methods Appl. Mech. Eng. 191, 2002); stress is plane
+    and Kirchhoff's. Within a step the energy is the incremental potential of `material.plasticity`,
+    so it has a derivative and a tangent like any other. Thickness is that of the undeformed sheet,
+    times the elastic change of volume over that of area. z follows it from one accepted state to
+    the next, at held stress.
 
     - points: through the thickness, odd, from 5; see `through_thickness`. Plastic moments of 5 are
       within 0.5 % from 9 times the curvature at which the sheet yields, below that within 9 %.

@@ -12,10 +12,10 @@ TWICE = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # entries of a symmetric
 
 
 class Pairs:
-    """Points (n,) whose motion relative to another sheet is `weights` (n, k) times that of nodes
-    (k,), by their global numbers. Made and used by all ranks together.
+    """Points of a sheet that move relative to another one as `weights` (n, k) times the nodes (k,),
+    which are global numbers. All ranks make and use it together.
 
-    rows, cols (m,): global degrees of freedom of the stiffness of these points, see `values`.
+    rows, cols (m,): global degrees of freedom of the entries that `values` gives.
     """
 
     def __init__(self, blank: Blank, nodes: np.ndarray, weights: sparse.csr_matrix) -> None:
@@ -44,18 +44,18 @@ class Pairs:
         return self._relative @ self._gathered.displacement()
 
     def apart(self, owned: np.ndarray) -> np.ndarray:
-        """Of values at this rank's owned nodes (nodes, 3), those of the points' own sheet less
-        those of the other one, (n, 3)."""
+        """Values at the points less those on the other sheet below them, (n, 3); owned (nodes, 3):
+        the values at this rank's owned nodes."""
         return self._relative @ self._gathered.values(owned)
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
-        """Add forces (n, 3) on the points, and their reactions, to f, of this rank's degrees of
-        freedom [N]."""
+        """Add forces (n, 3) on the points and their reactions to f, this rank's degrees of freedom
+        [N]."""
         self._gathered.add(self._transposed @ forces, f)
 
     def values(self, blocks: np.ndarray) -> np.ndarray:
-        """At `rows` and `cols`, the stiffness of symmetric blocks (n, 3, 3) [N/mm] by which forces
-        on the points grow as they move, (m,)."""
+        """Stiffness (m,) [N/mm] at `rows` and `cols`. blocks (n, 3, 3), symmetric: by how much the
+        force on each point grows as it moves."""
         weights = self._relative
         found = np.zeros((len(self.rows) // 9, 3, 3))
         if not blocks.any():

@@ -14,10 +14,10 @@ SMOOTHING = 0.3  # of the permitted penetration
 
 
 def default_penalty(fabric: Law, radius: float, permitted: float | None = None) -> float:
-    """Penalty [N/mm^3] for a tool of least `radius` [mm] (inf: a flat one, which has none to give).
+    """Penalty [N/mm^3] for a tool of least `radius` [mm].
 
-    Under it yarns stretched by `STRAIN` over that radius press the sheet into the tool by
-    `permitted` [mm], by default `PERMITTED` of the thickness. Of a flat tool the radius counts as
+    With it, yarns stretched by `STRAIN` over that radius press the sheet into the tool by
+    `permitted` [mm], by default `PERMITTED` of the thickness. A flat tool (inf) counts as one of
     `FLAT_RADIUS` thicknesses.
     """
     t = fabric.thickness
@@ -31,8 +31,9 @@ def default_penalty(fabric: Law, radius: float, permitted: float | None = None) 
 
 
 class PressureLaw(NamedTuple):
-    """Pressure p = k e^2 / (2 s) at depths e up to s, growing by k beyond, so that its slope is
-    continuous. penalty k [N/mm^3], smoothing s [mm]: numbers, or one for each place (n,)."""
+    """Pressure p = k e^2 / (2 s) at depths e up to s; beyond, it grows with the slope k, so the
+    slope is continuous. penalty k [N/mm^3], smoothing s [mm]: numbers, or one for each place
+    (n,)."""
 
     penalty: float | np.ndarray
     smoothing: float | np.ndarray

@@ -28,9 +28,13 @@ REACH = 1.0  # of the distance between the sheets, up to which what lies below a
 
 
 class Facing(NamedTuple):
-    """The points of a sheet over the other one, as the sheets lie: numbers of points (n,), areas
-    that they stand for (n,) [mm^2], gap between the faces (n,) [mm], its gradient (n, 3) and
-    Hessian (n, 3, 3) [1/mm], their `Pairs`, and the relative displacement then, (n, 3) [mm]."""
+    """The points of a sheet that lie over the other one, as the sheets are.
+
+    - points (n,): their numbers; areas (n,): that they stand for [mm^2]; pairs: what they move with
+    - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
+      (n, 3, 3) [1/mm]
+    - relative (n, 3): displacement relative to the other sheet, as the sheets are [mm]
+    """
 
     points: np.ndarray
     areas: np.ndarray
@@ -44,25 +48,26 @@ class Facing(NamedTuple):
 class SheetContact(Term):
     """Energy of two sheets pressed into each other: `lower` and `upper`, parts of a stack.
 
-    Pressure follows the `PressureLaw` of the depth to which the faces of both sheets, half of each
-    one's thickness off its smooth `Face`, overlap. It acts at `points` in each cell of the sheet of
-    smaller cells (1, 3 or 6; of equal ones the upper), over their undeformed areas, less beside the
-    free edge of the other sheet (`RIM`), and reacts on
-    the corners of the triangle below, so that forces balance exactly. Uniform pressure then loads
-    the nodes of the one sheet exactly, those of the other by its integration: 6 points on cells in
-    the ratio 1 : 1.37 to the other's are 0.8 % off, 3 points 1.9 %.
+    A sheet's face is half its thickness off its smooth `Face`. Pressure follows the `PressureLaw`
+    of the depth to which both faces overlap. It acts at `points` (1, 3 or 6) in each cell of the
+    sheet of smaller cells, the upper one if they are equal, over their undeformed areas, which
+    count less beside the free edge of the other sheet (`RIM`). It reacts on the nodes that shape
+    the `Face` below, so that forces balance exactly. Uniform pressure loads the nodes of the one
+    sheet exactly, those of the other as well as the points integrate it: with cells in the ratio 1
+    : 1.37, 6 points are 0.8 % off, 3 points 1.9 %.
 
-    Within a solve the gap is a paraboloid in the relative displacement, of the places, normal and
-    curvature found in the last accepted state, so it has no kinks. If forces with the faces as they
-    are then differ by more than `lag` of their sum, it is taken anew, and the solve repeated.
+    Within a solve the gap is a paraboloid in the relative displacement, from places, normals and
+    curvatures of the last accepted state, so it has no kinks. After it the faces are looked at
+    again: if that changes the forces by more than `lag` of their sum, the paraboloid is taken anew
+    and the solve repeated.
 
     - penalty [N/mm^3]: by default the smaller of both fabrics' `default_penalty` with the tightest
       tool of the scene
     - symmetric: as in `Bending`
 
-    Raises InputError for parts that are not sheets of a stack, or the same, for other cells than
-    linear triangles, for a number of points that is not allowed and values not above 0, and for
-    sheets that overlap, or of which none lies over the other, as the scene is made.
+    Raises InputError for one sheet given twice, another number of points, and values not above 0.
+    As the scene is made it does so for parts that are not sheets of a stack, for other cells than
+    linear triangles, and for sheets that overlap or of which none lies over the other.
     """
 
     energy_kind = "contact"
@@ -258,8 +263,8 @@ class SheetContact(Term):
         return self._cached[1]
 
     def anticipate(self, f: np.ndarray) -> None:
-        """As `Contact` does: let `tangent` be the law's slope up to the pressure that balances the
-        other forces on both sheets, until these move."""
+        """As in `Contact`: until the sheets move, let `tangent` be the law's slope up to the
+        pressure that balances the other forces on both of them."""
         pressure, forces, blocks, energy = self._state()
         pairs = self._now.pairs
         areas = self._nodal_areas
@@ -334,8 +339,8 @@ class SheetContact(Term):
         return self.deepest() / self.thickness
 
     def sliding(self) -> np.ndarray:
-        """Of each point along the other sheet, from the place that it first lay over,
-        (count, 3) [mm]; NaN without one."""
+        """How far each point has moved along the other sheet from the place that it lay over at the
+        start, (count, 3) [mm]; NaN where it lay or lies over none."""
         moved = np.full((self.count, 3), np.nan)
         first, now = self._first, self._now
         moved[first.points] = first.pairs.relative() - first.relative
@@ -344,8 +349,8 @@ class SheetContact(Term):
         return moved - (moved * normal).sum(1, keepdims=True) * normal
 
     def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
-        """Means over cells: pressure on the sheet whose points bear it [MPa], and how far these
-        have slid on the other sheet, as a vector and its size [mm]; 0 off it."""
+        """Means over the cells of the sheet that has the points: pressure [MPa], and how far they
+        have slid on the other sheet, as a vector and its size [mm]; 0 off that sheet."""
         shape = len(self._part.cells), self._per_cell
         pressure = (self.normal_forces() / self.areas).reshape(shape)
         slid = np.nan_to_num(self.sliding()).reshape(*shape, 3)

@@ -11,11 +11,12 @@ from .term import SceneFacts, Term, Triplets
 class SheetFriction(Term):
     """Friction of coefficient `mu` at the points of a `SheetContact` of the same two sheets.
 
-    As `Friction` on tools: relative displacement since the last accepted state, in the plane that
-    was tangent then, adds to an elastic slip, and takes mu P per length beyond `slip` [mm]. It acts
-    on the corners of the triangle that was below the point in the last accepted state. lag: as in
-    `Friction`. Raises InputError for numbers out of range, and if not exactly one term of the scene
-    is the contact of these sheets.
+    As with `Friction` on tools, relative displacement since the last accepted state, in the plane
+    that was tangent then, adds to an elastic slip. Beyond `slip` [mm] it takes the energy mu P per
+    length. Forces act on the `Pairs` of the last accepted state. lag: as in `Friction`.
+
+    Raises InputError for numbers out of range, and if not exactly one term of the scene is the
+    contact of these sheets.
     """
 
     energy_kind = "friction"
@@ -58,7 +59,8 @@ class SheetFriction(Term):
         self._limit = self._accepted_limit
 
     def accept(self) -> None:
-        """Keep what slip is elastic; what energy changes as normal forces do counts as taken."""
+        """Keep the elastic part of the slip. Energy that changes because normal forces do counts
+        as taken."""
         z = self._slipped()
         self._taken = self._taken + potential(z, self._limit, self.slip)
         self._z = elastic(z, self.slip)

@@ -1,7 +1,7 @@
 """Coulomb's law of points that slip: an incremental potential of an elastic slip.
 
-z (n, 3) [mm]: slip, in the plane normal to `normal` (n, 3); limit (n,): mu P [N], by which a point
-resists from |z| = `slip` [mm] on; up to there in proportion.
+z (n, 3) [mm]: slip, in the plane normal to `normal` (n, 3). limit (n,): mu P [N], the resistance of
+a point from |z| = `slip` [mm] on; up to there it grows in proportion to |z|.
 """
 
 import numpy as np
@@ -20,8 +20,8 @@ def traction(z: np.ndarray, limit: np.ndarray, slip: float) -> np.ndarray:
 
 
 def stiffness(z: np.ndarray, limit: np.ndarray, normal: np.ndarray, slip: float) -> np.ndarray:
-    """Its second derivative (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the tangent plane, less the
-    direction of slip where it slides."""
+    """The potential's second derivative (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the projector on
+    the tangent plane, where a point slides without the direction of slip."""
     length = np.linalg.norm(z, axis=1)
     blocks = np.eye(3) - normal[:, :, None] * normal[:, None]
     slides = length > slip
@@ -31,12 +31,12 @@ def stiffness(z: np.ndarray, limit: np.ndarray, normal: np.ndarray, slip: float)
 
 
 def elastic(z: np.ndarray, slip: float) -> np.ndarray:
-    """What of the slip stays elastic, (n, 3) [mm]."""
+    """The elastic part of the slip, at most `slip` long, (n, 3) [mm]."""
     return z * np.minimum(1.0, slip / np.maximum(np.linalg.norm(z, axis=1), 1e-300))[:, None]
 
 
 def tangent(vectors: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """What of vectors (n, 3) is tangent."""
+    """The tangent part of vectors (n, 3)."""
     return vectors - (vectors * normal).sum(1, keepdims=True) * normal
 
 

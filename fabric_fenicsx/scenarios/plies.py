@@ -23,9 +23,10 @@ FRICTION = 0.334  # of fabric on fabric: Table 2 of Schäfer et al.
 
 @dataclass(kw_only=True)
 class Ply:
-    """One ply of a stack; what is None is the scenario's.
+    """One ply of a stack. A field that is None has the scenario's value.
 
-    fabric: its law; name: by default "ply 1" and so on; friction: coefficient to the next ply.
+    name: by default "ply 1" and so on; mesh: a file, in place of length, width and nx. Raises
+    InputError for numbers out of range.
     """
 
     fabric: Law | None = None
@@ -47,15 +48,16 @@ class Ply:
                 setattr(self, each.name, each.metadata["rule"].check(where, value))
 
     def completed(self, fabric: Law, name: str) -> Self:
-        """The ply with these where it has none, and the fabric of its thickness."""
+        """The ply with this fabric and name where it has none; its thickness is then the
+        fabric's."""
         fabric = self.fabric or fabric
         if self.thickness:
             fabric = fabric.replace(thickness=self.thickness)
         return dataclasses.replace(self, fabric=fabric, name=self.name or name)
 
     def blank(self, sizes: Sequence[float], share: float, nx: int, **options: Any) -> Blank:
-        """Its `Blank` in space; sizes: of a whole ply that has none of its own [mm]; share: of
-        them that is modelled; options: as in `Blank.rectangle`."""
+        """Its `Blank` in space. sizes: length and width of a whole ply that has none of its own
+        [mm]; share: of length and width that is modelled; options: as in `Blank.rectangle`."""
         if self.mesh:
             angles = layout(options["element"], self.fibre_angle, self.yarn_angle)
             return Blank.read(self.mesh, spatial=True, comm=options["comm"], **angles)
@@ -70,8 +72,8 @@ class Ply:
         )
 
     def mirror_warning(self) -> str:
-        """What to warn of where planes along the axes don't mirror the yarns into such of the same
-        kind, "" where they do."""
+        """A warning if planes along the axes don't mirror the yarns into yarns of the same kind,
+        otherwise ""."""
         assert self.fabric
         a, b = self.fibre_angle, self.fibre_angle + self.yarn_angle
         along = _is_multiple(a, 90) and _is_multiple(b, 90)
@@ -91,11 +93,11 @@ def _is_multiple(angle, of):
 
 
 def read_plies(path: str | os.PathLike[str]) -> list[Ply]:
-    """The plies of a TOML file, from the punch to the die: a table `[[ply]]` each, with the fields
-    of `Ply`; `unit = "mm"` stands above them, as lengths are in mm; `fabric` is a preset or a
-    material file beside it.
+    """The plies of a TOML file, from the punch to the die; examples are in studies/stacks.
 
-    Raises InputError that names file, ply and field.
+    Above them stands `unit = "mm"`, which all lengths are in. Each ply is a table `[[ply]]` with
+    the fields of `Ply`. `fabric` is a preset or a material file, `mesh` a file; both may lie beside
+    the stack's. Raises InputError that names file, ply and field.
     """
     if not os.path.isfile(path):
         raise InputError(

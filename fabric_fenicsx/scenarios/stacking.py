@@ -19,9 +19,11 @@ LOOSE = 0.02  # of the least thickness, between plies as they are laid
 
 
 def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
-    """The `Stack` of plies, the lowest first, each from `make`, its upper face under the tool that
-    lies half of all thicknesses over z = 0; a little loose, so that it is known which places
-    touch."""
+    """The `Stack` of plies, the lowest first; `make` gives the blank of each.
+
+    Its upper face is half of all thicknesses over z = 0, where the die lies. Plies lie a little
+    loose, so that it is known which places touch.
+    """
     sheets = [(make(ply), ply.fabric.thickness, ply.name) for ply in plies if ply.fabric]
     thicknesses = [thickness for _, thickness, _ in sheets]
     play = LOOSE * min(thicknesses)
@@ -36,8 +38,8 @@ def membranes(plies: Sequence[Ply]) -> list[Membrane]:
 def between(
     stack: Stack, plies: Sequence[Ply], slip: float, lag: float, planes: Sequence[Where]
 ) -> list[Term]:
-    """Contact and friction of each ply with the next, and of two whose neighbour between them is
-    smaller than both."""
+    """Contact and friction of each ply with the next, and of two plies with a smaller one between
+    them. planes: of symmetry; slip, lag: as in `SheetFriction`."""
     terms: list[Term] = []
     for lower, upper in _facing(stack, plies):
         names = lower.name, upper.name
@@ -65,9 +67,9 @@ def press(
     pressure: float,
     under: Callable[[np.ndarray], np.ndarray],
 ) -> None:
-    """Displace the sheets towards the tool that the last one lies under, as far as the pressure
-    [MPa] of a holder presses them into it and each other; under: share (n,) of the places (n, 3)
-    that it presses."""
+    """Displace the sheets towards the tool `on_top` of the last one, by as much as a holder's
+    pressure [MPa] presses them into it and into each other. under: function of places (n, 3) to
+    the share (n,) of each that the holder presses."""
     depths = on_top.depth_under(pressure)
     contacts = {term.sheets: term for term in terms if isinstance(term, SheetContact)}
     count = len(depths)

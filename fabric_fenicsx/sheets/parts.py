@@ -19,9 +19,9 @@ class Part:
     """Cells of a `blank`: a sheet of a stack, a patch, or all of it.
 
     - name: "" if it is all of the blank; thickness: of a stack's sheet, otherwise None [mm]
-    - cells (n,): this rank's owned cells; nodes (owned nodes,): whether a node is at one of the
-      part's cells, of any rank
-    - straight: the directions of yarns a and b, if each is one all over, otherwise None
+    - cells (n,): this rank's owned cells
+    - nodes (owned nodes,): mask of those at the part's cells, also at cells of other ranks
+    - straight: directions of yarns a and b where they are the same in all cells, otherwise None
     - orthogonal: whether the yarns are so in every point
     """
 
@@ -53,8 +53,8 @@ class Part:
     def dx(self, degree: int | None = None) -> ufl.Measure:
         """Integration over the part, with a quadrature of this degree.
 
-        Parts of one blank have the same subdomain number, so that they share compiled forms; one
-        form is of one part.
+        All parts of a blank have the same subdomain number, so that they share compiled forms. So
+        a form must not mix parts.
         """
         metadata = {} if degree is None else {"quadrature_degree": degree}
         if self.is_whole:
@@ -65,8 +65,8 @@ class Part:
 
     def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
         """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values
-        stay, NaN where there are none (0 of whole numbers and of vectors, as VTK can't read those
-        with NaN)."""
+        stay. Cells without any get NaN, but 0 in whole numbers and vectors, as VTK cannot read
+        vectors with NaN."""
         if self.is_whole:
             fields[name] = values
             return

@@ -14,8 +14,8 @@ FLAT = 1e-9  # of a sheet's size, what may lie off its plane
 
 
 class Sheet(NamedTuple):
-    """A sheet of a stack: a flat `blank` in space, its `thickness` [mm] and its `name`, which terms
-    are told by `on`."""
+    """A sheet of a stack: a flat `blank` in space, its `thickness` [mm] and the `name` by which
+    `on` puts a term on it."""
 
     blank: Blank
     thickness: float
@@ -25,12 +25,13 @@ class Sheet(NamedTuple):
 class Stack(Blank):
     """Sheets, the lowest first, each laid on the one below: a blank whose `parts` they are.
 
-    The first stays at its height z, or its lower face is laid at `bottom` [mm]; the lower face of
-    each other one is `play` [mm] above the upper face of the sheet below it. Sheets may differ in
-    outline, cells and yarns, not in the kind of cells. Raises InputError without sheets, for names
-    that are empty or the same, for a thickness that is not above 0, for sheets in a plane mesh,
-    that are not flat in z, of other than linear cells of one kind, or that have no part above or
-    below any other.
+    The first stays at its height z, or its lower face is laid at `bottom` [mm]. Each other one is
+    laid `play` [mm] above the upper face of the sheet below it. Sheets may differ in outline, cells
+    and yarns, not in the kind of cells.
+
+    Raises InputError without sheets, for names that are empty or the same, and for a thickness that
+    is not above 0. So it does for sheets in a plane mesh, not flat in z, of other than linear cells
+    or of cells of different kinds, and for a sheet that lies beside all others.
     """
 
     def __init__(
@@ -108,8 +109,8 @@ def _check(sheets):
 
 
 def _merged(sheets, lifts, comm):
-    """This rank's points (n, 3) and cells (m, nodes) of one mesh of all sheets, each lifted, and of
-    each cell yarns a and b and the number of its sheet (m, 7)."""
+    """This rank's points (n, 3) and cells (m, nodes) of one mesh of all lifted sheets. Then, of
+    each cell, yarns a and b and the number of its sheet (m, 7)."""
     maps = [sheet.blank.mesh.geometry.index_map() for sheet in sheets]
     counts = np.array(comm.allgather([each.size_local for each in maps]))  # (ranks, sheets)
     # points are numbered by rank, then by sheet
