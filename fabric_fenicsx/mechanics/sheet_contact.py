@@ -53,8 +53,8 @@ class SheetContact(Term):
     sheet of smaller cells, the upper one if they are equal, over their undeformed areas, which
     count less beside the free edge of the other sheet (`RIM`). It reacts on the nodes that shape
     the `Face` below, so that forces balance exactly. Uniform pressure loads the nodes of the one
-    sheet exactly, those of the other as well as the points integrate it: with cells in the ratio 1
-    : 1.37, 6 points are 0.8 % off, 3 points 1.9 %.
+    sheet exactly, those of the other as well as the points integrate it: with cells in the
+    ratio 1 : 1.37, 6 points are 0.8 % off, 3 points 1.9 %.
 
     Within a solve the gap is a paraboloid in the relative displacement, from places, normals and
     curvatures of the last accepted state, so it has no kinks. After it the faces are looked at
