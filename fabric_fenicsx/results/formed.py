@@ -2,6 +2,7 @@
 
 import logging
 import math
+import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -70,7 +71,7 @@ def draw_plies(
     """Paths and strain states of each ply, and all of them formed over the tool; angles: of each
     one's yarns [deg]."""
     for name, grid in grids.items():
-        end = f"_{name.replace(' ', '_')}" if name else ""
+        end = "_" + re.sub(r"\W+", "_", name) if name else ""
         forming.write_paths(folder / f"paths{end}.csv", forming.along_paths(grid, ANGLES))
         forming_pictures.state_map(folder / f"states{end}.png", grid)
     try:

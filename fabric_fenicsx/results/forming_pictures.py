@@ -217,7 +217,9 @@ def _cut_away(surface, share):
     if not share:
         return surface
     x = surface["place"][:, 0]
-    return surface.clip_scalar(x, invert=False, value=float(x.min() + share * np.ptp(x)))
+    surface["along"] = x
+    place = float(x.min() + share * np.ptp(x))
+    return surface.clip_scalar(scalars="along", invert=False, value=place)
 
 
 def _draw_ply(plotter, surface, angles, spacing, limit):

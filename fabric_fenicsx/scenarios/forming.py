@@ -4,6 +4,7 @@ Schäfer et al., for a single ply)."""
 import dataclasses
 import itertools
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,7 +79,7 @@ class Forming(Scenario):
     in_plane_bending: float = number(
         0.0, FROM_ZERO, "stiffness of yarns in the ply, of that out of it", "ply"
     )
-    stack: str | Sequence[Ply] | None = text(
+    stack: str | os.PathLike[str] | Sequence[Ply] | None = text(
         None, "plies from the punch to the die: TOML, as in studies/stacks", "FILE", "ply"
     )
     stroke: float = number(None, POSITIVE, "of the punch (the dome's depth) [mm]", "tools")
@@ -183,7 +184,7 @@ class Forming(Scenario):
             raise InputError(
                 f"{', '.join(given)} is given beside `stack`; allowed is to say it of each ply"
             )
-        plies = read_plies(self.stack) if isinstance(self.stack, str) else self.stack
+        plies = read_plies(self.stack) if isinstance(self.stack, (str, os.PathLike)) else self.stack
         return [ply.completed(self.fabric, f"ply {k + 1}") for k, ply in enumerate(plies)]
 
     def _blank(self) -> Blank:

@@ -212,7 +212,9 @@ def march(
         )
         if report.converged and accuracy and error > 2 * accuracy:
             report.converged, report.reason = False, f"the path is not known to {accuracy:g}"
-        if report.converged and balance and settled and taken > 1.5 * max_step / FINEST:
+        # work of the first step is a trapezoid's, which halving does not mend
+        known = settled and progress.last_step and taken > 1.5 * max_step / FINEST
+        if report.converged and balance and known:
             report.converged, report.reason = _is_balanced(
                 scene, progress, stored, load, values, balance
             )
