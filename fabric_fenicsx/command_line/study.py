@@ -99,9 +99,8 @@ def parser(
     p.option(
         "--balance",
         type=option_type(POSITIVE),
-        default=solver.get("balance"),
         help="largest share of a step's work that may be missing from the energies; a step beyond "
-        "is halved",
+        f"is halved ({solver.get('balance') or 'any'}, with --quick any)",
         free=True,
     )
     solvers = tuple(LINEAR_SOLVERS)
@@ -142,7 +141,8 @@ def parser(
         free=True,
     )
     weave = {"yarn_angle": 90.0, "weave_angle": None}
-    p.set_defaults(_sizes={False: full, True: quick}, **weave | defaults)
+    balance = {"balance": solver.get("balance")}  # few steps are not to become many
+    p.set_defaults(_sizes={False: {**full, **balance}, True: quick}, **weave | defaults)
     return p
 
 
