@@ -350,13 +350,19 @@ class SheetContact(Term):
 
     def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
         """Means over the cells of the sheet that has the points: pressure [MPa], and how far they
-        have slid on the other sheet, as a vector and its size [mm]; 0 off that sheet."""
+        have slid on the other sheet, as a vector and its size [mm]; of two other sheets the
+        larger."""
         shape = len(self._part.cells), self._per_cell
         pressure = (self.normal_forces() / self.areas).reshape(shape)
         slid = np.nan_to_num(self.sliding()).reshape(*shape, 3)
-        self._part.put(fields, "sheet_pressure", pressure.mean(1))
-        self._part.put(fields, "sliding", slid.mean(1))
-        self._part.put(fields, "sliding_size", np.linalg.norm(slid.mean(1), axis=1))
+        vector, cells = slid.mean(1), self._part.cells
+        found = {"sheet_pressure": pressure.mean(1), "sliding_size": np.linalg.norm(vector, axis=1)}
+        if "sliding" in fields:  # of two sheets that lie on this one, what is larger
+            further = fields["sliding_size"][cells] > found["sliding_size"]
+            vector = np.where(further[:, None], fields["sliding"][cells], vector)
+            found = {name: np.fmax(fields[name][cells], now) for name, now in found.items()}
+        for name, values in (found | {"sliding": vector}).items():
+            self._part.put(fields, name, values)
 
     def add_summary(self, summary: dict[str, Any]) -> None:
         """Add force, penetration and largest sliding of the pair."""
