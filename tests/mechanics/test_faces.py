@@ -46,27 +46,26 @@ def over(face, points, reach=5.0):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_paraboloid_is_met_exactly(side):
-    """Where the cells around the corners are regular."""
-    x = places()
-    found = over(Face(bent().whole, side, []), np.column_stack([x, height(x)]))
-    assert (found.triangle >= 0).all()
-    assert abs(found.gap).max() < 1e-12
-    assert (found.normal[:, 2] * side > 0.9).all()
+def test_gap_on_a_paraboloid(side):
+    """Where cells are regular it is 0 but for about h^4, as what lies below is sought along the
+    normal, not along the bulge."""
+    x, off = places(), []
+    for n in (1, 2):
+        face = Face(bent(8 * n, 4 * n).whole, side, [])
+        found = over(face, np.column_stack([x, height(x)]))
+        assert (found.triangle >= 0).all() and (found.normal[:, 2] * side > 0.9).all()
+        off.append(abs(found.gap).max())
+    assert off[0] < 1e-5 and off[1] < off[0] / 10
 
 
 @pytest.mark.mpi
-def test_places_by_weights_are_on_the_face():
-    """Those of own cells, and of places anywhere, are linear in the nodes' places."""
+def test_a_paraboloid_is_interpolated_exactly():
+    """Exactly that of a paraboloid, where the cells around the corners are regular."""
     face = Face(bent().whole, 1.0, [])
     N = np.array([[1, 1, 1], [4, 1, 1], [0.5, 1, 3]]) / np.array([[3], [6], [4.5]])
     points = face.points(face.own_weights(N), face.flat(N))
     inner = (abs(points[:, :2]) < [18.0, 8.0]).all(1)
     assert abs(points[inner, 2] - height(points[inner, :2])).max(initial=0) < 1e-12
-    x = places()
-    found = over(face, np.column_stack([x, height(x)]))
-    on = face.weights(found.triangle, found.weights) @ face.places
-    assert abs(on - np.column_stack([x, height(x)])).max() < 1e-12
 
 
 def test_gap_is_that_along_the_normal():
@@ -116,16 +115,16 @@ def test_nothing_jumps_across_edges():
     middles = (middles + 0.3 * normals)[inner]
     along = face.places[ends[inner, 1]] - face.places[ends[inner, 0]]
     across = np.cross(along, normals[inner])
-    across *= 1e-8 / np.linalg.norm(across, axis=1)[:, None]
+    across *= 1e-5 / np.linalg.norm(across, axis=1)[:, None]
     one, other = (over(face, middles + s * across) for s in (1, -1))
     crossed = one.triangle != other.triangle
     assert crossed.sum() > 50
-    assert abs(one.gap - other.gap)[crossed].max() < 1e-7
+    assert abs(one.gap - other.gap)[crossed].max() < 2e-6
     normals = [
         np.einsum("nc,nci->ni", o.weights, face.normals[face.triangles[o.triangle]])[crossed]
         for o in (one, other)
     ]
-    assert abs(normals[0] - normals[1]).max() < 1e-6
+    assert abs(normals[0] - normals[1]).max() < 1e-5
 
 
 @pytest.mark.mpi
