@@ -106,3 +106,24 @@ def run(scene, steps=4, tolerance=1e-8, **options):
     outcome = march(Newton(scene, tolerance), steps, on_accept=states.append, **options)
     assert not outcome.reason, outcome.reason
     return states
+
+
+def off_differences(scene, term, by=0.01):
+    """How far forces and tangent of a term on one rank are from differences, over their largest,
+    where the sheets are displaced by about `by` [mm] since accepted."""
+    u, rng = scene.blank.u.x.array, np.random.default_rng(0)
+    at, d, h = u + by * rng.uniform(-1, 1, len(u)), rng.uniform(-1, 1, len(u)), 2e-6
+
+    def state(place):
+        u[:] = place
+        f = np.zeros(len(u))
+        term.add_forces(f)
+        return f, term.stored()
+
+    f = state(at)[0]
+    rows, cols, values = term.tangent()
+    Kd = np.bincount(rows, values * d[cols], len(u))
+    (f1, e1), (f2, e2), (g1, d1), (g2, d2) = (state(at + i * h * d) for i in (1, 2, -1, -2))
+    change = (8 * (f1 - g1) - (f2 - g2)) / (12 * h)
+    rise = (8 * (e1 - d1) - (e2 - d2)) / (12 * h)
+    return abs(rise - f @ d) / abs(f * d).sum(), abs(change - Kd).max() / abs(Kd).max()

@@ -87,7 +87,9 @@ class Assembly:
     def _assemble(self, A, bcs):
         for form in self._tangents:
             fem_petsc.assemble_matrix(A, form, bcs=list(bcs))
-            A.assemble()
+            # not the end, after which places that no form has used yet are given up
+            A.assemble(PETSc.Mat.AssemblyType.FLUSH)
+        A.assemble()
 
     def _patterns(self):
         return [term.pattern for term in self._terms]

@@ -155,6 +155,10 @@ class Face:
         corners = self._X[self.triangles[self._own]]
         return np.einsum("kc,nci->nki", N, corners).reshape(-1, 3)
 
+    def flat_height(self) -> float:
+        """z of the undeformed sheet [mm]."""
+        return float(self._X[:, 2].mean())
+
     def take(self) -> None:
         """Take the shape from the present displacement."""
         moved = self._blank.nodal_displacement()[: self._count]

@@ -24,7 +24,7 @@ LAG = 0.01  # of the contact's forces, by which those of the faces as they are m
 RIM = 0.25  # of a cell at a free edge, in which points count less the nearer they are to it
 FREE = 3  # updates of the faces in a step, after which solves are kept near them
 STIFFEN = 0.02  # 1/mm, by how much gaps then count as more curved, doubled with each further one
-REACH = 1.0  # of the distance between the sheets, up to which what lies below a point is known
+REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
 
 
 class Facing(NamedTuple):
@@ -112,6 +112,9 @@ class SheetContact(Term):
         # the face below the points looks at them
         self._face = Face(parts[1 - over], 1.0 if over else -1.0, self._symmetric)
         self._own = Face(parts[over], 1.0, self._symmetric)
+        # other sheets may lie between them
+        apart = abs(self._own.flat_height() - self._face.flat_height())
+        self._reach = apart + REACH * self.distance
         places, weights = basix.make_quadrature(basix.CellType.triangle, self._rule)
         N = np.column_stack([1 - places.sum(1), places])
         self._per_cell = len(N)
@@ -178,7 +181,7 @@ class SheetContact(Term):
         self._face.take()
         self._own.take()
         points = self._own.points(self._weights, self._flat)
-        over = self._face.below(points, self._below, (1 + REACH) * self.distance)
+        over = self._face.below(points, self._below, self._reach)
         self._below = over.triangle
         at = np.flatnonzero(over.triangle >= 0)
         face = self._face

@@ -149,8 +149,8 @@ class Forming(Scenario):
         self.clearance = self.clearance or 1.2 * t
         if self.clearance < t:
             raise InputError(
-                f"`clearance` {self.clearance:g} is less than the ply's "
-                f"thickness; allowed is from {t:g} mm"
+                f"`clearance` {self.clearance:g} is less than the thickness of ply or stack; "
+                f"allowed is from {t:g} mm"
             )
         lift = t / 2 - self.clearance  # so that the punch ends `clearance` from the die all over
         start, stroke = lift - depth, self.stroke

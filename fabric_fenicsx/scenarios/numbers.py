@@ -21,6 +21,7 @@ class Rule:
         try:
             number = self.kind(value)
             good = math.isfinite(number) and self.test(number) and number == float(value)
+            good = good and not isinstance(value, bool)
         except (TypeError, ValueError, OverflowError):
             good = False
         if not good:

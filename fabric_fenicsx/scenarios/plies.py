@@ -119,7 +119,15 @@ def _plies(document: Mapping[str, Any], folder: Path) -> list[Ply]:
     tables = document.get("ply")
     if not isinstance(tables, list) or not tables or not all(isinstance(t, dict) for t in tables):
         raise InputError("there is no ply; allowed is a table [[ply]] for each")
-    return [_ply(table, f"ply {k + 1}", folder) for k, table in enumerate(tables)]
+    plies = [_ply(table, f"ply {k + 1}", folder) for k, table in enumerate(tables)]
+    names = [ply.name for ply in plies]
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise InputError(
+                f"name of ply {k + 1} is {shown(name)}, as of ply {names.index(name) + 1}; allowed "
+                "are different names"
+            )
+    return plies
 
 
 def _ply(table, name, folder):
@@ -136,6 +144,10 @@ def _ply(table, name, folder):
         beside = folder / given.get(key, "")
         if key in given and beside.is_file():
             given[key] = str(beside)
+    if "mesh" in given and not os.path.isfile(given["mesh"]):
+        raise InputError(
+            f"mesh of {name} is {shown(given['mesh'])}, no file; allowed is one beside the stack's"
+        )
     if "fabric" in given:
         try:
             given["fabric"] = load(given["fabric"])

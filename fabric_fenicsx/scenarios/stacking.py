@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ..errors import InputError
 from ..mechanics.contact import Contact
 from ..mechanics.membrane import Membrane
 from ..mechanics.sheet_contact import SheetContact
@@ -22,8 +23,10 @@ def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
     """The `Stack` of plies, the lowest first; `make` gives the blank of each.
 
     Its upper face is half of all thicknesses over z = 0, where the die lies. Plies lie a little
-    loose, so that it is known which places touch.
+    loose, so that it is known which places touch. Raises InputError without any.
     """
+    if not plies:
+        raise InputError("`stack` has no ply; allowed are one or more")
     sheets = [(make(ply), ply.fabric.thickness, ply.name) for ply in plies if ply.fabric]
     thicknesses = [thickness for _, thickness, _ in sheets]
     play = LOOSE * min(thicknesses)

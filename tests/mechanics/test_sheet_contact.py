@@ -1,0 +1,286 @@
+"""Contact of sheets with each other."""
+
+import math
+
+import numpy as np
+import pytest
+from builders import COMM, Elastic, everywhere, off_differences, rotation
+from builders import sheet as rectangle
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.pressure_law import (
+    PERMITTED,
+    SMOOTHING,
+    PressureLaw,
+    default_penalty,
+)
+from fabric_fenicsx.meshes.specimen import specimen
+
+FABRIC = ff.load("komeili")
+T, PRESSURE, RADIUS = FABRIC.thickness, 2.0, 30.0
+ABC = "a", "b", "c"
+
+
+def disc(n, turn):
+    """A disc of n cells across, turned in its plane [deg]: a square's rows of cells bent round."""
+    points = cells = kind = None
+    if COMM.rank == 0:
+        points, cells, kind = specimen(2.0, 2.0, n, n, "crossed", "triangle", 0.0)
+        x, y = np.asarray(points, float)[:, :2].T - 1
+        c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+        x, y = RADIUS * x * np.sqrt(1 - y * y / 2), RADIUS * y * np.sqrt(1 - x * x / 2)
+        points = np.column_stack([c * x - s * y, s * x + c * y, 0 * x])
+    return ff.Blank.from_arrays(COMM, points, cells, kind, spatial=True)
+
+
+def membranes(names, modulus=100.0):
+    return [
+        term.on(name)
+        for name in names
+        for term in (ff.Membrane(FABRIC), ff.Bending(modulus=modulus))
+    ]
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """Three discs, of cells 1 : 1.37 and turned by 17 deg, pressed between two plates."""
+    load = PRESSURE * math.pi * RADIUS**2
+    stack = ff.Stack([(disc(8, 0), T, "a"), (disc(11, 17), T, "b"), (disc(8, 0), T, "c")])
+    top = ff.Tool(
+        ff.Plane((0, 0, 2.5 * T), (0, 0, -1)), force=lambda at: (0, 0, -at * load), name="top"
+    )
+    bottom = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="bottom")
+    plates = ff.Contact(top), ff.Contact(bottom)
+    pairs = [ff.SheetContact(*names, points=6) for names in (ABC[:2], ABC[1:])]
+    held = [ff.Support("plane", everywhere, (0, 1))]
+    scene = ff.Scene(stack, [*membranes(ABC), *pairs, *plates], held)
+    job = ff.Job(scene, steps=4, tolerance=1e-10, limits=ff.Limits(imbalance=1e9))
+    return job.run(), scene, pairs, plates, load
+
+
+@pytest.mark.mpi
+def test_patch_pressure(pressed):
+    """In the inner part it is uniform to 1 %: 6 points of a cell integrate the shape functions of
+    others to that, and the face's normals are those of sheets that this presses uneven."""
+    result, scene, _, _, _ = pressed
+    pressure = result.fields["sheet_pressure"]
+    inner = (np.hypot(*scene.blank.midpoints()[:2]) < 0.6 * RADIUS) & np.isfinite(pressure)
+    found = np.concatenate(COMM.allgather(pressure[inner]))
+    assert len(found) > 100
+    assert abs(found - found.mean()).max() < 0.01 * found.mean()
+    assert found.mean() == pytest.approx(PRESSURE, rel=0.01)
+
+
+@pytest.mark.mpi
+def test_patch_forces(pressed):
+    """Each contact bears the whole load; to 1e-6, as faces are taken anew after the last solve,
+    within the `lag` that they may be behind."""
+    _, _, pairs, (top, bottom), load = pressed
+    assert top.force() == pytest.approx([0, 0, -load], abs=1e-9 * load)
+    assert bottom.force() == pytest.approx([0, 0, load], abs=1e-6 * load)
+    for pair in pairs:
+        assert pair.force() == pytest.approx([0, 0, load], abs=1e-6 * load)
+
+
+def nodal_forces(scene, term):
+    """Of a term on the owned nodes (nodes, 3), and where these are."""
+    f = scene.u.duplicate()
+    with f.localForm() as local:
+        local.set(0)
+        term.add_forces(local.array)
+    f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    forces = f.array.reshape(-1, 3).copy()
+    blank = scene.blank
+    return forces, (blank.coordinates() + blank.nodal_displacement())[: len(forces)]
+
+
+@pytest.mark.mpi
+def test_action_is_reaction_with_its_moment(pressed):
+    _, scene, pairs, _, load = pressed
+    for pair in pairs:
+        forces, x = nodal_forces(scene, pair)
+        # `add_forces` gives the energy's derivative: minus the forces on the nodes
+        total, moment = COMM.allreduce(np.array([forces.sum(0), np.cross(x, forces).sum(0)]))
+        assert abs(total).max() < 1e-9 * load
+        assert abs(moment).max() < 1e-9 * load * RADIUS
+        on = scene.blank.part(pair.sheets[1]).nodes
+        upper = -COMM.allreduce(forces[on].sum(0))
+        assert upper == pytest.approx(pair.force(), abs=1e-9 * load)
+
+
+@pytest.mark.mpi
+def test_penetration_is_reported(pressed):
+    """That of the law under the largest pressure, at the rim, as a share of the thickness."""
+    result, _, pairs, _, load = pressed
+    for pair in pairs:
+        entry = result.summary["sheet_contacts"][", ".join(pair.sheets)]
+        found = entry["penetration_of_thickness"]
+        assert found == pair.penetration_of_thickness() == pair.deepest() / T
+        largest = COMM.allreduce(float((pair.normal_forces() / pair.areas).max(initial=0)), MPI.MAX)
+        assert found == pytest.approx(pair.depth_under(largest) / T, rel=1e-3)
+        assert entry["normal_force_N"] == pytest.approx(load, rel=1e-6)
+
+
+# -- derivatives
+
+
+def two(depth, bow=0.0, tilt=0.0, moved=None, **options):
+    """Two sheets in a scene, bent together, that overlap by `depth` [mm] where `tilt` [mm] at the
+    ends does not part them; moved: a rigid motion of it all."""
+    lower = rectangle(20, 10, 4, 2, spatial=True)
+    upper = rectangle(20, 10, 6, 3, spatial=True, a=0.7)
+    stack = ff.Stack([(lower, T, "lower"), (upper, T, "upper")])
+    pair = ff.SheetContact("lower", "upper", 50.0, **options)
+    scene = ff.Scene(stack, [*membranes(("lower", "upper")), pair])
+    X = stack.coordinates()
+    x = X.copy()
+    x[:, 2] += bow * (X[:, 0] - 7) ** 2 / 2 - bow * (X[:, 1] - 3) * (X[:, 0] - 10) / 4
+    on_upper = X[:, 2] > T / 2
+    x[on_upper, 2] += tilt * (X[on_upper, 0] - 10) / 10 - depth
+    x = x if moved is None else moved(x)
+    stack.u.x.array[:] = (x - X).ravel()
+    scene.accept()
+    return scene, pair
+
+
+STATES = {
+    "pressed": {"depth": 0.05, "bow": 0.02},
+    "flat": {"depth": 0.05},
+    "open": {"depth": -0.05, "bow": 0.02},
+    "partly": {"depth": 0.0, "bow": 0.02, "tilt": 0.05},
+}
+
+
+@pytest.mark.parametrize("points", [1, 3, 6])
+@pytest.mark.parametrize("state", ["pressed", "flat", "partly"])
+def test_forces_and_tangent_are_derivatives(state, points):
+    scene, pair = two(**STATES[state], points=points)
+    touching = (pair.normal_forces() > 0).sum()
+    assert 0 < touching < pair.count if state == "partly" else touching > 0.9 * pair.count
+    forces, stiffness = off_differences(scene, pair)
+    assert forces < 1e-6
+    assert stiffness < 1e-6
+
+
+@pytest.mark.mpi
+def test_sheets_apart_bear_nothing():
+    scene, pair = two(**STATES["open"])
+    forces, _ = nodal_forces(scene, pair)
+    assert pair.stored() == 0 and not forces.any() and not pair.tangent()[2].any()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("state", ["pressed", "partly"])
+def test_a_rigid_motion_of_the_scene(state, by_position):
+    """Energy and forces are those of the scene where it was."""
+    Q, places, found = rotation(3), [], []
+    for moved in (None, lambda x: x @ Q.T + [30.0, -20.0, 7.0]):
+        scene, pair = two(**STATES[state], moved=moved)
+        forces, _ = nodal_forces(scene, pair)
+        places.append(scene.blank.coordinates()[: len(forces)])
+        found.append((COMM.allreduce(pair.stored()), pair.force(), forces))
+    (energy, force, forces), (turned_energy, turned_force, turned) = found
+    assert turned_energy == pytest.approx(energy, rel=1e-9) and energy > 0
+    assert turned_force == pytest.approx(Q @ force, abs=1e-9 * abs(force).max())
+    _, one, other = by_position(COMM, places[0], forces @ Q.T, turned)
+    assert abs(one - other).max() < 1e-9 * abs(one).max()
+
+
+@pytest.mark.mpi
+def test_the_sheet_of_smaller_cells_has_the_points():
+    """Whichever lies below."""
+    for fine in ABC[:2]:
+        stack = ff.Stack(
+            [
+                (rectangle(20, 10, *((6, 3) if n == fine else (4, 2)), spatial=True), T, n)
+                for n in "ab"
+            ]
+        )
+        pair = ff.SheetContact("a", "b", 50.0)
+        ff.Scene(stack, [*membranes("ab"), pair])
+        assert COMM.allreduce(pair.count) == 3 * 4 * 18
+
+
+@pytest.mark.mpi
+def test_default_penalty_is_that_of_the_softer_fabric():
+    thin = FABRIC.replace(thickness=0.2)
+    stack = ff.Stack(
+        [
+            (rectangle(20, 10, 4, 2, spatial=True), f.thickness, n)
+            for n, f in (("a", FABRIC), ("b", thin))
+        ]
+    )
+    terms = [ff.Membrane(FABRIC).on("a"), ff.Membrane(thin).on("b")]
+    pair = ff.SheetContact("a", "b")
+    ff.Scene(stack, [*terms, pair])
+    penalty = min(default_penalty(fabric, np.inf) for fabric in (FABRIC, thin))
+    law = PressureLaw(penalty, SMOOTHING * PERMITTED * 0.2)
+    assert pair.depth_under(2.0) == pytest.approx(float(law.depth(np.array(2.0))))
+
+
+# -- what bad input gets
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"penalty": 0.0}, "contact of a and b has penalty 0.0; allowed is a number above 0"),
+        ({"penalty": math.nan}, "contact of a and b has penalty nan; allowed is a number above 0"),
+        ({"lag": -1.0}, "contact of a and b has lag -1.0; allowed is a number above 0"),
+        ({"points": 2}, "contact of a and b has 2 points in a cell; allowed are 1, 3, 6"),
+        ({"upper": "a"}, "contact of a and a is of one sheet; allowed are two different ones"),
+    ],
+)
+def test_numbers_that_are_not_allowed(given, words):
+    with pytest.raises(ff.InputError) as error:
+        ff.SheetContact(**({"lower": "a", "upper": "b"} | given))
+    assert str(error.value) == words
+
+
+def side_by_side():
+    """Two sheets on a wide one."""
+    right = rectangle(8, 10, 2, 2, spatial=True, shape=lambda x: x + [12.0, 0.0, 0.0])
+    wide, left = (rectangle(size, 10, 2, 2, spatial=True) for size in (20, 8))
+    return ff.Stack([(wide, T, "wide"), (left, T, "a"), (right, T, "b")])
+
+
+def laid(play=0.0, **options):
+    return ff.Stack(
+        [(rectangle(20, 10, 4, 2, spatial=True, **options), T, n) for n in "ab"], 0, play
+    )
+
+
+def patches():
+    blank = rectangle(20, 10, 4, 2, spatial=True)
+    blank.divide({"a": lambda x: x[0] < 10}, "b")
+    return blank
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "make, penalty, fabric, words",
+    [
+        (side_by_side, 9.0, FABRIC, "contact of a and b finds no place of one over the other;"),
+        (lambda: laid(-0.5 * T), 9.0, FABRIC, "begins with sheets that overlap by 0.5 mm; allowed"),
+        (patches, 9.0, FABRIC, "contact of a and b is asked of a, a patch; allowed are sheets of"),
+        (
+            lambda: laid(cell="quadrilateral"),
+            9.0,
+            FABRIC,
+            "other than linear triangles; allowed is",
+        ),
+        (laid, None, None, "is given no penalty, and not both sheets have a fabric; allowed is a"),
+        (
+            lambda: rectangle(20, 10, 4, 2, spatial=True),
+            *(9.0, FABRIC),
+            "blank has no part 'a'; allowed is one of none, as it is one sheet",
+        ),
+    ],
+)
+def test_sheets_between_which_there_is_no_contact(make, penalty, fabric, words):
+    membrane = ff.Membrane(fabric) if fabric else Elastic()
+    with pytest.raises(ff.InputError) as error:
+        ff.Scene(make(), [membrane, ff.SheetContact("a", "b", penalty)])
+    assert words in str(error.value)

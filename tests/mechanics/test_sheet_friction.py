@@ -1,0 +1,176 @@
+"""Coulomb friction between sheets."""
+
+import math
+
+import numpy as np
+import pytest
+from builders import Elastic, everywhere, near, off_differences
+from builders import sheet as rectangle
+from scipy.optimize import brentq
+
+import fabric_fenicsx as ff
+
+T, MU, SLIP, PRESSURE = 1.0, 0.3, 0.05, 2.0
+LENGTH, WIDTH = 40.0, 20.0
+NAMES = "lower", "middle", "upper"
+PENALTY = 200.0
+
+
+def between(name):
+    """Function of points to whether they are nodes of that sheet."""
+    low = NAMES.index(name) * T - T / 2
+    return lambda x: (x[2] > low) & (x[2] < low + T)
+
+
+def pull_out(path, rigid=True, cells=6, others=4, mu=MU, steps=8):
+    """The middle of three sheets pulled by path(load) [mm] along x, all of it if `rigid`, otherwise
+    at its end, under pressure on the upper one; the other two, of `others` cells, held in
+    their planes."""
+    stack = ff.Stack(
+        [
+            (rectangle(LENGTH, WIDTH, n, n // 2, spatial=True), T, name)
+            for n, name in zip((others, cells, others), NAMES)
+        ]
+    )
+    contacts = [ff.SheetContact(*pair, PENALTY) for pair in (NAMES[:2], NAMES[1:])]
+    frictions = [ff.SheetFriction(*pair, mu, SLIP) for pair in (NAMES[:2], NAMES[1:])]
+    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(len(x))).on("upper")
+
+    def pulled(x):
+        return between("middle")(x) & (everywhere(x) if rigid else near(0, LENGTH)(x))
+
+    def moved(x, load):
+        return np.array([np.full(x.shape[1], path(load)), 0 * x[0], 0 * x[0]])
+
+    held = [
+        ff.Support("lower sheet", between("lower"), (0, 1, 2)),
+        ff.Support("upper sheet", between("upper"), (0, 1)),
+        ff.Support("grip", pulled, (0,), moved),
+        ff.Support("across", between("middle"), (1,)),
+    ]
+    scene = ff.Scene(stack, [Elastic(1e4), *contacts, *frictions, press], held)
+    depth = contacts[0].depth_under(PRESSURE)
+    z = stack.coordinates()[:, 2]
+    stack.u.x.array[2::3] = -depth * np.rint(z / T)
+    job = ff.Job(
+        scene,
+        steps=steps,
+        measure=lambda scene, load: (path(load), float(scene.reaction("grip")[0])),
+    )
+    return job.run()
+
+
+@pytest.mark.mpi
+def test_pull_out():
+    """Force 2 mu p A u / slip where the sheets stick, 2 mu p A where they slide, the same back;
+    work of the grip is what friction takes."""
+    limit = 2 * MU * PRESSURE * LENGTH * WIDTH
+    result = pull_out(lambda load: 4 * SLIP * (1 - abs(2 * load - 1)), steps=16)
+    u, force = np.array([(row["displacement_mm"], row["reaction_N"]) for row in result.rows]).T
+    turn = np.argmax(u)
+    assert force[: turn + 1] == pytest.approx(
+        limit * np.minimum(1, u[: turn + 1] / SLIP), rel=5e-3, abs=1e-6 * limit
+    )
+    back = np.maximum(-1, 1 - (u[turn] - u[turn:]) / SLIP)
+    assert force[turn:] == pytest.approx(limit * back, abs=5e-3 * limit)
+    assert result.summary["energy_imbalance"] < 5e-3
+
+
+@pytest.mark.mpi
+def test_energy_taken_by_friction():
+    """In sliding one way: mu P (u - slip / 2) of each pair."""
+    result = pull_out(lambda load: 3 * SLIP * load, steps=6)
+    taken = 2 * MU * PRESSURE * LENGTH * WIDTH * 2.5 * SLIP
+    assert result.rows[-1]["friction_energy_Nmm"] == pytest.approx(taken, rel=5e-3)
+    for entry in result.summary["sheet_contacts"].values():
+        assert entry["sliding_largest_mm"] == pytest.approx(3 * SLIP, rel=5e-3)
+
+
+@pytest.mark.mpi
+def test_no_friction_without_a_coefficient():
+    """But for what normals of unevenly pressed faces are tilted by."""
+    result = pull_out(lambda load: SLIP * load, mu=0.0, steps=1)
+    assert abs(result.rows[-1]["reaction_N"]) < 1e-4 * PRESSURE * LENGTH * WIDTH
+
+
+def pulled_at_its_end(pull, stiffness):
+    """Force [N] on an elastic strip of `stiffness` E A [N], pulled at one end, that sticks up
+    to `SLIP` [mm] in proportion, slides beyond: shear lag, E A u'' = traction."""
+    limit = 2 * MU * PRESSURE * WIDTH
+    rate = math.sqrt(limit / (SLIP * stiffness))
+
+    def sticking(u, length):
+        return stiffness * rate * u * math.tanh(rate * length)
+
+    if pull <= SLIP:
+        return sticking(pull, LENGTH)
+
+    def force(slid):
+        return sticking(SLIP, LENGTH - slid) + limit * slid
+
+    def excess(slid):
+        return SLIP + (force(slid) - limit * slid / 2) * slid / stiffness - pull
+
+    return force(brentq(excess, 0.0, LENGTH))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pull, falls", [(0.5 * SLIP, 0.55), (2 * SLIP, 0.9)])
+def test_shear_lag(pull, falls):
+    """An elastic sheet pulled at its end, that sticks, or slides along a part of it; converging,
+    with the width of the rim, where the pressure is uneven."""
+    exact, off = pulled_at_its_end(pull, 1e4 * WIDTH), []
+    for cells in (6, 12):
+        result = pull_out(lambda load: pull * load, False, cells, cells, steps=2)
+        off.append(abs(result.rows[-1]["reaction_N"] / exact - 1))
+    assert off[1] < 5e-3 and off[1] < falls * off[0]
+
+
+# -- derivatives
+
+
+@pytest.mark.parametrize("distance", [0.3, 1.5, 30.0])
+def test_forces_and_tangent_are_derivatives(distance):
+    """Where the sheets stick, in part, and slide, on bent faces that are partly open."""
+    stack = ff.Stack(
+        [(rectangle(20, 10, n, n // 2, spatial=True), T, name) for n, name in ((4, "a"), (6, "b"))]
+    )
+    friction = ff.SheetFriction("a", "b", MU, SLIP)
+    contact = ff.SheetContact("a", "b", PENALTY)
+    scene = ff.Scene(stack, [Elastic(), friction, contact])
+    X, u = stack.coordinates(), stack.u.x.array.reshape(-1, 3)
+    on_b = X[:, 2] > T / 2
+    u[:, 2] = 0.01 * (X[:, 0] - 7) ** 2 - on_b * 0.03 * X[:, 1] / 8 + on_b * 0.005
+    scene.accept()
+    assert 0 < (contact.normal_forces() > 0).sum() < contact.count
+    u[on_b] += distance * SLIP * np.array([0.7, 0.4, 0.0]) * (0.5 + X[on_b, :1] / 20)
+    forces, stiffness = off_differences(scene, friction, 1e-3)
+    assert forces < 1e-6
+    assert stiffness < 1e-6
+
+
+# -- what bad input gets
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"mu": -0.1}, "friction of a and b has coefficient -0.1; allowed is a number from 0"),
+        ({"mu": math.nan}, "friction of a and b has coefficient nan; allowed is a number from 0"),
+        ({"slip": 0.0}, "friction of a and b has slip 0.0; allowed is a number above 0"),
+        ({"lag": math.inf}, "friction of a and b has lag inf; allowed is a number above 0"),
+    ],
+)
+def test_numbers_that_are_not_allowed(given, words):
+    with pytest.raises(ff.InputError) as error:
+        ff.SheetFriction(**({"lower": "a", "upper": "b", "mu": MU} | given))
+    assert str(error.value) == words
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("count", [0, 2])
+def test_friction_needs_one_contact_of_its_sheets(count):
+    stack = ff.Stack([(rectangle(20, 10, 4, 2, spatial=True), T, name) for name in "ab"])
+    contacts = [ff.SheetContact("a", "b", PENALTY) for _ in range(count)]
+    with pytest.raises(ff.InputError, match=f"finds {count} terms that are the contact of these"):
+        ff.Scene(stack, [Elastic(), *contacts, ff.SheetFriction("b", "a", MU)])

@@ -1,0 +1,148 @@
+"""Plies of a stack, in Python and from a file."""
+
+import re
+
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.scenarios.plies import read_plies
+
+TWO = """
+unit = "mm"
+[[ply]]
+name = "inner"
+fibre_angle = 45
+nx = 5
+friction = 0.2
+[[ply]]
+fabric = "own.toml"
+length = 400
+width = 200.5
+thickness = 0.3
+"""
+COARSE = {"nx": 4, "stroke": 5}
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Function that writes a stack file, and a fabric beside it, to the stack file's path."""
+
+    def write(text=TWO):
+        (tmp_path / "own.toml").write_text(ff.load("komeili").replace(name="own").dumps())
+        path = tmp_path / "stack.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_a_file_is_read(file):
+    inner, outer = read_plies(file())
+    assert (inner.name, inner.fabric, inner.fibre_angle, inner.nx, inner.friction) == (
+        *("inner", None, 45.0, 5),
+        0.2,
+    )
+    assert (outer.name, outer.fabric.name, outer.friction) == ("ply 2", "own", 0.334)
+    assert (outer.length, outer.width, outer.thickness) == (400.0, 200.5, 0.3)
+
+
+def test_a_ply_takes_what_it_lacks_from_the_scenario(file):
+    made = ff.Forming(stack=str(file()), **COARSE)
+    inner, outer = made.plies
+    assert (inner.fabric, outer.fabric.thickness) == (made.fabric, 0.3)
+    assert list(made.blank.parts) == ["inner", "ply 2"]
+    assert made.thickness == pytest.approx(made.fabric.thickness + 0.3)
+
+
+def test_plies_given_are_those_of_a_file(file):
+    plies = [
+        ff.Ply(name="inner", fibre_angle=45, nx=5, friction=0.2),
+        ff.Ply(fabric=ff.load("komeili"), length=400, width=200.5, thickness=0.3),
+    ]
+    one, other = (ff.Forming(stack=stack, **COARSE) for stack in (str(file()), plies))
+    assert [t.name for t in one.scene.terms] == [t.name for t in other.scene.terms]
+    assert one.blank.heights == pytest.approx(other.blank.heights)
+
+
+def test_a_ply_beyond_a_shorter_one_meets_the_next(file):
+    plies = [ff.Ply(), ff.Ply(length=300, width=200), ff.Ply(name="top")]
+    made = ff.Forming(stack=plies, **COARSE)
+    names = [term.name for term in made.scene.terms if term.name.startswith("contact of ply")]
+    assert names == [f"contact of {a} and {b}" for a, b in PAIRS]
+
+
+PAIRS = ("ply 1", "ply 2"), ("ply 2", "top"), ("ply 1", "top")
+
+
+def table(words, unit='unit = "mm"'):
+    return f"{unit}\n[[ply]]\n{words}\n"
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (table("", ""), 'unit is None; allowed is "mm"'),
+        (table("", 'unit = "cm"'), "unit is 'cm'; allowed is \"mm\""),
+        ('unit = "mm"', "there is no ply; allowed is a table [[ply]] for each"),
+        ('unit = "mm"\nply = []', "there is no ply; allowed is a table [[ply]] for each"),
+        ('unit = "mm"\nply = 3', "there is no ply; allowed is a table [[ply]] for each"),
+        ('unit = "mm"\nplies = 3', "key 'plies'"),
+        (table("angle = 3"), "key 'angle' of ply 1"),
+        (table("[[ply]]\nlenght = 3"), "key 'lenght' of ply 2"),
+        (table("nx = 2.5"), "nx of ply 1 is 2.5; allowed is a whole number of 1 or more"),
+        (table('name = "top"\nwidth = 0'), "width of top is 0; allowed is a number above 0"),
+        (table("[[ply]]\nlength = nan"), "length of ply 2 is nan; allowed is a number above 0"),
+        (table("thickness = -1"), "thickness of ply 1 is -1; allowed is a number above 0"),
+        (table("friction = -0.1"), "friction of ply 1 is -0.1; allowed is a number from 0"),
+        (table('fibre_angle = "bias"'), "fibre_angle of ply 1 is bias; allowed is a finite number"),
+        (table("yarn_angle = 180"), "yarn_angle of ply 1 is 180; allowed is an angle above 0"),
+        (table("nx = true"), "nx of ply 1 is True; allowed is a whole number of 1 or more"),
+        (table('fabric = "silk"'), "fabric of ply 1: "),
+        (table("fabric = 3"), "fabric of ply 1 is 3; allowed is a name or a file"),
+        (table("mesh = 3"), "mesh of ply 1 is 3; allowed is a name or a file"),
+        (table('mesh = "none.msh"'), "mesh of ply 1 is 'none.msh', no file; allowed is"),
+        (table('name = " "'), "name of ply 1 is ' '; allowed is a word"),
+        (table("name = 3"), "name of ply 1 is 3; allowed is a word"),
+        (table('name = "a"\n[[ply]]\nname = "a"'), "name of ply 2 is 'a', as of ply 1; allowed"),
+        (table("[[ply]\n"), "is not valid TOML"),
+    ],
+)
+def test_what_is_wrong_with_a_file(file, text, words):
+    path = file(text)
+    with pytest.raises(ff.InputError, match=f"^{re.escape(str(path))}: ") as error:
+        read_plies(path)
+    assert words in str(error.value) and "; allowed " in str(error.value)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    path = tmp_path / "none.toml"
+    with pytest.raises(ff.InputError, match="^stack file .*none.toml' does not exist or is not a"):
+        ff.Forming(stack=str(path), **COARSE)
+
+
+@pytest.mark.parametrize(
+    "fields, words",
+    [
+        ({"fibre_angle": 45}, "`fibre_angle` is given beside `stack`; allowed is to say it of"),
+        ({"weave_angle": 80}, "`weave_angle` is given beside `stack`; allowed is to say it of"),
+        (
+            {"clearance": 0.9},
+            "`clearance` 0.9 is less than the thickness of ply or stack; allowed is",
+        ),
+        ({"element": "Q1"}, "on other than linear triangles; allowed is P1"),
+        ({"element": "P2"}, "sheet ply 1 of the stack has other than linear cells; allowed are P1"),
+        ({"stack": []}, "`stack` has no ply; allowed are one or more"),
+        ({"stack": [ff.Ply(name="a"), ff.Ply(name="a")]}, "named ['a', 'a']; allowed are"),
+        ({"stack": [ff.Ply(name="ply 2"), ff.Ply()]}, "named ['ply 2', 'ply 2']; allowed are"),
+    ],
+)
+def test_what_no_stack_is_formed_of(fields, words):
+    with pytest.raises(ff.InputError) as error:
+        ff.Forming(**({"stack": [ff.Ply(), ff.Ply()]} | COARSE | fields))
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize("field, value", [("nx", 0), ("yarn_angle", 0), ("friction", -1)])
+def test_a_ply_with_a_bad_number(field, value):
+    with pytest.raises(ff.InputError, match=f"{field} of a ply is {value}; allowed is"):
+        ff.Ply(**{field: value})

@@ -1,0 +1,108 @@
+"""Patches of a sheet, of fabrics of their own."""
+
+import numpy as np
+import pytest
+from builders import COMM, everywhere, run
+from mpi4py import MPI
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.material.laws.tabulated import Curve
+from fabric_fenicsx.sheets.parts import Part
+
+LEFT, RIGHT = (lambda x: x[0] < 40), (lambda x: x[0] > 40)
+
+
+def strip(**options):
+    return ff.Blank.rectangle(100, 20, nx=10, element="P1", **options)
+
+
+def linear(modulus, thickness):
+    """A fabric whose nominal stress is `modulus` [MPa] times its yarns' strain."""
+    yarn = Curve((-1.0, 0.0, 1.0), (-modulus, 0.0, modulus))
+    shear = Curve((0.0, 0.5, 1.0), (0.0, 0.5, 1.0))
+    return ff.TabulatedFabric(yarn, yarn, shear, thickness=thickness)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("spatial", [False, True])
+def test_patches_of_two_fabrics_in_series(spatial):
+    """The force is the pull over the sum of compliances l / (E t w)."""
+    blank, pull = strip(spatial=spatial), 2.0
+    blank.divide({"left": LEFT}, "rest")
+    soft, stiff = linear(10.0, 0.5), linear(35.0, 0.8)
+    terms = [ff.Membrane(soft).on("left"), ff.Membrane(stiff).on("rest")]
+    held = ff.rolling_ends(pull)(blank)
+    held += [ff.Support("plane", everywhere, (2,))] if spatial else []
+    scene = ff.Scene(blank, terms, held)
+    run(scene, 2, 1e-11)
+    compliance = 40 / (10.0 * 0.5 * 20) + 60 / (35.0 * 0.8 * 20)
+    assert scene.reaction("moving grip")[0] == pytest.approx(pull / compliance, rel=1e-9)
+
+
+@pytest.mark.mpi
+def test_patches_share_out_the_sheet():
+    blank = strip()
+    blank.divide({"left": LEFT}, "rest")
+    found = {
+        name: COMM.allreduce(float(blank.areas()[part.cells].sum()), MPI.SUM)
+        for name, part in blank.parts.items()
+    }
+    assert found == pytest.approx({"left": 800.0, "rest": 1200.0})
+    assert all(part.straight is not None and part.orthogonal for part in blank.parts.values())
+
+
+@pytest.mark.mpi
+def test_no_rest_where_patches_cover_all():
+    blank = strip()
+    blank.divide({"left": LEFT, "right": RIGHT}, "rest")
+    assert list(blank.parts) == ["left", "right"]
+
+
+@pytest.mark.mpi
+def test_fields_of_parts_are_put_into_one():
+    blank = strip()
+    blank.divide({"left": LEFT}, "rest")
+    left, fields = blank.part("left"), {}
+    left.put(fields, "f", np.ones(len(left.cells)))
+    left.put(fields, "n", np.ones(len(left.cells), dtype=np.int32))
+    assert np.array_equal(np.isfinite(fields["f"]), blank.midpoints()[0] < 40)
+    assert np.array_equal(fields["n"], blank.midpoints()[0] < 40)
+    rest = blank.part("rest")
+    rest.put(fields, "f", np.full(len(rest.cells), 2.0))
+    assert np.array_equal(fields["f"], np.where(blank.midpoints()[0] < 40, 1.0, 2.0))
+
+
+def test_all_of_a_blank_is_a_part_without_a_name():
+    blank = strip()
+    assert blank.part() is blank.whole and isinstance(blank.whole, Part) and blank.whole.is_whole
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "patches, words",
+    [
+        ({"a": lambda x: x[0] > 200}, "patch a of blank has no cells; allowed are one or more"),
+        ({"a": LEFT, "b": lambda x: x[0] < 50}, "patches of blank overlap; allowed is one for"),
+    ],
+)
+def test_patches_that_are_not_allowed(patches, words):
+    with pytest.raises(ff.InputError) as error:
+        strip().divide(patches, "rest")
+    assert words in str(error.value)
+
+
+def test_a_sheet_is_divided_once():
+    blank = strip()
+    blank.divide({"left": LEFT}, "rest")
+    with pytest.raises(ff.InputError, match="has parts left, rest already; allowed is to divide"):
+        blank.divide({"right": RIGHT}, "rest")
+
+
+@pytest.mark.parametrize("divided", [False, True])
+def test_a_term_on_a_part_that_is_not_there(divided):
+    blank = strip()
+    if divided:
+        blank.divide({"left": LEFT}, "rest")
+    allowed = "left, rest" if divided else "none, as it is one sheet"
+    with pytest.raises(ff.InputError, match=f"no part 'right'; allowed is one of {allowed}"):
+        ff.Scene(blank, [ff.Membrane(ff.load("komeili")).on("right")])

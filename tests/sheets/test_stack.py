@@ -1,0 +1,171 @@
+"""Several sheets as one mesh with a part for each."""
+
+import numpy as np
+import pytest
+from builders import COMM, everywhere, run
+from builders import sheet as rectangle
+from mpi4py import MPI
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.meshes.specimen import specimen
+
+FABRIC = ff.load("komeili")
+T = FABRIC.thickness
+TURN = np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+SHEETS = "lower", "middle", "upper"
+
+
+def sheet(length=20.0, width=10.0, nx=4, **options):
+    return ff.Blank.rectangle(length, width, nx=nx, spatial=True, **options)
+
+
+def three():
+    """Sheets that differ in cells, yarns, size and thickness, the first at z = 0."""
+    given = [
+        (sheet(), 0.5, "lower"),
+        (sheet(nx=5, fibre_angle=45), 1.0, "middle"),
+        (sheet(16.0, 8.0, 3, fibre_angle=30, yarn_angle=70), 0.2, "upper"),
+    ]
+    return given
+
+
+def area(part):
+    return COMM.allreduce(float(part.blank.areas()[part.cells].sum()), MPI.SUM)
+
+
+@pytest.mark.mpi
+def test_sheets_lie_on_one_another():
+    stack = ff.Stack(three(), play=0.1)
+    assert stack.heights == pytest.approx([0.0, 0.85, 1.55], abs=1e-14)
+    assert stack.thickness == pytest.approx(1.7)
+    z = stack.coordinates()[: stack.V.dofmap.index_map.size_local, 2]
+    for part, height in zip(stack.parts.values(), stack.heights):
+        assert z[part.nodes] == pytest.approx(np.full(part.nodes.sum(), height), abs=1e-12)
+
+
+def test_the_lowest_face_is_laid_where_it_is_asked():
+    assert ff.Stack(three(), bottom=-3.0).heights == pytest.approx([-2.75, -2.0, -1.4])
+
+
+@pytest.mark.mpi
+def test_each_sheet_is_a_part():
+    """With its area, nodes, cells, thickness and yarns, on any number of ranks."""
+    given = three()
+    stack = ff.Stack(given)
+    assert tuple(stack.parts) == SHEETS
+    nodes = np.sum([part.nodes for part in stack.parts.values()], axis=0)
+    assert (nodes == 1).all()
+    for number, (blank, thickness, name) in enumerate(given):
+        part = stack.part(name)
+        assert (stack.number[part.cells] == number).all()
+        assert area(part) == pytest.approx(area(blank.whole), rel=1e-12)
+        counts = np.array([[p.nodes.sum(), len(p.cells)] for p in (part, blank.whole)])
+        assert np.array_equal(*COMM.allreduce(counts))
+        assert part.thickness == thickness
+        assert np.allclose(part.straight, blank.straight, atol=1e-14)
+        assert part.orthogonal == blank.orthogonal
+    assert stack.whole.straight is None
+
+
+@pytest.mark.mpi
+def test_each_cell_has_its_own_sheets_curved_yarns(by_position):
+    def fan(x):
+        return np.array([1 + 0 * x[0], x[1] / 30, 0 * x[0]])
+
+    alone = rectangle(20, 10, 4, 2, spatial=True, a=fan)
+    stack = ff.Stack([(sheet(), T, "straight"), (alone, T, "fan")])
+    part = stack.part("fan")
+    assert part.straight is None and stack.part("straight").straight is not None
+
+    def yarns(blank, cells):
+        rows = [f.x.array.reshape(-1, 3)[cells] for f in (blank.a0, blank.b0)]
+        return by_position(COMM, blank.midpoints()[:2, cells].T, *rows)
+
+    for one, other in zip(yarns(stack, part.cells), yarns(alone, alone.whole.cells)):
+        assert one == pytest.approx(other, abs=1e-12)
+
+
+def pulled(blank, names, bend):
+    """Force of the moving grip and strain energy of sheets pulled by 1 mm, which resist bending or
+    are held in their planes."""
+    terms = [
+        term.on(name) if name else term
+        for name in names
+        for term in (ff.Membrane(FABRIC), *([ff.Bending(modulus=100.0)] if bend else []))
+    ]
+    held = ff.clamped_ends(1.0)(blank)
+    held += [] if bend else [ff.Support("plane", everywhere, (2,))]
+    scene = ff.Scene(blank, terms, held)
+    run(scene, 2)
+    return np.append(scene.reaction("moving grip"), scene.energy())
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("bend", [True, False])
+def test_sheets_that_do_not_touch_bear_what_they_bear_alone(bend):
+    def strips():
+        return sheet(100, 50, 4), sheet(100, 50, 5, fibre_angle=45)
+
+    alone = [pulled(strip, [""], bend) for strip in strips()]
+    names = SHEETS[:2]
+    found = pulled(ff.Stack([(b, T, n) for b, n in zip(strips(), names)]), names, bend)
+    assert abs(found - sum(alone)).max() < 1e-8 * abs(found).max()
+
+
+def test_own_meshes_are_laid_on_one_another(tmp_path):
+    import meshio
+
+    for name, n in (("one", 3), ("two", 4)):
+        points, cells, kind = specimen(20.0, 10.0, n, 2, "unstructured", "triangle", 0.0)
+        points = np.column_stack([np.asarray(points)[:, :2], np.full(len(points), 3.0)])
+        meshio.Mesh(points, [(kind, cells)]).write(tmp_path / f"{name}.vtu")
+    stack = ff.Stack(
+        [(ff.Blank.read(tmp_path / f"{n}.vtu", spatial=True), T, n) for n in ("one", "two")]
+    )
+    assert stack.heights == pytest.approx([3.0, 3.0 + T])
+    assert [area(part) for part in stack.parts.values()] == pytest.approx([200.0, 200.0])
+
+
+def bent():
+    return rectangle(
+        20, 10, 4, 2, spatial=True, shape=lambda x: x + x[:, :1] ** 2 * [0.0, 0.0, 1e-3]
+    )
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda s: [], "the stack has no sheet; allowed are one or more"),
+        (lambda s: [s[0], (*s[1][:2], "lower")], "['lower', 'lower']; allowed are different names"),
+        (lambda s: [(*s[0][:2], "")], "are named ['']; allowed are different names"),
+        (lambda s: [(s[0][0], 0.0, "a")], "sheet a of the stack has thickness 0.0; allowed"),
+        (lambda s: [(s[0][0], float("nan"), "a")], "sheet a of the stack has thickness nan;"),
+        (lambda s: [(s[0][0], float("inf"), "a")], "sheet a of the stack has thickness inf;"),
+        (
+            lambda s: [(ff.Blank.rectangle(20, 10, nx=4, element="P1"), 1.0, "a")],
+            "sheet a of the stack lies in a plane mesh or along turned axes; allowed",
+        ),
+        (
+            lambda s: [(rectangle(20, 10, 4, 2, spatial=True, turn=TURN), 1.0, "a")],
+            "sheet a of the stack lies in a plane mesh or along turned axes; allowed",
+        ),
+        (lambda s: [(sheet(element="P2"), 1.0, "a")], "has other than linear cells; allowed are"),
+        (lambda s: [(bent(), 1.0, "a")], "sheet a of the stack is 0.4 mm high; allowed is a flat"),
+        (
+            lambda s: [s[0], (sheet(element="Q1"), 1.0, "q")],
+            "the stack has sheets of ['quadrilateral', 'triangle']s; allowed is one kind",
+        ),
+        (
+            lambda s: [
+                *s,
+                (rectangle(5, 5, 1, 1, spatial=True, shape=lambda x: x + [20.0, 0, 0]), 1.0, "far"),
+            ],
+            "sheet far of the stack lies beside all others; allowed is one that has another",
+        ),
+    ],
+)
+def test_sheets_that_make_no_stack(change, words):
+    with pytest.raises(ff.InputError) as error:
+        ff.Stack(change(three()))
+    assert words in str(error.value)
