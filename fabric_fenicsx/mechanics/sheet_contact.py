@@ -21,7 +21,7 @@ from .term import SceneFacts, Term, Triplets
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
-RIM = 0.25  # of a cell at a free edge, in which points count less the nearer they are to it
+RIM = 0.05  # of a cell at a free edge, in which points count less the nearer they are to it
 FREE = 3  # updates of the faces in a step, after which solves are kept near them
 STIFFEN = 0.02  # 1/mm, by how much gaps then count as more curved, doubled with each further one
 REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
@@ -65,9 +65,11 @@ class SheetContact(Term):
       tool of the scene
     - symmetric: as in `Bending`
 
-    Raises InputError for one sheet given twice, another number of points, and values not above 0.
-    As the scene is made it does so for parts that are not sheets of a stack, for other cells than
-    linear triangles, and for sheets that overlap or of which none lies over the other.
+    settled: force by which the lower sheet presses the upper one, and the sum of normal forces, in
+    the last accepted state before faces were taken anew, of all ranks (4,) [N]. Raises InputError
+    for one sheet given twice, another number of points, and values not above 0; as the scene is
+    made, for parts that are not sheets of a stack, for other cells than linear triangles, and for
+    sheets that overlap or of which none lies over the other.
     """
 
     energy_kind = "contact"
@@ -132,6 +134,7 @@ class SheetContact(Term):
         self._found: tuple[np.ndarray, Facing] | None = None
         self._updates = 0
         self._accepted = self._now = self.facing()
+        self.settled = self._totals()
         self._check_start()
         self._first = self._accepted
 
@@ -207,8 +210,10 @@ class SheetContact(Term):
 
     def accept(self) -> None:
         """Take the faces as they are."""
-        self._accepted = self.facing()
-        self._updates = 0
+        now = self.facing()
+        if now is not self._now:
+            self.settled = self._totals()
+        self._accepted, self._updates = now, 0
         self._take(self._accepted)
         at = self._accepted.points
         self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap)
@@ -330,8 +335,14 @@ class SheetContact(Term):
 
     def force(self) -> np.ndarray:
         """By which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
-        total = self.blank.mesh.comm.allreduce(self._state()[1].sum(0), MPI.SUM)
-        return total if self._part.name == self.sheets[1] else -total
+        return self._totals()[:3]
+
+    def _totals(self):
+        """Force by which the lower sheet presses the upper one, and sum of normal forces, (4,)."""
+        pressure, forces, _, _ = self._state()
+        sign = 1.0 if self._part.name == self.sheets[1] else -1.0
+        normal = float(pressure @ self._now.areas)
+        return self.blank.mesh.comm.allreduce(np.array([*sign * forces.sum(0), normal]))
 
     def deepest(self) -> float:
         """Largest overlap of the faces in accepted states, of all ranks [mm]."""
@@ -372,8 +383,8 @@ class SheetContact(Term):
         comm, sizes = self.blank.mesh.comm, np.linalg.norm(self.sliding(), axis=1)
         furthest = np.nanmax(sizes, initial=0.0)
         summary.setdefault("sheet_contacts", {})[f"{self.sheets[0]}, {self.sheets[1]}"] = {
-            "force_N": float(np.linalg.norm(self.force())),
-            "normal_force_N": comm.allreduce(float(self.normal_forces().sum())),
+            "force_N": float(np.linalg.norm(self.settled[:3])),
+            "normal_force_N": float(self.settled[3]),
             "penetration_of_thickness": self.penetration_of_thickness(),
             "sliding_largest_mm": comm.allreduce(float(furthest), MPI.MAX),
         }
