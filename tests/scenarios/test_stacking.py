@@ -74,8 +74,9 @@ def test_summary_speaks_of_each_ply(alone):
     assert list(alone.summary["sheet_contacts"]) == ["inner, outer"]
 
 
+@pytest.mark.filterwarnings("error")
 def test_fields_have_a_block_for_each_ply(alone):
-    """Named, with the cells and the number of the ply alone."""
+    """Named, with the cells and the number of the ply alone, and fields that are known there."""
     path = alone.folder
     sets = [each.attrib for each in ElementTree.parse(path / "fields.pvd").iter("DataSet")]
     last = [each for each in sets if each["timestep"] == sets[-1]["timestep"]]
@@ -84,3 +85,4 @@ def test_fields_have_a_block_for_each_ply(alone):
         grid = pyvista.read(path / each["file"])
         assert (np.asarray(grid.cell_data["part"]) == k).all()
         assert grid.n_cells == alone.scene.blank.part(PLIES[k]).cells.size
+        assert ("sliding" in grid.cell_data) == (PLIES[k] == "outer")
