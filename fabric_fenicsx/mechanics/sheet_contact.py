@@ -45,9 +45,10 @@ class SheetContact(Term):
     Pressure follows the `PressureLaw` of the depth to which the faces of both sheets, half of each
     one's thickness off its smooth `Face`, overlap. It acts at `points` in each cell of the sheet of
     smaller cells (1, 3 or 6; of equal ones the upper), over their undeformed areas, and reacts on
-    the corners of the triangle below, so that forces balance exactly. Uniform pressure then loads
-    the nodes of the one sheet exactly, those of the other by its integration: 6 points on cells in
-    the ratio 1 : 1.37 to the other's are 0.8 % off, 3 points 1.9 %.
+    the nodes that move the place below, corners and those around them, so that forces balance
+    exactly. Uniform pressure then loads the nodes of the one sheet exactly, those of the other by
+    its integration: 6 points on cells in the ratio 1 : 1.37 to the other's are 0.8 % off, 3 points
+    1.9 %.
 
     Within a solve the gap is a paraboloid in the relative displacement, of the places, normal and
     curvature found in the last accepted state, so it has no kinks. If forces with the faces as they

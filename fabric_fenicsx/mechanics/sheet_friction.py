@@ -13,7 +13,7 @@ class SheetFriction(Term):
 
     As `Friction` on tools: relative displacement since the last accepted state, in the plane that
     was tangent then, adds to an elastic slip, and takes mu P per length beyond `slip` [mm]. It acts
-    on the corners of the triangle that was below the point in the last accepted state. lag: as in
+    on the nodes that moved the place below the point in the last accepted state. lag: as in
     `Friction`. Raises InputError for numbers out of range, and if not exactly one term of the scene
     is the contact of these sheets.
     """
