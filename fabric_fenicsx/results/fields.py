@@ -195,7 +195,7 @@ class FieldSeries:
             for name, array in fields.items():
                 self._grid.cell_data[name] = array
             for k, part in enumerate(self._parts):
-                grid = self._grid if part.is_whole else self._grid.extract_cells(part.cells)
+                grid = self._grid if part.is_whole else _known(self._grid.extract_cells(part.cells))
                 path = self.directory / "fields" / f"{self._file(number, self.comm.rank, k)}.vtu"
                 _save(path, grid, self._units)
         for k, surface in enumerate(self._surfaces):
@@ -246,6 +246,15 @@ def _triangulated(tool, low, high):
     surface.point_data.active_normals = normals.astype(np.float32)
     surface.field_data["tool"] = [tool.name]
     return surface
+
+
+def _known(grid):
+    """The grid without cell fields that are NaN all over it: of vectors VTK can't read back the
+    range that it writes."""
+    for name, values in list(grid.cell_data.items()):
+        if np.issubdtype(values.dtype, np.floating) and np.isnan(values).all():
+            grid.cell_data.remove(name)
+    return grid
 
 
 def _save(path, data, known):

@@ -1,0 +1,88 @@
+"""Two plies formed together: a coarse job, resumed, on ranks, and what it leaves."""
+
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import pyvista
+from builders import COMM
+from mpi4py import MPI
+
+import fabric_fenicsx as ff
+
+PLIES = "inner", "outer"
+
+
+class Stopped(Exception):
+    """What ends a job in the middle."""
+
+
+def job(comm, stop=2.0):
+    """Of a short stroke; one that ends itself once the load factor is `stop`."""
+    plies = [ff.Ply(name="inner"), ff.Ply(name="outer", fibre_angle=45, nx=5)]
+    made = ff.Forming(stack=plies, nx=4, stroke=3.0, comm=comm)
+    found = made.job(steps=3, every=1)
+
+    def measure(scene, load):
+        if load >= stop:
+            raise Stopped
+        return made.measure(scene, load)
+
+    found.measure = measure
+    return found
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """The whole job on one rank, by each."""
+    folder = tmp_path_factory.mktemp("plies") / f"of_rank_{COMM.rank}"
+    return job(MPI.COMM_SELF).run(folder, pictures=False)
+
+
+def agree(result, alone):
+    """Forces and energies to 1e-6 of their largest."""
+    assert [row["load"] for row in result.rows] == [row["load"] for row in alone.rows]
+    force, expected = ([row["reaction_N"] for row in r.rows] for r in (result, alone))
+    assert force == pytest.approx(expected, abs=1e-6 * max(expected))
+    total = sum(alone.summary["energy"].values())
+    assert result.summary["energy"] == pytest.approx(alone.summary["energy"], abs=1e-6 * total)
+    (pair,), (same,) = (r.summary["sheet_contacts"].values() for r in (result, alone))
+    for name in ("force_N", "normal_force_N", "penetration_of_thickness"):
+        assert pair[name] == pytest.approx(same[name], rel=1e-6)
+
+
+@pytest.mark.mpi
+def test_resumed_on_other_ranks(shared_path, alone):
+    """Begun on one rank, and ended on all."""
+    folder = shared_path / "out"
+    if COMM.rank == 0:
+        with pytest.raises(Stopped):
+            job(MPI.COMM_SELF, stop=0.5).run(folder, pictures=False)
+    COMM.barrier()
+    rest = job(COMM).run(folder, resume=True, pictures=False)
+    assert rest.summary["converged"]
+    agree(rest, alone)
+
+
+@pytest.mark.mpi
+def test_summary_speaks_of_each_ply(alone):
+    quantities = alone.summary["quantities"]
+    assert tuple(quantities["plies"]) == PLIES
+    shear = [ply["shear_angle_max_deg"] for ply in quantities["plies"].values()]
+    assert quantities["shear_angle_max_deg"] == max(shear)
+    assert tuple(alone.summary["parts"]) == PLIES
+    assert list(alone.summary["sheet_contacts"]) == ["inner, outer"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_fields_have_a_block_for_each_ply(alone):
+    """Named, with the cells and the number of the ply alone, and fields that are known there."""
+    path = alone.folder
+    sets = [each.attrib for each in ElementTree.parse(path / "fields.pvd").iter("DataSet")]
+    last = [each for each in sets if each["timestep"] == sets[-1]["timestep"]]
+    assert [each["name"] for each in last] == list(PLIES)
+    for k, each in enumerate(last):
+        grid = pyvista.read(path / each["file"])
+        assert (np.asarray(grid.cell_data["part"]) == k).all()
+        assert grid.n_cells == alone.scene.blank.part(PLIES[k]).cells.size
+        assert ("sliding" in grid.cell_data) == (PLIES[k] == "outer")
