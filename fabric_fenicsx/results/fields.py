@@ -254,6 +254,9 @@ def _known(grid):
     for name, values in list(grid.cell_data.items()):
         if np.issubdtype(values.dtype, np.floating) and np.isnan(values).all():
             grid.cell_data.remove(name)
+    for arrays in (grid.cell_data, grid.point_data):
+        for name in set(arrays) & {"vtkOriginalCellIds", "vtkOriginalPointIds"}:
+            arrays.remove(name)
     return grid
 
 

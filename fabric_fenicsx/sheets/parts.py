@@ -65,14 +65,13 @@ class Part:
 
     def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
         """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values
-        stay. Cells without any get NaN, but 0 in whole numbers and vectors, as VTK cannot read
-        vectors with NaN."""
+        stay. Cells without any get NaN, in whole numbers 0."""
         if self.is_whole:
             fields[name] = values
             return
         shape = self.blank.mesh.topology.index_map(2).size_local, *values.shape[1:]
-        is_number = np.issubdtype(values.dtype, np.floating) and values.ndim == 1
-        none = np.full(shape, np.nan if is_number else 0, dtype=values.dtype)
+        is_float = np.issubdtype(values.dtype, np.floating)
+        none = np.full(shape, np.nan if is_float else 0, dtype=values.dtype)
         fields.setdefault(name, none)[self.cells] = values
 
 
