@@ -130,20 +130,23 @@ def form(ufl_form: ufl.Form) -> "fem.Form":
 
 
 class PointEvaluation:
-    """Values of a UFL expression at the quadrature points of `cells` (n,), owned ones.
+    """Values of a UFL expression at the quadrature points of `cells` (n,), by default owned.
 
     degree: of the quadrature; weights: its weights (points,), which sum to the reference cell's
     area.
     """
 
-    def __init__(self, expression: Expr, mesh: Mesh, degree: int, cells: np.ndarray) -> None:
+    def __init__(
+        self, expression: Expr, mesh: Mesh, degree: int, cells: np.ndarray | None = None
+    ) -> None:
         points, self.weights = basix.make_quadrature(
             getattr(basix.CellType, cell_name(mesh)), degree
         )
         with _compiling():
             self._expression = fem.Expression(expression, points, **_jit())
         self._mesh = mesh
-        self._cells = cells.astype(np.int32)
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        self._cells = (np.arange(owned) if cells is None else cells).astype(np.int32)
         self._shape = (len(self._cells), len(self.weights), *expression.ufl_shape)
 
     def __call__(self) -> np.ndarray:

@@ -22,13 +22,13 @@ log = logging.getLogger("fabric_fenicsx")
 ANGLES = 0, 45, 90  # of the paths to x [deg]
 
 
-def ply_quantities(result: Result, part: Part, tool: Tool, thickness: float) -> dict[str, Any]:
+def ply_quantities(result: Result, part: Part, tool: Tool, middle: float) -> dict[str, Any]:
     """Shear, strains, draw-in, wrinkles over the tool of one ply, which is all of a sheet or a part
-    of a stack."""
+    of a stack; middle: height of its mid-surface over the tool that it lies on [mm]."""
     comm, shape = result.scene.comm, None
     if comm.rank == 0:
         grid = result.grids[part.name]
-        wrinkles = forming.wrinkles(grid, tool, thickness)
+        wrinkles = forming.wrinkles(grid, tool, 2 * middle)
         shape = {"draw_in": forming.draw_in(grid), "wrinkles": wrinkles}
     fields = {name: values[part.cells] for name, values in result.fields.items()}
     gamma = np.degrees(np.abs(fields["shear_angle"]))

@@ -336,10 +336,12 @@ class Forming(Scenario):
         from ..results import formed
 
         rows, tool = result.rows, self.punch_tool
-        plies = {
-            name: formed.ply_quantities(result, part, tool, self.fabric.thickness)
-            for name, part in (self.blank.parts or {"": self.blank.whole}).items()
-        }
+        parts = self.blank.parts or {"": self.blank.whole}
+        plies, below = {}, 0.0
+        for ply, (name, part) in zip(self.plies, parts.items()):
+            middle = below + ply.thickness_used / 2
+            plies[name] = formed.ply_quantities(result, part, tool, middle)
+            below += ply.thickness_used
         worst = max(plies.values(), key=lambda q: q["shear_angle_max_deg"])
         largest = max(plies.values(), key=lambda q: q["draw_in"]["largest_mm"])
         total = sum((self.scene.tool_force(term.tool) for term in self.pressing), np.zeros(3))

@@ -55,6 +55,11 @@ class Ply:
             fabric = fabric.replace(thickness=self.thickness)
         return dataclasses.replace(self, fabric=fabric, name=self.name or name)
 
+    @property
+    def thickness_used(self) -> float:
+        """Of its fabric, 0 before it has one [mm]."""
+        return self.fabric.thickness if self.fabric else 0.0
+
     def blank(self, sizes: Sequence[float], share: float, nx: int, **options: Any) -> Blank:
         """Its `Blank` in space. sizes: length and width of a whole ply that has none of its own
         [mm]; share: of length and width that is modelled; options: as in `Blank.rectangle`."""
