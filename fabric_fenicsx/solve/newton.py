@@ -49,7 +49,7 @@ class Newton:
         self,
         scene: Scene,
         tolerance: float = 1e-8,
-        max_iterations: int = 100,
+        max_iterations: int = 150,
         linear_solver: str = "mumps-cholesky",
     ) -> None:
         if linear_solver not in LINEAR_SOLVERS:
