@@ -137,6 +137,7 @@ class Forming(Scenario):
             sides = [getattr(self, k) or usual for k, usual in zip(self.SIZES, self.DEFAULT_SIZES)]
             self.ny = self.ny or 2 * max(1, round(self.nx * sides[1] / sides[0] / 2))
         self.blank = self._blank()
+        self._extent = self.blank.extent()
         # of all that lies between the tools
         t = self.thickness = sum(ply.fabric.thickness for ply in self.plies if ply.fabric)
         surface = self._surface()
@@ -368,7 +369,7 @@ class Forming(Scenario):
         """The punch, where it is now, as a PyVista surface [mm]."""
         from ..results import formed
 
-        low, high = self.blank.extent()
+        low, high = self._extent  # known, as rank 0 draws alone
         rise = np.array([0, 0, self.stroke])
         return formed.tool_mesh(self.punch_tool, low - rise, high + 2 * rise)
 
