@@ -247,7 +247,7 @@ class Study(Output):
             every=args.every,
             limits=Limits(*limits),
         )
-        problem = self.problem(scenario.fabric)
+        problem = {**self.problem(scenario.fabric), **scenario.problem()}
         return job.run(self, part, problem=problem, pictures=not args.no_pictures)
 
     def once(self, key: str, make: Callable[[], Any], problem: Any = None) -> Any:

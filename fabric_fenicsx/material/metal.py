@@ -1,26 +1,24 @@
 """Sheet metals: elasticity, thickness and a hardening curve."""
 
-import dataclasses
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
-import tomli_w
-
 from ..errors import InputError
-from .files import SHEET, read_sheet_numbers, read_toml, take_table, take_units, write_whole
+from .files import SHEET, read_sheet_numbers, take_table, take_units
 from .hardening import Hardening, Swift, hardening_from
-from .laws.base import Parameters
+from .laws.base import Material
 from .units import UNITS
-from .validation import Rule, above_zero, check_complete, shown, unknown_key
+from .validation import Rule, above_zero, check_complete, shown
 
 LAW = "metal"  # that material files name
 
 
 @dataclass(frozen=True)
-class Metal(Parameters):
+class Metal(Material):
     """An isotropic metal that yields after von Mises: Young's modulus E [MPa], Poisson's ratio nu,
     its `hardening` curve, thickness [mm], density [g/cm3] and a name.
 
@@ -49,35 +47,15 @@ class Metal(Parameters):
         if not isinstance(self.name, str):
             raise InputError(f"name is {shown(self.name)}; allowed is a text")
 
-    def replace(self, **changes: Any) -> Self:
-        """A changed copy; InputError for an unknown name."""
-        own = [field.name for field in dataclasses.fields(self)]
-        for key in changes:
-            if key not in own:
-                raise unknown_key(key, own, f"replace: {key}")
-        return dataclasses.replace(self, **changes)
-
-    def dumps(self, remarks: Iterable[str] = ()) -> str:
-        """The TOML text, which reads back as an equal object; remarks: comment lines at its top."""
+    def table(self) -> dict[str, Any]:
+        """What a material file says of the metal."""
         units = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
-        table: dict[str, Any] = {"law": LAW, "name": self.name}
-        table |= {name: getattr(self, name) for name in self.rules}
-        table |= {"units": units, "hardening": self.hardening.table()}
-        return "".join(f"# {line}\n" for line in remarks) + tomli_w.dumps(table)
-
-    def to_toml(self, path: str | os.PathLike[str], remarks: Iterable[str] = ()) -> None:
-        """Write the file whole or not at all, with `remarks` as comments; InputError where it
-        cannot be written."""
-        write_whole(path, self.dumps(remarks))
+        numbers = {name: getattr(self, name) for name in self.rules}
+        head = {"law": LAW, "name": self.name} | numbers
+        return head | {"units": units, "hardening": self.hardening.table()}
 
     @classmethod
-    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a file written by hand or by `to_toml`; InputError with file, field and what is
-        allowed."""
-        return read_toml(path, cls.from_document)
-
-    @classmethod
-    def from_document(cls, document: dict[str, Any]) -> Self:
+    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
         """The metal of a TOML document; InputError by field."""
         law = document.pop("law", None)
         if law != LAW:

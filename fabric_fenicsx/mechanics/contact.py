@@ -102,7 +102,7 @@ class Contact(PressingTerm):
         if value is None:
             raise InputError(
                 f"contact with {self.tool.name} is given no {name}, and no term of the scene has a "
-                "fabric; allowed is a number above 0"
+                "fabric for each sheet; allowed is a number above 0"
             )
         return value
 

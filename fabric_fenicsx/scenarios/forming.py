@@ -14,6 +14,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..job import Result
+from ..mechanics import mesh_warnings
 from ..mechanics.bending import Bending
 from ..mechanics.contact import Contact
 from ..mechanics.friction import Friction
@@ -174,6 +175,10 @@ class Forming(Scenario):
         """As in `Scenario`."""
         return stacking.membranes(self.plies) if self.stack else [self.fabric_membrane()]
 
+    def problem(self) -> dict[str, Any]:
+        """As in `Scenario`: the plies of a stack."""
+        return {"plies": [ply.described() for ply in self.plies]} if self.stack else {}
+
     def _plies(self) -> list[Ply]:
         """Those of the stack, the lowest first, or the one of the other fields."""
         if self.stack is None:
@@ -200,7 +205,14 @@ class Forming(Scenario):
             "centred": self.full,
             "comm": self.comm,
         }
-        return stacking.lay(self.plies, lambda ply: ply.blank(sizes, share, self.nx, **options))
+
+        def made(ply):
+            blank, source = ply.blank(sizes, share, self.nx, **options), f"ply {ply.name}"
+            warning = mesh_warnings.size_warning(blank, ply.thickness_used, source)
+            self.warnings += filter(None, [*blank.warnings, warning])
+            return blank
+
+        return stacking.lay(self.plies, made)
 
     def _check_supported(self, nodes):
         """A whole ply is held in single nodes, which even numbers of rectangles have."""

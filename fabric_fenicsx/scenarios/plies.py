@@ -55,6 +55,11 @@ class Ply:
             fabric = fabric.replace(thickness=self.thickness)
         return dataclasses.replace(self, fabric=fabric, name=self.name or name)
 
+    def described(self) -> dict[str, Any]:
+        """The ply in what JSON can hold, its fabric as a material file's text."""
+        given = {each.name: getattr(self, each.name) for each in fields(self)}
+        return given | {"fabric": self.fabric and self.fabric.dumps()}
+
     @property
     def thickness_used(self) -> float:
         """Of its fabric, 0 before it has one [mm]."""

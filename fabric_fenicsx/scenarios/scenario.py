@@ -117,6 +117,11 @@ class Scenario:
     def start(self) -> None:
         """Set a displacement from which equilibrium at load 0 is sought."""
 
+    def problem(self) -> dict[str, Any]:
+        """What defines the run besides the fields and the fabric, as what files that these name
+        hold: a checkpoint must agree in it."""
+        return {}
+
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Displacement [mm] and force [N] for the history, at a load factor."""
         raise NotImplementedError

@@ -8,6 +8,7 @@ import numpy as np
 from ..errors import InputError
 from ..mechanics.contact import Contact
 from ..mechanics.membrane import Membrane
+from ..mechanics.morley import Where
 from ..mechanics.sheet_contact import SheetContact
 from ..mechanics.sheet_friction import SheetFriction
 from ..mechanics.term import Term
@@ -15,7 +16,6 @@ from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from .plies import Ply
 
-Where = Callable[[np.ndarray], np.ndarray]
 LOOSE = 0.02  # of the least thickness, between plies as they are laid
 
 

@@ -212,12 +212,20 @@ def march(
         )
         if report.converged and accuracy and error > 2 * accuracy:
             report.converged, report.reason = False, f"the path is not known to {accuracy:g}"
-        # work of the first step is a trapezoid's, which halving does not mend
-        known = settled and progress.last_step and taken > 1.5 * max_step / FINEST
-        if report.converged and balance and known:
-            report.converged, report.reason = _is_balanced(
-                scene, progress, stored, load, values, balance
+        if report.converged:
+            drained = 2 * scene.drag_energy()
+            energies = _energies(scene, progress)
+            energies["viscous"] += drained
+            forces = scene.held_forces()
+            work = scene.work() + scene.comm.allreduce(
+                scene.support_work.since(load, forces, values)
             )
+            # work of the first step is a trapezoid's, which halving does not mend
+            judged = settled and progress.last_step and taken > 1.5 * max_step / FINEST
+            missing = _missing(work, sum(energies.values()), stored) if judged else 0.0
+            if balance and missing > balance:
+                report.converged = False
+                report.reason = f"{100 * missing:.3g} % of the step's work is not in the energies"
         if not report.converged:
             progress.rejected += 1
             cuts += 1
@@ -245,21 +253,17 @@ def march(
                 )
                 break
             continue
-        progress.viscosity.energy += _drag_work(scene)
+        progress.viscosity.energy += drained
         progress.previous, progress.x = progress.x, progress.previous
         x.copy(progress.x)
-        forces = scene.held_forces()
-        energies = _energies(scene, progress)
-        progress.work += scene.work() + scene.comm.allreduce(
-            scene.support_work.since(load, forces, values)
-        )
+        progress.work += work
         scene.support_work.accept(load, forces, values)
         scene.accept()
         progress.memory, progress.solver = scene.memory(), newton.memory()
         progress.accepted += settled  # equilibrium at load 0 is no step
         if not settled:
             settled, progress.work = True, sum(energies.values())
-        stored = sum(_energies(scene, progress).values()) if balance else 0.0
+        stored = sum(energies.values())
         progress.load = load
         progress.last_step = taken or progress.last_step
         if accuracy and error:
@@ -290,20 +294,10 @@ def march(
     return Outcome(progress.load, reason, progress.accepted, progress.rejected, progress.iterations)
 
 
-def _drag_work(scene):
-    """What the drag takes in this step [N mm]."""
-    return 2 * scene.drag_energy()
-
-
-def _is_balanced(scene, progress, stored, load, values, allowed):
-    """Whether the step's work is found in the energies, which were `stored`, and if not why."""
-    work = scene.work() + scene.comm.allreduce(
-        scene.support_work.since(load, scene.held_forces(), values)
-    )
-    rise = sum(_energies(scene, progress).values()) + _drag_work(scene) - stored
-    of = max(abs(work), abs(rise), SMALL_WORK * abs(stored), 1e-300)
-    missing = abs(work - rise) / of
-    return missing <= allowed, f"{100 * missing:.3g} % of the step's work is not in the energies"
+def _missing(work, energy, stored):
+    """Share of a step's work that is not in the rise of the energies from what was `stored`."""
+    rise = energy - stored
+    return abs(work - rise) / max(abs(work), abs(rise), SMALL_WORK * abs(stored), 1e-300)
 
 
 def _energies(scene, progress):

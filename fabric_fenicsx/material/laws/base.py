@@ -68,8 +68,45 @@ class Parameters:
         return new
 
 
+class Material(Parameters):
+    """Parameters of a sheet's material that a file holds; a subclass says what in `table`, and
+    reads it in `from_document`."""
+
+    def replace(self, **changes: Any) -> Self:
+        """A changed copy; InputError for an unknown name."""
+        own = [field.name for field in dataclasses.fields(self)]
+        for key in changes:
+            if key not in own:
+                raise unknown_key(key, own, f"replace: {key}")
+        return dataclasses.replace(self, **changes)
+
+    def table(self) -> dict[str, Any]:
+        """What a material file says."""
+        raise NotImplementedError
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+        """The material of a TOML document that lies in `folder`; InputError by field."""
+        raise NotImplementedError
+
+    def dumps(self, remarks: Iterable[str] = ()) -> str:
+        """The TOML text, which reads back as an equal object; remarks: comment lines at its top."""
+        return "".join(f"# {line}\n" for line in remarks) + tomli_w.dumps(self.table())
+
+    def to_toml(self, path: str | os.PathLike[str], remarks: Iterable[str] = ()) -> None:
+        """Write the file whole or not at all, with `remarks` as comments; InputError where it
+        cannot be written."""
+        write_whole(path, self.dumps(remarks))
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a file written by hand or by `to_toml`; InputError with file, field and what is
+        allowed."""
+        return read_toml(path, lambda document: cls.from_document(document, Path(path).parent))
+
+
 @dataclass(frozen=True)
-class Law(Parameters):
+class Law(Material):
     """A fabric: the parameters of a law, thickness [mm], density [g/cm3] and a name.
 
     A law is one frozen dataclass. It states `law`, its name in material files; `rules`, a `Rule`
@@ -159,14 +196,6 @@ class Law(Parameters):
         """Sentences on values that may be in a wrong unit."""
         return []
 
-    def replace(self, **changes: Any) -> Self:
-        """A changed copy; InputError for an unknown name."""
-        own = [field.name for field in dataclasses.fields(self)]
-        for key in changes:
-            if key not in own:
-                raise unknown_key(key, own, f"replace: {key}")
-        return dataclasses.replace(self, **changes)
-
     @property
     def parameters(self) -> tuple[str, ...]:
         """Names of the law's numbers."""
@@ -186,21 +215,6 @@ class Law(Parameters):
         head = {"law": self.law, "name": self.name}
         numbers = {name: getattr(self, name) for name in (*SHEET, *self.rules)}
         return head | numbers | {"units": units}
-
-    def dumps(self, remarks: Iterable[str] = ()) -> str:
-        """The TOML text, which reads back as an equal object; remarks: comment lines at its top."""
-        return "".join(f"# {line}\n" for line in remarks) + tomli_w.dumps(self.table())
-
-    def to_toml(self, path: str | os.PathLike[str], remarks: Iterable[str] = ()) -> None:
-        """Write the file whole or not at all, with `remarks` as comments; InputError where it
-        cannot be written."""
-        write_whole(path, self.dumps(remarks))
-
-    @classmethod
-    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
-        """Read a file written by hand or by `to_toml`; InputError with file, field and what is
-        allowed."""
-        return read_toml(path, lambda document: cls.from_document(document, Path(path).parent))
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
