@@ -130,9 +130,9 @@ def march(
     between a state and its linear extrapolation from the two before, over the displacement's norm;
     steps beyond twice that are cut. None: any. path_tolerance: looser than the solver's, for the
     states between the start and the next milestone or full load. balance: the largest share of a
-    step's work that may be missing from the energies; a step beyond is halved, down to 1/`FINEST`
-    of the largest, as what is lost in a snap is missing with any step. None: any. Raises InputError
-    for steps, an accuracy or a balance that are not above 0.
+    step's work that may be missing from the energies; a step beyond is halved, down to about
+    1/`FINEST` of the largest, as what is lost in a snap is missing with any step. None: any.
+    Raises InputError for steps, an accuracy or a balance that are not above 0.
     """
     if not (np.isfinite(steps) and steps >= 1):
         raise InputError(f"steps is {steps}; allowed is 1 or more")
@@ -192,7 +192,7 @@ def march(
         _predict(newton, progress, taken, values)
         x.copy(predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
-        allowed = None if load == goal else path_tolerance
+        allowed = None if load == goal or not settled else path_tolerance
         report = newton.solve_for(x, allowed)
         progress.iterations += report.iterations
         for update in range(LAGGED_UPDATES):

@@ -146,3 +146,17 @@ def test_what_no_stack_is_formed_of(fields, words):
 def test_a_ply_with_a_bad_number(field, value):
     with pytest.raises(ff.InputError, match=f"{field} of a ply is {value}; allowed is"):
         ff.Ply(**{field: value})
+
+
+def test_what_a_file_says_is_of_the_problem(tmp_path):
+    """So that a run is not gone on from with a file that was changed."""
+    path, found = tmp_path / "stack.toml", []
+    for angle in (0, 45):
+        path.write_text(f'unit = "mm"\n[[ply]]\nfibre_angle = {angle}\n[[ply]]\n')
+        found.append(ff.Forming(nx=4, stack=path).problem())
+    assert found[0] != found[1]
+
+
+def test_a_ply_in_metres_is_doubted():
+    with pytest.raises(ff.InputError, match="ply metres is 0.235 x 0.135"):
+        ff.Forming(nx=4, stack=[ff.Ply(name="metres", length=0.47, width=0.27), ff.Ply()])
