@@ -1,0 +1,69 @@
+"""Steps whose work is missing from the energies."""
+
+import builders
+import pytest
+
+from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.stepping import FINEST, march
+from fabric_fenicsx.supports import clamped_ends
+
+
+class Losing(Term):
+    """Says that it did work, as much as `share` of the load factor's rise, which nothing stores."""
+
+    name = "losing"
+
+    def __init__(self, share):
+        self.share, self._load, self._from = share, 0.0, 0.0
+
+    def at(self, load):
+        self._load = load
+
+    def accept(self):
+        self._from = self._load
+
+    def add_forces(self, f):
+        pass
+
+    def work(self):
+        return self.share * (self._load - self._from) * (self.blank.mesh.comm.rank == 0)
+
+
+def stretched(share, balance):
+    """Loads of the accepted states and reasons of the rejected ones, of a strip."""
+    terms = [builders.Elastic(), Losing(share)]
+    scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
+    loads, reasons = [], []
+    march(
+        Newton(scene),
+        steps=4,
+        balance=balance,
+        on_accept=lambda accepted: loads.append(accepted.load),
+        on_reject=lambda load, report: reasons.append(report.reason),
+    )
+    return loads, reasons
+
+
+@pytest.mark.mpi
+def test_steps_that_lose_work_are_halved_but_not_for_ever():
+    loads, reasons = stretched(100.0, 0.02)
+    steps = [b - a for a, b in zip(loads, loads[1:])]
+    assert loads[-1] == 1
+    assert reasons and all("of the step's work is not in the energies" in r for r in reasons)
+    # the first step is not judged, and in the finest ones it is as it is
+    assert steps[0] == 0.25 and 0.75 <= min(steps[1:-1]) * FINEST / 0.25 <= 1.5
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("share, balance", [(0.0, 0.02), (100.0, None)])
+def test_steps_stay_where_work_is_stored_or_nobody_asks(share, balance):
+    assert stretched(share, balance) == ([0, 0.25, 0.5, 0.75, 1], [])
+
+
+def test_balance_is_above_0():
+    with pytest.raises(InputError, match="`balance` is 0; allowed is a number above 0"):
+        stretched(0.0, 0)
