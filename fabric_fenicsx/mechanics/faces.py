@@ -14,6 +14,7 @@ from .morley import Where
 
 UP = np.array([0.0, 0.0, 1.0])
 NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
+ROWS = 2  # of nodes beside a free edge, over which the face becomes flat
 INSIDE = 1e-7  # of a triangle, what a point may lie beyond its edge
 ITERATIONS = 12  # of Newton's method; three or four do
 
@@ -42,14 +43,15 @@ class Face:
     displacement at the nodes, averaged over the triangles around each. It is continuous across
     edges, and linear in x, so that virtual work on it is exact. Quadratic displacements are met
     exactly where the cells around both nodes are regular. The interpolation is that of A. Vlachos
-    et al., Curved PN triangles, 2001, of degree 2.
+    et al., Curved PN triangles, 2001, of degree 2. Beside free edges gradients are known from one
+    side only, so the bulges fade out there, over `ROWS` of nodes: otherwise a uniform pressure
+    would load the nodes unevenly.
 
     The normal is interpolated between the corners' (N. Max, 1999, see `vertex_normals`), so it is
     continuous, too. It points to `side` (1 or -1) times the z axis of the undeformed sheet; there
     the gap is positive.
 
     - nodes (n,): global numbers; triangles (m, 3): corners, by their places in `nodes`
-    - inner (n,): 0 at the nodes of free edges, otherwise 1
     - symmetric: as in `Bending`, functions of points that mark edges on planes of symmetry
 
     Raises InputError for other cells than linear triangles.
@@ -83,28 +85,29 @@ class Face:
         turned = np.cross(q - p, r - p) @ UP * side < 0
         self.triangles[turned] = self.triangles[turned][:, [0, 2, 1]]
         self._planes = [_plane(X, np.asarray(where(X.T), bool)) for where in symmetric]
-        self._edges, self._bulges = self._bulge_operator()
-        self.inner = self._off_the_rim()
+        self._edges, self._bulges = self._bulge_operator(self._rows_to_free_edges() / ROWS)
         self.take()
 
     def _gathered(self, values):
         """Rows of all ranks' owned nodes, for the nodes of this face."""
         return np.concatenate(self._comm.allgather(values))[self.nodes]
 
-    def _off_the_rim(self):
-        """0 at the nodes (n,) of free edges, 1 at all others."""
+    def _rows_to_free_edges(self):
+        """How many cells lie between each node (n,) and the nearest free edge, up to `ROWS`."""
         sides = np.sort(self.triangles[:, [NEXT, LAST]].swapaxes(1, 2).reshape(-1, 2), 1)
         ends, count = np.unique(sides, axis=0, return_counts=True)
         free = ends[count == 1]
         for at, _ in self._planes:
             free = free[~np.isin(free, at).all(1)]
-        inner = np.ones(len(self.nodes))
-        inner[free] = 0.0
-        return inner
+        rows = np.full(len(self.nodes), float(ROWS))
+        rows[free] = 0.0
+        for _ in range(ROWS):
+            np.minimum.at(rows, ends.ravel(), rows[ends[:, ::-1]].ravel() + 1)
+        return rows
 
-    def _bulge_operator(self):
+    def _bulge_operator(self, share):
         """Of each triangle the edges opposite its corners (m, 3), and the matrix (edges, nodes)
-        from displacements to (G_i - G_k) (X_k - X_i) / 2."""
+        from displacements to (G_i - G_k) (X_k - X_i) / 2, times the `share` (n,) at its ends."""
         X, triangles, n = self._X[:, :2], self.triangles, len(self.nodes)
         p, q, r = X[triangles].swapaxes(0, 1)
         twice = _cross(q - p, r - p)
@@ -128,27 +131,29 @@ class Face:
         ends = np.sort(np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2), 1)
         keys, edges = np.unique(ends @ [n, 1], return_inverse=True)
         i, k = np.divmod(keys, n)
-        arm = X[k] - X[i]
+        arm = (X[k] - X[i]) * np.minimum(share[i], share[k])[:, None]
         bulges = sum(sparse.diags(arm[:, d] / 2) @ (G[d][i] - G[d][k]) for d in (0, 1))
         return edges.reshape(-1, 3), bulges.tocsr()
 
-    def weights(self, triangle: np.ndarray, N: np.ndarray) -> sparse.csr_matrix:
+    def weights(self, triangle: np.ndarray, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
         """Matrix (n, nodes) from places to those of the face at barycentric coordinates N (n, 3) of
-        triangles (n,)."""
+        triangles (n,), or of the `flat` triangles themselves."""
         n = len(triangle)
         starts = np.arange(0, 3 * n + 1, 3)
         corners = sparse.csr_matrix(
             (N.ravel(), self.triangles[triangle].ravel(), starts), (n, len(self.nodes))
         )
+        if flat:
+            return corners
         products = N[:, NEXT] * N[:, LAST]
         between = sparse.csr_matrix(
             (products.ravel(), self._edges[triangle].ravel(), starts), (n, self._bulges.shape[0])
         )
         return (corners + between @ self._bulges).tocsr()
 
-    def own_weights(self, N: np.ndarray) -> sparse.csr_matrix:
+    def own_weights(self, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
         """`weights` of this rank's cells, at the k places N (k, 3) of each, (cells k, nodes)."""
-        return self.weights(np.repeat(self._own, len(N)), np.tile(N, (len(self._own), 1)))
+        return self.weights(np.repeat(self._own, len(N)), np.tile(N, (len(self._own), 1)), flat)
 
     def flat(self, N: np.ndarray) -> np.ndarray:
         """Undeformed places (cells k, 3) [mm] of the points of `own_weights`."""

@@ -44,7 +44,7 @@ class DeadPressure(Term):
         blank = scene.blank
         self._now = fem.Constant(blank.mesh, 0.0)
         unit = _direction(self.name, self._direction, blank.mesh.geometry.dim)
-        moved = ufl.dot(blank.displacement, ufl.as_vector(unit.tolist())) * ufl.dx(blank.mesh)
+        moved = ufl.dot(blank.displacement, ufl.as_vector(unit.tolist())) * self.part.dx()
         self.energy = -self._now * moved
         self._moved, self._last = compat.form(moved), (0.0, 0.0)
 
@@ -93,9 +93,13 @@ class EdgeTension(Term):
         sides = np.unique(dolfinx.mesh.locate_entities_boundary(mesh, 1, self._edge)).astype(
             np.int32
         )
+        cells = mesh.topology.connectivity(1, 2)
+        of = np.array([cells.links(side)[0] for side in sides], dtype=np.int32)
+        sides = sides[np.isin(of, self.part.cells)]
         if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
+            where = f"{self.part.name}, part of {blank.name}" if self.part.name else blank.name
             raise InputError(
-                f"edge tension marks no side of {blank.name}; allowed is an edge that has some"
+                f"edge tension marks no side of {where}; allowed is an edge that has some"
             )
         tags = dolfinx.mesh.meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
         along = ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(unit.tolist()))

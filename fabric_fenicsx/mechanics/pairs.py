@@ -1,5 +1,7 @@
 """Points of one sheet and the places on another one that lie below them."""
 
+from typing import Any
+
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -13,10 +15,7 @@ TWICE = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # entries of a symmetric
 
 class Pairs:
     """Points of a sheet that move relative to another one as `weights` (n, k) times the nodes (k,),
-    which are global numbers. All ranks make and use it together.
-
-    rows, cols (m,): global degrees of freedom of the entries that `values` gives.
-    """
+    which are global numbers. All ranks make and use it together."""
 
     def __init__(self, blank: Blank, nodes: np.ndarray, weights: sparse.csr_matrix) -> None:
         used = np.unique(weights.indices)
@@ -24,7 +23,13 @@ class Pairs:
         self._transposed = weights.T.tocsr()
         known = nodes[used]
         self._gathered = GatheredNodes(blank, known)
-        # PETSc keeps the places of weights^T factors weights, so that values cost little
+        self._known = known
+        self._product: Any = None
+
+    def _take_places(self):
+        """The places of weights^T factors weights, which PETSc keeps, so that values cost little;
+        not before a stiffness is asked for."""
+        weights, known = self._relative, self._known
         csr = weights.indptr.astype(PETSc.IntType), weights.indices.astype(PETSc.IntType)
         self._left, self._right = (
             PETSc.Mat().createAIJ(weights.shape, csr=(*csr, weights.data), comm=MPI.COMM_SELF)
@@ -35,9 +40,23 @@ class Pairs:
         axis, i = np.arange(3), np.repeat(np.arange(len(known)), np.diff(starts))
         rows = (known[i] * 3)[:, None, None] + axis[:, None]
         cols = (known[j] * 3)[:, None, None] + axis
-        self.rows, self.cols = (
+        self._rows, self._cols = (
             a.astype(PETSc.IntType).ravel() for a in np.broadcast_arrays(rows, cols)
         )
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Global degrees of freedom (m,) of the rows of `values`."""
+        if self._product is None:
+            self._take_places()
+        return self._rows
+
+    @property
+    def cols(self) -> np.ndarray:
+        """Likewise of the columns."""
+        if self._product is None:
+            self._take_places()
+        return self._cols
 
     def relative(self) -> np.ndarray:
         """Displacement of the points relative to the other sheet, (n, 3) [mm]."""

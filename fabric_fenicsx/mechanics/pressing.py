@@ -1,6 +1,6 @@
 """The pressure of a blank holder, without contact."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,6 +9,7 @@ from ..errors import InputError
 from ..tools import Plane, Tool
 from ..tools.values import checked_vector
 from .nodes import Nodes, PressingTerm
+from .sheet_contact import SheetContact
 from .term import SceneFacts
 
 
@@ -20,6 +21,9 @@ class BlankHolderPressure(PressingTerm):
     under: function of positions (n, 3) [mm] to the share of each node's area, 0 to 1, that is under
     the holder. The areas are lagged, but updated if more than `lag` of their sum has changed; lag
     None: never within a step.
+    against: contacts with and between the sheets that lie on this one, from it to the last. The
+    pressure then acts only where all of them lie on one another, as a plate's does that rests on
+    the whole stack: a rim that reaches beyond the next sheet is not pressed.
     tool: moves with the holder along a path, for its friction; by default one at rest. Raises
     InputError for a direction or pressure that is not finite or below 0, and as `Nodes` does.
     """
@@ -33,8 +37,9 @@ class BlankHolderPressure(PressingTerm):
         under: Callable[[np.ndarray], np.ndarray],
         tool: Tool | None = None,
         lag: float | None = None,
+        against: Sequence[SheetContact] = (),
     ) -> None:
-        self.under, self.lag = under, lag
+        self.under, self.lag, self._against = under, lag, list(against)
         self._pressure = pressure if callable(pressure) else lambda load: pressure
         self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
         self.tool = tool or Tool(Plane((0, 0, 0), self.direction), name=self.name)
@@ -46,6 +51,8 @@ class BlankHolderPressure(PressingTerm):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         self.nodes = Nodes(scene.blank, self.part)
+        for contact in self._against:
+            contact.bind(scene)
         self._accepted_areas = self._pressed()
         self.at(0.0)
         self.accept()
@@ -102,6 +109,14 @@ class BlankHolderPressure(PressingTerm):
 
     def _pressed(self):
         """Areas (nodes,) under the holder [mm^2]."""
-        return self.nodes.areas * np.clip(
-            self.under(self.nodes.places + self.nodes.displacement()), 0, 1
-        )
+        share = self.under(self.nodes.places + self.nodes.displacement())
+        return np.clip(share, 0, 1) * self._covered()
+
+    def _covered(self):
+        """Areas (nodes,) of the sheet over which all the others lie [mm^2]."""
+        if not self._against:
+            return self.nodes.areas
+        covered = self._against[-1].covered()
+        for contact in reversed(self._against[:-1]):
+            covered = contact.covered(covered)
+        return covered

@@ -21,19 +21,18 @@ from .term import SceneFacts, Term, Triplets
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
-RIM = 0.05  # of a cell at a free edge, in which points count less the nearer they are to it
-FREE = 3  # updates of the faces in a step, after which solves are kept near them
-STIFFEN = 0.02  # 1/mm, by how much gaps then count as more curved, doubled with each further one
 REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
 
 
 class Facing(NamedTuple):
     """The points of a sheet that lie over the other one, as the sheets are.
 
-    - points (n,): their numbers; areas (n,): that they stand for [mm^2]; pairs: what they move with
+    - points (n,): their numbers; areas (n,): that they stand for [mm^2]; pairs: what they move
+      with; flat: what they would move with on flat triangles, for sliding
     - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
       (n, 3, 3) [1/mm]
-    - relative (n, 3): displacement relative to the other sheet, as the sheets are [mm]
+    - relative, from_flat (n, 3): displacement relative to the other sheet, as the sheets are [mm],
+      with `pairs` and `flat`
     """
 
     points: np.ndarray
@@ -43,6 +42,12 @@ class Facing(NamedTuple):
     curvature: np.ndarray
     pairs: Pairs
     relative: np.ndarray
+    flat: Pairs
+    from_flat: np.ndarray
+
+    def moved(self) -> np.ndarray:
+        """Displacement relative to the other sheet since then, (n, 3) [mm], on flat triangles."""
+        return self.flat.relative() - self.from_flat
 
 
 class SheetContact(Term):
@@ -50,11 +55,11 @@ class SheetContact(Term):
 
     A sheet's face is half its thickness off its smooth `Face`. Pressure follows the `PressureLaw`
     of the depth to which both faces overlap. It acts at `points` (1, 3 or 6) in each cell of the
-    sheet of smaller cells, the upper one if they are equal, over their undeformed areas, which
-    count less beside the free edge of the other sheet (`RIM`). It reacts on the nodes that shape
-    the `Face` below, so that forces balance exactly. Uniform pressure loads the nodes of the one
-    sheet exactly, those of the other as well as the points integrate it: with cells in the
-    ratio 1 : 1.37, 6 points are 0.8 % off, 3 points 1.9 %.
+    sheet of smaller cells, the upper one if they are equal, over their undeformed areas. It reacts
+    on the nodes that shape the `Face` below, so that forces balance exactly. Uniform pressure loads
+    the nodes of the one sheet exactly, those of the other as well as the points integrate it: with
+    cells in the ratio 1 : 1.37, 6 points are 0.8 % off, 3 points 1.9 %. In the first two rows of
+    cells at free edges, see `Face`, both are some per cent off.
 
     Within a solve the gap is a paraboloid in the relative displacement, from places, normals and
     curvatures of the last accepted state, so it has no kinks. After it the faces are looked at
@@ -121,18 +126,18 @@ class SheetContact(Term):
         N = np.column_stack([1 - places.sum(1), places])
         self._per_cell = len(N)
         self._weights = self._own.own_weights(N)
+        self._flat_weights = self._own.own_weights(N, flat=True)
         self._flat = self._own.flat(N)
         areas = blank.areas()[self._part.cells]
         self.areas = (areas[:, None] * weights / weights.sum()).ravel()
         self.count = len(self.areas)
         penalty = self._given or self._default_penalty(scene, parts)
         self._law = PressureLaw(penalty, SMOOTHING * PERMITTED * self.thickness)
-        self._nodal_areas = Nodes(blank).areas
+        self._nodes = Nodes(blank)
         self._below = np.full(self.count, -1)  # what was found last
         self._depth = np.zeros(self.count)  # greatest in accepted states
         self._cached: tuple[np.ndarray, Any] | None = None
         self._found: tuple[np.ndarray, Facing] | None = None
-        self._updates = 0
         self._accepted = self._now = self.facing()
         self.settled = self._totals()
         self._check_start()
@@ -188,24 +193,27 @@ class SheetContact(Term):
         self._below = over.triangle
         at = np.flatnonzero(over.triangle >= 0)
         face = self._face
-        below = face.weights(over.triangle[at], over.weights[at])
-        weights = sparse.hstack([self._weights[at], -below]).tocsr()
-        pairs = Pairs(self.blank, np.concatenate([self._own.nodes, face.nodes]), weights)
-        # so that points that slide off the rim don't lose their pressure at once
-        inwards = (over.weights[at] * face.inner[face.triangles[over.triangle[at]]]).sum(1)
+        nodes = np.concatenate([self._own.nodes, face.nodes])
+
+        def pairs_of(own, is_flat):
+            below = face.weights(over.triangle[at], over.weights[at], is_flat)
+            return Pairs(self.blank, nodes, sparse.hstack([own[at], -below]).tocsr())
+
+        pairs, flat = pairs_of(self._weights, False), pairs_of(self._flat_weights, True)
         return Facing(
             at,
-            self.areas[at] * np.minimum(inwards / RIM, 1.0),
+            self.areas[at],
             over.gap[at] - self.distance,
             over.normal[at],
             over.curvature[at],
             pairs,
             pairs.relative(),
+            flat,
+            flat.relative(),
         )
 
     def at(self, load: float) -> None:
         """Go back to the faces of the last accepted state."""
-        self._updates = 0
         self._take(self._accepted)
 
     def accept(self) -> None:
@@ -213,7 +221,7 @@ class SheetContact(Term):
         now = self.facing()
         if now is not self._now:
             self.settled = self._totals()
-        self._accepted, self._updates = now, 0
+        self._accepted = now
         self._take(self._accepted)
         at = self._accepted.points
         self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap)
@@ -221,7 +229,6 @@ class SheetContact(Term):
     def update_lagged(self) -> bool:
         """Take the faces as they are, if that changes forces by more than `lag` of their sum."""
         before, taken = self._forces_of_all(), (self._now, self.pattern)
-        self._updates += 1
         self._take(self.facing())
         after = self._forces_of_all()
         changed, total = self.blank.mesh.comm.allreduce(
@@ -238,12 +245,6 @@ class SheetContact(Term):
         if facing is not self._now:
             self._now, self._cached = facing, None
             self.pattern += 1
-            over = self._updates - FREE
-            if over >= 0:  # a paraboloid that is surely not outside of the face moves points less
-                n = facing.normal
-                flat = np.eye(3) - n[:, :, None] * n[:, None]
-                bent = facing.curvature - STIFFEN * 2.0**over * flat
-                self._now = facing._replace(curvature=bent)
 
     def _forces_of_all(self):
         forces = np.zeros((self.count, 3))
@@ -275,7 +276,7 @@ class SheetContact(Term):
         pressure that balances the other forces on both of them."""
         pressure, forces, blocks, energy = self._state()
         pairs = self._now.pairs
-        areas = self._nodal_areas
+        areas = self._nodes.areas
         apart = pairs.apart(f[: 3 * len(areas)].reshape(-1, 3) / areas[:, None])
         at = np.flatnonzero(pressure > 0)
         normal = forces[at] / (pressure[at] * self._now.areas[at])[:, None]
@@ -325,6 +326,18 @@ class SheetContact(Term):
         """Overlap of the faces [mm] under a pressure [MPa]."""
         return float(self._law.depth(np.array(pressure)))
 
+    def covered(self, above: np.ndarray | None = None) -> np.ndarray:
+        """Areas of the lower sheet over which the upper one lies, at this rank's owned nodes (n,)
+        [mm^2]. above (n,): such areas of the upper sheet, if only those count."""
+        now, nodes = self.facing(), self._nodes
+        lower, upper = (self.blank.part(name).nodes for name in self.sheets)
+        areas, forces = now.areas, np.zeros(3 * nodes.count)
+        if above is not None:
+            share = np.where(upper, above / nodes.areas, 0.0)
+            areas = areas * abs(now.flat.apart(np.tile(share[:, None], 3)))[:, 0]
+        now.flat.add(np.tile(areas[:, None], 3), forces)
+        return np.where(lower, abs(forces[::3]), 0.0)
+
     def normal_forces(self) -> np.ndarray:
         """On all points of this rank, whether over the other sheet or not, (count,) [N]."""
         forces = np.zeros(self.count)
@@ -357,7 +370,7 @@ class SheetContact(Term):
         start, (count, 3) [mm]; NaN where it lay or lies over none."""
         moved = np.full((self.count, 3), np.nan)
         first, now = self._first, self._now
-        moved[first.points] = first.pairs.relative() - first.relative
+        moved[first.points] = first.moved()
         normal = np.full((self.count, 3), np.nan)
         normal[now.points] = now.normal
         return moved - (moved * normal).sum(1, keepdims=True) * normal

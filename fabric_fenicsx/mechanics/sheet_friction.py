@@ -106,7 +106,7 @@ class SheetFriction(Term):
 
     def _slipped(self):
         moved = np.zeros_like(self._z)
-        moved[self._from.points] = self._from.pairs.relative() - self._from.relative
+        moved[self._from.points] = self._from.moved()
         return self._z + tangent(moved, self._normal)
 
     # -- energy, forces, stiffness
@@ -118,10 +118,10 @@ class SheetFriction(Term):
     def add_forces(self, f: np.ndarray) -> None:
         """As in `Term`."""
         forces = traction(self._slipped(), self._limit, self.slip)
-        self._from.pairs.add(forces[self._from.points], f)
+        self._from.flat.add(forces[self._from.points], f)
 
     def tangent(self) -> Triplets:
         """As in `Term`."""
         blocks = stiffness(self._slipped(), self._limit, self._normal, self.slip)
-        pairs = self._from.pairs
+        pairs = self._from.flat
         return pairs.rows, pairs.cols, pairs.values(blocks[self._from.points])

@@ -23,6 +23,7 @@ from ..mechanics.membrane import Membrane
 from ..mechanics.nodes import PressingTerm
 from ..mechanics.pressing import BlankHolderPressure
 from ..mechanics.pressure_law import default_penalty
+from ..mechanics.sheet_contact import SheetContact
 from ..mechanics.term import Term
 from ..scene import Scene
 from ..sheets.blank import Blank
@@ -251,10 +252,14 @@ class Forming(Scenario):
     def terms(self) -> list[Term]:
         """Bending, contact with the tools, blank holder, friction."""
         terms = [*self._bending(), self._contact(self.die), self._contact(self.punch_tool)]
-        terms += self._blank_holder()
+        between: list[Term] = []
         if isinstance(self.blank, Stack):
             planes = () if self.full else PLANES
-            terms += stacking.between(self.blank, self.plies, self.slip, self.lag, planes)
+            between = stacking.between(self.blank, self.plies, self.slip, self.lag, planes)
+        terms += [
+            *self._blank_holder(stacking.neighbours(between, self.plies) if between else ()),
+            *between,
+        ]
         self.pressing = [term for term in terms if isinstance(term, PressingTerm)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         rubbed = [term.tool for term in self.pressing] if self.friction else []
@@ -277,10 +282,12 @@ class Forming(Scenario):
         ]
         return [term.on(p.name) for term, p in zip(terms, self.plies)] if self.stack else terms
 
-    def _blank_holder(self) -> list[Term]:
+    def _blank_holder(self, against: Sequence[SheetContact]) -> list[Term]:
         t = self.thickness
         if self.holder == "pressure":
-            pressure = BlankHolderPressure(self.holder_pressure, UP, self._on_flange, lag=self.lag)
+            pressure = BlankHolderPressure(
+                self.holder_pressure, UP, self._on_flange, lag=self.lag, against=against
+            )
             return [pressure.on(self.plies[0].name) if self.stack else pressure]
         if self.holder == "grippers":
             return list(self._gripped_edges())

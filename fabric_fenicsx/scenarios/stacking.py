@@ -52,6 +52,12 @@ def between(
     return terms
 
 
+def neighbours(terms: Sequence[Term], plies: Sequence[Ply]) -> list[SheetContact]:
+    """Of the terms those contacts that are of a ply and the next, the lowest first."""
+    contacts = {term.sheets: term for term in terms if isinstance(term, SheetContact)}
+    return [contacts[lower.name, upper.name] for lower, upper in pairwise(plies)]
+
+
 def _facing(stack, plies):
     """Pairs of plies that may touch."""
     pairs = list(pairwise(plies))

@@ -17,7 +17,7 @@ def height(x):
     return np.einsum("ni,ij,nj->n", x, CURVES, x) / 2
 
 
-def bent(nx=8, ny=4, comm=COMM, curve=height, turn=None, **options):
+def bent(nx=16, ny=8, comm=COMM, curve=height, turn=None, **options):
     """A sheet from (-30, -15) to (30, 15), displaced by `curve`, or rigidly turned after that."""
     blank = rectangle(
         *SIZE,
@@ -36,7 +36,7 @@ def bent(nx=8, ny=4, comm=COMM, curve=height, turn=None, **options):
     return blank
 
 
-def places(n=200, within=(18.0, 8.0)):
+def places(n=200, within=(18.0, 7.0)):
     return np.random.default_rng(0).uniform(-1, 1, (n, 2)) * within
 
 
@@ -51,7 +51,7 @@ def test_gap_on_a_paraboloid(side):
     normal, not along the bulge."""
     x, off = places(), []
     for n in (1, 2):
-        face = Face(bent(8 * n, 4 * n).whole, side, [])
+        face = Face(bent(16 * n, 8 * n).whole, side, [])
         found = over(face, np.column_stack([x, height(x)]))
         assert (found.triangle >= 0).all() and (found.normal[:, 2] * side > 0.9).all()
         off.append(abs(found.gap).max())
@@ -64,8 +64,25 @@ def test_a_paraboloid_is_interpolated_exactly():
     face = Face(bent().whole, 1.0, [])
     N = np.array([[1, 1, 1], [4, 1, 1], [0.5, 1, 3]]) / np.array([[3], [6], [4.5]])
     points = face.points(face.own_weights(N), face.flat(N))
-    inner = (abs(points[:, :2]) < [18.0, 8.0]).all(1)
+    inner = (abs(points[:, :2]) < [18.0, 7.0]).all(1)
     assert abs(points[inner, 2] - height(points[inner, :2])).max(initial=0) < 1e-12
+
+
+@pytest.mark.mpi
+def test_points_load_all_nodes_by_their_areas():
+    """Also beside free edges, but for a few per cent, and exactly further in."""
+    blank = bent(curve=lambda x: 0 * x[:, 0])
+    face = Face(blank.whole, 1.0, [])
+    places = np.full((1, 3), 1 / 3)
+    weights = face.own_weights(places)
+    points = face.flat(places)
+    area = SIZE[0] * SIZE[1] / COMM.allreduce(len(points))
+    loads = COMM.allreduce(area * np.asarray(weights.sum(0)).ravel())
+    flat = COMM.allreduce(area * np.asarray(face.own_weights(places, flat=True).sum(0)).ravel())
+    off = abs(loads / flat - 1)
+    assert off.max() < 0.06
+    middle = abs(face.places[:, :2]).max(1) < 1.0
+    assert middle.any() and off[middle].max() < 1e-12
 
 
 def test_gap_is_that_along_the_normal():
@@ -76,7 +93,7 @@ def test_gap_is_that_along_the_normal():
     points = np.column_stack([x, height(x)]) + 0.5 * normal
     off = []
     for n in (1, 2):
-        found = over(Face(bent(8 * n, 4 * n).whole, 1.0, []), points)
+        found = over(Face(bent(16 * n, 8 * n).whole, 1.0, []), points)
         off.append((abs(found.gap - 0.5).max(), abs(found.normal - normal).max()))
     (gap, tilt), (finer_gap, finer_tilt) = off
     assert gap < 0.01 and finer_gap < gap / 3.5
@@ -135,10 +152,10 @@ def test_half_a_sheet_with_a_plane_of_symmetry_is_the_whole():
         return (x[:, 0] ** 2 * (1 + 0.02 * x[:, 1]) + x[:, 1] ** 2) / 100
 
     whole = bent(curve=curve)
-    half = rectangle(30, 30, 4, 4, spatial=True, shape=lambda x: x - [0.0, 15.0, 0.0])
+    half = rectangle(30, 30, 8, 8, spatial=True, shape=lambda x: x - [0.0, 15.0, 0.0])
     X = half.coordinates()
     half.u.x.array[2::3] = curve(X[:, :2])
-    x = places(within=(4.0, 8.0))
+    x = places(within=(4.0, 7.0))
     x[:, 0] = abs(x[:, 0])
     points = np.column_stack([x, curve(x) + 0.5])
     on_plane = near(0, 0.0)

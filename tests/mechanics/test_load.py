@@ -4,13 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from builders import alone, rotation, sheet
+from builders import Elastic, alone, rotation, run, sheet
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.sheets.stack import Stack
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.supports import Support
@@ -124,3 +125,28 @@ def test_bad_input_is_refused(make, words):
     with pytest.raises(InputError, match=words):
         blank = strip(False)
         alone(blank, make(blank))
+
+
+@pytest.mark.parametrize("name", ["edge tension", "dead pressure"])
+def test_a_load_on_one_sheet_of_a_stack(name):
+    """The other one feels nothing."""
+    stack = Stack([(strip(True), 1.0, each) for each in ("lower", "upper")])
+    if name == "edge tension":
+        term, total = EdgeTension(TENSION, (1, 0, 0), lambda x: x[0] < 1e-6), TENSION * WIDTH
+    else:
+        term, total = DeadPressure(TENSION, (1, 0, 0)), TENSION * WIDTH * LENGTH
+    held = [
+        Support("lower", lambda x: x[2] < 0.5, (0, 1, 2)),
+        Support("upper", lambda x: x[2] > 0.5, (0, 1, 2)),
+    ]
+    scene = Scene(stack, [Elastic(), term.on("upper")], held)
+    run(scene, 1)
+    assert scene.reaction("upper") == pytest.approx([-total, 0, 0], rel=1e-12)
+    assert not scene.reaction("lower").any()
+
+
+def test_edge_tension_on_a_sheet_without_that_edge():
+    stack = Stack([(strip(True), 1.0, "lower"), (sheet(20, 10, 4, 2, spatial=True), 1.0, "upper")])
+    term = EdgeTension(TENSION, (1, 0, 0), lambda x: x[0] > 39).on("upper")
+    with pytest.raises(InputError, match="marks no side of upper, part of"):
+        alone(stack, term)

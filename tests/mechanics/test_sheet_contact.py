@@ -128,8 +128,8 @@ def test_penetration_is_reported(pressed):
 def two(depth, bow=0.0, tilt=0.0, moved=None, **options):
     """Two sheets in a scene, bent together, that overlap by `depth` [mm] where `tilt` [mm] at the
     ends does not part them; moved: a rigid motion of it all."""
-    lower = rectangle(20, 10, 4, 2, spatial=True)
-    upper = rectangle(20, 10, 6, 3, spatial=True, a=0.7)
+    lower = rectangle(20, 10, 8, 4, spatial=True)
+    upper = rectangle(20, 10, 12, 6, spatial=True, a=0.7)
     stack = ff.Stack([(lower, T, "lower"), (upper, T, "upper")])
     pair = ff.SheetContact("lower", "upper", 50.0, **options)
     scene = ff.Scene(stack, [*membranes(("lower", "upper")), pair])
@@ -283,3 +283,22 @@ def test_sheets_between_which_there_is_no_contact(make, penalty, fabric, words):
     with pytest.raises(ff.InputError) as error:
         ff.Scene(make(), [membrane, ff.SheetContact("a", "b", penalty)])
     assert words in str(error.value)
+
+
+# -- what a holder presses
+
+
+@pytest.mark.mpi
+def test_a_holder_presses_where_all_sheets_lie_on_one_another():
+    """Three sheets of other sizes: areas and force are those of what they share."""
+    sizes = {"low": (20, 10, 10, 5), "mid": (16, 10, 8, 5), "top": (20, 8, 10, 4)}
+    stack = ff.Stack([(rectangle(*size, spatial=True), T, name) for name, size in sizes.items()])
+    pairs = [ff.SheetContact("low", "mid", 50.0), ff.SheetContact("mid", "top", 50.0)]
+    press = ff.BlankHolderPressure(2.0, (0, 0, 1), lambda x: np.ones(len(x)), against=pairs)
+    scene = ff.Scene(stack, [*membranes(sizes), press.on("low"), *pairs])
+    assert COMM.allreduce(pairs[1].covered().sum()) == pytest.approx(16 * 8)
+    assert press.force() == pytest.approx([0, 0, 2.0 * 16 * 8], rel=1e-9)
+    forces = press.normal_forces()
+    beyond = (stack.coordinates()[: len(forces), 0] > 16 + 1e-6) | ~stack.part("low").nodes
+    assert not forces[beyond].any()
+    assert not any(term.update_lagged() for term in scene.terms)

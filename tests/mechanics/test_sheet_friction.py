@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import Elastic, everywhere, near, off_differences
+from builders import Elastic, everywhere, near, off_differences, run
 from builders import sheet as rectangle
 from scipy.optimize import brentq
 
@@ -124,6 +124,83 @@ def test_shear_lag(pull, falls):
         result = pull_out(lambda load: pull * load, False, cells, cells, steps=2)
         off.append(abs(result.rows[-1]["reaction_N"] / exact - 1))
     assert off[1] < 5e-3 and off[1] < falls * off[0]
+
+
+@pytest.mark.mpi
+def test_sheets_that_stick_pull_as_one():
+    """A sheet held and pulled at its ends carries a free one along by friction alone. As of two
+    bars E A joined by a layer of stiffness k, the stretch under P is P / (2 E A) (L + 2 / b tanh(b
+    L / 2)) with b^2 = 2 k / (E A)."""
+    rigidity, slip, pull = 1e4 * WIDTH, 0.02, 2e-3
+    stack = ff.Stack([(rectangle(LENGTH, WIDTH, 16, 4, spatial=True), T, n) for n in "ab"])
+    held, free = (lambda x: x[2] < T / 2), (lambda x: x[2] > T / 2)
+    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(len(x))).on("b")
+
+    def moved(x, load):
+        return np.array([pull * load + 0 * x[0], 0 * x[0], 0 * x[0]])
+
+    supports = [
+        ff.Support("plate", held, (2,)),
+        ff.Support("across", everywhere, (1,)),
+        ff.Support("end", lambda x: held(x) & near(0, 0.0)(x), (0,)),
+        ff.Support("grip", lambda x: held(x) & near(0, LENGTH)(x), (0,), moved),
+    ]
+    contact, friction = ff.SheetContact("a", "b", PENALTY), ff.SheetFriction("a", "b", 5.0, slip)
+    scene = ff.Scene(stack, [Elastic(1e4), contact, friction, press], supports)
+    stack.u.x.array[2::3] = np.where(free(stack.coordinates().T), -contact.depth_under(PRESSURE), 0)
+    run(scene, 1)
+    b = math.sqrt(2 * 5.0 * PRESSURE * WIDTH / slip / rigidity)
+    stretch = (LENGTH + 2 / b * math.tanh(b * LENGTH / 2)) / (2 * rigidity)
+    assert scene.reaction("grip")[0] == pytest.approx(pull / stretch, rel=5e-3)
+    assert 0.85 * 2 * rigidity * pull / LENGTH < pull / stretch  # nearly that of double thickness
+
+
+# -- capstan
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("drawn, mu", [("ab", MU), ("b", MU / 2)])
+def test_two_layers_around_a_bar(drawn, mu):
+    """Dead pulls at one end; at the other both layers, or the outer one alone, are drawn: what is
+    drawn is pulled e^(mu theta) times as much, mu being the bar's or that of the inner layer."""
+    radius, theta, tail, width, pull, slid = 10.0, math.pi / 2, 2.0, 2.0, 2.0, 0.05
+    length = radius * theta + 2 * tail
+    out = np.array([math.cos(theta / 2), 0, -math.sin(theta / 2)])  # at the drawn end
+
+    def around(x):
+        """Places of points (3, n) of the flat stack, without strain of either layer."""
+        r, s = radius + x[2], x[0] - length / 2
+        t = np.clip(s / r, -theta / 2, theta / 2)
+        beyond = s - t * r
+        return np.array(
+            [r * np.sin(t) + beyond * np.cos(t), x[1], r * np.cos(t) - beyond * np.sin(t)]
+        )
+
+    def end(name):
+        def moved(x, load):
+            way = slid * max(0.0, 2 * load - 1) if name in drawn else 0.0
+            return around(x) - x + np.outer(out, np.full(x.shape[1], way))
+
+        def where(x):
+            return near(0, length)(x) & ((x[2] > T / 2) == (name == "b"))
+
+        return ff.Support(f"end of {name}", where, (0, 1, 2), moved)
+
+    stack = ff.Stack([(rectangle(length, width, 24, 1, spatial=True), T, name) for name in "ab"])
+    bar = ff.Tool(ff.Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar")
+    contacts = [ff.Contact(bar, T, PENALTY).on("a"), ff.SheetContact("a", "b", PENALTY)]
+    frictions = [ff.Friction(bar, MU, 1e-3), ff.SheetFriction("a", "b", MU / 2, 1e-3)]
+    weights = [
+        ff.EdgeTension(lambda load: pull * min(1.0, 2 * load), out * (-1, 1, 1), near(0, 0.0)).on(n)
+        for n in "ab"
+    ]
+    supports = [end("a"), end("b"), ff.Support("side", near(1, 0.0), (1,))]
+    scene = ff.Scene(stack, [Elastic(1e4), *contacts, *frictions, *weights], supports)
+    x = stack.coordinates().T
+    stack.u.x.array[:] = (around(x) - x).T.ravel()
+    run(scene, 20)
+    tension = sum(scene.reaction(f"end of {name}") @ out for name in drawn) / width / len(drawn)
+    assert tension / pull == pytest.approx(math.exp(mu * theta), rel=0.01)
 
 
 # -- derivatives
