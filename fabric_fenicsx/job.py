@@ -17,6 +17,7 @@ from . import dolfinx_compat as compat
 from . import timing
 from .errors import Interrupted, SolverFailure
 from .mechanics import mesh_warnings
+from .mechanics.self_crossing import self_crossings
 from .results.history import ENERGIES, History, check_notes
 from .results.output import Output
 from .results.result import LAST_PICTURE, Result, draw_state
@@ -292,7 +293,20 @@ class Job:
             value for kind, value in energy.items() if kind not in (*ENERGIES, "external_work")
         )
         viscous = energy["viscous"] / max(abs(kept), 1e-300)
-        return self.limits.exceeded({"imbalance": balance["energy_imbalance"], "viscous": viscous})
+        found = {"imbalance": balance["energy_imbalance"], "viscous": viscous}
+        return self.limits.exceeded(found) + self._passed_through()
+
+    def _passed_through(self):
+        """A sentence for each sheet that has passed through itself, which nothing resists."""
+        blank = self.scene.blank
+        found = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
+        return [
+            f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
+            f"({', '.join(f'{x:.4g}' for x in places[0])}) mm; allowed is none, as contact of a "
+            "sheet with itself is not modelled"
+            for part, places in found.items()
+            if len(places)
+        ]
 
     def _beyond_limits(self):
         """What no later state mends, a sentence each: tools too deep in the sheet, and yarns

@@ -195,7 +195,11 @@ class FieldSeries:
             for name, array in fields.items():
                 self._grid.cell_data[name] = array
             for k, part in enumerate(self._parts):
-                grid = self._grid if part.is_whole else _known(self._grid.extract_cells(part.cells))
+                grid = (
+                    self._grid
+                    if part.is_whole
+                    else with_known_fields(self._grid.extract_cells(part.cells))
+                )
                 path = self.directory / "fields" / f"{self._file(number, self.comm.rank, k)}.vtu"
                 _save(path, grid, self._units)
         for k, surface in enumerate(self._surfaces):
@@ -248,7 +252,7 @@ def _triangulated(tool, low, high):
     return surface
 
 
-def _known(grid):
+def with_known_fields(grid: pyvista.UnstructuredGrid) -> pyvista.UnstructuredGrid:
     """The grid without cell fields that are NaN all over it: of vectors VTK can't read back the
     range that it writes."""
     for name, values in list(grid.cell_data.items()):
@@ -289,7 +293,13 @@ def _save(path, data, known):
 
 
 def read_last(directory: Path) -> pyvista.UnstructuredGrid:
-    """Last state of `DIR/fields.pvd`: one grid [pyvista.UnstructuredGrid] of all ranks' parts."""
+    """Last state of `DIR/fields.pvd`: one grid [pyvista.UnstructuredGrid] of all ranks' parts. A
+    cell field that only some sheets have is NaN on the others."""
     reader = pyvista.PVDReader(directory / "fields.pvd")
     reader.set_active_time_value(reader.time_values[-1])
-    return reader.read().combine()
+    blocks = reader.read()
+    shapes = {name: np.shape(values)[1:] for b in blocks for name, values in b.cell_data.items()}
+    for block in blocks:
+        for name in shapes.keys() - set(block.cell_data):
+            block.cell_data[name] = np.full((block.n_cells, *shapes[name]), np.nan)
+    return blocks.combine()

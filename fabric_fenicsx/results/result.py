@@ -47,8 +47,13 @@ class Result:
         names = list(self.scene.blank.parts)
         if not names:
             return {"": self.grid}
+        from .fields import with_known_fields
+
         number = np.asarray(self.grid.cell_data["part"])
-        return {name: self.grid.extract_cells(number == k) for k, name in enumerate(names)}
+        return {
+            name: with_known_fields(self.grid.extract_cells(number == k))
+            for k, name in enumerate(names)
+        }
 
     def force(self, tool: "Tool") -> np.ndarray:
         """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""

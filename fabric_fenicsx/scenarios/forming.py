@@ -2,8 +2,6 @@
 Schäfer et al., for a single ply)."""
 
 import dataclasses
-import itertools
-import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +16,6 @@ from ..mechanics import mesh_warnings
 from ..mechanics.bending import Bending
 from ..mechanics.contact import Contact
 from ..mechanics.friction import Friction
-from ..mechanics.load import EdgeTension
 from ..mechanics.membrane import Membrane
 from ..mechanics.nodes import PressingTerm
 from ..mechanics.pressing import BlankHolderPressure
@@ -40,7 +37,7 @@ from ..tools import (
     check_motion,
     check_punch,
 )
-from . import stacking
+from . import holding, stacking
 from .numbers import FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
 from .plies import Ply, read_plies
 from .scenario import ELEMENTS, Scenario
@@ -50,7 +47,6 @@ if TYPE_CHECKING:
 
 HOLDERS = ("pressure", "force", "gap", "grippers")
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
-RINGS = 2.0, 4.0, 6.0  # mm about a node, in which the die must be flat for it to be held
 UP = np.array([0.0, 0.0, 1.0])
 PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quarter
 DIMENSIONS = ", ".join(each.name for each in dataclasses.fields(DoubleDome))
@@ -285,12 +281,13 @@ class Forming(Scenario):
     def _blank_holder(self, against: Sequence[SheetContact]) -> list[Term]:
         t = self.thickness
         if self.holder == "pressure":
+            under = holding.on_flange(self.die, t)
             pressure = BlankHolderPressure(
-                self.holder_pressure, UP, self._on_flange, lag=self.lag, against=against
+                self.holder_pressure, UP, under, lag=self.lag, against=against
             )
             return [pressure.on(self.plies[0].name) if self.stack else pressure]
         if self.holder == "grippers":
-            return list(self._gripped_edges())
+            return holding.gripped_edges(self.blank, self.gripper_tension, self.full)
         gap = self.holder_gap or 1.1 * t
         if self.holder == "gap":
             if gap < 0.5 * t:
@@ -302,27 +299,6 @@ class Forming(Scenario):
         force = self.holder_force * (1.0 if self.full else 0.25)
         plate = Plane((0, 0, -t / 2), UP)
         return [self._contact(Tool(plate, force=lambda load: force * UP, name="blank holder"))]
-
-    def _gripped_edges(self):
-        """Tension on each free edge of the ply."""
-        low, high = self.blank.extent()
-        for axis in (0, 1):
-            for place, sign in ((low[axis], -1.0), (high[axis], 1.0)):
-                if sign > 0 or self.full:
-                    yield EdgeTension(
-                        self.gripper_tension, sign * np.eye(3)[axis], _at(axis, place)
-                    )
-
-    def _on_flange(self, x):
-        """Share of the places x (n, 3) that lies beneath the die's flange, (n,): 0 at its end, 1
-        from `RINGS` inwards."""
-        t, rings = self.thickness, itertools.product(RINGS, np.arange(8) * math.pi / 4)
-        shifts = np.array([(r * math.cos(angle), r * math.sin(angle), 0) for r, angle in rings])
-        at = (x * (1, 1, 0) + shifts[:, None]).reshape(-1, 3)
-        gap, normal, _ = self.die.evaluate(at, reach=t)
-        flat = (abs(gap - t / 2) < 1e-3 * t) & (normal[:, 2] < -0.999)
-        share = flat.reshape(len(shifts), -1).sum(0)
-        return np.clip(2 * share / (8 * len(RINGS)) - 1, 0, 1)
 
     def supports(self) -> list[Support]:
         """The planes of symmetry of a quarter; of a whole ply its centre and the turn about it."""
@@ -344,7 +320,7 @@ class Forming(Scenario):
         held = self.holder == "pressure" and self.holder_pressure
         if isinstance(self.blank, Stack) and held:
             on_die = next(term for term in self.contacts if term.tool is self.die)
-            terms, under = self.scene.terms, self._on_flange
+            terms, under = self.scene.terms, holding.on_flange(self.die, self.thickness)
             stacking.press(self.blank, terms, on_die, self.holder_pressure, under)
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
@@ -410,11 +386,6 @@ class Forming(Scenario):
             for name, grid in result.grids.items()
         }
         formed.draw_compared(folder, grids, self.punch_tool)
-
-
-def _at(axis, place):
-    """Function of points (3, n) to whether their coordinate along `axis` is `place` [mm]."""
-    return lambda x: abs(x[axis] - place) < 1e-6
 
 
 def _dome(pairs):

@@ -115,6 +115,16 @@ class Blank:
         """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm]."""
         return self.V.tabulate_dof_coordinates()
 
+    def generic_displacement(self) -> np.ndarray:
+        """A displacement of this rank's owned nodes (n, gdim) of size 1 that no mode is orthogonal
+        to: a function of their places, so that neither ranks nor their numbering matter."""
+        owned, gdim = self.V.dofmap.index_map.size_local, self.mesh.geometry.dim
+        low, high = self.extent()
+        x = (self.along(self.coordinates()[:owned].T).T - low) / (high - low).max()
+        waves = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0])[: gdim**2]
+        waves = waves.reshape(gdim, gdim)
+        return np.cos(3 * x @ waves) + np.sin(17 * x @ waves.T)
+
     def nodal_displacement(self) -> np.ndarray:
         """Displacement along x, y, z at the local nodes, (nodes, gdim) [mm]."""
         values = self.u.x.array.reshape(-1, self.mesh.geometry.dim)

@@ -370,7 +370,7 @@ class Newton:
         """Go downhill from the saddle x along its softest direction, found by inverse iteration;
         returns the energy."""
         d, trial, r, negative = self._d, self._trial, self._r, self.report.negative_pivots
-        d.array[:] = self._generic_displacement()
+        d.array[:] = self.scene.blank.generic_displacement().ravel()
         d.array[self.scene.held] = 0
         shift, curvature = 0.0, np.inf
         for _ in range(50):
@@ -394,17 +394,6 @@ class Newton:
                     return trial_energy
             d.scale(0.5)
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
-
-    def _generic_displacement(self):
-        """A displacement of this rank's nodes that no mode is orthogonal to: a function of their
-        place in the blank, so that neither ranks nor their numbering matter."""
-        blank = self.scene.blank
-        owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
-        x = (blank.along(blank.coordinates()[:owned].T).T - blank.extent()[0]) / self._size
-        waves = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0])[: gdim**2].reshape(
-            gdim, gdim
-        )
-        return (np.cos(3 * x @ waves) + np.sin(17 * x @ waves.T)).ravel()
 
     def _log(self, text):
         if self.scene.comm.rank == 0:

@@ -86,3 +86,11 @@ def test_fields_have_a_block_for_each_ply(alone):
         assert (np.asarray(grid.cell_data["part"]) == k).all()
         assert grid.n_cells == alone.scene.blank.part(PLIES[k]).cells.size
         assert ("sliding" in grid.cell_data) == (PLIES[k] == "outer")
+
+
+def test_one_grid_of_all_plies_has_the_fields_of_each(alone):
+    """NaN where a ply has none; a ply's own grid is without."""
+    sliding = np.asarray(alone.grid.cell_data["sliding_size"])
+    outer = np.asarray(alone.grid.cell_data["part"]) == 1
+    assert np.array_equal(np.isfinite(sliding), outer)
+    assert ["sliding" in grid.cell_data for grid in alone.grids.values()] == [False, True]

@@ -1,0 +1,47 @@
+"""How the rim of a ply is held: what lies under the die's flange, and grippers at its edges."""
+
+import itertools
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..mechanics.load import EdgeTension
+from ..mechanics.term import Term
+from ..sheets.blank import Blank
+from ..tools import Tool
+
+RINGS = 2.0, 4.0, 6.0  # mm about a place, in which the die must be flat for it to be held
+
+
+def on_flange(die: Tool, thickness: float) -> Callable[[np.ndarray], np.ndarray]:
+    """Function of places (n, 3) to the share of each (n,) that lies beneath the die's flange: 0 at
+    its end, 1 from `RINGS` inwards. thickness: of all that lies between die and holder [mm]."""
+    angles = np.arange(8) * math.pi / 4
+    shifts = np.array(
+        [(r * math.cos(a), r * math.sin(a), 0) for r, a in itertools.product(RINGS, angles)]
+    )
+
+    def share(x):
+        at = (x * (1, 1, 0) + shifts[:, None]).reshape(-1, 3)
+        gap, normal, _ = die.evaluate(at, reach=thickness)
+        flat = (abs(gap - thickness / 2) < 1e-3 * thickness) & (normal[:, 2] < -0.999)
+        return np.clip(2 * flat.reshape(len(shifts), -1).sum(0) / len(shifts) - 1, 0, 1)
+
+    return share
+
+
+def gripped_edges(blank: Blank, tension: float, whole: bool) -> list[Term]:
+    """Tension [N/mm] on each free edge of a rectangular ply, or of its quarter."""
+    low, high = blank.extent()
+    return [
+        EdgeTension(tension, sign * np.eye(3)[axis], _at(axis, place))
+        for axis in (0, 1)
+        for place, sign in ((low[axis], -1.0), (high[axis], 1.0))
+        if sign > 0 or whole
+    ]
+
+
+def _at(axis, place):
+    """Function of points (3, n) to whether their coordinate along `axis` is `place` [mm]."""
+    return lambda x: abs(x[axis] - place) < 1e-6
