@@ -167,6 +167,11 @@ class Scene:
         """Let terms update what they held during a solve; whether any did, on all ranks."""
         return any([term.update_lagged() for term in self.terms])
 
+    @property
+    def rough(self) -> float:
+        """The loosest tolerance that a term says will do until all is settled, see `Term`."""
+        return max((term.rough for term in self.terms), default=0.0)
+
     def work(self) -> float:
         """Work of the terms' loads and tools since the last accepted state [N mm]."""
         return self.comm.allreduce(sum(term.work() for term in self.terms))

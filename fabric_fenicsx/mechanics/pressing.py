@@ -12,6 +12,8 @@ from .nodes import Nodes, PressingTerm
 from .sheet_contact import SheetContact
 from .term import SceneFacts
 
+UPDATES = 3  # of the pressed areas in a step: at the flange's end a node's may alternate
+
 
 class BlankHolderPressure(PressingTerm):
     """Dead `pressure` [MPa] along `direction` (3,) on the parts of the sheet under a holder.
@@ -19,8 +21,8 @@ class BlankHolderPressure(PressingTerm):
     pressure: a number, there from the start, or a function of the load factor. A `Contact` bears
     it on the other side of the sheet.
     under: function of positions (n, 3) [mm] to the share of each node's area, 0 to 1, that is under
-    the holder. The areas are lagged, but updated if more than `lag` of their sum has changed; lag
-    None: never within a step.
+    the holder. The areas are lagged, but updated up to `UPDATES` times in a step if more than `lag`
+    of their sum has changed; lag None: never within a step.
     against: contacts with and between the sheets that lie on this one, from it to the last. The
     pressure then acts only where all of them lie on one another, as a plate's does that rests on
     the whole stack: a rim that reaches beyond the next sheet is not pressed.
@@ -60,6 +62,7 @@ class BlankHolderPressure(PressingTerm):
     def at(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
         self.now, self._areas = float(self._pressure(load)), self._accepted_areas
+        self._updates = 0
         if not (np.isfinite(self.now) and self.now >= 0):
             raise InputError(
                 f"pressure of the blank holder is {self.now} MPa; allowed is a number from 0"
@@ -73,13 +76,13 @@ class BlankHolderPressure(PressingTerm):
 
     def update_lagged(self) -> bool:
         """Press the areas under the holder now, if they differ by more than `lag`; whether so."""
-        if self.lag is None:
+        if self.lag is None or self._updates == UPDATES:
             return False
         now = self._pressed()
         changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self._areas), now]))
         if changed <= self.lag * all_of_it:
             return False
-        self._areas = now
+        self._areas, self._updates = now, self._updates + 1
         return True
 
     def work(self) -> float:

@@ -77,7 +77,7 @@ class SheetContact(Term):
     sheets that overlap or of which none lies over the other.
     """
 
-    energy_kind = "contact"
+    energy_kind, rough = "contact", 1e-3
     units = {"sheet_pressure": "MPa", "sliding": "mm", "sliding_size": "mm"}
 
     def __init__(

@@ -63,6 +63,8 @@ class Term:
     - blank: the sheet, from `set_up` on; part: what of it the term is on
     - part_name: of the blank's part that it is restricted to, see `on`
     - pattern: a number that changes when the places of `tangent` do
+    - rough: the solver's tolerance that will do before `update_lagged` has nothing more to take
+      anew; 0: that of the state sought
     """
 
     name = "term"
@@ -75,6 +77,7 @@ class Term:
     blank: Blank
     part: Part
     pattern = 0
+    rough = 0.0
     part_name: str = ""
     # weak, as circles of solver objects end at another time on each rank
     _scene: weakref.ref | None = None

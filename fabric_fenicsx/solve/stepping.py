@@ -193,18 +193,8 @@ def march(
         x.copy(predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         allowed = None if load == goal or not settled else path_tolerance
-        report = newton.solve_for(x, allowed)
-        progress.iterations += report.iterations
-        for update in range(LAGGED_UPDATES):
-            if not (report.converged and scene.update_lagged()):
-                break
-            before = report.iterations
-            report = newton.solve_for(x, allowed)
-            progress.iterations += report.iterations
-            report.iterations = max(before, report.iterations)
-            if update == LAGGED_UPDATES - 1:
-                report.converged = False
-                report.reason = f"contact was not settled by {LAGGED_UPDATES} solutions"
+        report, iterations = _solve_lagged(newton, x, allowed or 0.0)
+        progress.iterations += iterations
         error = (
             (x - predicted).norm() / max(x.norm(), 1e-300)
             if accuracy and progress.last_step
@@ -292,6 +282,29 @@ def march(
             )
         )
     return Outcome(progress.load, reason, progress.accepted, progress.rejected, progress.iterations)
+
+
+def _solve_lagged(newton, x, allowed):
+    """Solve for x to the tolerance `allowed`, or the solver's, again until terms need not take anew
+    what they hold in a solve; at first as roughly as they say will do. The last `Report`, with the
+    iterations of the hardest solve, and those of all."""
+    scene, every = newton.scene, []
+    allowed = max(allowed, newton.tolerance)
+    tolerance = max(allowed, scene.rough)
+    for _ in range(LAGGED_UPDATES + 1):
+        report = newton.solve_for(x, tolerance)
+        every.append(report.iterations)
+        report.iterations = max(every)
+        if not report.converged:
+            break
+        if not scene.update_lagged():
+            if tolerance == allowed:
+                break
+            tolerance = allowed
+    else:
+        report.converged = False
+        report.reason = f"contact was not settled by {LAGGED_UPDATES} solutions"
+    return report, sum(every)
 
 
 def _missing(work, energy, stored):

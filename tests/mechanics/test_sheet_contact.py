@@ -1,10 +1,11 @@
 """Contact of sheets with each other."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from builders import COMM, Elastic, everywhere, off_differences, rotation
+from builders import COMM, Elastic, everywhere, near, off_differences, rotation, run
 from builders import sheet as rectangle
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -163,6 +164,22 @@ def test_forces_and_tangent_are_derivatives(state, points):
     assert stiffness < 1e-6
 
 
+@pytest.mark.parametrize("taken", [False, True])
+def test_derivatives_where_points_slide_over_edges(taken):
+    """By more than a cell, before the faces are taken anew and after."""
+    scene, pair = two(**STATES["pressed"])
+    before = pair.facing().pairs
+    stack = scene.blank
+    u, on_upper = stack.u.x.array.reshape(-1, 3), stack.coordinates()[:, 2] > T / 2
+    u[on_upper] += (2.9, 1.3, -0.06)
+    if taken:
+        assert scene.update_lagged()
+    assert (pair.facing().pairs is not before) and (pair.normal_forces() > 0).any()
+    forces, stiffness = off_differences(scene, pair)
+    assert forces < 1e-6
+    assert stiffness < 1e-6
+
+
 @pytest.mark.mpi
 def test_sheets_apart_bear_nothing():
     scene, pair = two(**STATES["open"])
@@ -283,6 +300,34 @@ def test_sheets_between_which_there_is_no_contact(make, penalty, fabric, words):
     with pytest.raises(ff.InputError) as error:
         ff.Scene(make(), [membrane, ff.SheetContact("a", "b", penalty)])
     assert words in str(error.value)
+
+
+# -- stacks without friction
+
+
+def push(layers, cells):
+    """Force of a ball that is pushed by 4 mm into a quarter of a drum of several skins."""
+    planes = [near(0, 0.0), near(1, 0.0)]
+    names = [f"skin {k}" for k in range(layers)]
+    stack = ff.Stack([(rectangle(30, 30, cells, cells, spatial=True), T, name) for name in names])
+    ball = ff.Tool(ff.Sphere(40, (0, 0, -40 - T / 2)), lambda load: (0, 0, 4 * load), name="ball")
+    contacts = [ff.SheetContact(*pair, 50.0, symmetric=planes) for pair in pairwise(names)]
+    supports = [
+        ff.Support("rim", lambda x: near(0, 30)(x) | near(1, 30)(x), (0, 1, 2)),
+        *(ff.Support(f"plane {k}", planes[k], (k,)) for k in (0, 1)),
+    ]
+    terms = [Elastic(1e3), ff.Contact(ball, T, 50.0).on(names[0]), *contacts]
+    scene = ff.Scene(stack, terms, supports)
+    run(scene, 8)
+    return scene.tool_force(ball)[2]
+
+
+@pytest.mark.mpi
+def test_skins_of_a_drum_add_up():
+    """Without friction two skins bear twice the force of one, but for the larger radius of the
+    outer one, (40 + T) / 40."""
+    one, two = push(1, 8), push(2, 8)
+    assert two / one == pytest.approx(2.0, rel=0.02)
 
 
 # -- what a holder presses
