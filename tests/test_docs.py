@@ -9,10 +9,12 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.material.laws.base import LAWS
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.meshes.specimen import specimen, write
 
@@ -27,7 +29,6 @@ ENVIRONMENT = os.environ | {
     "OMP_NUM_THREADS": "1",
     "PYTHONPATH": str(ROOT),
 }
-BETWEEN = "\x1e"  # what several programs print
 
 
 def name(path):
@@ -49,17 +50,17 @@ def blocks(text):
             yield word, body
 
 
-def run(program, folder, hang):
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=hang,
-        env=ENVIRONMENT,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Run a program in this process, in a folder of the test; what it prints."""
+    monkeypatch.chdir(tmp_path)
+
+    def run_here(program):
+        with patch.dict(LAWS):  # which own laws enter
+            exec(compile(program, "program", "exec"), {"__name__": "program"})
+        return capsys.readouterr().out
+
+    return run_here
 
 
 def compare(printed, told):
@@ -100,7 +101,7 @@ def test_the_material_file(tmp_path):
 
 
 @pytest.mark.parametrize("script", EXAMPLES, ids=lambda p: p.stem)
-def test_an_example_prints_what_its_page_says(tmp_path, script, hang):
+def test_an_example_prints_what_its_page_says(run, tmp_path, script):
     text = script.read_text()
     assert len(text.splitlines()) <= 40
     told = []
@@ -112,7 +113,7 @@ def test_an_example_prints_what_its_page_says(tmp_path, script, hang):
             if before == ("included", script.stem) and after[0] == "text"
         ]
     (told,) = told or [output_of_readme()] if script.stem == "ball" else told
-    compare(run(text, tmp_path, hang), told)
+    compare(run(text), told)
     picture = tmp_path / f"{script.stem}.png"
     assert picture.exists() == (DOCS / "pictures" / picture.name).exists()
 
@@ -133,23 +134,18 @@ WITH_PROGRAMS = [p for p in PAGES[1:] if "```python" in p.read_text()]
 
 
 @pytest.mark.parametrize("page", WITH_PROGRAMS, ids=name)
-def test_programs_print_what_their_page_says(tmp_path, page, hang):
-    """All of a page in one process, each with names of its own, in one folder."""
+def test_programs_print_what_their_page_says(run, tmp_path, page):
     if page.stem == "own_tool":
         import pyvista
 
         ball = pyvista.Sphere(radius=30, theta_resolution=60, phi_resolution=60)
         ball.save(tmp_path / "ball.stl")
     found = [b for b in blocks(page.read_text()) if b[0] != "included"]
-    programs = [body for kind, body in found if kind == "python"]
-    runner = f"for p in {programs!r}:\n    exec(p, {{}})\n    print({BETWEEN!r})"
-    printed = run(runner, tmp_path, hang).split(BETWEEN)
-    for k, (kind, _) in enumerate(found):
+    for (kind, program), (after, output) in zip(found, [*found[1:], ("", "")]):
         if kind == "python":
-            after = found[k + 1] if k + 1 < len(found) else ("", "")
-            output = printed.pop(0)
-            if after[0] == "text":
-                compare(output, after[1])
+            printed = run(program)
+            if after == "text":
+                compare(printed, output)
 
 
 # run in the same way, or longer, by tests of their own

@@ -17,5 +17,5 @@ scene = ff.Scene(ff.Stack(sheets), terms, supports=ff.clamped_ends())
 result = ff.Job(scene, steps=4).run("results/stack", overwrite=True)
 pair = result.summary["sheet_contacts"]["lower, upper"]
 force, slid = result.force(ball)[2], pair["sliding_largest_mm"]
-print(result.rows[-1]["load"], round(force, 2), round(slid, 4))
+print(result.rows[-1]["load"], round(force, 1), round(slid, 2))
 result.plot("shear_angle", "stack.png")
