@@ -1,5 +1,6 @@
 """Sphinx builds the documentation: `make docs` writes it to build/docs."""
 
+import dataclasses
 import re
 import sys
 from pathlib import Path
@@ -8,6 +9,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from docutils import nodes  # noqa: E402
 from docutils.utils.math.latex2mathml import tex2mathml  # noqa: E402
+from numpy.typing import ArrayLike  # noqa: E402
+from sphinx.util.typing import stringify_annotation  # noqa: E402
 
 import fabric_fenicsx  # noqa: E402
 
@@ -47,9 +50,24 @@ nitpicky = True
 nitpick_ignore_regex = [("py:(class|data|exc)", ".*")]
 
 
+def short_types(app, what, name, obj, options, signature, returns):
+    """Write NumPy's long type of all that can be an array by its name."""
+    for mode in ("smart", "fully-qualified", "fully-qualified-except-typing"):
+        long = stringify_annotation(ArrayLike, mode)
+        signature, returns = (t and t.replace(long, "ArrayLike") for t in (signature, returns))
+    return signature, returns
+
+
+def fields_told(obj):
+    """What fields of a scenario mean, as its options say it, a line each."""
+    known = dataclasses.fields(obj) if dataclasses.is_dataclass(obj) else ()
+    helps = [(each.name, each.metadata["help"]) for each in known if "help" in each.metadata]
+    return ["", *(f"- `{name}`: {text}" for name, text in helps)]
+
+
 def as_rst(app, what, name, obj, options, lines):
     """Turn docstrings, which are Markdown with formulas, into what autodoc reads."""
-    text = "\n".join(lines)
+    text = "\n".join([*lines, *(fields_told(obj) if what == "class" else [])])
     kept = []
 
     def keep(words):
@@ -91,3 +109,4 @@ def setup(app):
     app.add_html_math_renderer("mathml", (formula, None), (displayed_formula, None))
     app.add_css_file("formulas.css")
     app.connect("autodoc-process-docstring", as_rst)
+    app.connect("autodoc-process-signature", short_types)
