@@ -92,15 +92,30 @@ def as_rst(app, what, name, obj, options, lines):
     lines[:] = text.split("\n")
 
 
+SPELLINGS = {  # what docutils wants written in another way
+    r"\\([dt]?)frac\s*(\\[a-zA-Z]+|\w)\s*(\\[a-zA-Z]+|\w)": r"\\\1frac{\2}{\3}",
+    r"(\\\\)\[\w+\]": r"\1",
+    r"\\(sin|cos|tan|ln|arccos)\s*(?=[a-z0-9\\])": r"\\\1\\,",
+}
+
+
+def mathml(node, as_block):
+    """A formula as MathML."""
+    text = node.astext()
+    for ours, theirs in SPELLINGS.items():
+        text = re.sub(ours, theirs, text)
+    return tex2mathml(text, as_block=as_block)
+
+
 def formula(self, node):
     """Write a formula as MathML."""
-    self.body.append(tex2mathml(node.astext(), as_block=False))
+    self.body.append(mathml(node, False))
     raise nodes.SkipNode
 
 
 def displayed_formula(self, node):
     """Write a formula of its own paragraph as MathML."""
-    self.body.append(f'<div class="formula">{tex2mathml(node.astext(), as_block=True)}</div>')
+    self.body.append(f'<div class="formula">{mathml(node, True)}</div>')
     raise nodes.SkipNode
 
 
