@@ -36,14 +36,15 @@ export OMP_NUM_THREADS := 1
 MPIRUN := mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none -n $(RANKS)
 PYTHON := .venv/bin/python
 
-.PHONY: help install study test lint docs debian13-root test-debian13 clean
+.PHONY: help install study test lint docs pictures debian13-root test-debian13 clean
 
 help:
 	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
 	@echo "make test           the whole test suite: serial, then the tests marked mpi on RANKS=$(RANKS) ranks"
 	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo)"
 	@echo "make lint           ruff and mypy, as CI runs them first"
-	@echo "make docs           the documentation of the package into docs/"
+	@echo "make docs           the documentation into build/docs (open build/docs/index.html)"
+	@echo "make pictures       the documentation's pictures anew, from docs/examples"
 	@echo "make install        only install what the others need"
 	@echo "make clean          remove .venv and caches; keeps results/ and the Debian 13 root"
 
@@ -62,7 +63,10 @@ lint: .venv/installed-lint
 	$(PYTHON) -m mypy
 
 docs: .venv/installed-docs
-	$(PYTHON) -m pdoc --output-directory docs fabric_fenicsx fabric_fenicsx.meshes '!fabric_fenicsx.__main__'
+	$(PYTHON) -m sphinx --builder html --fail-on-warning --keep-going --quiet docs build/docs
+
+pictures: .venv/installed
+	$(SCREEN) $(PYTHON) docs/pictures.py
 
 # What an extra of pyproject.toml lists and nothing else, so that the packages of the program stay as they are.
 .venv/installed-%: .venv/installed
@@ -83,5 +87,5 @@ test-debian13: debian13-root
 	@.ci/debian13 test "$(DEBIAN13_ROOT)"
 
 clean:
-	rm -rf .venv build docs *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv build docs/api/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name .debian13 -prune -o -name __pycache__ -exec rm -rf {} +

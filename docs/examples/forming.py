@@ -1,0 +1,13 @@
+"""A ply pressed 20 mm deep over the double dome, a quarter of it, on a coarse mesh.
+
+Prints the punch force of the quarter [N], the largest shear angle [deg] and the draw-in [mm].
+"""
+
+import fabric_fenicsx as ff
+
+press = ff.Forming(ff.load("komeili"), nx=12, stroke=20.0)
+result = press.job(steps=4).run("results/forming", overwrite=True)
+found = result.summary["quantities"]
+shear, draw_in = found["shear_angle_max_deg"], found["draw_in"]["largest_mm"]
+print(round(found["punch_force_N"], 1), round(shear, 2), round(draw_in, 2))
+result.plot("shear_angle", "forming.png")
