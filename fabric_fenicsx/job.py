@@ -276,6 +276,11 @@ class Job:
 
     def _unbelievable(self, output, result, energy):
         """What is wrong with the run as a whole, a sentence each; warns of what may be."""
+        if not (any(energy.values()) or self.scene.u.norm()):
+            output.warn(
+                "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
+                "that moves would, as `clamped_ends(stroke)`"
+            )
         balance = _balance(result.rows, energy)
         if branches := ", ".join(f"{load:.6g}" for load in balance["branches"]):
             output.warn(

@@ -9,6 +9,7 @@ import pytest
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.results.output import finite
 from fabric_fenicsx.solve.limits import Limits
 
 COMM = MPI.COMM_WORLD
@@ -128,3 +129,30 @@ def test_a_tool_that_the_sheet_is_in_is_told_before_anything_runs(folder, surfac
         ff.Job(scene).run(folder)
     COMM.barrier()
     assert not folder.exists()
+
+
+@pytest.mark.mpi
+def test_a_run_in_which_nothing_moves_says_so():
+    ply = ff.Blank.rectangle(20, 10, nx=4)
+    terms = [ff.Membrane(ff.load("komeili"))]
+    still, moved = (
+        ff.Job(ff.Scene(ply, terms_, supports=ff.clamped_ends(stroke)), steps=1).run()
+        for terms_, stroke in ((terms, 0.0), ([ff.Membrane(ff.load("komeili"))], 0.1))
+    )
+    assert any("nothing moves or loads the sheet" in each for each in still.summary["warnings"])
+    assert not any("nothing moves" in each for each in moved.summary["warnings"])
+
+
+def test_a_field_that_cannot_be_drawn(tmp_path):
+    result = ff.Tensile(**COARSE).job(steps=4).run()
+    result.plot("eps_a", tmp_path / "eps.png")
+    assert (tmp_path / "eps.png").stat().st_size > 1000
+    with pytest.raises(ff.InputError, match="picture of contact_gap .* allowed .* shear_angle"):
+        result.plot("contact_gap", tmp_path / "gap.png")
+    assert not (tmp_path / "gap.png").exists()
+
+
+def test_numbers_that_json_does_not_know_are_null():
+    assert finite({"a": [1.0, math.nan, {"b": (math.inf, "c", 2)}]}) == {
+        "a": [1.0, None, {"b": [None, "c", 2]}]
+    }

@@ -52,6 +52,11 @@ class BlankHolderPressure(PressingTerm):
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
+        if self.part.is_whole and any(part.thickness for part in scene.blank.parts.values()):
+            raise InputError(
+                "the blank holder would press each sheet of the stack; allowed is "
+                '`.on("NAME")` with the one that it touches'
+            )
         self.nodes = Nodes(scene.blank, self.part)
         for contact in self._against:
             contact.bind(scene)

@@ -58,8 +58,9 @@ class Term:
     - fabric: what the sheet is made of, if this is the term that knows
     - units: of the arrays that it adds to fields, {name: unit}
     - prestressed: whether the sheet has stress as it lies, before load
-    - energy: a UFL form in `blank.u` over the sheet [N mm], minus the work of a load; None of
-      terms that are no form, which have `stored`, `add_forces` and `tangent` instead
+    - energy: a UFL form in `blank.u` over the sheet, integrated by `self.part.dx(degree)` [N mm],
+      minus the work of a load; None of terms that are no form, which have `stored`, `add_forces`
+      and `tangent` instead
     - blank: the sheet, from `set_up` on; part: what of it the term is on
     - part_name: of the blank's part that it is restricted to, see `on`
     - pattern: a number that changes when the places of `tangent` do
@@ -105,6 +106,13 @@ class Term:
         self._scene, self.blank = weakref.ref(scene), scene.blank
         self.part = scene.blank.part(self.part_name)
         self.set_up(scene)
+        if self.part_name and self.energy is not None:
+            everywhere = [i for i in self.energy.integrals() if i.subdomain_id() == "everywhere"]
+            if everywhere:
+                raise InputError(
+                    f"term {self.name} is on a part, but its energy is integrated over the whole "
+                    "sheet; allowed is `self.part.dx(degree)` in place of `ufl.dx`"
+                )
         own = type(self)
         forces = own.add_forces is not Term.add_forces
         if self.energy is None and not forces:

@@ -4,6 +4,7 @@ report."""
 import csv
 import json
 import logging
+import math
 import platform
 import resource
 import tempfile
@@ -43,6 +44,15 @@ class LogFile(logging.FileHandler):
 
     def handleError(self, record: logging.LogRecord) -> None:
         """Nothing: what a full disk does to the log ends no run."""
+
+
+def finite(value: Any) -> Any:
+    """The same, nested as it is, with None for numbers that JSON does not know."""
+    if isinstance(value, Mapping):
+        return {key: finite(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [finite(each) for each in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 class Output:
@@ -224,7 +234,7 @@ class Output:
         }
         self.warnings = []
         if folder and self.comm.rank == 0:
-            text = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+            text = json.dumps(finite(summary), indent=2, allow_nan=False) + "\n"
             replace_file(folder / "summary.json", text)
         return summary
 

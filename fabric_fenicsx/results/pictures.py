@@ -76,7 +76,7 @@ def maps(
         layout="constrained",
     )
     for name, mine in zip(names, axes if one else axes.T):
-        label, factor, colours = SHOWN[name]
+        label, factor, colours = SHOWN.get(name, (name.replace("_", " "), 1.0, "viridis"))
         values = {
             title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()
         }

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..scene import Scene
 
 if TYPE_CHECKING:
@@ -66,7 +67,13 @@ class Result:
         self.folder = None
 
     def plot(self, name: str, path: Path | str) -> None:
-        """Draw cell field `name` on the deformed sheet, to a PNG file, on rank 0."""
+        """Draw cell field `name`, of one number a cell, on the deformed sheet, to a PNG file, on
+        rank 0. Raises InputError for a name that is none."""
+        drawn = sorted(each for each, values in self.fields.items() if values.ndim == 1)
+        if name not in drawn:
+            raise InputError(
+                f"a picture of {name} is asked for; allowed are the cell fields {', '.join(drawn)}"
+            )
         if self.scene.comm.rank == 0:
             from . import pictures
 

@@ -161,7 +161,6 @@ class Forming(Scenario):
         )
         owned = self.blank.V.dofmap.index_map.size_local
         nodes = self.blank.coordinates()[:owned] * (1, 1, 0 if self.stack else 1)
-        self._check_supported(nodes)
         check_motion([self.punch_tool, self.die], nodes, t, self.comm)
         radius = min(*self.punch_tool.surface.radii, *self.die.surface.radii)
         self.penalty = self.penalty or min(
@@ -210,15 +209,6 @@ class Forming(Scenario):
             return blank
 
         return stacking.lay(self.plies, made)
-
-    def _check_supported(self, nodes):
-        """A whole ply is held in single nodes, which even numbers of rectangles have."""
-        for support in self.supports():
-            if not self.comm.allreduce(int(support.where(nodes.T).sum())):
-                raise InputError(
-                    f"the ply has no node at its {support.name}; allowed for a whole ply are even "
-                    "`nx`, `ny` and `pattern` crossed, left or right, or an own mesh with one"
-                )
 
     def _depth(self, surface):
         """Greatest stroke of a punch with this surface [mm]."""
@@ -301,18 +291,17 @@ class Forming(Scenario):
         return [self._contact(Tool(plate, force=lambda load: force * UP, name="blank holder"))]
 
     def supports(self) -> list[Support]:
-        """The planes of symmetry of a quarter; of a whole ply its centre and the turn about it."""
+        """The planes of symmetry of a quarter; of a whole ply the nodes nearest to its centre and
+        to the end of its axis, against motion and turning."""
         near = 1e-6
         if not self.full:
             return [
                 Support("plane of symmetry x = 0", lambda x: x[0] < near, (0,)),
                 Support("plane of symmetry y = 0", lambda x: x[1] < near, (1,)),
             ]
-        end = self.length / 2 - near
-        return [
-            Support("centre", lambda x: np.hypot(x[0], x[1]) < near, (0, 1)),
-            Support("end of the axis", lambda x: (abs(x[1]) < near) & (x[0] > end), (1,)),
-        ]
+        parts = list(self.blank.parts.values()) or [self.blank.whole]
+        held = [holding.nearest_nodes(parts, at) for at in ((0.0, 0.0), (self.length / 2, 0.0))]
+        return [Support("centre", held[0], (0, 1)), Support("end of the axis", held[1], (1,))]
 
     def start(self) -> None:
         """Press the sheets of a stack together as under the holder: where that is not so, they part

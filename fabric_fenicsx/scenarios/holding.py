@@ -1,14 +1,15 @@
-"""How the rim of a ply is held: what lies under the die's flange, and grippers at its edges."""
+"""How a ply is held: under the die's flange, by grippers at its edges, in single nodes."""
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..mechanics.load import EdgeTension
 from ..mechanics.term import Term
 from ..sheets.blank import Blank
+from ..sheets.parts import Part
 from ..tools import Tool
 
 RINGS = 2.0, 4.0, 6.0  # mm about a place, in which the die must be flat for it to be held
@@ -40,6 +41,22 @@ def gripped_edges(blank: Blank, tension: float, whole: bool) -> list[Term]:
         for place, sign in ((low[axis], -1.0), (high[axis], 1.0))
         if sign > 0 or whole
     ]
+
+
+def nearest_nodes(
+    parts: Sequence[Part], place: tuple[float, float]
+) -> Callable[[np.ndarray], np.ndarray]:
+    """Function of points (3, n) to a mask (n,) of one node of each part: the nearest to `place` (x,
+    y) [mm], of several the one that is last by x and y."""
+    found = []
+    for part in parts:
+        x = part.blank.coordinates()[: len(part.nodes)][part.nodes]
+        away = np.hypot(*(x[:, :2] - place).T).round(6)
+        order = np.lexsort((-x[:, 1], -x[:, 0], away))[:1]
+        known = [(away[k], *-x[k]) for k in order]
+        found.append(min(each for rank in part.blank.mesh.comm.allgather(known) for each in rank))
+    nodes = -np.array(found)[:, 1:]
+    return lambda x: (np.linalg.norm(x.T[:, None] - nodes, axis=2) < 1e-6).any(1)
 
 
 def _at(axis, place):

@@ -57,6 +57,11 @@ def _midpoints(mesh, up):
 
 def _tangent(mesh, centre, normal, direction, name):
     gdim, n = mesh.geometry.dim, len(centre)
+    if np.ndim(direction) == 0 and not callable(direction) and abs(float(direction)) > 2 * np.pi:
+        raise InputError(
+            f"fibre direction {name} is {direction:g}, an angle in radians; allowed is from -2 pi "
+            "to 2 pi, as `numpy.radians` gives of degrees"
+        )
     value = np.asarray(direction(centre.T) if callable(direction) else direction, dtype=float)
     if value.ndim == 0 or value.shape == (n,) and callable(direction):
         value = np.stack(np.broadcast_arrays(np.cos(value), np.sin(value), 0.0), -1)

@@ -22,6 +22,7 @@ from fabric_fenicsx.mechanics.pressure_law import default_penalty
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.sheets.stack import Stack
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.supports import Support
 from fabric_fenicsx.tools import Cylinder, DoubleDome, Offset, Plane, Reversed, Sphere, Tool
@@ -457,6 +458,13 @@ def test_bad_pressing_is_refused():
     ):
         with pytest.raises(InputError, match=words):
             alone(blank, BlankHolderPressure(pressure, direction, lambda x: x[:, 0] > 0))
+
+
+@pytest.mark.mpi
+def test_a_holder_touches_one_sheet_of_a_stack():
+    stack = Stack([(sheet(10, 10, 2, 2), T, name) for name in ("lower", "upper")])
+    with pytest.raises(InputError, match="would press each sheet of the stack; allowed is `.on"):
+        alone(stack, BlankHolderPressure(1.0, (0, 0, 1), lambda x: x[:, 0] > 0))
 
 
 @pytest.mark.parametrize(

@@ -202,3 +202,26 @@ def test_a_term_that_does_nothing_is_refused():
         Scene(
             sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), type("Mine", (Term,), {"name": "mine"})()]
         )
+
+
+def test_an_own_energy_on_a_part_is_integrated_over_the_part():
+    """`ufl.dx` would take the whole sheet."""
+
+    class Spring(Term):
+        name = energy_kind = "spring"
+
+        def __init__(self, whole):
+            self.whole = whole
+
+        def set_up(self, scene):
+            dx = ufl.dx if self.whole else self.part.dx(2)
+            self.energy = K * ufl.inner(self.blank.u, self.blank.u) / 2 * dx
+
+    def bound(whole):
+        blank = sheet(10, 10, 4, 2)
+        blank.divide({"left": lambda x: x[0] < 5}, rest="right")
+        return alone(blank, Spring(whole).on("left"))
+
+    bound(False)
+    with pytest.raises(InputError, match="spring of left is on a part, .* `self.part.dx"):
+        bound(True)

@@ -4,6 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
+from builders import COMM
+from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import parser
@@ -74,9 +76,19 @@ def test_a_whole_ply_has_a_node_at_its_centre():
         (12, 6),
         (22, 12),
     ]
-    for cells in ({"nx": 11}, {"nx": 12, "ny": 7}, {"nx": 6, "pattern": "unstructured"}):
-        with pytest.raises(ff.InputError, match="no node at its centre; allowed .* even `nx`"):
-            ff.Forming(full=True, **cells)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cells", [{"nx": 12}, {"nx": 11}, {"nx": 6, "pattern": "unstructured"}])
+def test_a_whole_ply_is_held_in_the_nodes_nearest_to_centre_and_end(cells):
+    """One of each, also where several are as near."""
+    ply = ff.Forming(full=True, **cells)
+    x = ply.blank.coordinates()[: ply.blank.V.dofmap.index_map.size_local]
+    for support, place in zip(ply.supports(), ((0, 0), (235, 0))):
+        held = np.vstack(COMM.allgather(x[support.where(x.T)]))
+        least = COMM.allreduce(np.hypot(*(x[:, :2] - place).T).min(initial=np.inf), MPI.MIN)
+        assert len(held) == 1
+        assert np.hypot(*(held[0, :2] - place)) == pytest.approx(least, abs=1e-5)
 
 
 @pytest.mark.parametrize(

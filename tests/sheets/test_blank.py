@@ -5,7 +5,7 @@ import math
 import meshio
 import numpy as np
 import pytest
-from builders import alone
+from builders import alone, sheet
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -247,3 +247,10 @@ def test_an_element_that_is_not_there_is_named():
         InputError, match="of degree 3 on quadrilaterals; allowed is 1 on triangles"
     ):
         alone(Blank.from_arrays(COMM, *arrays, degree=3), Membrane(load("komeili")))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("fibres", [{"a": 30.0}, {"b": -45}])
+def test_angles_of_fibres_that_are_surely_degrees(fibres):
+    with pytest.raises(InputError, match="an angle in radians; allowed is from -2 pi to 2 pi"):
+        sheet(10, 10, 2, 2, **fibres)
