@@ -20,7 +20,7 @@ class Bedding(ff.Term):
     def set_up(self, scene):
         """The energy, a UFL form; forces and stiffness follow from it."""
         u = scene.blank.u
-        self.energy = 0.5 * self.stiffness * ufl.inner(u, u) * ufl.dx
+        self.energy = 0.5 * self.stiffness * ufl.inner(u, u) * self.part.dx(4)
 
 
 ply = ff.Blank.rectangle(100, 25, nx=12)

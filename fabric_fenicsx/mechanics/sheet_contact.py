@@ -21,6 +21,7 @@ from .term import SceneFacts, Term, Triplets
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
+SLOW = 0.6  # of a change of forces, beyond which after the next one faces are taken half-way
 REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
 
 
@@ -64,7 +65,7 @@ class SheetContact(Term):
     Within a solve the gap is a paraboloid in the relative displacement, from places, normals and
     curvatures of the last accepted state, so it has no kinks. After it the faces are looked at
     again: if that changes the forces by more than `lag` of their sum, the paraboloid is taken anew
-    and the solve repeated.
+    and the solve repeated. Until that is settled, states are sought as `rough` as will do.
 
     - penalty [N/mm^3]: by default the smaller of both fabrics' `default_penalty` with the tightest
       tool of the scene
@@ -138,6 +139,9 @@ class SheetContact(Term):
         self._depth = np.zeros(self.count)  # greatest in accepted states
         self._cached: tuple[np.ndarray, Any] | None = None
         self._found: tuple[np.ndarray, Facing] | None = None
+        # where faces were taken last, and how much that changed forces [N]
+        self._place = self._accepted_place = self.blank.u.x.array.copy()
+        self._changed = np.inf
         self._accepted = self._now = self.facing()
         self.settled = self._totals()
         self._check_start()
@@ -214,6 +218,7 @@ class SheetContact(Term):
 
     def at(self, load: float) -> None:
         """Go back to the faces of the last accepted state."""
+        self._changed, self._place = np.inf, self._accepted_place
         self._take(self._accepted)
 
     def accept(self) -> None:
@@ -221,13 +226,14 @@ class SheetContact(Term):
         now = self.facing()
         if now is not self._now:
             self.settled = self._totals()
-        self._accepted = now
+        self._accepted, self._accepted_place = now, self.blank.u.x.array.copy()
         self._take(self._accepted)
         at = self._accepted.points
         self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap)
 
     def update_lagged(self) -> bool:
-        """Take the faces as they are, if that changes forces by more than `lag` of their sum."""
+        """Take the faces as they are, if that changes forces by more than `lag` of their sum; where
+        changes hardly fall, as between states that alternate, half-way to where they are."""
         before, taken = self._forces_of_all(), (self._now, self.pattern)
         self._take(self.facing())
         after = self._forces_of_all()
@@ -236,10 +242,16 @@ class SheetContact(Term):
                 [np.linalg.norm(after - before, axis=1).sum(), np.linalg.norm(after, axis=1).sum()]
             )
         )
-        if changed > self.lag * total:
-            return True
-        (self._now, self.pattern), self._cached = taken, None
-        return False
+        if changed <= self.lag * total:
+            (self._now, self.pattern), self._cached = taken, None
+            return False
+        u = self.blank.u.x.array
+        place = u.copy()
+        if changed > SLOW * self._changed:
+            u[:] = (self._place + place) / 2
+            self._take(self.facing())
+        self._changed, self._place, u[:] = changed, u.copy(), place
+        return True
 
     def _take(self, facing):
         if facing is not self._now:
