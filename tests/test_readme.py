@@ -12,6 +12,7 @@ import pyvista
 
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.meshes.specimen import specimen, write
+from fabric_fenicsx.ranks import RANKS_ENVIRONMENT
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()
@@ -70,18 +71,13 @@ def test_the_commands(tmp_path, command, hang):
             (tmp_path / name).write_text(block("toml"))
     quick = ["--quick"] if script.startswith("studies/") and "identify" not in script else []
     (tmp_path / "studies").symlink_to(ROOT / "studies")
-    environment = os.environ | {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMP_NUM_THREADS": "1",
-    }
     done = subprocess.run(
         [sys.executable, ROOT / script if script.endswith(".py") else script, *options, *quick],
         cwd=tmp_path,
         capture_output=True,
         text=True,
         timeout=hang,
-        env=environment,
+        env=os.environ | RANKS_ENVIRONMENT,
     )
     assert done.returncode == 0, done.stderr
     if script.startswith("studies/"):

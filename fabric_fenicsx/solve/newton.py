@@ -6,10 +6,19 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from .. import dolfinx_compat as compat
 from ..errors import InputError
 from ..scene import Scene
 from ..timing import phase
-from .linear import LINEAR_SOLVERS, NOT_DEFINITE, PREFIX, configure, factorisation_had_room, inertia
+from .linear import (
+    LINEAR_SOLVERS,
+    NOT_DEFINITE,
+    PREFIX,
+    configure,
+    factorisation_had_room,
+    inertia,
+    is_there,
+)
 from .report import KSP_WORDS, SNES_WORDS, Reason, Report
 
 log = logging.getLogger(__name__)
@@ -52,9 +61,11 @@ class Newton:
         max_iterations: int = 150,
         linear_solver: str = "mumps-cholesky",
     ) -> None:
-        if linear_solver not in LINEAR_SOLVERS:
+        allowed = [name for name in LINEAR_SOLVERS if is_there(name)]
+        if linear_solver not in allowed:
+            why = ", and this PETSc has no hypre" if linear_solver in LINEAR_SOLVERS else ""
             raise InputError(
-                f"linear solver is {linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}"
+                f"linear solver is {linear_solver!r}{why}; allowed are {', '.join(allowed)}"
             )
         self.scene, self.tolerance, self.max_iterations = scene, tolerance, max_iterations
         self.tells_inertia = linear_solver == "mumps-cholesky"
@@ -182,7 +193,7 @@ class Newton:
                     snes.computeJacobian(x, self.A)
                     stiffness = self.A.getDiagonal().norm()
                     if not np.isfinite(stiffness):
-                        raise _Ended(Reason.DIVERGED_FNORM_NAN)
+                        raise _Ended(compat.DIVERGED_NAN)
                     self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * stiffness
                     self._linear_solve(r, d)
                 d.scale(-1)
@@ -232,7 +243,7 @@ class Newton:
             f"{report.scale:9.3e} N  energy {energy:.12e} N mm"
         )
         if not (np.isfinite(norm) and np.isfinite(energy)):
-            raise _Ended(Reason.DIVERGED_FNORM_NAN)
+            raise _Ended(compat.DIVERGED_NAN)
         if norm <= self._noise:
             return Reason.CONVERGED_FNORM_ABS
         return Reason.CONVERGED_FNORM_RELATIVE if norm <= self._allowed * report.scale else 0

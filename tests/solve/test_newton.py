@@ -15,7 +15,7 @@ from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.solve.linear import LINEAR_SOLVERS
+from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import Viscosity, march
 from fabric_fenicsx.supports import Support, clamped_ends, rolling_ends
@@ -86,7 +86,7 @@ def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch, angle, s
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("solver", LINEAR_SOLVERS)
+@pytest.mark.parametrize("solver", filter(is_there, LINEAR_SOLVERS))
 def test_linear_solvers_agree(solver):
     found = []
     for name in ("mumps-cholesky", solver):
@@ -101,6 +101,12 @@ def test_linear_solvers_agree(solver):
 def test_unknown_solver_is_named():
     with pytest.raises(InputError, match="'magic'; allowed are mumps-cholesky"):
         Newton(strip(), linear_solver="magic")
+
+
+def test_a_solver_that_petsc_lacks_is_named(monkeypatch):
+    monkeypatch.setattr("fabric_fenicsx.solve.newton.is_there", lambda name: name != "cg-hypre")
+    with pytest.raises(InputError, match="this PETSc has no hypre; allowed are .*cg-gamg$"):
+        Newton(strip(), linear_solver="cg-hypre")
 
 
 @pytest.mark.mpi
