@@ -129,7 +129,7 @@ def test_bad_arguments_end_with_2_and_one_sentence(arguments, capsys):
     out, err = capsys.readouterr()
     assert not out
     assert err.count("\n") == 1
-    assert err.startswith("python -m fabric_fenicsx: error: ")
+    assert err.startswith("fabric: error: ")
 
 
 def test_without_mpi_the_rest_is_told(monkeypatch, capsys):
