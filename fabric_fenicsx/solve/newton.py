@@ -1,6 +1,7 @@
 """Newton's method on a scene's energy, run as a PETSc SNES."""
 
 import logging
+import weakref
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,23 @@ log = logging.getLogger(__name__)
 
 class _Ended(Exception):
     """Carries the SNES reason out of the iteration."""
+
+
+class _Called:
+    """What PETSc calls of a solver. It refers to the solver weakly, as Python does not see PETSc's
+    references and would never free the scene."""
+
+    def __init__(self, solver):
+        self._solver: Any = weakref.proxy(solver)
+
+    def solve(self, snes, b, x):
+        self._solver.solve(snes, b, x)
+
+    def function(self, snes, x, f):
+        self._solver._function(snes, x, f)
+
+    def jacobian(self, snes, x, A, P):
+        self._solver._jacobian(snes, x, A, P)
 
 
 class Newton:
@@ -78,8 +96,9 @@ class Newton:
         self.snes = PETSc.SNES().create(scene.comm)
         self.snes.setOptionsPrefix(PREFIX)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
-        self.snes.setPythonContext(self)
-        self.snes.setFunction(self._function, self._r)
+        self._called = _Called(self)
+        self.snes.setPythonContext(self._called)
+        self.snes.setFunction(self._called.function, self._r)
         self._make_matrix()
         configure(self.snes, linear_solver)
 
@@ -100,7 +119,7 @@ class Newton:
 
     def _make_matrix(self):
         self.A = self.scene.create_matrix()
-        self.snes.setJacobian(self._jacobian, self.A)
+        self.snes.setJacobian(self._called.jacobian, self.A)
 
     def _keep_matrix_fitting(self):
         """Make the matrix anew if contact of sheets has found other places."""
