@@ -323,6 +323,8 @@ def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
                 "a folder of this user, with space left"
             ),
         )
+        if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
+            text = f"error: {error}; `fabric info` says what works here"
     except KeyboardInterrupt:
         status, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
     except Exception:
