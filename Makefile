@@ -1,8 +1,10 @@
-# Every target installs what is missing first: Debian's own packages by apt-get, the rest into .venv. `make help` lists them.
+# Every target installs what is missing first: on Debian 12 and 13 Debian's own packages by apt-get, the rest into .venv;
+# elsewhere, or with FROM=pip, all into .venv-pip, without root. `make help` lists them.
 RANKS ?= 2
 STUDY ?= tensile
 ARGS ?=
 DEBIAN13_ROOT ?= .debian13/root
+SID_ROOT ?= .debian13/sid
 # Seconds after which the ranks of a test run count as hung: far beyond what they take on a machine with other work.
 TEST_TIMEOUT ?= 21600
 
@@ -13,7 +15,8 @@ PACKAGES := python3-dolfinx-real python3-petsc4py python3-mpi4py python3-gmsh py
   python3-pip python3-setuptools gcc g++ libc6-dev python3-dev openmpi-bin libopenblas0-serial
 PACKAGES_12 := libegl1
 PACKAGES_13 := python3-pyvista xvfb xauth python3-pytest python3-pytest-xdist python3-mpmath python3-tomli-w python3-tqdm
-ifeq ($(shell . /etc/os-release && echo $$VERSION_ID),12)
+DEBIAN := $(shell . /etc/os-release 2>/dev/null && [ "$$ID" = debian ] && echo "$${VERSION_ID:-sid}")
+ifeq ($(DEBIAN),12)
 NEEDS := $(PACKAGES) $(PACKAGES_12)
 # numpy stays the one that dolfinx was built with.
 PIP_ARGS = "numpy==$$(/usr/bin/python3 -c 'import numpy; print(numpy.__version__)')"
@@ -22,6 +25,10 @@ NEEDS := $(PACKAGES) $(PACKAGES_13)
 PIP_ARGS := --no-deps
 SCREEN := $(if $(DISPLAY),,xvfb-run -a)
 endif
+
+# Where DOLFINx comes from: debian, if its packages are there or can be installed, else pip.
+FROM ?= $(if $(filter-out 10 11,$(DEBIAN)),$(shell .ci/need --can $(NEEDS) && echo debian || echo pip),pip)
+$(if $(filter debian pip,$(FROM)),,$(error FROM is $(FROM); allowed is debian or pip))
 
 # Open MPI: may run as root, stays inside this machine (shared memory; no single copy, which containers forbid), and gives up
 # its core while it waits.
@@ -33,43 +40,61 @@ export OMPI_MCA_btl_vader_single_copy_mechanism := none
 export OMPI_MCA_mpi_yield_when_idle := 1
 export OMP_NUM_THREADS := 1
 # Ranks may outnumber cores and share them with other runs.
+ifeq ($(FROM),pip)
+# A process of MPICH has 2048 communicators, and on ranks PETSc keeps those of scenes that are gone.
+MPI_PARTS := $(sort $(dir $(wildcard tests/*/*.py))) "tests/test_*.py"
+VENV := .venv-pip
+MPIRUN := $(VENV)/bin/mpiexec -n $(RANKS)
+TEST_MPIRUN := MPIEXEC_TIMEOUT=$(TEST_TIMEOUT) $(MPIRUN)
+SCREEN :=
+else
+MPI_PARTS := tests
+VENV := .venv
 MPIRUN := mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none -n $(RANKS)
-PYTHON := .venv/bin/python
+TEST_MPIRUN := $(MPIRUN) --timeout $(TEST_TIMEOUT)
+endif
+PYTHON := $(VENV)/bin/python
 
-.PHONY: help install study test lint docs pictures debian13-root test-debian13 clean
+.PHONY: help install install-lint install-docs study test lint docs pictures debian13-root test-debian13 sid-root test-sid test-pip clean
 
 help:
 	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
+	@echo "                    FROM=pip (the default where Debian or root is missing): DOLFINx from pip, without root"
 	@echo "make test           the whole test suite: serial, then the tests marked mpi on RANKS=$(RANKS) ranks"
+	@echo "make test-pip       the same suite on DOLFINx from pip, in a Python 3.12 or later"
 	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo)"
+	@echo "make test-sid       the same suite in a root of Debian unstable, made in SID_ROOT=$(SID_ROOT) (root or sudo)"
 	@echo "make lint           ruff and mypy, as CI runs them first"
 	@echo "make docs           the documentation into build/docs (open build/docs/index.html)"
 	@echo "make pictures       the documentation's pictures anew, from docs/examples"
 	@echo "make install        only install what the others need"
-	@echo "make clean          remove .venv and caches; keeps results/ and the Debian 13 root"
+	@echo "make clean          remove environments and caches; keeps results/ and the Debian roots"
 
-install: .venv/installed
+install: $(VENV)/installed
 
-study: .venv/installed
+study: $(VENV)/installed
 	$(SCREEN) $(MPIRUN) $(PYTHON) studies/$(STUDY).py $(or $(ARGS),--overwrite)
 
-test: .venv/installed
+test: $(VENV)/installed
 	$(SCREEN) $(PYTHON) -m pytest -n 2 tests
-	$(SCREEN) $(MPIRUN) --timeout $(TEST_TIMEOUT) $(PYTHON) .ci/pytest_on_ranks.py tests -m mpi -xq --color=no -p no:cacheprovider
+	for part in $(MPI_PARTS); do \
+	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m mpi -xq --color=no -p no:cacheprovider || exit 1; done
 
-lint: .venv/installed-lint
+install-lint install-docs: install-%: $(VENV)/installed-%
+
+lint: install-lint
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m mypy
 
-docs: .venv/installed-docs
+docs: $(VENV)/installed-docs
 	$(PYTHON) -m sphinx --builder html --fail-on-warning --keep-going --quiet docs build/docs
 
-pictures: .venv/installed
+pictures: $(VENV)/installed
 	$(SCREEN) $(PYTHON) docs/pictures.py
 
 # What an extra of pyproject.toml lists and nothing else, so that the packages of the program stay as they are.
-.venv/installed-%: .venv/installed
+$(VENV)/installed-%: $(VENV)/installed
 	$(PYTHON) -m pip install --quiet $$($(PYTHON) -c "import tomllib; print(*tomllib.load(open('pyproject.toml', 'rb'))['project']['optional-dependencies']['$*'])")
 	@touch $@
 
@@ -77,8 +102,17 @@ pictures: .venv/installed
 .venv/installed: Makefile pyproject.toml
 	@.ci/need $(NEEDS)
 	/usr/bin/python3 -m venv --system-site-packages --without-pip .venv
-	$(PYTHON) -m pip install --quiet --no-build-isolation --editable ".[test]" $(PIP_ARGS)
+	.venv/bin/python -m pip install --quiet --no-build-isolation --editable ".[test]" $(PIP_ARGS)
 	@touch $@
+
+# PIP_PYTHON: a Python 3.12 or later; by default the first that is found.
+.venv-pip/installed: Makefile pyproject.toml
+	@python=$${PIP_PYTHON:-$$(.ci/python)} && "$$python" -m venv .venv-pip
+	.venv-pip/bin/python -m pip install --quiet --editable ".[dolfinx,test]"
+	@touch $@
+
+test-pip:
+	@$(MAKE) test FROM=pip
 
 debian13-root:
 	@.ci/debian13 root "$(DEBIAN13_ROOT)" $(sort $(PACKAGES) $(PACKAGES_13) make)
@@ -86,6 +120,12 @@ debian13-root:
 test-debian13: debian13-root
 	@.ci/debian13 test "$(DEBIAN13_ROOT)"
 
+sid-root:
+	@SUITE=sid .ci/debian13 root "$(SID_ROOT)" $(sort $(PACKAGES) $(PACKAGES_13) make)
+
+test-sid: sid-root
+	@SUITE=sid .ci/debian13 test "$(SID_ROOT)"
+
 clean:
-	rm -rf .venv build docs/api/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf .venv .venv-pip build docs/api/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache
 	find . -name .debian13 -prune -o -name __pycache__ -exec rm -rf {} +

@@ -6,7 +6,7 @@ import sys
 import pytest
 from mpi4py import MPI
 
-status = int(pytest.main(sys.argv[1:]))
+status = pytest.main(sys.argv[1:])
 sys.stdout.flush()
-if status:
-    MPI.COMM_WORLD.Abort(status)
+if status not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+    MPI.COMM_WORLD.Abort(int(status))

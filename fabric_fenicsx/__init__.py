@@ -4,10 +4,15 @@
 used.
 """
 
+from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+# pip's DOLFINx wants this before mpi4py, petsc4py and dolfinx; Debian's has no such package
+with suppress(ModuleNotFoundError):
+    import_module("dolfinx_solver")
 
 if TYPE_CHECKING:
     from .errors import InputError, Interrupted, SolverFailure

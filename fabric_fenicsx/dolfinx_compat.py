@@ -23,9 +23,13 @@ from ufl.core.expr import Expr
 from .timing import phase
 
 VERSION = tuple(int(n) for n in dolfinx.__version__.split(".")[:2])
-OLD = VERSION < (0, 8)
+OLD, NEW = VERSION < (0, 8), VERSION >= (0, 11)
 if not OLD:
     import basix.ufl
+
+# PETSc 3.25 has renamed it
+_Reason = PETSc.SNES.ConvergedReason
+DIVERGED_NAN = getattr(_Reason, "DIVERGED_FUNCTION_NANORINF", None) or _Reason.DIVERGED_FNORM_NAN
 
 # None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional
 # may be computed side by side; sums may be taken in another order and quotients as products; and
@@ -73,9 +77,9 @@ def create_mesh(
         )
         return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, domain=ufl.Mesh(element))
     domain = ufl.Mesh(basix.ufl.element("Lagrange", cell, degree, shape=(gdim,)))
-    ghosts = dolfinx.mesh.create_cell_partitioner(
-        dolfinx.mesh.GhostMode.shared_facet
-    )  # what is OLD's default
+    # what is OLD's default; NEW asks how many cells may meet at an edge
+    how = (dolfinx.mesh.GhostMode.shared_facet, *((2,) if NEW else ()))
+    ghosts = dolfinx.mesh.create_cell_partitioner(*how)
     return dolfinx.mesh.create_mesh(comm, cells=cells, x=points, e=domain, partitioner=ghosts)
 
 
@@ -87,26 +91,32 @@ def to_dolfinx_order(cell: str, nodes: int) -> np.ndarray:
 
 def cell_name(mesh: Mesh) -> str:
     """ "triangle" or "quadrilateral"."""
-    return mesh.ufl_cell().cellname()
+    name = mesh.ufl_cell().cellname
+    return name if NEW else name()
 
 
 def is_affine(mesh: Mesh) -> bool:
     """Whether every cell has one tangent plane: straight-sided triangles."""
-    return cell_name(mesh) == "triangle" and mesh.geometry.cmap.degree == 1
+    return cell_name(mesh) == "triangle" and geometry_degree(mesh) == 1
+
+
+def geometry_degree(mesh: Mesh) -> int:
+    """Polynomial degree of the cells' shape."""
+    return mesh.geometry.cmaps[0].degree if NEW else mesh.geometry.cmap.degree
 
 
 def geometry_dofmap(mesh: Mesh) -> np.ndarray:
     """Geometry nodes of each local cell (owned first, then ghosts), (cells, k)."""
+    if not OLD:
+        return mesh.geometry.dofmaps[0] if NEW else mesh.geometry.dofmap
     dofmap = mesh.geometry.dofmap
-    if isinstance(dofmap, np.ndarray):
-        return dofmap
     nodes = {
         ("triangle", 1): 3,
         ("triangle", 2): 6,
         ("quadrilateral", 1): 4,
         ("quadrilateral", 2): 9,
     }
-    return dofmap.array.reshape(dofmap.num_nodes, nodes[cell_name(mesh), mesh.geometry.cmap.degree])
+    return dofmap.array.reshape(dofmap.num_nodes, nodes[cell_name(mesh), geometry_degree(mesh)])
 
 
 def dofmap(space: fem.FunctionSpace) -> np.ndarray:

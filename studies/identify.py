@@ -11,7 +11,7 @@ import scipy
 
 from fabric_fenicsx import __version__
 from fabric_fenicsx.command_line.identification import check, options
-from fabric_fenicsx.command_line.options import exit_status, restart_command
+from fabric_fenicsx.command_line.options import exit_status, program, restart_command
 from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import curves, identification
 from fabric_fenicsx.material.presets import load
@@ -78,5 +78,5 @@ if __name__ == "__main__":
         main(options(__doc__).parse_args())
     except (InputError, SolverFailure) as error:
         status, text = exit_status(error)
-        print(f"studies/identify.py: {text}", file=sys.stderr)
+        print(f"{program('identify')}: {text}", file=sys.stderr)
         sys.exit(status)

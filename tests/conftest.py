@@ -17,18 +17,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fabric_fenicsx.ranks import RANKS_ENVIRONMENT, on_ranks
+
 ROOT = Path(__file__).parents[1]
 # Seconds after which what a test started counts as hung: far more than the slowest takes on a
 # machine with other work.
 HANG = 3600
-
-
-RANKS_ENVIRONMENT = {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMP_NUM_THREADS": "1",
-    "OMPI_MCA_mpi_yield_when_idle": "1",
-}
 
 
 def world():
@@ -38,11 +32,6 @@ def world():
     from mpi4py import MPI
 
     return MPI.COMM_WORLD
-
-
-def on_ranks(ranks):
-    """What starts a command on some ranks, its first words."""
-    return ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", str(ranks)]
 
 
 def wait_and_kill(command, cwd, history, rows):

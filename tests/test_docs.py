@@ -17,18 +17,14 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.material.laws.base import LAWS
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.meshes.specimen import specimen, write
+from fabric_fenicsx.ranks import RANKS_ENVIRONMENT
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 PAGES = [README, *sorted(p for p in DOCS.rglob("*.md") if "generated" not in p.parts)]
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
-ENVIRONMENT = os.environ | {
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMP_NUM_THREADS": "1",
-    "PYTHONPATH": str(ROOT),
-}
+ENVIRONMENT = os.environ | RANKS_ENVIRONMENT | {"PYTHONPATH": str(ROOT)}
 
 
 def name(path):

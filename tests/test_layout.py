@@ -11,6 +11,7 @@ ORDER = (
     "errors",
     "timing",
     "files",
+    "ranks",
     "signals",
     "dolfinx_compat",
     "meshes",

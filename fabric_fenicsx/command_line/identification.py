@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..material import identification
-from .options import HelpFormatter, Parser
+from .options import HelpFormatter, Parser, program
 
 DATA = "folder with sheet.toml and a CSV file a test; see fabric_fenicsx/material/curves"
 OUT = "the material; report and pictures go beside it"
@@ -18,9 +18,11 @@ COVERAGE = (
 
 def options(description: str | None) -> Parser:
     """The parser of studies/identify.py."""
-    name = "studies/identify.py"
     p = Parser(
-        prog=name, description=description, formatter_class=HelpFormatter, allow_abbrev=False
+        prog=program("identify"),
+        description=description,
+        formatter_class=HelpFormatter,
+        allow_abbrev=False,
     )
     out = Path("results/identify/fabric.toml")
     p.add_argument("--data", metavar="DIR", type=Path, help=DATA)

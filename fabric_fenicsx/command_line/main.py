@@ -1,44 +1,79 @@
-"""`python -m fabric_fenicsx info`: what is installed and whether it works; studies are the scripts
-in studies/."""
+"""`fabric`, or `python -m fabric_fenicsx`: runs studies, lists them, and says what is installed."""
 
 import argparse
+import ast
+import runpy
 import sys
+import textwrap
+from pathlib import Path
 
 from ..errors import InputError
 from . import info
-from .options import Parser, exit_status
+from .options import STUDIES, Parser, exit_status
+
+COMMANDS = {
+    "info": "versions, presets, and whether all works",
+    "list": "the studies, and where their example data are",
+}
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command in argv (default: the program's arguments); returns its exit status, 2 for
-    bad arguments."""
+    bad arguments. A study leaves with its own."""
+    argv = sys.argv[1:] if argv is None else argv
+    scripts = {path.stem: path for path in sorted(STUDIES.glob("*.py"))}
+    if argv and argv[0] in scripts:
+        script = str(scripts[argv[0]])
+        sys.argv[:] = [script, *map(_found, argv[1:])]
+        runpy.run_path(script, run_name="__main__")
+        return 0
     comm = info.world()
     speaks = comm is None or comm.rank == 0
-    argv = sys.argv[1:] if argv is None else argv
     if not speaks and {"-h", "--help"} & set(argv):
         return 0
     parser = Parser(
-        prog="python -m fabric_fenicsx", description="What is installed, and whether it works."
+        prog="fabric",
+        usage="fabric [-h] command, or fabric STUDY [option ...]",
+        description="Run a study (fabric tensile --help tells its options) or one of these:",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="\n".join(f"  {name:6}{words}" for name, words in COMMANDS.items()),
     )
-    parser.add_argument(
-        "command",
-        type=_command,
-        metavar="command",
-        help="info: versions, presets, and whether all works",
-    )
+    parser.add_argument("command", help=argparse.SUPPRESS)
     try:
-        parser.parse_args(argv)
+        command = parser.parse_args(argv).command
+        if command not in COMMANDS:
+            allowed = ", ".join([*COMMANDS, *scripts])
+            raise InputError(f"command is {command}; allowed is one of {allowed}")
     except InputError as error:
         status, text = exit_status(error)
         if speaks:
-            print(f"python -m fabric_fenicsx: {text}", file=sys.stderr, flush=True)
+            print(f"fabric: {text}", file=sys.stderr, flush=True)
         if comm is not None:
             comm.Barrier()  # mpirun ends all ranks when the first leaves
         return status
-    return info.show(comm)
+    if command == "info":
+        return info.show(comm)
+    if speaks:
+        print(_listed(scripts.values()))
+    return 0
 
 
-def _command(text: str) -> str:
-    if text != "info":
-        raise argparse.ArgumentTypeError(f"is {text}; allowed is info")
-    return text
+def _listed(scripts):
+    """Each study with what it says of itself; then the example data."""
+    lines = []
+    for path in scripts:
+        words = " ".join((ast.get_docstring(ast.parse(path.read_text())) or "").split())
+        lines += textwrap.wrap(f"{path.stem:24}{words}", 100, subsequent_indent=24 * " ")
+    examples = sorted([*STUDIES.glob("data/*/sheet.toml"), *STUDIES.glob("stacks/*.toml")])
+    lines.append(f"\nexample data, from any folder, as they are in {STUDIES}:")
+    for path in examples:
+        example = path.parent if path.name == "sheet.toml" else path
+        lines.append(f"  studies/{example.relative_to(STUDIES)}")
+    return "\n".join(lines)
+
+
+def _found(word):
+    """The path of example data, `studies/...`, where that is not in this folder."""
+    path = STUDIES / word.removeprefix("studies/")
+    example = word.startswith("studies/") and not Path(word).exists() and path.exists()
+    return str(path) if example else word

@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..errors import InputError, Interrupted
+from ..ranks import on_ranks
 from ..scenarios.numbers import Rule
+
+STUDIES = Path(__file__).parents[1] / "studies"  # a link in the repository, a copy where installed
 
 
 def exit_status(error: Exception) -> tuple[int, str]:
@@ -20,12 +23,28 @@ def exit_status(error: Exception) -> tuple[int, str]:
     return 3, str(error) if isinstance(error, Interrupted) else f"stopped: {error}"
 
 
+def program(name: str) -> str:
+    """How study `name` was started: by `fabric` or as a script."""
+    return f"fabric {name}" if _by_fabric() else f"studies/{name}.py"
+
+
 def restart_command(ranks: int = 1) -> str:
     """What starts this program anew, as it was started but for --resume and --overwrite."""
-    here, python = Path.cwd(), Path(sys.executable)
-    words = [str(python.relative_to(here) if python.is_relative_to(here) else python)]
-    words += [word for word in sys.argv if word not in ("--resume", "--overwrite")]
-    return (f"mpirun -n {ranks} " if ranks > 1 else "") + shlex.join(words)
+    options = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
+    script = Path(sys.argv[0])
+    start = ["-m", "fabric_fenicsx", script.stem] if _by_fabric() else [str(script)]
+    words = [_from_here(sys.executable), *start, *options]
+    mpirun = _from_here(on_ranks(ranks)[0]).removesuffix(".openmpi")
+    return (f"{mpirun} -n {ranks} " if ranks > 1 else "") + shlex.join(words)
+
+
+def _by_fabric():
+    return Path(sys.argv[0]).parent == STUDIES
+
+
+def _from_here(file):
+    here, path = Path.cwd(), Path(file)
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def spelled(name: str) -> str:

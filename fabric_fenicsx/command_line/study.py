@@ -24,7 +24,15 @@ from ..scenarios.scenario import Scenario
 from ..solve.limits import Limits
 from ..solve.linear import LINEAR_SOLVERS
 from .console import Console
-from .options import HelpFormatter, Parser, exit_status, option_type, restart_command, spelled
+from .options import (
+    HelpFormatter,
+    Parser,
+    exit_status,
+    option_type,
+    program,
+    restart_command,
+    spelled,
+)
 
 log = logging.getLogger("fabric_fenicsx")
 UP_TO_ONE = Rule("a load factor above 0 and up to 1", lambda v: 0 < v <= 1)
@@ -41,7 +49,7 @@ def parser(
     define the problem.
     """
     name = name or scenario.NAME
-    p = Parser(prog=f"studies/{name}.py", description=description, formatter_class=HelpFormatter)
+    p = Parser(prog=program(name), description=description, formatter_class=HelpFormatter)
     full, quick = scenario.FULL, scenario.QUICK
     add_scenario(p, scenario)
     p.group("material")
@@ -315,6 +323,8 @@ def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
                 "a folder of this user, with space left"
             ),
         )
+        if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
+            text = f"error: {error}; `fabric info` says what works here"
     except KeyboardInterrupt:
         status, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
     except Exception:
@@ -327,7 +337,7 @@ def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
         time.sleep(0.01)
     alone = time.monotonic() >= patience
     if comm.rank == 0 or alone:
-        print(f"studies/{name}.py: {text}", file=sys.stderr, flush=True)
+        print(f"{program(name)}: {text}", file=sys.stderr, flush=True)
     if alone:
         comm.Abort(status)
     comm.Barrier()  # as mpirun ends all ranks when the first leaves

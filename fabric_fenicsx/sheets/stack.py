@@ -90,7 +90,7 @@ def _check(sheets):
                 f"{where} lies in a plane mesh or along turned axes; allowed is a sheet in space "
                 "(`spatial=True`)"
             )
-        if blank.degree != 1 or blank.mesh.geometry.cmap.degree != 1:
+        if blank.degree != 1 or compat.geometry_degree(blank.mesh) != 1:
             raise InputError(f"{where} has other than linear cells; allowed are P1 and Q1")
         low, high = blank.extent()
         if high[2] - low[2] > FLAT * (high - low).max():

@@ -26,6 +26,11 @@ NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness ac
 }
 
 
+def is_there(name: str) -> bool:
+    """Whether PETSc was built with what the linear solver `name` needs; pip's has no hypre."""
+    return name != "cg-hypre" or bool(PETSc.Sys.hasExternalPackage("hypre"))
+
+
 def configure(snes: PETSc.SNES, name: str) -> None:
     """Give `snes` the linear solver `name`, one of `LINEAR_SOLVERS`."""
     options, given = PETSc.Options(PREFIX), LINEAR_SOLVERS[name]

@@ -1,15 +1,25 @@
 """Newton's method on a scene's energy, run as a PETSc SNES."""
 
 import logging
+import weakref
 from typing import Any
 
 import numpy as np
 from petsc4py import PETSc
 
+from .. import dolfinx_compat as compat
 from ..errors import InputError
 from ..scene import Scene
 from ..timing import phase
-from .linear import LINEAR_SOLVERS, NOT_DEFINITE, PREFIX, configure, factorisation_had_room, inertia
+from .linear import (
+    LINEAR_SOLVERS,
+    NOT_DEFINITE,
+    PREFIX,
+    configure,
+    factorisation_had_room,
+    inertia,
+    is_there,
+)
 from .report import KSP_WORDS, SNES_WORDS, Reason, Report
 
 log = logging.getLogger(__name__)
@@ -17,6 +27,23 @@ log = logging.getLogger(__name__)
 
 class _Ended(Exception):
     """Carries the SNES reason out of the iteration."""
+
+
+class _Called:
+    """What PETSc calls of a solver. It refers to the solver weakly, as Python does not see PETSc's
+    references and would never free the scene."""
+
+    def __init__(self, solver):
+        self._solver: Any = weakref.proxy(solver)
+
+    def solve(self, snes, b, x):
+        self._solver.solve(snes, b, x)
+
+    def function(self, snes, x, f):
+        self._solver._function(snes, x, f)
+
+    def jacobian(self, snes, x, A, P):
+        self._solver._jacobian(snes, x, A, P)
 
 
 class Newton:
@@ -52,9 +79,11 @@ class Newton:
         max_iterations: int = 150,
         linear_solver: str = "mumps-cholesky",
     ) -> None:
-        if linear_solver not in LINEAR_SOLVERS:
+        allowed = [name for name in LINEAR_SOLVERS if is_there(name)]
+        if linear_solver not in allowed:
+            why = ", and this PETSc has no hypre" if linear_solver in LINEAR_SOLVERS else ""
             raise InputError(
-                f"linear solver is {linear_solver!r}; allowed are {', '.join(LINEAR_SOLVERS)}"
+                f"linear solver is {linear_solver!r}{why}; allowed are {', '.join(allowed)}"
             )
         self.scene, self.tolerance, self.max_iterations = scene, tolerance, max_iterations
         self.tells_inertia = linear_solver == "mumps-cholesky"
@@ -67,8 +96,9 @@ class Newton:
         self.snes = PETSc.SNES().create(scene.comm)
         self.snes.setOptionsPrefix(PREFIX)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
-        self.snes.setPythonContext(self)
-        self.snes.setFunction(self._function, self._r)
+        self._called = _Called(self)
+        self.snes.setPythonContext(self._called)
+        self.snes.setFunction(self._called.function, self._r)
         self._make_matrix()
         configure(self.snes, linear_solver)
 
@@ -89,7 +119,7 @@ class Newton:
 
     def _make_matrix(self):
         self.A = self.scene.create_matrix()
-        self.snes.setJacobian(self._jacobian, self.A)
+        self.snes.setJacobian(self._called.jacobian, self.A)
 
     def _keep_matrix_fitting(self):
         """Make the matrix anew if contact of sheets has found other places."""
@@ -182,7 +212,7 @@ class Newton:
                     snes.computeJacobian(x, self.A)
                     stiffness = self.A.getDiagonal().norm()
                     if not np.isfinite(stiffness):
-                        raise _Ended(Reason.DIVERGED_FNORM_NAN)
+                        raise _Ended(compat.DIVERGED_NAN)
                     self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * stiffness
                     self._linear_solve(r, d)
                 d.scale(-1)
@@ -232,7 +262,7 @@ class Newton:
             f"{report.scale:9.3e} N  energy {energy:.12e} N mm"
         )
         if not (np.isfinite(norm) and np.isfinite(energy)):
-            raise _Ended(Reason.DIVERGED_FNORM_NAN)
+            raise _Ended(compat.DIVERGED_NAN)
         if norm <= self._noise:
             return Reason.CONVERGED_FNORM_ABS
         return Reason.CONVERGED_FNORM_RELATIVE if norm <= self._allowed * report.scale else 0

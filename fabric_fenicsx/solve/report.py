@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 from petsc4py import PETSc
 
+from .. import dolfinx_compat as compat
+
 Reason = PETSc.SNES.ConvergedReason
 SNES_WORDS = {
     Reason.CONVERGED_FNORM_ABS: "converged: what force is left is rounding",
@@ -12,7 +14,7 @@ SNES_WORDS = {
     Reason.DIVERGED_MAX_IT: "no convergence within the allowed iterations",
     Reason.DIVERGED_LINEAR_SOLVE: "the linear solver failed",
     Reason.DIVERGED_LINE_SEARCH: "the line search found no state of lower energy",
-    Reason.DIVERGED_FNORM_NAN: "the energy, its forces or its tangent are not a number",
+    compat.DIVERGED_NAN: "the energy, its forces or its tangent are not a number",
     Reason.DIVERGED_FUNCTION_DOMAIN: "a cell is turned inside out",
     Reason.DIVERGED_LOCAL_MIN: "the state is a saddle of the energy that could not be left",
 }

@@ -7,15 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+from ..ranks import RANKS_ENVIRONMENT, on_ranks
 from .cost_plan import Configuration
-
-MPIRUN = "mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none -n"
-ENVIRONMENT = {
-    "OMP_NUM_THREADS": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT": "1",
-    "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    "OMPI_MCA_mpi_yield_when_idle": "1",  # other runs may share the cores
-}
 
 
 def run_apart(c: Configuration, command: Sequence[str], limit: float) -> dict[str, Any]:
@@ -23,13 +16,13 @@ def run_apart(c: Configuration, command: Sequence[str], limit: float) -> dict[st
     [s]; with a `reason` if it did not end well."""
     words = [*command, "--configuration", json.dumps(asdict(c))]
     if c.ranks > 1:
-        words = [*MPIRUN.split(), str(c.ranks), *words]
+        words = [*on_ranks(c.ranks), *words]
     # timeout also ends what mpirun started, and itself where it must kill
     done = subprocess.run(
         ["timeout", "-k", "5", f"{limit:g}", *words],
         capture_output=True,
         text=True,
-        env=os.environ | ENVIRONMENT,
+        env=os.environ | RANKS_ENVIRONMENT,
         stdin=subprocess.DEVNULL,
     )
     row = asdict(c)

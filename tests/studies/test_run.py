@@ -21,6 +21,7 @@ from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.files import lock_folder
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.results.fields import read_last
 from fabric_fenicsx.results.history import COLUMNS, check_notes
 from fabric_fenicsx.scenarios.tensile import Tensile
@@ -231,18 +232,12 @@ def test_ends_after_its_step_if_asked_and_goes_on(tmp_path, whole, number, hang)
 
 def test_ranks_end_together_if_asked(launch, tmp_path, hang):
     folder = tmp_path / "out"
-    ranks = ["mpirun.openmpi", "--map-by", ":OVERSUBSCRIBE", "--bind-to", "none", "-n", "2"]
-    allowed = {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMP_NUM_THREADS": "1",
-    }
     process = subprocess.Popen(
-        [*ranks, *command("--out", folder)],
+        [*on_ranks(2), *command("--out", folder)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=os.environ | allowed,
+        env=os.environ | RANKS_ENVIRONMENT,
     )
     wait_for_rows(process, folder)
     process.send_signal(signal.SIGTERM)
