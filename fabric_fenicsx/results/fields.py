@@ -297,7 +297,7 @@ def read_last(directory: Path) -> pyvista.UnstructuredGrid:
     cell field that only some sheets have is NaN on the others."""
     reader = pyvista.PVDReader(directory / "fields.pvd")
     reader.set_active_time_value(reader.time_values[-1])
-    blocks = reader.read()
+    blocks = pyvista.MultiBlock([block for block in reader.read() if block.n_cells])
     shapes = {name: np.shape(values)[1:] for b in blocks for name, values in b.cell_data.items()}
     for block in blocks:
         for name in shapes.keys() - set(block.cell_data):
