@@ -41,8 +41,8 @@ export OMPI_MCA_mpi_yield_when_idle := 1
 export OMP_NUM_THREADS := 1
 # Ranks may outnumber cores and share them with other runs.
 ifeq ($(FROM),pip)
-# A process of MPICH has 2048 communicators, and on ranks PETSc keeps those of scenes that are gone.
-MPI_PARTS := $(sort $(dir $(wildcard tests/*/*.py))) "tests/test_*.py"
+# A process of MPICH has 2048 communicators, and on ranks PETSc keeps those of scenes that are gone: a process for each file.
+MPI_PARTS := $(shell grep -l mark.mpi tests/test_*.py tests/*/test_*.py)
 VENV := .venv-pip
 MPIRUN := $(VENV)/bin/mpiexec -n $(RANKS)
 TEST_MPIRUN := MPIEXEC_TIMEOUT=$(TEST_TIMEOUT) $(MPIRUN)

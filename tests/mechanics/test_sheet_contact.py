@@ -181,6 +181,26 @@ def test_derivatives_where_points_slide_over_edges(taken):
 
 
 @pytest.mark.mpi
+def test_states_that_alternate_are_met_half_way():
+    """Where the faces were taken to and fro, they are taken between both places."""
+    shift = np.array([1.1, 0.5, 0.0])
+    found = []
+    for places in ((1.0, 0.0, 1.0), (0.5,)):
+        scene, pair = two(**STATES["pressed"])
+        u, on_upper = scene.u.array, scene.blank.part("upper").nodes
+        rest = u.copy()
+        for share in places:
+            u[:] = rest
+            u.reshape(-1, 3)[on_upper] += share * shift
+            scene.set(scene.u.copy())
+            assert scene.update_lagged()
+        u[:] = rest
+        scene.set(scene.u.copy())
+        found.append(nodal_forces(scene, pair)[0])
+    assert found[0] == pytest.approx(found[1], abs=1e-9 * abs(found[1]).max())
+
+
+@pytest.mark.mpi
 def test_sheets_apart_bear_nothing():
     scene, pair = two(**STATES["open"])
     forces, _ = nodal_forces(scene, pair)
