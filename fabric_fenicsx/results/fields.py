@@ -195,6 +195,8 @@ class FieldSeries:
             for name, array in fields.items():
                 self._grid.cell_data[name] = array
             for k, part in enumerate(self._parts):
+                if not len(part.cells):  # VTK's writer may crash on a grid without cells
+                    continue
                 grid = (
                     self._grid
                     if part.is_whole
@@ -219,6 +221,7 @@ class FieldSeries:
                     (k, f" name={quoteattr(part.name)}" if part.name else "", r)
                     for k, part in enumerate(self._parts)
                     for r in ranks
+                    if (self.directory / "fields" / f"{self._file(i, r, k)}.vtu").exists()
                 )
             ]
             sets["tools.pvd"] += [
