@@ -169,7 +169,7 @@ class Scene:
 
     @property
     def rough(self) -> float:
-        """The loosest tolerance that a term says will do until all is settled, see `Term`."""
+        """The largest `rough` of the terms."""
         return max((term.rough for term in self.terms), default=0.0)
 
     def work(self) -> float:

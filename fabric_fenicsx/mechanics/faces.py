@@ -14,7 +14,7 @@ from .morley import Where
 
 UP = np.array([0.0, 0.0, 1.0])
 NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
-ROWS = 2  # of nodes beside a free edge, over which the face becomes flat
+ROWS = 2  # rows of nodes beside a free edge, over which the face becomes flat
 INSIDE = 1e-7  # of a triangle, what a point may lie beyond its edge
 ITERATIONS = 12  # of Newton's method; three or four do
 
@@ -44,7 +44,7 @@ class Face:
     edges, and linear in x, so that virtual work on it is exact. Quadratic displacements are met
     exactly where the cells around both nodes are regular. The interpolation is that of A. Vlachos
     et al., Curved PN triangles, 2001, of degree 2. Beside free edges gradients are known from one
-    side only, so the bulges fade out there, over `ROWS` of nodes: otherwise a uniform pressure
+    side only, so the bulges fade out there, over `ROWS` rows of nodes: otherwise a uniform pressure
     would load the nodes unevenly.
 
     The normal is interpolated between the corners' (N. Max, 1999, see `vertex_normals`), so it is

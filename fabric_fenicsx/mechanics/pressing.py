@@ -12,7 +12,7 @@ from .nodes import Nodes, PressingTerm
 from .sheet_contact import SheetContact
 from .term import SceneFacts
 
-UPDATES = 3  # of the pressed areas in a step: at the flange's end a node's may alternate
+UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
 
 
 class BlankHolderPressure(PressingTerm):

@@ -21,7 +21,7 @@ from .term import SceneFacts, Term, Triplets
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
-SLOW = 0.6  # of a change of forces, beyond which after the next one faces are taken half-way
+SLOW = 0.6  # share of the last change of forces: if the next is larger, faces are taken half-way
 REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
 
 
@@ -65,7 +65,7 @@ class SheetContact(Term):
     Within a solve the gap is a paraboloid in the relative displacement, from places, normals and
     curvatures of the last accepted state, so it has no kinks. After it the faces are looked at
     again: if that changes the forces by more than `lag` of their sum, the paraboloid is taken anew
-    and the solve repeated. Until that is settled, states are sought as `rough` as will do.
+    and the solve repeated. Until that is settled, solves are `rough`.
 
     - penalty [N/mm^3]: by default the smaller of both fabrics' `default_penalty` with the tightest
       tool of the scene

@@ -64,8 +64,8 @@ class Term:
     - blank: the sheet, from `set_up` on; part: what of it the term is on
     - part_name: of the blank's part that it is restricted to, see `on`
     - pattern: a number that changes when the places of `tangent` do
-    - rough: the solver's tolerance that will do before `update_lagged` has nothing more to take
-      anew; 0: that of the state sought
+    - rough: tolerance of solves as long as `update_lagged` still takes something anew; 0: that
+      which is asked of the state
     """
 
     name = "term"

@@ -309,8 +309,9 @@ class Forming(Scenario):
         held = self.holder == "pressure" and self.holder_pressure
         if isinstance(self.blank, Stack) and held:
             on_die = next(term for term in self.contacts if term.tool is self.die)
-            terms, under = self.scene.terms, holding.on_flange(self.die, self.thickness)
-            stacking.press(self.blank, terms, on_die, self.holder_pressure, under)
+            pairs = stacking.neighbours(self.scene.terms, self.plies)
+            under = holding.on_flange(self.die, self.thickness)
+            stacking.press(self.blank, pairs, on_die, self.holder_pressure, under)
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Stroke [mm] and force [N] of the punch, of a quarter if that is modelled."""

@@ -71,16 +71,15 @@ def _facing(stack, plies):
 
 def press(
     stack: Stack,
-    terms: Sequence[Term],
+    pairs: Sequence[SheetContact],
     on_top: Contact,
     pressure: float,
     under: Callable[[np.ndarray], np.ndarray],
 ) -> None:
     """Displace the sheets towards the tool `on_top` of the last one, by as much as a holder's
-    pressure [MPa] presses them into it and into each other. under: function of places (n, 3) to
-    the share (n,) of each that the holder presses."""
+    pressure [MPa] presses them into it and into each other. pairs: contacts of each sheet with the
+    next; under: function of places (n, 3) to the share (n,) of each that the holder presses."""
     depths = on_top.depth_under(pressure)
-    contacts = {term.sheets: term for term in terms if isinstance(term, SheetContact)}
     count = len(depths)
     u = stack.u.x.array.reshape(-1, 3)[:count]
     share = under(stack.coordinates()[:count])
@@ -89,6 +88,5 @@ def press(
         at = stack.parts[sheet.name].nodes
         u[at, 2] = share[at] * (rise + depths[at])
         if k:
-            pair = contacts[stack.sheets[k - 1].name, sheet.name]
-            rise += stack.play + pair.depth_under(pressure)
+            rise += stack.play + pairs[k - 1].depth_under(pressure)
     stack.u.x.scatter_forward()

@@ -116,8 +116,8 @@ class Blank:
         return self.V.tabulate_dof_coordinates()
 
     def generic_displacement(self) -> np.ndarray:
-        """A displacement of this rank's owned nodes (n, gdim) of size 1 that no mode is orthogonal
-        to: a function of their places, so that neither ranks nor their numbering matter."""
+        """A displacement of this rank's owned nodes (n, gdim) of about size 1 that no mode is
+        orthogonal to: a function of their places, so neither ranks nor their numbering matter."""
         owned, gdim = self.V.dofmap.index_map.size_local, self.mesh.geometry.dim
         low, high = self.extent()
         x = (self.along(self.coordinates()[:owned].T).T - low) / (high - low).max()

@@ -285,9 +285,9 @@ def march(
 
 
 def _solve_lagged(newton, x, allowed):
-    """Solve for x to the tolerance `allowed`, or the solver's, again until terms need not take anew
-    what they hold in a solve; at first as roughly as they say will do. The last `Report`, with the
-    iterations of the hardest solve, and those of all."""
+    """Solve for x, again and again until terms have nothing to take anew: at first to their `rough`
+    tolerance, in the end to `allowed` or the solver's. The last `Report`, with the iterations of
+    the hardest solve, and the iterations of all."""
     scene, every = newton.scene, []
     allowed = max(allowed, newton.tolerance)
     tolerance = max(allowed, scene.rough)

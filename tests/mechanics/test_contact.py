@@ -461,6 +461,17 @@ def test_bad_pressing_is_refused():
 
 
 @pytest.mark.mpi
+def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
+    """Three times in a step they are taken anew, and in the next step again."""
+    shares = iter([0.0, 0.0] + 10 * [1.0, 0.5])
+    press = BlankHolderPressure(1.0, (0, 0, 1), lambda x: np.full(len(x), next(shares)), lag=0.01)
+    alone(sheet(10, 10, 2, 2), press)
+    for factor in (0.5, 1.0):
+        press.at(factor)
+        assert [press.update_lagged() for _ in range(5)] == [True, True, True, False, False]
+
+
+@pytest.mark.mpi
 def test_a_holder_touches_one_sheet_of_a_stack():
     stack = Stack([(sheet(10, 10, 2, 2), T, name) for name in ("lower", "upper")])
     with pytest.raises(InputError, match="would press each sheet of the stack; allowed is `.on"):

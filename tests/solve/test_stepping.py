@@ -4,6 +4,7 @@ import builders
 import pytest
 
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.mechanics.load import EdgeTension
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
@@ -67,3 +68,49 @@ def test_steps_stay_where_work_is_stored_or_nobody_asks(share, balance):
 def test_balance_is_above_0():
     with pytest.raises(InputError, match="`balance` is 0; allowed is a number above 0"):
         stretched(0.0, 0)
+
+
+class Holding(Term):
+    """Takes something anew twice in each step."""
+
+    name, rough = "holding", 1e-3
+
+    def at(self, load):
+        self.left = 2
+
+    def add_forces(self, f):
+        pass
+
+    def update_lagged(self):
+        self.left -= 1
+        return self.left >= 0
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Tolerances of all solves."""
+    tolerances, solve_for = [], Newton.solve_for
+
+    def noted(self, x, tolerance=None):
+        tolerances.append(tolerance)
+        return solve_for(self, x, tolerance)
+
+    monkeypatch.setattr(Newton, "solve_for", noted)
+    return tolerances
+
+
+@pytest.mark.mpi
+def test_solves_are_rough_until_nothing_is_taken_anew(asked):
+    terms = [builders.Elastic(), Holding()]
+    scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
+    march(Newton(scene, 1e-8), steps=1)
+    assert asked == [1e-3, 1e-3, 1e-3, 1e-8]
+
+
+@pytest.mark.mpi
+def test_only_states_on_the_way_are_looser(asked):
+    """Not that at rest before load, here under a pull that is there from the start."""
+    pull = EdgeTension(5.0, (0.0, 1.0), builders.near(1, 10.0))
+    scene = Scene(Blank.rectangle(20, 10, nx=2), [builders.Elastic(), pull], clamped_ends(0.2))
+    march(Newton(scene, 1e-8), steps=3, path_tolerance=1e-4)
+    assert asked == [1e-8, 1e-4, 1e-4, 1e-8]
