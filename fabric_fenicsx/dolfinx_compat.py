@@ -3,9 +3,6 @@
 To drop Debian 12, delete what stands under `OLD`.
 """
 
-import logging
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import basix
@@ -20,7 +17,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from .timing import phase
+from .jit_cache import TIMEOUT, compiled
 
 VERSION = tuple(int(n) for n in dolfinx.__version__.split(".")[:2])
 OLD, NEW = VERSION < (0, 8), VERSION >= (0, 11)
@@ -41,19 +38,8 @@ _C_FLAGS = (
 
 
 def _jit() -> dict[str, Any]:
-    options = {"cffi_extra_compile_args": _C_FLAGS}
+    options = {"cffi_extra_compile_args": _C_FLAGS, "timeout": TIMEOUT}
     return {"jit_params": options} if OLD else {"jit_options": options}
-
-
-@contextmanager
-def _compiling() -> Iterator[None]:
-    """Time compilation apart, and keep the C compiler's command lines out of the log."""
-    logging.disable(logging.INFO)
-    try:
-        with phase("compile"):
-            yield
-    finally:
-        logging.disable(logging.NOTSET)
 
 
 def create_mesh(
@@ -127,16 +113,15 @@ def dofmap(space: fem.FunctionSpace) -> np.ndarray:
 
 def vector_space(mesh: Mesh, family: str, degree: int, dim: int) -> fem.FunctionSpace:
     """Space of vectors with `dim` components; family "Lagrange" or "DG"."""
-    with _compiling():
-        if OLD:
-            return fem.VectorFunctionSpace(mesh, (family, degree), dim=dim)
-        return fem.functionspace(mesh, (family, degree, (dim,)))
+    if OLD:
+        return compiled(mesh.comm, lambda: fem.VectorFunctionSpace(mesh, (family, degree), dim=dim))
+    return compiled(mesh.comm, lambda: fem.functionspace(mesh, (family, degree, (dim,))))
 
 
 def form(ufl_form: ufl.Form) -> "fem.Form":
     """Compile a form, once per machine: rank 0 first, the others from its cache."""
-    with _compiling():
-        return fem.form(ufl_form, **_jit())
+    comm = ufl_form.ufl_domain().ufl_cargo().comm
+    return compiled(comm, lambda: fem.form(ufl_form, **_jit()))
 
 
 class PointEvaluation:
@@ -152,8 +137,7 @@ class PointEvaluation:
         points, self.weights = basix.make_quadrature(
             getattr(basix.CellType, cell_name(mesh)), degree
         )
-        with _compiling():
-            self._expression = fem.Expression(expression, points, **_jit())
+        self._expression = compiled(mesh.comm, lambda: fem.Expression(expression, points, **_jit()))
         self._mesh = mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._cells = (np.arange(owned) if cells is None else cells).astype(np.int32)

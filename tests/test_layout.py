@@ -13,6 +13,7 @@ ORDER = (
     "files",
     "ranks",
     "signals",
+    "jit_cache",
     "dolfinx_compat",
     "meshes",
     "material",

@@ -1,0 +1,69 @@
+"""FFCx's cache of compiled forms, shared by processes that start, wait and are killed at any
+time."""
+
+import fcntl
+import logging
+import os
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeVar
+
+from mpi4py import MPI
+
+from .timing import phase
+
+T = TypeVar("T")
+TIMEOUT = 1  # seconds that FFCx waits for another process: after that `compiled` waits better
+
+
+def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
+    """What `make` compiles, on all ranks of `comm`.
+
+    FFCx gives up after a time where another process compiles the same form, and each time where
+    one was killed while it did. Here the others are waited for, however long they take. A file that
+    is not ready when nobody compiles is left by the dead and removed.
+    """
+    logging.disable(logging.INFO)  # the C compiler's command lines
+    try:
+        with phase("compile"):
+            try:
+                with _lock(comm, fcntl.LOCK_SH):
+                    return make()
+            except (TimeoutError, RuntimeError) as error:  # RuntimeError where there are more ranks
+                file = comm.bcast(_unfinished(error))
+                if not file:
+                    raise
+            with _lock(comm, fcntl.LOCK_EX):
+                if comm.rank == 0 and not file.with_suffix(".c.cached").exists():
+                    file.unlink(missing_ok=True)
+                return make()
+    finally:
+        logging.disable(logging.NOTSET)
+
+
+def _unfinished(error: Exception) -> Path | None:
+    """The file that FFCx waited for in vain."""
+    named = "timed out" in str(error) and re.search(r"remove (.+?\.c)\)", str(error))
+    return Path(named[1]) if named else None
+
+
+@contextmanager
+def _lock(comm: MPI.Comm, kind: int) -> Iterator[None]:
+    """Hold the cache's lock on rank 0, which compiles; the system frees it when a process ends.
+    Without one where the file system has none."""
+    cache = Path(os.getenv("XDG_CACHE_HOME") or Path.home() / ".cache") / "fenics"
+    file = None
+    if comm.rank == 0:
+        try:
+            cache.mkdir(parents=True, exist_ok=True)
+            file = open(cache / "fabric_fenicsx.lock", "w")
+            fcntl.flock(file, kind)
+        except OSError:
+            pass
+    try:
+        yield
+    finally:
+        if file:
+            file.close()
