@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..errors import InputError
-from .forming import File, Path, outline
+from .forming import File, Outline, Path, outline
 from .pictures import SHOWN, cells_range, colour_scale, plt
 from .ply import Grid, plan_area, ply_of
 
@@ -115,11 +115,12 @@ def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
     plt.close(figure)
 
 
-def state_map(path: File, grid: Grid, formed: bool = False) -> None:
+def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outline] = ()) -> None:
     """Plan maps of the strain states of eq. (13) and of the shear angle, on the flat or the formed
     ply.
 
-    The legend gives each state's share of the flat ply's area.
+    The legend gives each state's share of the flat ply's area. edges: of other sheets, drawn as
+    they are formed.
     """
     ply = ply_of(grid)
     corners = (ply.formed if formed else ply.x)[ply.triangles, :2]
@@ -140,6 +141,8 @@ def state_map(path: File, grid: Grid, formed: bool = False) -> None:
         ax.add_collection(cells)
         ax.autoscale_view()
         ax.margins(0.02)
+        for edge in edges:
+            ax.plot(*edge.formed[:, :2].T, color="k", lw=1.2)
         ax.set_aspect("equal")
         ax.set_xlabel("x / mm")
     axes[0].set_ylabel("y / mm")
