@@ -15,6 +15,7 @@ from .ply import Grid, ply_of
 from .result import OUTLIERS, Result
 
 BETWEEN = "sheet_pressure", "sliding_size"
+INWARDS = 1e-6  # mm, so that paths on planes of symmetry are within the metal
 
 
 def middle_quantities(result: Result, name: str) -> dict[str, Any]:
@@ -52,7 +53,9 @@ def marks(ply: Grid, metal: Grid, punch: Tool) -> dict[str, list[float]]:
         x, y = (LinearTriInterpolator(plan, v)(*on_flat.T) for v in sheet.formed[:, :2].T)
         known = ~np.ma.getmaskarray(x)
         s, places = s[known], np.column_stack([x[known], y[known]])
-        found["edge of the metal"].append(_first(s, ~Polygon(corners).contains_points(places)))
+        found["edge of the metal"].append(
+            _first(s, ~Polygon(corners).contains_points(places + INWARDS))
+        )
         radii = surface.roundings if isinstance(surface, DoubleDome) else (np.inf, np.inf)
         away = surface.plan(*places.T)[0] if isinstance(surface, DoubleDome) else 0 * s
         for label, d in zip(found, radii):
