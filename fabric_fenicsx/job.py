@@ -40,9 +40,12 @@ Measure = Callable[[Scene, float], tuple[float, float]]
 class Job:
     """Load stepping of `scene` from rest to full load, with history, fields, checkpoint, summary.
 
-    steps: load steps, max_step: the largest (1/steps), accuracy, balance, milestones, viscosity:
-    see `march`. tolerance: residual over the forces on the sheet; path_tolerance: a looser one
-    before the full load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps
+    steps: the first load step is 1/steps; max_step: the largest, by default as large. A step that
+    fails is halved. balance: share of a step's work that may be missing from the energies, and
+    accuracy: of the displacement by which it may leave a straight path, before the step is halved;
+    None: any. milestones: load factors to be hit. viscosity: whether steps that halving does not
+    mend get a drag, which fades. More is in `solve.stepping.march`. tolerance: residual over the
+    forces on the sheet; path_tolerance: a looser one before the full load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps
     between states written for ParaView. limits: beyond which the result is not believed.
     measure: function of scene and load factor to displacement [mm] and force [N] for the history;
     by default those of the first tool or moving support. quantities: function of a `Result` to
@@ -317,7 +320,9 @@ class Job:
         """What no later state mends, a sentence each: tools too deep in the sheet, and yarns
         stretched too far."""
         limit, scene = self.limits.strain, self.scene
-        wrong = self.limits.exceeded({"penetration": scene.penetration_of_thickness()})
+        found = {"penetration": scene.penetration_of_thickness()}
+        if wrong := self.limits.exceeded(found):
+            wrong = [f"{wrong[0]}; deepest is {scene.where_deepest()}"]
         over = scene.overstretched(limit)
         if over > EDGES:
             wrong.append(

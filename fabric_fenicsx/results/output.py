@@ -79,7 +79,8 @@ class Output:
         self.parts: list[str] = []
         self.is_kept = True  # otherwise only while the run lasts
         self.begun = False
-        self._started = time.perf_counter()
+        # with what was compiled and set up before, which `wall_s` has as well
+        self._started = time.perf_counter() - sum(timing.seconds.values())
         self.warnings: list[str] = []  # since the last summary
         self._warned: set[str] = set()
         self._lock: IO | None = None

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import matplotlib
@@ -52,14 +53,18 @@ def cell_polygons(grid: pyvista.UnstructuredGrid) -> np.ndarray:
 
 
 def maps(
-    path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers: float = 0.0
+    path: Path,
+    variants: Mapping[str, Any],
+    names: Sequence[str],
+    outliers: float = 0.0,
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour
     scale a field.
 
     Values keep their signs; above each map stand the least and the largest of a cell. One variant's
     maps stand below each other; several variants make a row each. outliers: share of all cells, at
-    each end of the scale, that may lie beyond it.
+    each end of the scale, that may lie beyond it; units: of fields that are not in `SHOWN`.
     """
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
@@ -76,7 +81,8 @@ def maps(
         layout="constrained",
     )
     for name, mine in zip(names, axes if one else axes.T):
-        label, factor, colours = SHOWN.get(name, (name.replace("_", " "), 1.0, "viridis"))
+        plain = " / ".join(filter(None, (name.replace("_", " "), units.get(name, ""))))
+        label, factor, colours = SHOWN.get(name, (plain, 1.0, "viridis"))
         values = {
             title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()
         }

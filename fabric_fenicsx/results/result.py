@@ -67,17 +67,27 @@ class Result:
         self.folder = None
 
     def plot(self, name: str, path: Path | str) -> None:
-        """Draw cell field `name`, of one number a cell, on the deformed sheet, to a PNG file, on
-        rank 0. Raises InputError for a name that is none."""
-        drawn = sorted(each for each, values in self.fields.items() if values.ndim == 1)
+        """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
+        rank 0; nodes as means over the cells. Raises InputError for a name that is none."""
+        nodal = self.scene.nodal_fields()
+        drawn = sorted(
+            each for each, values in {**self.fields, **nodal}.items() if values.ndim == 1
+        )
         if name not in drawn:
             raise InputError(
-                f"a picture of {name} is asked for; allowed are the cell fields {', '.join(drawn)}"
+                f"a picture of {name} is asked for; allowed are the fields {', '.join(drawn)}"
             )
         if self.scene.comm.rank == 0:
             from . import pictures
 
-            pictures.maps(Path(path), self.grids, (name,), outliers=OUTLIERS)
+            grids = self.grids
+            if name in nodal:
+                grids = {
+                    title: grid.point_data_to_cell_data(pass_point_data=True)
+                    for title, grid in grids.items()
+                }
+            units = self.scene.units()
+            pictures.maps(Path(path), grids, (name,), OUTLIERS, units)
 
 
 def draw_state(name: str, result: Result, folder: Path) -> None:

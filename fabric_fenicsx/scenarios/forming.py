@@ -57,8 +57,9 @@ class Forming(Scenario):
     """A ply of `fabric` between punch, die and blank holder; a quarter of it unless `full`.
 
     The flat ply lies in z = 0 with its centre at the origin, under the die's flange. The punch
-    comes from below. punch: a surface with its flange at z = 0, or a file of one, in place of the
-    double dome; `dome`: that, its dimensions as a mapping, or as texts NAME=VALUE.
+    comes from below: its top begins just below the ply and rises by `stroke`. punch: a surface with
+    its flange at z = 0, or a file of one, in place of the double dome; `dome`: that, its dimensions
+    as a mapping, or as texts NAME=VALUE.
     """
 
     NAME: ClassVar[str] = "double_dome"

@@ -26,7 +26,7 @@ class Limits:
             "imbalance": "work of supports and tools differs from the energies "
             "by {:.3g} % of these",
             "viscous": "regularisation took {:.3g} % of the strain energy",
-            "penetration": "a tool reaches {:.3g} % of the thickness into the sheet",
+            "penetration": "the sheet is penetrated by {:.3g} % of its thickness",
         }
         return [
             f"{words[name].format(100 * value)}; allowed is "
