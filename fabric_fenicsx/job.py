@@ -44,9 +44,10 @@ class Job:
     fails is halved. balance: share of a step's work that may be missing from the energies, and
     accuracy: of the displacement by which it may leave a straight path, before the step is halved;
     None: any. milestones: load factors to be hit. viscosity: whether steps that halving does not
-    mend get a drag, which fades. More is in `solve.stepping.march`. tolerance: residual over the
-    forces on the sheet; path_tolerance: a looser one before the full load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps
-    between states written for ParaView. limits: beyond which the result is not believed.
+    mend get a drag, which fades. More is in `solve.stepping.march`.
+    tolerance: residual over the forces on the sheet; path_tolerance: a looser one before the full
+    load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps between states
+    written for ParaView. limits: beyond which the result is not believed.
     measure: function of scene and load factor to displacement [mm] and force [N] for the history;
     by default those of the first tool or moving support. quantities: function of a `Result` to
     what the summary says beside the rest; tables, pictures: what to write and draw of it besides.
