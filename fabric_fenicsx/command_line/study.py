@@ -16,7 +16,7 @@ from mpi4py import MPI
 from ..errors import InputError, Interrupted, SolverFailure
 from ..job import Result
 from ..material.laws import COUPLINGS, Law
-from ..material.presets import load
+from ..material.presets import load, read_laws
 from ..mechanics.membrane import Membrane
 from ..results.output import Output
 from ..scenarios.numbers import COUNT, POSITIVE, Rule
@@ -54,6 +54,7 @@ def parser(
     add_scenario(p, scenario)
     p.group("material")
     p.option("--material", metavar="FILE|PRESET", default="komeili", free=True)
+    p.option("--law-file", metavar="FILE.py", help="classes of laws of your own", free=True)
     p.option(
         "--model",
         choices=("hyperelastic", "fabric"),
@@ -203,6 +204,8 @@ class Study(Output):
             )
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
+        if args.law_file:
+            read_laws(args.law_file)
         fabric = load(args.material)
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(
             *args.without
