@@ -89,6 +89,16 @@ class Result:
             units = self.scene.units()
             pictures.maps(Path(path), grids, (name,), OUTLIERS, units)
 
+    def export(self, path: Path | str) -> None:
+        """Write the formed plies with their yarn directions for a structural analysis, to a .vtu
+        file or as Abaqus input (.inp), on rank 0; see `structural.export`, which says what is in
+        them. Raises InputError for another ending."""
+        from . import structural
+
+        path = structural.checked(path)
+        if self.scene.comm.rank == 0:
+            structural.export(self.grids, path)
+
 
 def draw_state(name: str, result: Result, folder: Path) -> None:
     """maps.png and curve.png, what one looks at first."""
