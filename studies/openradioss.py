@@ -12,7 +12,7 @@ SAME = {  # as in OpenRadioss, which has no bending: ours is small
     "material": str(REFERENCE / "tab.toml"),
     "holder": "force",
     "holder_force": 20000.0,
-    "bending_modulus": 5.0,
+    "bending_modulus": 20.0,
     "twist_modulus": 0.0,
 }
 
