@@ -254,6 +254,7 @@ class Job:
         result.summary = output.amend(result.folder, result.summary, **facts)
         if facts:
             series.write(1.0, result.fields)
+            result.forget_grid()
 
     def _show(self, output, result, pictures):
         """Draw the last state; of a run that reached its end write the tables and pictures, too."""

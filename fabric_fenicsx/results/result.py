@@ -79,6 +79,10 @@ class Result:
         """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
         return self.scene.tool_force(tool)
 
+    def forget_grid(self) -> None:
+        """Read the last state anew when it is asked for, as it was written anew."""
+        self._grid = None
+
     def forget_folder(self) -> None:
         """Keep the grid, not the folder that it is in."""
         if self.scene.comm.rank == 0:

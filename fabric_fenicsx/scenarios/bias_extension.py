@@ -33,7 +33,6 @@ class BiasExtension(Scenario):
     NAME: ClassVar[str] = "bias_extension"
     HEADLINES = (
         "centre_shear_angle_deg",
-        "free_zone_shear_angle_deg",
         "half_zone_shear_angle_deg",
         "normalised_shear_force_N_per_mm",
     )
