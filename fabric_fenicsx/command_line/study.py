@@ -112,6 +112,13 @@ def parser(
         f"is halved ({solver.get('balance') or 'any'}, with --quick any)",
         free=True,
     )
+    p.option(
+        "--error",
+        action="store_true",
+        help="estimate errors of numbers, curve and fields, from the same run on a mesh twice as "
+        "coarse",
+        free=True,
+    )
     solvers = tuple(LINEAR_SOLVERS)
     p.option("--linear-solver", choices=solvers, default="mumps-cholesky", free=True)
     p.group("limits, beyond which a result is not believed (exit status 3)")
@@ -256,6 +263,7 @@ class Study(Output):
             accuracy=args.accuracy,
             balance=args.balance,
             every=args.every,
+            error=args.error,
             limits=Limits(*limits),
         )
         problem = {**self.problem(scenario.fabric), **scenario.problem()}

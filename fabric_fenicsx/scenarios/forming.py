@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -38,9 +38,10 @@ from ..tools import (
     check_punch,
 )
 from . import holding, stacking
+from .dome import DIMENSIONS, dome_of
 from .numbers import FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
 from .plies import Ply, read_plies
-from .scenario import ELEMENTS, Scenario
+from .scenario import ELEMENTS, Scenario, halved
 
 if TYPE_CHECKING:
     import pyvista
@@ -49,7 +50,6 @@ HOLDERS = ("pressure", "force", "gap", "grippers")
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
 UP = np.array([0.0, 0.0, 1.0])
 PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quarter
-DIMENSIONS = ", ".join(each.name for each in dataclasses.fields(DoubleDome))
 
 
 @dataclass(kw_only=True)
@@ -63,6 +63,7 @@ class Forming(Scenario):
     """
 
     NAME: ClassVar[str] = "double_dome"
+    HEADLINES = ("punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm")
     FULL = {"nx": 47, "steps": 40}
     QUICK = {"nx": 12, "steps": 12}
     SOLVER = {"path_tolerance": 1e-6, "balance": 0.02, "every": 10}
@@ -86,7 +87,7 @@ class Forming(Scenario):
         default=(),
         metadata={
             "repeated": "NAME=VALUE",
-            "help": f"dimension of the double dome: {DIMENSIONS}",
+            "help": f"dimension of the double dome: {', '.join(DIMENSIONS)}",
             "group": "tools",
         },
     )
@@ -176,6 +177,16 @@ class Forming(Scenario):
         """As in `Scenario`: the plies of a stack."""
         return {"plies": [ply.described() for ply in self.plies]} if self.stack else {}
 
+    def can_be_coarser(self) -> bool:
+        """As in `Scenario`: not of plies with meshes of their own."""
+        return super().can_be_coarser() and not any(ply.mesh for ply in self.plies)
+
+    def coarser(self) -> Self:
+        """As in `Scenario`."""
+        plies = [dataclasses.replace(ply, nx=halved(ply.nx)) for ply in self.plies]
+        stack = plies if self.stack else None
+        return dataclasses.replace(self, nx=halved(self.nx), ny=halved(self.ny), stack=stack)
+
     def _plies(self) -> list[Ply]:
         """Those of the stack, the lowest first, or the one of the other fields."""
         if self.stack is None:
@@ -224,7 +235,7 @@ class Forming(Scenario):
     def _surface(self):
         """The punch's surface, checked."""
         if not self.punch:
-            return self.dome if isinstance(self.dome, DoubleDome) else _dome(self.dome)
+            return self.dome if isinstance(self.dome, DoubleDome) else dome_of(self.dome)
         low, high = self.blank.extent()
         half = np.maximum(abs(low), abs(high))[:2]
         surface, name = self.punch, "`punch`"
@@ -377,20 +388,3 @@ class Forming(Scenario):
             for name, grid in result.grids.items()
         }
         formed.draw_compared(folder, grids, self.punch_tool)
-
-
-def _dome(pairs):
-    """The `DoubleDome` with dimensions {name: value} or texts NAME=VALUE."""
-    names, given = [each.name for each in dataclasses.fields(DoubleDome)], {}
-    if isinstance(pairs, Mapping):
-        pairs = [f"{key}={value!r}" for key, value in pairs.items()]
-    for pair in pairs:
-        key, _, value = pair.partition("=")
-        try:
-            given[key] = float(value)
-        except ValueError:
-            where = f"`dome` {pair} has no number after its name"
-            raise InputError(f"{where}; allowed is NAME=VALUE") from None
-        if key not in names:
-            raise InputError(f"`dome` {pair} names no dimension; allowed are {', '.join(names)}")
-    return DoubleDome(**given)

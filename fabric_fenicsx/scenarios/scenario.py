@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from mpi4py import MPI
 
@@ -44,6 +44,7 @@ class Scenario:
     SIZES: ClassVar[tuple[str, str]] = ("length", "width")  # fields of the sheet's sides
     DEFAULT_SIZES: ClassVar[tuple[float, float]] = (200.0, 50.0)  # without a mesh of its own
     SPATIAL: ClassVar[bool] = False
+    HEADLINES: ClassVar[tuple[str, ...]] = ()  # quantities that get an estimated error
 
     fabric: Law = field(kw_only=False, default_factory=lambda: load("komeili"))
     mesh: str | None = text(
@@ -138,6 +139,18 @@ class Scenario:
 
     # -- what a caller asks for
 
+    def order(self) -> float:
+        """Observed order of forces and energies in the size of cells, see docs/accuracy.md."""
+        return 1.0
+
+    def can_be_coarser(self) -> bool:
+        """Whether a mesh twice as coarse is known."""
+        return bool(self.nx and self.nx > 1)
+
+    def coarser(self) -> Self:
+        """The same on a mesh twice as coarse: with half the rectangles along each side."""
+        return dataclasses.replace(self, nx=halved(self.nx), ny=halved(self.ny))
+
     def job(self, **changes: Any) -> Job:
         """The `Job` of this scenario with its defaults, `changes` in its fields."""
         settings = {"steps": self.FULL["steps"]} | dict(self.SOLVER) | changes
@@ -149,8 +162,14 @@ class Scenario:
             tables=self.tables,
             pictures=self.pictures,
             warnings=self.warnings,
+            coarser=self._coarser_job if self.can_be_coarser() else None,
+            order=self.order(),
+            headlines=self.HEADLINES,
             **settings,
         )
+
+    def _coarser_job(self):
+        return self.coarser().job()
 
     # -- what subclasses use
 
@@ -229,3 +248,8 @@ class Scenario:
             )
         for name in ("nx", "ny", "pattern"):
             setattr(self, name, None)
+
+
+def halved(count: int | None) -> Any:
+    """Half of a number of rectangles, at least 1; None of None."""
+    return count and max(1, round(count / 2))
