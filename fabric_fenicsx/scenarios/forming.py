@@ -70,19 +70,31 @@ class Forming(Scenario):
     DEFAULT_SIZES = (470.0, 270.0)
     SPATIAL = True
 
-    element: str = choice("P1", ELEMENTS, "P: triangles, Q: quadrilaterals", "mesh")
-    length: float = number(None, POSITIVE, "along x (470, or the mesh's) [mm]", "ply")
-    width: float = number(None, POSITIVE, "along y (270, or the mesh's) [mm]", "ply")
-    full: bool = switch("the whole ply; otherwise a quarter of it", "ply")
-    bending_modulus: float = number(100.0, FROM_ZERO, "E_b of both yarns [MPa]", "ply")
-    twist_modulus: float = number(1.0, FROM_ZERO, "G [MPa]", "ply")
+    element: str = choice(
+        "P1", ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree", "mesh"
+    )
+    length: float = number(
+        None, POSITIVE, "of the whole ply, along x (470, or the mesh's) [mm]", "ply"
+    )
+    width: float = number(
+        None, POSITIVE, "of the whole ply, along y (270, or the mesh's) [mm]", "ply"
+    )
+    full: bool = switch("model the whole ply, not a quarter", "ply")
+    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]", "ply")
+    twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the ply [MPa]", "ply")
     in_plane_bending: float = number(
-        0.0, FROM_ZERO, "stiffness of yarns in the ply, of that out of it", "ply"
+        0.0,
+        FROM_ZERO,
+        "stiffness of yarns against bending within the ply, over that out of it",
+        "ply",
     )
     stack: str | os.PathLike[str] | Sequence[Ply] | None = text(
-        None, "plies from the punch to the die: TOML, as in studies/stacks", "FILE", "ply"
+        None,
+        "TOML file of several plies, from the punch to the die; examples: studies/stacks",
+        "FILE",
+        "ply",
     )
-    stroke: float = number(None, POSITIVE, "of the punch (the dome's depth) [mm]", "tools")
+    stroke: float = number(None, POSITIVE, "travel of the punch (the dome's depth) [mm]", "tools")
     dome: DoubleDome | Mapping[str, float] | Sequence[str] = field(
         default=(),
         metadata={
@@ -93,35 +105,44 @@ class Forming(Scenario):
     )
     punch: str | Surface | None = text(
         None,
-        "surface instead, with its flange at z = 0 [mm]: STL, VTP, MSH, STEP, IGES",
+        "punch from a file (STL, VTP, MSH, STEP, IGES) with its flange at z = 0 [mm]",
         "FILE",
         "tools",
     )
-    chord: float = number(0.1, POSITIVE, "of the triangles on faces of STEP and IGES [mm]", "tools")
-    clearance: float = number(
-        None, POSITIVE, "between punch and die (1.2 thicknesses) [mm]", "tools"
+    chord: float = number(
+        0.1, POSITIVE, "largest distance of triangles from faces of STEP and IGES [mm]", "tools"
     )
-    friction: float = number(0.25, FROM_ZERO, "coefficient of ply on tools", "tools")
-    slip: float = number(0.1, POSITIVE, "that sticking friction permits [mm]", "tools")
+    clearance: float = number(
+        None, POSITIVE, "distance of punch and die when closed (1.2 thicknesses) [mm]", "tools"
+    )
+    friction: float = number(0.25, FROM_ZERO, "coefficient between ply and tools", "tools")
+    slip: float = number(0.1, POSITIVE, "how far a sticking ply may slip [mm]", "tools")
     lag: float = number(
         0.01,
         POSITIVE,
-        "of pressed areas and normal forces behind the present ones, of their sum",
+        "share of normal forces, and of areas under the holder, that may lag behind the state",
         "tools",
     )
     penalty: float = number(
-        None, POSITIVE, "of contact (from stiffness and radii) [N/mm^3]", "tools"
+        None,
+        POSITIVE,
+        "stiffness of contact (from the fabric and the tools' radii) [N/mm^3]",
+        "tools",
     )
     permitted: float | None = number(
-        None, POSITIVE, "penetration, kept by augmented contact (any) [mm]", "tools"
+        None, POSITIVE, "largest penetration, kept by augmented contact (any) [mm]", "tools"
     )
-    holder: str = choice("pressure", HOLDERS, "how the ply's rim is held", "blank holder")
+    holder: str = choice("pressure", HOLDERS, "what holds the rim of the ply", "blank holder")
     holder_pressure: float = number(
-        2.0, FROM_ZERO, "on what lies on the flange [MPa]", "blank holder"
+        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", "blank holder"
     )
-    holder_force: float = number(1e5, FROM_ZERO, "on the whole ply [N]", "blank holder")
-    holder_gap: float = number(None, POSITIVE, "to the die (1.1 thicknesses) [mm]", "blank holder")
-    gripper_tension: float = number(5.0, FINITE, "on the ply's edges [N/mm]", "blank holder")
+    holder_force: float = number(1e5, FROM_ZERO, "force on the whole ply [N]", "blank holder")
+    holder_gap: float = number(
+        None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]", "blank holder"
+    )
+    gripper_tension: float = number(
+        5.0, FINITE, "pull at the edges of the ply [N/mm]", "blank holder"
+    )
 
     def prepare(self) -> None:
         """Make blank, membrane and tools."""

@@ -49,28 +49,32 @@ class Scenario:
     fabric: Law = field(kw_only=False, default_factory=lambda: load("komeili"))
     mesh: str | None = text(
         None,
-        "own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed",
+        "sheet from a file of gmsh or meshio [mm], instead of a rectangle that is meshed",
         "FILE",
         "mesh",
     )
     nx: int = number(None, COUNT, "rectangles along the length", "mesh")
-    ny: int = number(None, COUNT, "rectangles across the width (as makes them square)", "mesh")
-    pattern: str = choice("crossed", PATTERNS, "how rectangles become cells", "mesh")
-    element: str = choice("P2", ELEMENTS, "P: triangles, Q: quadrilaterals", "mesh")
+    ny: int = number(
+        None, COUNT, "rectangles across the width (by default they are square)", "mesh"
+    )
+    pattern: str = choice("crossed", PATTERNS, "how rectangles are divided into cells", "mesh")
+    element: str = choice(
+        "P2", ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree", "mesh"
+    )
     integration: str = choice(
         "full",
         INTEGRATION,
-        "reduced: on P2 triangles the law at their centres, for cells that don't follow the yarns",
+        "reduced: P2 with the law at the centres alone, for cells that don't follow the yarns",
         "mesh",
     )
-    fibre_angle: float = number(0.0, FINITE, "of yarns a from the length [deg]", "mesh")
+    fibre_angle: float = number(0.0, FINITE, "from the length to yarns a [deg]", "mesh")
     yarn_angle: float = number(
-        90.0, BETWEEN_YARNS, "from yarns a to yarns b as the ply lies [deg]", "weave"
+        90.0, BETWEEN_YARNS, "from yarns a to yarns b in the flat sheet [deg]", "weave"
     )
     weave_angle: float | None = number(
         None,
         BETWEEN_YARNS,
-        "between the yarns of the weave without shear (that in which the ply lies) [deg]",
+        "from yarns a to yarns b where the weave is free of shear (the yarn angle) [deg]",
         "weave",
     )
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_WORLD, repr=False)

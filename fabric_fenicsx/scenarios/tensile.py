@@ -21,10 +21,16 @@ class Tensile(Scenario):
     NAME = "tensile"
     HEADLINES = ("log_eps_22_middle", "width_at_middle_mm", "nominal_stress_MPa")
 
-    length: float = number(None, POSITIVE, "along the load (200, or the mesh's) [mm]")
-    width: float = number(None, POSITIVE, "(50, or the mesh's) [mm]")
-    strain: float = number(0.03, FRACTION, "nominal, of the length: 0.1 is 10 %")
-    grips: str = choice("clamped", ("clamped", "rollers"), "rollers: a homogeneous state")
+    length: float = number(
+        None, POSITIVE, "of the specimen, along the load (200, or the mesh's) [mm]"
+    )
+    width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
+    strain: float = number(0.03, FRACTION, "nominal strain at full load: 0.1 is 10 %")
+    grips: str = choice(
+        "clamped",
+        ("clamped", "rollers"),
+        "rollers let the ends narrow: the state is then homogeneous",
+    )
     turned: float = number(0.0, FINITE, "angle of the whole test in the plane [deg]")
 
     def prepare(self) -> None:
