@@ -37,7 +37,7 @@ html_theme_options = {
     "secondary_sidebar_items": ["page-toc"],
     "footer_end": [],
 }
-alone = "index getting_started gallery studies accuracy verification limits"
+alone = "index getting_started gallery studies accuracy verification published limits alternatives"
 html_sidebars = {page: [] for page in alone.split()}  # pages without others beside them
 html_static_path = ["static"]
 html_show_sourcelink = False

@@ -50,6 +50,7 @@ def blocks(text):
 def run(tmp_path, monkeypatch, capsys):
     """Run a program in this process, in a folder of the test; what it prints."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["program"])
 
     def run_here(program):
         with patch.dict(LAWS):  # which own laws enter
@@ -152,6 +153,7 @@ ELSEWHERE = (
     "compression_parameters",
     "hard_cases",
     "stability_map",
+    "openradioss",
 )
 COMMANDS = {
     line: None

@@ -14,6 +14,7 @@ from .options import STUDIES, Parser, exit_status
 COMMANDS = {
     "info": "versions, presets, and whether all works",
     "list": "the studies, and where their example data are",
+    "export": "DIR FILE: formed plies and yarn directions of results, to a .vtu or .inp (Abaqus)",
 }
 
 
@@ -36,14 +37,21 @@ def main(argv: list[str] | None = None) -> int:
         usage="fabric [-h] command, or fabric STUDY [option ...]",
         description="Run a study (fabric tensile --help tells its options) or one of these:",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="\n".join(f"  {name:6}{words}" for name, words in COMMANDS.items()),
+        epilog="\n".join(f"  {name:8}{words}" for name, words in COMMANDS.items()),
     )
     parser.add_argument("command", help=argparse.SUPPRESS)
+    parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
     try:
-        command = parser.parse_args(argv).command
+        given = parser.parse_args(argv)
+        command = given.command
         if command not in COMMANDS:
             allowed = ", ".join([*COMMANDS, *scripts])
             raise InputError(f"command is {command}; allowed is one of {allowed}")
+        if len(given.files) != (2 if command == "export" else 0):
+            words = "a folder of results and a file" if command == "export" else "nothing"
+            raise InputError(f"after {command} stands {given.files}; allowed is {words}")
+        if command == "export" and speaks:
+            _export(*given.files)
     except InputError as error:
         status, text = exit_status(error)
         if speaks:
@@ -53,9 +61,22 @@ def main(argv: list[str] | None = None) -> int:
         return status
     if command == "info":
         return info.show(comm)
-    if speaks:
+    if speaks and command == "list":
         print(_listed(scripts.values()))
     return 0
+
+
+def _export(folder, file):
+    """Write `file` from the results in `folder`."""
+    from ..results import structural
+
+    try:
+        structural.export(structural.read_grids(folder), file)
+    except OSError as error:
+        raise InputError(
+            f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder "
+            "of this user"
+        ) from None
 
 
 def _listed(scripts):

@@ -203,10 +203,10 @@ class FieldSeries:
                     else with_known_fields(self._grid.extract_cells(part.cells))
                 )
                 path = self.directory / "fields" / f"{self._file(number, self.comm.rank, k)}.vtu"
-                _save(path, grid, self._units)
+                save(path, grid, self._units)
         for k, surface in enumerate(self._surfaces):
             moved = surface.translate(self._tools[k].displacement)
-            _save(self.directory / "tools" / f"{number:04d}_{k}.vtp", moved, self._units)
+            save(self.directory / "tools" / f"{number:04d}_{k}.vtp", moved, self._units)
 
     def _list(self):
         """Write the .pvd files of `states`, fields.pvd if there is one."""
@@ -267,7 +267,7 @@ def with_known_fields(grid: pyvista.UnstructuredGrid) -> pyvista.UnstructuredGri
     return grid
 
 
-def _save(path, data, known):
+def save(path: Path, data: pyvista.DataSet, known: Mapping[str, str]) -> None:
     """Write a grid or surface with the units of its arrays, out of those `known`, to `path`, whole
     or not at all; OSError naming it."""
     units = []

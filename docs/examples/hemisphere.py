@@ -1,0 +1,34 @@
+"""A ply at 0/90 pressed over a hemisphere, against the exact net of yarns that do not stretch.
+
+Arguments, if any: rectangles along the quarter (10), friction (0.02). Prints, of the cells within
+60 deg of the pole, their number, the largest exact shear angle and the differences from the exact
+one: root mean square and largest [deg].
+"""
+
+import sys
+
+import numpy as np
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.verification import spherical_net
+
+given = [float(word) for word in sys.argv[1:]]
+nx, friction = int(given[0]) if given else 10, given[1] if given[1:] else 0.02
+no = dict.fromkeys(("a", "p_min", "c", "s_T", "s_C", "s2", "s3"), 0.0)  # of what has no part in it
+fabric = ff.WovenFabric.balanced(b=2e4, d=20.0, s1=0.01, thickness=0.4, density=0.75, **no)
+round_ = {"dome_distance": 1e-3, "dome_radius": 50.0, "waist": 50.0, "wall_angle": 0.0}
+dome = ff.DoubleDome(depth=60.0, top_radius=49.9, entry_radius=10.0, saddle_depth=0.0, **round_)
+size = {"length": 200.0, "width": 200.0, "nx": nx, "dome": dome, "stroke": 40.0}
+press = ff.Forming(fabric, **size, friction=friction, holder_pressure=0.05, bending_modulus=20.0)
+job = press.job(steps=10, balance=None, path_tolerance=1e-3)
+grid = job.run("results/hemisphere", overwrite=True).grid
+
+flat = grid.cell_centers().points
+formed = flat + grid.point_data_to_cell_data()["u"]
+radius = dome.top_radius + fabric.thickness / 2  # of the middle of the ply
+formed[:, 2] += radius - formed[:, 2].max()  # over the centre of the sphere
+on = np.hypot(*formed[:, :2].T) < np.tan(np.radians(60)) * formed[:, 2]
+exact = spherical_net.shear_angle(*flat[on, :2].T, radius)
+off = abs(grid["shear_angle"][on]) - exact
+found = exact.max(), np.sqrt((off**2).mean()), abs(off).max()
+print(on.sum(), *np.round(np.degrees(found), 1))

@@ -1,0 +1,18 @@
+"""Yarn directions of a formed ply, for a structural analysis of the part.
+
+Prints how many shell elements the Abaqus file has, and the smallest angle between yarns [deg].
+"""
+
+import numpy as np
+import pyvista
+
+import fabric_fenicsx as ff
+
+press = ff.Forming(ff.load("komeili"), nx=12, stroke=20.0)
+result = press.job(steps=4).run("results/forming", overwrite=True)
+result.export("formed.inp")  # Abaqus: nodes, shells, *DISTRIBUTION, *ORIENTATION
+result.export("formed.vtu")  # ParaView, PyVista and what else reads VTK
+
+ply = pyvista.read("formed.vtu")
+angle = np.degrees(np.arccos((ply["yarn_a"] * ply["yarn_b"]).sum(1)))
+print(ply.n_cells, round(angle.min(), 1))

@@ -1,0 +1,155 @@
+"""Formed plies with their yarn directions, for a structural analysis: VTU and Abaqus input."""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import pyvista
+
+from ..errors import InputError
+from ..files import replace_file
+from .fields import read_last, save, with_known_fields
+
+SAME = 1e-6  # mm within which nodes of different ranks are one
+CORNERS = {5: 3, 69: 3, 9: 4, 70: 4}  # of VTK's cells, which begin with them
+UNITS = {
+    "yarn_a": "-",
+    "yarn_b": "-",
+    "normal": "-",
+    "shear_angle": "rad",
+    "area_ratio": "-",
+    "part": "-",
+}
+TABLE = "yarn_axes"
+
+
+class FormedPly(NamedTuple):
+    """points (n, 3) [mm] of the formed ply's nodes, cells (m, 3 or 4) by their corners,
+    anticlockwise about the normal, and fields {name: (m,) or (m, 3)}: unit vectors `yarn_a`,
+    `yarn_b`, `normal` (to the side from which b is anticlockwise of a), `shear_angle` [rad],
+    `area_ratio` (formed over flat). A sheet without yarns, as of metal, has `area_ratio` alone."""
+
+    points: np.ndarray
+    cells: np.ndarray
+    fields: dict[str, np.ndarray]
+
+
+def formed_ply(grid: pyvista.UnstructuredGrid) -> FormedPly:
+    """The formed ply of a grid as `Result.grids` has it; cells of higher degree by their
+    corners."""
+    corners = CORNERS[int(grid.celltypes[0])]
+    cells = grid.cell_connectivity.reshape(grid.n_cells, -1)[:, :corners]
+    kind = pyvista.CellType.TRIANGLE if corners == 3 else pyvista.CellType.QUAD
+    flat = pyvista.UnstructuredGrid({kind: cells}, np.asarray(grid.points, dtype=float))
+    flat.point_data["u"] = np.asarray(grid.point_data["u"], dtype=float)
+    flat = flat.clean(tolerance=SAME)
+    formed = flat.copy()
+    formed.points = formed.points + formed.point_data["u"]
+    ratio = np.divide(*(np.asarray(g.compute_cell_sizes()["Area"]) for g in (formed, flat)))
+    fields = {}
+    if "a" in grid.cell_data:
+        a, b = (_unit(np.asarray(grid.cell_data[name], dtype=float)) for name in "ab")
+        fields = {"yarn_a": a, "yarn_b": b, "normal": _unit(np.cross(a, b))}
+        fields["shear_angle"] = np.asarray(grid.cell_data["shear_angle"])
+    points, cells = np.asarray(formed.points), formed.cells_dict[kind].astype(np.int64)
+    if fields:
+        p, q, r = points[cells[:, 0]], points[cells[:, 1]], points[cells[:, -1]]
+        behind = (np.cross(q - p, r - p) * fields["normal"]).sum(1) < 0
+        cells[behind] = cells[behind, ::-1]
+    return FormedPly(points, cells, fields | {"area_ratio": ratio})
+
+
+def _unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def read_grids(folder: Path | str) -> dict[str, pyvista.UnstructuredGrid]:
+    """The last state of each ply {name: grid}, or of the one {"": grid}, in the results `folder`.
+    Raises InputError where there are none."""
+    listed = Path(folder) / "fields.pvd"
+    if not listed.is_file():
+        raise InputError(f"{folder} has no fields.pvd; allowed is the folder of a run's results")
+    sets = ElementTree.parse(listed).getroot().iter("DataSet")
+    names = list(dict.fromkeys(entry.get("name", "") for entry in sets))
+    grid = read_last(Path(folder))
+    if names == [""]:
+        return {"": grid}
+    number = np.asarray(grid.cell_data["part"])
+    return {
+        name: with_known_fields(grid.extract_cells(number == k)) for k, name in enumerate(names)
+    }
+
+
+def checked(path: Path | str) -> Path:
+    """The path of a file to write; InputError if its ending is none of those known."""
+    path = Path(path)
+    if path.suffix not in (".vtu", ".inp"):
+        raise InputError(f"file {path} is to be written; allowed are the endings .vtu and .inp")
+    return path
+
+
+def export(grids: Mapping[str, pyvista.UnstructuredGrid], path: Path | str) -> None:
+    """Write the formed plies {name: grid} with their yarn directions to `path`: `.vtu` for VTK's
+    readers, `.inp` as Abaqus input.
+
+    The VTU file has the fields of `FormedPly` and `part`, the ply's number. The Abaqus file has
+    for each ply its nodes, shell elements (S3 or S4) in a set with its name (`ply` for one without)
+    and, as distributions, two orientations NAME_yarns_a and NAME_yarns_b: axis 1 along that yarn,
+    axis 3 along `normal`. Raises InputError for another ending, and if no ply has yarns.
+    """
+    path, plies = checked(path), {name: formed_ply(grid) for name, grid in grids.items()}
+    if not any("yarn_a" in ply.fields for ply in plies.values()):
+        raise InputError("no sheet has yarns; allowed is at least one ply of fabric")
+    if path.suffix == ".vtu":
+        save(path, _joined(plies.values()), UNITS)
+    else:
+        replace_file(path, "".join(_abaqus(plies)).encode())
+
+
+def _joined(plies):
+    """All plies as one grid; directions of a sheet without yarns are NaN."""
+    grids = []
+    for number, ply in enumerate(plies):
+        kind = pyvista.CellType.TRIANGLE if ply.cells.shape[1] == 3 else pyvista.CellType.QUAD
+        grid = pyvista.UnstructuredGrid({kind: ply.cells}, ply.points)
+        m = len(ply.cells)
+        missing = dict.fromkeys(("yarn_a", "yarn_b", "normal"), np.full((m, 3), np.nan))
+        missing["shear_angle"] = np.full(m, np.nan)
+        for name, values in (missing | ply.fields).items():
+            grid.cell_data[name] = values
+        grid.cell_data["part"] = np.full(m, number, dtype=np.int32)
+        grids.append(grid)
+    return pyvista.MultiBlock(grids).combine() if len(grids) > 1 else grids[0]
+
+
+def _abaqus(plies):
+    """Lines of the Abaqus input."""
+    yield "** formed plies with their yarn directions, by fabric_fenicsx; mm\n"
+    yield f"*DISTRIBUTION TABLE, NAME={TABLE}\nCOORD3D, COORD3D\n"
+    node = element = 0
+    for name, (points, cells, fields) in plies.items():
+        label = re.sub(r"\W+", "_", name) or "ply"
+        yield "*NODE\n"
+        yield from (_line(node + k, p) for k, p in enumerate(points, 1))
+        yield f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET={label}\n"
+        for k, corners in enumerate(cells + node + 1, 1):
+            yield f"{element + k}, {', '.join(map(str, corners))}\n"
+        if "yarn_a" in fields:
+            a, b = fields["yarn_a"], fields["yarn_b"]
+            # the second axis so that the third is the same
+            for yarn, first, second in (("a", a, b), ("b", b, -a)):
+                own = f"{label}_yarns_{yarn}"
+                yield f"*DISTRIBUTION, NAME={own}, LOCATION=ELEMENT, TABLE={TABLE}\n"
+                yield ", 1.0, 0.0, 0.0, 0.0, 1.0, 0.0\n"
+                yield from (
+                    _line(element + k, axes) for k, axes in enumerate(np.hstack([first, second]), 1)
+                )
+                yield f"*ORIENTATION, NAME={own}, SYSTEM=RECTANGULAR\n{own}\n3, 0.0\n"
+        node, element = node + len(points), element + len(cells)
+
+
+def _line(number, values):
+    return f"{number}, {', '.join(f'{value:.9g}' for value in values)}\n"

@@ -1,0 +1,82 @@
+"""The net on a sphere against its equation with 30 digits, and against a net made of pieces."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+from fabric_fenicsx.verification import spherical_net
+
+
+def exact_angle(s):
+    """omega at s = u v / R^2 by mpmath, from the power series of the equation at s = 0.
+
+    With p = pi/2 - omega: s p'' + p' = cos(p), so of p, cos(p) and sin(p) = q the coefficients
+    follow from one another.
+    """
+    with mpmath.workdps(30):
+        n = 60
+        p, c, q = ([mpmath.mpf(0)] * (n + 1) for _ in range(3))
+        c[0] = mpmath.mpf(1)
+        for k in range(n):
+            p[k + 1] = c[k] / (k + 1) ** 2
+            slope = [(m + 1) * p[m + 1] for m in range(k + 1)]
+            c[k + 1] = -mpmath.fsum(q[k - m] * slope[m] for m in range(k + 1)) / (k + 1)
+            q[k + 1] = mpmath.fsum(c[k - m] * slope[m] for m in range(k + 1)) / (k + 1)
+        return mpmath.polyval(p[::-1], mpmath.mpf(s))
+
+
+@pytest.mark.parametrize("s", [0.0, 1e-4, 9.9e-4, 1.1e-3, 0.1, 0.5, 0.9])
+def test_shear_angle_to_ten_digits(s):
+    found = spherical_net.shear_angle(s, 1.0, 1.0)
+    assert found == pytest.approx(float(exact_angle(s)), rel=1e-10, abs=1e-14)
+
+
+def net_of_pieces(n, length):
+    """Nodes (n + 1, n + 1, 3) of a quarter of a net of great-circle pieces of `length` on the unit
+    sphere, as kinematic draping makes it: each node has its distance from two others."""
+    t = length * np.arange(n + 1)
+    x = np.zeros((n + 1, n + 1, 3))
+    x[:, 0] = np.column_stack([np.sin(t), 0 * t, np.cos(t)])
+    x[0] = np.column_stack([0 * t, np.sin(t), np.cos(t)])
+    for i in range(1, n + 1):
+        for j in range(1, n + 1):
+            p, q = x[i - 1, j], x[i, j - 1]
+            share = math.cos(length) / (1 + p @ q)
+            middle, across = share * (p + q), np.cross(p, q)
+            rest = math.sqrt(1 - middle @ middle) * across / np.linalg.norm(across)
+            # of the two such nodes the one that is not the first corner
+            x[i, j] = max(middle + rest, middle - rest, key=lambda k: -k @ x[i - 1, j - 1])
+    return x
+
+
+def test_a_net_of_ever_smaller_pieces_tends_to_it():
+    """At u = v = 0.7 R, halved pieces quarter the error."""
+    errors = []
+    for n in (10, 20, 40):
+        h = 0.7 / n
+        x = net_of_pieces(n + 1, h)
+        a, b = x[n + 1, n] - x[n - 1, n], x[n, n + 1] - x[n, n - 1]
+        found = math.pi / 2 - math.acos(a @ b / np.linalg.norm(a) / np.linalg.norm(b))
+        errors.append(found - spherical_net.shear_angle(0.7, 0.7, 1.0))
+    assert abs(errors[-1]) < 1e-4
+    assert errors[0] / errors[1] == pytest.approx(4, rel=0.1)
+    assert errors[1] / errors[2] == pytest.approx(4, rel=0.1)
+
+
+def test_the_circle_between_the_yarns():
+    """On it lie the net's nodes with u = v."""
+    t, shear = spherical_net.diagonal(math.radians(60))
+    n = 40
+    x = net_of_pieces(n, t / n)[n, n]
+    assert math.degrees(math.acos(x[2])) == pytest.approx(60, abs=0.01)
+    assert shear == pytest.approx(float(spherical_net.shear_angle(t, t, 1.0)), rel=1e-12)
+
+
+def test_no_angle_beyond_where_both_yarns_are_one_line():
+    end = spherical_net.locking_product()
+    assert math.degrees(spherical_net.shear_angle(0.999999 * end, 1, 1)) == pytest.approx(
+        90, abs=1e-3
+    )
+    assert np.isnan(spherical_net.shear_angle(1.000001 * end, 1, 1))
