@@ -97,10 +97,10 @@ def press(
     count = len(depths)
     u = stack.u.x.array.reshape(-1, 3)[:count]
     share = under(stack.coordinates()[:count])
-    play = rise = 0.0
+    rise = 0.0
     for k, sheet in reversed(list(enumerate(stack.sheets))):
         at = stack.parts[sheet.name].nodes
-        u[at, 2] = play + share[at] * (rise + depths[at])
+        u[at, 2] = share[at] * (rise + depths[at])
         if k:
-            play, rise = play + stack.play, rise + pairs[k - 1].depth_under(pressure)
+            rise += stack.play + pairs[k - 1].depth_under(pressure)
     stack.u.x.scatter_forward()
