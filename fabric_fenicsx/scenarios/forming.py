@@ -357,7 +357,8 @@ class Forming(Scenario):
             on_die = next(term for term in self.contacts if term.tool is self.die)
             pairs = stacking.neighbours(self.scene.terms, self.plies)
             under = holding.on_flange(self.die, self.thickness)
-            stacking.press(self.blank, pairs, on_die, self.holder_pressure, under)
+            stiff = any(ply.metal for ply in self.plies)
+            stacking.press(self.blank, pairs, on_die, self.holder_pressure, under, stiff)
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Stroke [mm] and force [N] of the punch, of a quarter if that is modelled."""

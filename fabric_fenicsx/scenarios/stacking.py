@@ -89,18 +89,22 @@ def press(
     on_top: Contact,
     pressure: float,
     under: Callable[[np.ndarray], np.ndarray],
+    stiff: bool = False,
 ) -> None:
     """Displace the sheets towards the tool `on_top` of the last one, by as much as a holder's
     pressure [MPa] presses them into it and into each other. pairs: contacts of each sheet with the
-    next; under: function of places (n, 3) to the share (n,) of each that the holder presses."""
+    next; under: function of places (n, 3) to the share (n,) of each that the holder presses;
+    stiff: whether there is metal, which goes up as a whole, as it would not bend at the flange's
+    end."""
     depths = on_top.depth_under(pressure)
     count = len(depths)
     u = stack.u.x.array.reshape(-1, 3)[:count]
     share = under(stack.coordinates()[:count])
-    rise = 0.0
+    rise = play = 0.0
     for k, sheet in reversed(list(enumerate(stack.sheets))):
         at = stack.parts[sheet.name].nodes
-        u[at, 2] = share[at] * (rise + depths[at])
+        u[at, 2] = share[at] * (rise + depths[at]) + play
         if k:
-            rise += stack.play + pairs[k - 1].depth_under(pressure)
+            rise += pairs[k - 1].depth_under(pressure) + (0.0 if stiff else stack.play)
+            play += stack.play if stiff else 0.0
     stack.u.x.scatter_forward()
