@@ -1,6 +1,5 @@
 """A job: brings a scene to full load, and keeps what happened on the way."""
 
-import json
 import logging
 import tempfile
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -15,11 +14,11 @@ from tqdm import tqdm
 
 from . import dolfinx_compat as compat
 from . import timing
-from .errors import Interrupted, SolverFailure
+from .errors import InputError, Interrupted, SolverFailure
 from .mechanics import mesh_warnings
 from .mechanics.self_crossing import self_crossings
-from .results.history import ENERGIES, History, check_notes
-from .results.output import Output
+from .results.history import ENERGIES, History, check_notes, energy_balance, viscous_words
+from .results.output import Output, read_converged
 from .results.result import LAST_PICTURE, Result, draw_state
 from .scene import Scene
 from .signals import StopSignals
@@ -29,7 +28,6 @@ from .solve.newton import Newton
 from .solve.stepping import Accepted, march
 
 log = logging.getLogger(__package__)
-VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 NOT_BELIEVED = "the result is not to be believed: "
 
@@ -40,10 +38,18 @@ Measure = Callable[[Scene, float], tuple[float, float]]
 class Job:
     """Load stepping of `scene` from rest to full load, with history, fields, checkpoint, summary.
 
-    steps: load steps, max_step: the largest (1/steps), accuracy, balance, milestones, viscosity:
-    see `march`. tolerance: residual over the forces on the sheet; path_tolerance: a looser one
-    before the full load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps
-    between states written for ParaView. limits: beyond which the result is not believed.
+    steps: the first load step is 1/steps; max_step: the largest, by default as large. A step that
+    fails is halved. balance: share of a step's work that may be missing from the energies, and
+    accuracy: of the displacement by which it may leave a straight path, before the step is halved;
+    None: any. milestones: load factors to be hit. viscosity: whether steps that halving does not
+    mend get a drag, which fades. More is in `solve.stepping.march`.
+    tolerance: residual over the forces on the sheet; path_tolerance: a looser one before the full
+    load. linear_solver: one of `solve.linear.LINEAR_SOLVERS`. every: accepted steps between states
+    written for ParaView. limits: beyond which the result is not believed.
+    error: whether errors are estimated from the same run on a mesh twice as coarse; coarser:
+    function that makes this job on that mesh; order: that of forces and energies in the size of
+    cells, as observed in problems of this kind; headlines: which quantities get errors, those of
+    nested ones as "draw_in.largest_mm".
     measure: function of scene and load factor to displacement [mm] and force [N] for the history;
     by default those of the first tool or moving support. quantities: function of a `Result` to
     what the summary says beside the rest; tables, pictures: what to write and draw of it besides.
@@ -62,6 +68,10 @@ class Job:
     every: int = 5
     limits: Limits = field(default_factory=Limits)
     milestones: Sequence[float] = ()
+    error: bool = False
+    coarser: "Callable[[], Job] | None" = None
+    order: float = 1.0
+    headlines: Sequence[str] = ()
     measure: Measure | None = None
     quantities: Callable[[Result], dict[str, Any]] | None = None
     tables: Callable[[Result, Path], None] | None = None
@@ -89,6 +99,11 @@ class Job:
         written, if the full load was not reached or the result is beyond the limits, and
         Interrupted after SIGINT or SIGTERM.
         """
+        if self.error and not self.coarser:
+            raise InputError(
+                "`error=True` needs a mesh twice as coarse, and none is known; allowed is a "
+                "rectangle of 2 x 2 or more that the program meshes, or `coarser` of a `Job`"
+            )
         resume = out.resume if isinstance(out, Output) else resume
         if not resume:  # before anything is written
             self.scene.check_start()
@@ -121,9 +136,9 @@ class Job:
             start, notes = checkpoint.load(scene.memory(), newton.memory())
             check_notes(notes, checkpoint.path)
         if start and start.load == 1 and not start.viscosity.drag:
-            known = _converged(folder / "summary.json") if comm.rank == 0 else None
+            known = read_converged(folder / "summary.json") if comm.rank == 0 else None
             if known := comm.bcast(known):
-                return self._finished_before(output, folder, start, notes, known, pictures)
+                return self._finished_before(output, folder, start, notes, known, problem, pictures)
         for warning in self.warnings:
             output.warn(warning)
         output.warn(mesh_warnings.cell_size_warning(scene.blank, scene.tools()))
@@ -154,7 +169,7 @@ class Job:
                 )
             wrong_now[:] = self._beyond_limits()
             history.add(accepted, *measure(scene, accepted.load), further)
-            output.warn(_viscous_words(history.rows, accepted.load))
+            output.warn(viscous_words(history.rows, accepted.load))
             bar.update(accepted.load - bar.n)
             step, energy = accepted.progress.step, sum(accepted.energies.values())
             iterations = accepted.report.iterations
@@ -219,19 +234,31 @@ class Job:
             newton_iterations=outcome.iterations,
             energy=energy,
             reaction_N=history.rows[-1]["reaction_N"],
-            **_balance(history.rows, energy),
+            **energy_balance(history.rows, energy),
             quantities=self.quantities(result) if self.quantities else {},
         )
         if words := signals():
             raise Interrupted(
                 f"{words} at load factor {outcome.reached:.6g}; `resume=True` goes on from there"
             )
+        if self.error and not wrong:
+            self._estimate(output, result, problem, series)
         self._show(output, result, pictures)
         if not output.is_kept:
             result.forget_folder()
         if wrong:
             raise SolverFailure(wrong + output.where(folder), result)
         return result
+
+    def _estimate(self, output, result, problem, series):
+        """Add to result, history.csv, fields and summary.json how far they are off."""
+        from .error_run import estimated
+
+        facts = estimated(self, result, output, problem)
+        result.summary = output.amend(result.folder, result.summary, **facts)
+        if facts:
+            series.write(1.0, result.fields)
+            result.forget_grid()
 
     def _show(self, output, result, pictures):
         """Draw the last state; of a run that reached its end write the tables and pictures, too."""
@@ -244,8 +271,10 @@ class Job:
             draw_state(output.name, result, result.folder)
         self.scene.comm.barrier()
 
-    def _finished_before(self, output, folder, start, notes, summary, pictures):
+    def _finished_before(self, output, folder, start, notes, summary, problem, pictures):
         """The `Result` of a run whose checkpoint is at full load."""
+        from .results.fields import FieldSeries
+
         scene = self.scene
         if scene.comm.rank == 0:
             log.warning("%s: full load was reached before, nothing is left to do", folder)
@@ -254,6 +283,9 @@ class Job:
         fields = scene.cell_fields()
         result = Result(summary, notes["rows"], fields, folder, scene)
         drawn = scene.comm.bcast((folder / LAST_PICTURE).exists())
+        if self.error and "error" not in summary:
+            drawn = False
+            self._estimate(output, result, problem, FieldSeries(folder, scene, notes["states"]))
         self._show(output, result, pictures and not drawn)
         return result
 
@@ -281,7 +313,7 @@ class Job:
                 "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
                 "that moves would, as `clamped_ends(stroke)`"
             )
-        balance = _balance(result.rows, energy)
+        balance = energy_balance(result.rows, energy)
         if branches := ", ".join(f"{load:.6g}" for load in balance["branches"]):
             output.warn(
                 f"the path branches at load {branches}: the equilibrium there was a saddle, and "
@@ -317,7 +349,9 @@ class Job:
         """What no later state mends, a sentence each: tools too deep in the sheet, and yarns
         stretched too far."""
         limit, scene = self.limits.strain, self.scene
-        wrong = self.limits.exceeded({"penetration": scene.penetration_of_thickness()})
+        found = {"penetration": scene.penetration_of_thickness()}
+        if wrong := self.limits.exceeded(found):
+            wrong = [f"{wrong[0]}; deepest is {scene.where_deepest()}"]
         over = scene.overstretched(limit)
         if over > EDGES:
             wrong.append(
@@ -368,38 +402,3 @@ def _material(scene):
 
 def _not_believed(wrong):
     return NOT_BELIEVED + "; ".join(wrong) if wrong else ""
-
-
-def _balance(rows, energy):
-    """How well work and energies agree at the end and on the way, and where the path branches."""
-    stored = sum(energy.values()) - energy["external_work"]
-    worst = max(rows[1:] or rows, key=lambda row: row["energy_imbalance"])
-    return {
-        "energy_imbalance": abs(energy["external_work"] - stored) / max(abs(stored), 1e-300),
-        "energy_imbalance_largest": {"value": worst["energy_imbalance"], "load": worst["load"]},
-        "branches": [row["load"] for row in rows if row["saddles"]],
-    }
-
-
-def _viscous_words(rows, load):
-    """What to warn of when the regularisation's share of the strain energy becomes large."""
-    large = [
-        row["viscous_energy_Nmm"] > VISCOUS * abs(row["strain_energy_Nmm"]) for row in rows[-2:]
-    ]
-    if large != [False, True]:
-        return ""
-    share = rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"])
-    return (
-        f"at load {load:.6g} (step {len(rows) - 1}) the regularisation has taken "
-        f"{100 * share:.2g} % of the strain energy; take smaller steps (`max_step`) or look for a "
-        "snap there"
-    )
-
-
-def _converged(path):
-    """The summary in `path`, if it is one of a run that reached its end."""
-    try:
-        summary = json.loads(path.read_text())
-    except (OSError, ValueError):
-        return None
-    return summary if isinstance(summary, dict) and summary.get("converged") else None

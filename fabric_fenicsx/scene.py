@@ -400,6 +400,10 @@ class Scene:
         """How deep a tool was in the sheet in any accepted state, over the sheet's thickness."""
         return max((term.penetration_of_thickness() for term in self.terms), default=0.0)
 
+    def where_deepest(self) -> str:
+        """In words, what was so deep in the sheet, and where."""
+        return max(self.terms, key=lambda term: term.penetration_of_thickness()).where_deepest()
+
     def overstretched(self, strain: float) -> float:
         """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`."""
         return max((term.overstretched(strain) for term in self.terms), default=0.0)

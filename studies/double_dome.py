@@ -64,10 +64,12 @@ def main(study: Study):
             labels = "stroke / mm", "punch force / N"
             pictures.reactions(folder / "compare_curves.png", results, *labels)
         study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
-    for label, q in found.items():
+    for label, r in results.items():
+        q = found[label]
         study.say(
-            f"{label or args.out}: punch force {q['punch_force_N']:.5g} N, largest shear angle "
-            f"{q['shear_angle_max_deg']:.2f} deg, draw-in {q['draw_in']['largest_mm']:.2f} mm, "
+            f"{label or args.out}: punch force {r.told('punch_force_N', '.5g')} N, largest shear "
+            f"angle {r.told('shear_angle_max_deg', '.2f')} deg, draw-in "
+            f"{r.told('draw_in.largest_mm', '.2f')} mm, "
             f"penetration {100 * q['penetration_of_thickness']:.2g} % of the thickness"
         )
 

@@ -21,8 +21,8 @@ def options():
 def main(study: Study):
     if not study.args.compare:
         result = study.run(study.scenario(Tensile))
-        reaction, q = result.summary["reaction_N"], result.summary["quantities"]
-        study.say(f"{result.folder}: reaction {reaction:.6g} N, {strains_across(q)}")
+        reaction = result.told("reaction_N")
+        study.say(f"{result.folder}: reaction {reaction} N, {strains_across(result)}")
         return
     folder, results = study.folder(), {}
     for name, fabric in coupling_variants(study.fabric).items():
@@ -39,8 +39,8 @@ def main(study: Study):
         names = "log_eps_11", "log_eps_22", "shear_angle"
         pictures.maps(folder / "compare.png", {k: r.grid for k, r in results.items()}, names)
         pictures.reactions(folder / "compare_curves.png", results)
-    for name, q in found.items():
-        study.say(f"{name:24s} reaction {q['reaction_N']:9.4f} N, {strains_across(q)}")
+    for name, r in results.items():
+        study.say(f"{name:24s} reaction {r.told('reaction_N', '9.4f')} N, {strains_across(r)}")
 
 
 if __name__ == "__main__":

@@ -146,7 +146,14 @@ def test_programs_print_what_their_page_says(run, tmp_path, page):
 
 
 # run in the same way, or longer, by tests of their own
-ELSEWHERE = "speed_vs_error", "double_dome", "compression_parameters", "hard_cases", "stability_map"
+ELSEWHERE = (
+    "speed_vs_error",
+    "double_dome",
+    "compression_parameters",
+    "hard_cases",
+    "stability_map",
+    "openradioss",
+)
 COMMANDS = {
     line: None
     for page in PAGES

@@ -152,6 +152,15 @@ def test_a_field_that_cannot_be_drawn(tmp_path):
     assert not (tmp_path / "gap.png").exists()
 
 
+def test_a_field_of_nodes_is_drawn(tmp_path):
+    ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True)
+    floor = ff.Tool(ff.Plane((0, 0, -1), (0, 0, 1)), name="floor")
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=1.0), ff.Contact(floor)]
+    result = ff.Job(ff.Scene(ply, terms, supports=ff.clamped_ends(0.1)), steps=1).run()
+    result.plot("contact_gap", tmp_path / "gap.png")
+    assert (tmp_path / "gap.png").stat().st_size > 1000
+
+
 def test_numbers_that_json_does_not_know_are_null():
     assert finite({"a": [1.0, math.nan, {"b": (math.inf, "c", 2)}]}) == {
         "a": [1.0, None, {"b": [None, "c", 2]}]

@@ -24,6 +24,7 @@ ORDER = (
     "scene",
     "solve",
     "results",
+    "error_run",
     "job",
     "verification",
     "scenarios",

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from ..errors import InputError, Interrupted, SolverFailure
 from ..job import Result
 from ..material.laws import COUPLINGS, Law
-from ..material.presets import load
+from ..material.presets import PRESETS, load, read_laws
 from ..mechanics.membrane import Membrane
 from ..results.output import Output
 from ..scenarios.numbers import COUNT, POSITIVE, Rule
@@ -49,16 +49,33 @@ def parser(
     define the problem.
     """
     name = name or scenario.NAME
-    p = Parser(prog=program(name), description=description, formatter_class=HelpFormatter)
+    p = Parser(
+        prog=program(name),
+        usage="%(prog)s [option ...]",
+        description=description,
+        formatter_class=HelpFormatter,
+    )
     full, quick = scenario.FULL, scenario.QUICK
     add_scenario(p, scenario)
     p.group("material")
-    p.option("--material", metavar="FILE|PRESET", default="komeili", free=True)
+    p.option(
+        "--material",
+        metavar="FILE|PRESET",
+        default="komeili",
+        help=f"material file, or one of {', '.join(PRESETS)}",
+        free=True,
+    )
+    p.option(
+        "--law-file",
+        metavar="FILE.py",
+        help="Python file with the classes of your own laws",
+        free=True,
+    )
     p.option(
         "--model",
         choices=("hyperelastic", "fabric"),
         default="hyperelastic",
-        help="fabric: the decoupled baseline",
+        help="fabric: without all couplings",
         free=True,
     )
     p.option(
@@ -80,28 +97,28 @@ def parser(
         "--tolerance",
         type=option_type(BELOW_ONE),
         default=solver["tolerance"],
-        help="residual over reaction",
+        help="residual of the last state, over the forces on the sheet",
         free=True,
     )
     p.option(
         "--path-tolerance",
         type=option_type(BELOW_ONE),
         default=solver["path_tolerance"],
-        help="a looser one before the full load; the curve is as good as this",
+        help="the same of states before full load: the curve is as good as this",
         free=True,
     )
     p.option(
         "--viscosity",
         choices=("auto", "off"),
         default="auto",
-        help="auto: a drag on the nodes in steps that fail",
+        help="auto: steps that fail get a drag on the nodes, which fades",
         free=True,
     )
     p.option(
         "--accuracy",
         type=option_type(POSITIVE),
-        help="largest distance of a state from its extrapolation, of the displacement; limits "
-        "steps where the path matters",
+        help="largest share of the displacement by which a step may leave the straight "
+        "continuation of the path; a step beyond is cut",
         free=True,
     )
     p.option(
@@ -111,8 +128,21 @@ def parser(
         f"is halved ({solver.get('balance') or 'any'}, with --quick any)",
         free=True,
     )
+    p.option(
+        "--error",
+        action="store_true",
+        help="estimate errors of numbers, curve and fields, from the same run on a mesh twice as "
+        "coarse",
+        free=True,
+    )
     solvers = tuple(LINEAR_SOLVERS)
-    p.option("--linear-solver", choices=solvers, default="mumps-cholesky", free=True)
+    p.option(
+        "--linear-solver",
+        choices=solvers,
+        default="mumps-cholesky",
+        help="solver of the linear systems",
+        free=True,
+    )
     p.group("limits, beyond which a result is not believed (exit status 3)")
     for each in dataclasses.fields(Limits):
         p.option(
@@ -123,7 +153,14 @@ def parser(
             free=True,
         )
     p.group("output")
-    p.option("--out", metavar="DIR", type=Path, default=Path("results") / name, free=True)
+    p.option(
+        "--out",
+        metavar="DIR",
+        type=Path,
+        default=Path("results") / name,
+        help="folder of the results",
+        free=True,
+    )
     p.option(
         "--every",
         type=option_type(COUNT),
@@ -138,9 +175,9 @@ def parser(
         free=True,
     )
     p.option(
-        "--overwrite", action="store_true", help="lose the results that --out holds", free=True
+        "--overwrite", action="store_true", help="delete the results in --out first", free=True
     )
-    p.option("--no-pictures", action="store_true", free=True)
+    p.option("--no-pictures", action="store_true", help="draw nothing", free=True)
     p.option("--quick", action="store_true", help="coarse mesh and few steps", free=True)
     p.option(
         "--verbose",
@@ -203,6 +240,8 @@ class Study(Output):
             )
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
+        if args.law_file:
+            read_laws(args.law_file)
         fabric = load(args.material)
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(
             *args.without
@@ -253,6 +292,7 @@ class Study(Output):
             accuracy=args.accuracy,
             balance=args.balance,
             every=args.every,
+            error=args.error,
             limits=Limits(*limits),
         )
         problem = {**self.problem(scenario.fabric), **scenario.problem()}

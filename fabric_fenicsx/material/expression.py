@@ -70,7 +70,7 @@ def _strains(I4, I6, I8, cos_angle):
 
 
 def _energy(strains, law):
-    return map_expr_dag(_Quick(), ufl.as_ufl(sum(law.energy(*strains))))
+    return map_expr_dag(_Quick(), ufl.as_ufl(sum(law.parts(*strains))))
 
 
 class _Quick(MultiFunction):

@@ -258,6 +258,13 @@ class Contact(PressingTerm):
         deepest = float((self._depth / self.thickness).max(initial=0.0))
         return self.nodes.comm.allreduce(deepest, MPI.MAX)
 
+    def where_deepest(self) -> str:
+        """As in `Term`, with the place in the undeformed sheet."""
+        i = int(self._depth.argmax()) if self._depth.size else None
+        mine = (0.0, ()) if i is None else (self._depth[i], tuple(self.nodes.places[i]))
+        _, place = max(self.nodes.comm.allgather(mine))
+        return f"{self.tool.name} at ({', '.join(f'{x:.4g}' for x in place)}) mm of the flat sheet"
+
     def tools(self) -> tuple[Tool, ...]:
         """As in `Term`."""
         return (self.tool,)

@@ -15,7 +15,7 @@ from ..material import kernel, stability
 from ..material.expression import derivatives, energy_density
 from ..material.laws import Law
 from ..material.strains import nominal_strain, shear_angle
-from .mesh_warnings import locking_warning
+from .mesh_warnings import band_warning, locking_warning
 from .term import SceneFacts, Term
 
 # Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that
@@ -372,5 +372,10 @@ class Membrane(Term):
         return float(over / whole)
 
     def warnings(self) -> list[str]:
-        """As in `Term`: cells that lock."""
-        return [text for text in (locking_warning(self),) if text]
+        """As in `Term`: cells that lock, and bands."""
+        return [text for text in (locking_warning(self), band_warning(self)) if text]
+
+    def least_ellipticity(self) -> np.ndarray:
+        """The least ellipticity indicator of each of the part's cells, (cells,) [-]."""
+        found = stability.evaluate(self.fabric, self._invariants_at_points())
+        return found.ellipticity.min(1)

@@ -23,6 +23,7 @@ ALONG = math.cos(
     math.radians(1.0)
 )  # of an edge and a yarn: 1 deg off costs a bias test 3 %, 3 deg 8 %, 10 deg 22 %
 OFF = 0.5  # of all cells, from which the mesh is taken not to follow the yarns
+BANDS = 1e-2  # of the area
 # share of the strain energy in stretches that neighbouring cells undo; a reaction is then 5 % off
 LOCKED = 2.5e-3
 # angle of the least radius that one cell spans [deg]: in the double dome the punch force is then
@@ -54,6 +55,34 @@ def size_warning(blank: Blank, thickness: float, source: str) -> str:
             "mm (micrometres over 1000)"
         )
     return ""
+
+
+def band_warning(membrane: "Membrane") -> str:
+    """A sentence if the law allows bands in more than `BANDS` of the sheet's area in the present
+    state, else "".
+
+    The law has no length, so a band is as wide as a row of cells, and which of two rows becomes one
+    is open: with yarns at +-45 deg the double dome's corner has neighbouring equilibria, whose
+    largest shear angles are 52.1 and 54.5 deg.
+    """
+    part, comm = membrane.part, membrane.blank.mesh.comm
+    areas = membrane.blank.areas()[part.cells]
+    least = membrane.least_ellipticity()
+    lost, whole = comm.allreduce(np.array([areas[least < 0].sum(), areas.sum()]))
+    if lost <= BANDS * whole:
+        return ""
+    # to few digits, so that of cells that mirror each other the same is named on any ranks
+    centres = membrane.blank.midpoints()[:2, part.cells].round(6)
+    order = np.lexsort((centres[1], centres[0], [float(f"{v:.4g}") for v in least]))[:1]
+    found = [(float(f"{least[i]:.4g}"), *centres[:, i]) for i in order]
+    _, x, y = min(each for rank in comm.allgather(found) for each in rank)
+    name = part.name or membrane.blank.name
+    return (
+        f"in {100 * lost / whole:.2g} % of {name}, as at ({x:.4g}, {y:.4g}) mm of the flat sheet, "
+        "the law allows bands: strains gather in rows of cells, and which rows depends on mesh and "
+        "steps; so do the largest strains and shear angles, unless bending within the sheet "
+        "(`in_plane_bending`) gives bands a width"
+    )
 
 
 def locking_warning(membrane: "Membrane") -> str:

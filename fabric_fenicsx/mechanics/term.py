@@ -234,6 +234,10 @@ class Term:
         """How deep a tool was in the sheet in any accepted state, over the sheet's thickness."""
         return 0.0
 
+    def where_deepest(self) -> str:
+        """In words, what was so deep in the sheet, and where."""
+        return self.name
+
     def overstretched(self, strain: float) -> float:
         """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`."""
         return 0.0

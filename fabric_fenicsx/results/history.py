@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,7 @@ COLUMNS = (
     "wall_s",
 )
 # None where nothing was factorised, or no law told
+VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
 MAY_BE_EMPTY = "negative_pivots", "min_stability"
 
 
@@ -120,3 +121,32 @@ def check_notes(notes: Mapping[str, Any], path: Path) -> None:
     else:
         return
     raise InputError(f"checkpoint {path} is damaged: {wrong}; allowed is one that a study wrote")
+
+
+def energy_balance(
+    rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
+) -> dict[str, Any]:
+    """How well work and energies [N mm] agree at the end and on the way, and where the path
+    branches; energy: by kind, with `external_work`."""
+    stored = sum(energy.values()) - energy["external_work"]
+    worst = max(rows[1:] or rows, key=lambda row: row["energy_imbalance"])
+    return {
+        "energy_imbalance": abs(energy["external_work"] - stored) / max(abs(stored), 1e-300),
+        "energy_imbalance_largest": {"value": worst["energy_imbalance"], "load": worst["load"]},
+        "branches": [row["load"] for row in rows if row["saddles"]],
+    }
+
+
+def viscous_words(rows: Sequence[Mapping[str, Any]], load: float) -> str:
+    """What to warn of when the regularisation's share of the strain energy becomes large."""
+    large = [
+        row["viscous_energy_Nmm"] > VISCOUS * abs(row["strain_energy_Nmm"]) for row in rows[-2:]
+    ]
+    if large != [False, True]:
+        return ""
+    share = rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"])
+    return (
+        f"at load {load:.6g} (step {len(rows) - 1}) the regularisation has taken "
+        f"{100 * share:.2g} % of the strain energy; take smaller steps (`max_step`) or look for a "
+        "snap there"
+    )

@@ -55,6 +55,15 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def read_converged(path: Path) -> dict[str, Any] | None:
+    """The summary in `path`, if it is one of a run that reached its end."""
+    try:
+        summary = json.loads(path.read_text())
+    except (OSError, ValueError):
+        return None
+    return summary if isinstance(summary, dict) and summary.get("converged") else None
+
+
 class Output:
     """Where a run called `name` writes to: `path`, with a subfolder for each part of it.
 
@@ -78,8 +87,10 @@ class Output:
         self.facts, self.command = dict(facts or {}), command
         self.parts: list[str] = []
         self.is_kept = True  # otherwise only while the run lasts
+        self.is_quiet = False  # whether warnings are only for the summary
         self.begun = False
-        self._started = time.perf_counter()
+        # with what was compiled and set up before, which `wall_s` has as well
+        self._started = time.perf_counter() - sum(timing.seconds.values())
         self.warnings: list[str] = []  # since the last summary
         self._warned: set[str] = set()
         self._lock: IO | None = None
@@ -98,7 +109,7 @@ class Output:
         """
         if text and text not in self.warnings:
             self.warnings.append(text)
-        if text and self.comm.rank == 0 and text not in self._warned:
+        if text and self.comm.rank == 0 and text not in self._warned and not self.is_quiet:
             log.warning("warning: %s", text)
         self._warned.add(text)
 
@@ -233,10 +244,20 @@ class Output:
             },
         }
         self.warnings = []
+        self._write_summary(folder, summary)
+        return summary
+
+    def amend(self, folder: Path, summary: Mapping[str, Any], **facts: Any) -> dict[str, Any]:
+        """`summary` with `facts` and what was warned of since it was written, written anew."""
+        amended = {**summary, **facts, "warnings": [*summary["warnings"], *self.warnings]}
+        self._started, self.warnings = time.perf_counter(), []
+        self._write_summary(folder, amended)
+        return amended
+
+    def _write_summary(self, folder, summary):
         if folder and self.comm.rank == 0:
             text = json.dumps(finite(summary), indent=2, allow_nan=False) + "\n"
             replace_file(folder / "summary.json", text)
-        return summary
 
     def report(self, description: str, ending: str) -> None:
         """Write report.html of all that this run wrote, on rank 0; ending: how it ended."""

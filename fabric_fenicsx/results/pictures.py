@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import matplotlib
@@ -18,6 +19,9 @@ SHOWN = {
     "log_eps_11": (r"$\varepsilon_{11}$ (log) / %", 100.0, "viridis"),
     "log_eps_22": (r"$\varepsilon_{22}$ (log) / %", 100.0, "viridis"),
     "shear_angle": (r"$\gamma_{12}$ / deg", 180 / np.pi, "coolwarm"),
+    "error_log_eps_11": (r"error of $\varepsilon_{11}$ / %", 100.0, "magma_r"),
+    "error_log_eps_22": (r"error of $\varepsilon_{22}$ / %", 100.0, "magma_r"),
+    "error_shear_angle": (r"error of $\gamma_{12}$ / deg", 180 / np.pi, "magma_r"),
     "ellipticity_lost": ("ellipticity lost (1) or not", 1.0, "Greys"),
     "strain_state": ("strain state", 1.0, "Set2"),
 }
@@ -52,14 +56,18 @@ def cell_polygons(grid: pyvista.UnstructuredGrid) -> np.ndarray:
 
 
 def maps(
-    path: Path, variants: Mapping[str, Any], names: Sequence[str], outliers: float = 0.0
+    path: Path,
+    variants: Mapping[str, Any],
+    names: Sequence[str],
+    outliers: float = 0.0,
+    units: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour
     scale a field.
 
     Values keep their signs; above each map stand the least and the largest of a cell. One variant's
     maps stand below each other; several variants make a row each. outliers: share of all cells, at
-    each end of the scale, that may lie beyond it.
+    each end of the scale, that may lie beyond it; units: of fields that are not in `SHOWN`.
     """
     one = len(variants) == 1
     rows, columns = (len(names), 1) if one else (len(variants), len(names))
@@ -76,7 +84,8 @@ def maps(
         layout="constrained",
     )
     for name, mine in zip(names, axes if one else axes.T):
-        label, factor, colours = SHOWN.get(name, (name.replace("_", " "), 1.0, "viridis"))
+        plain = " / ".join(filter(None, (name.replace("_", " "), units.get(name, ""))))
+        label, factor, colours = SHOWN.get(name, (plain, 1.0, "viridis"))
         values = {
             title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()
         }
@@ -113,14 +122,22 @@ def maps(
 
 
 def curves(
-    path: Path, series: Mapping[str, Sequence], xlabel: str, ylabel: str, scale: str = "linear"
+    path: Path,
+    series: Mapping[str, Sequence],
+    xlabel: str,
+    ylabel: str,
+    scale: str = "linear",
+    bands: Mapping[str, Sequence[float]] | None = None,
 ) -> None:
     """Curves of {label: (x, y)} or {label: (x, y, matplotlib format)} in one diagram; scale: of
-    both axes."""
+    both axes; bands: half the height of a band around some of them, at each point."""
     figure, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
     ax.set(xscale=scale, yscale=scale)
     for label, (x, y, *style) in series.items():
-        ax.plot(x, y, *(style or ["o-"]), markersize=3, label=label)
+        (line,) = ax.plot(x, y, *(style or ["o-"]), markersize=3, label=label)
+        if bands and label in bands:
+            low, high = np.asarray(y) - bands[label], np.asarray(y) + bands[label]
+            ax.fill_between(x, low, high, color=line.get_color(), alpha=0.25, lw=0)
     ax.set_xlabel(xlabel)
     ax.set_ylabel(ylabel)
     ax.grid(alpha=0.3)
@@ -139,12 +156,18 @@ def reactions(
     xlabel: str = "displacement / mm",
     ylabel: str = "reaction / N",
 ) -> None:
-    """Curves of force over displacement of runs {label: `job.Result`} in one diagram."""
+    """Curves of force over displacement of runs {label: `job.Result`} in one diagram, with a band
+    of their estimated errors."""
     series = {
         label: ([r["displacement_mm"] for r in result.rows], [r["reaction_N"] for r in result.rows])
         for label, result in results.items()
     }
-    curves(path, series, xlabel, ylabel)
+    bands = {
+        label: [r["error_N"] for r in result.rows]
+        for label, result in results.items()
+        if all("error_N" in r for r in result.rows)
+    }
+    curves(path, series, xlabel, ylabel, bands=bands)
 
 
 def bars(path: Path, values: Mapping[str, tuple[float, str, str]], xlabel: str) -> None:

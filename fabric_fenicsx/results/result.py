@@ -56,9 +56,32 @@ class Result:
             for k, name in enumerate(names)
         }
 
+    def number(self, name: str) -> float | None:
+        """A number of the summary or its quantities; of nested ones as "draw_in.largest_mm". None
+        if there is none."""
+        if name == "strain_energy_Nmm":
+            return self.summary["energy"]["strain"]
+        found: Any = self.summary if name in self.summary else self.summary["quantities"]
+        for key in name.split("."):
+            found = found.get(key) if isinstance(found, dict) else None
+        return found if isinstance(found, (int, float)) else None
+
+    def told(self, name: str, form: str = ".6g", scale: float = 1.0) -> str:
+        """That number times `scale` in this format, with its estimated error if there is one:
+        "2033.42 +- 0.05"."""
+        value, errors = self.number(name), self.summary.get("error", {})
+        if value is None:
+            return "-"
+        text = format(round(scale * value, 12) + 0.0, form)
+        return text + (f" +- {abs(scale) * errors[name]:.2g}" if name in errors else "")
+
     def force(self, tool: "Tool") -> np.ndarray:
         """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
         return self.scene.tool_force(tool)
+
+    def forget_grid(self) -> None:
+        """Read the last state anew when it is asked for, as it was written anew."""
+        self._grid = None
 
     def forget_folder(self) -> None:
         """Keep the grid, not the folder that it is in."""
@@ -67,17 +90,27 @@ class Result:
         self.folder = None
 
     def plot(self, name: str, path: Path | str) -> None:
-        """Draw cell field `name`, of one number a cell, on the deformed sheet, to a PNG file, on
-        rank 0. Raises InputError for a name that is none."""
-        drawn = sorted(each for each, values in self.fields.items() if values.ndim == 1)
+        """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
+        rank 0; nodes as means over the cells. Raises InputError for a name that is none."""
+        nodal = self.scene.nodal_fields()
+        drawn = sorted(
+            each for each, values in {**self.fields, **nodal}.items() if values.ndim == 1
+        )
         if name not in drawn:
             raise InputError(
-                f"a picture of {name} is asked for; allowed are the cell fields {', '.join(drawn)}"
+                f"a picture of {name} is asked for; allowed are the fields {', '.join(drawn)}"
             )
         if self.scene.comm.rank == 0:
             from . import pictures
 
-            pictures.maps(Path(path), self.grids, (name,), outliers=OUTLIERS)
+            grids = self.grids
+            if name in nodal:
+                grids = {
+                    title: grid.point_data_to_cell_data(pass_point_data=True)
+                    for title, grid in grids.items()
+                }
+            units = self.scene.units()
+            pictures.maps(Path(path), grids, (name,), OUTLIERS, units)
 
     def export(self, path: Path | str) -> None:
         """Write the formed plies with their yarn directions for a structural analysis, to a .vtu
@@ -97,3 +130,6 @@ def draw_state(name: str, result: Result, folder: Path) -> None:
     pictures.reactions(folder / "curve.png", {"": result})
     maps = {part or name.replace("_", " "): grid for part, grid in result.grids.items()}
     pictures.maps(folder / LAST_PICTURE, maps, MAPS, outliers=OUTLIERS)
+    errors = tuple(f"error_{field}" for field in MAPS)
+    if all(name in grid.cell_data for grid in maps.values() for name in errors):
+        pictures.maps(folder / "error.png", maps, errors, outliers=OUTLIERS)

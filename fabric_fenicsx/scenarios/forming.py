@@ -6,7 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -38,9 +38,10 @@ from ..tools import (
     check_punch,
 )
 from . import holding, stacking
+from .dome import DIMENSIONS, dome_of
 from .numbers import FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
 from .plies import Ply, read_plies
-from .scenario import ELEMENTS, Scenario
+from .scenario import ELEMENTS, Scenario, halved
 
 if TYPE_CHECKING:
     import pyvista
@@ -49,7 +50,6 @@ HOLDERS = ("pressure", "force", "gap", "grippers")
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
 UP = np.array([0.0, 0.0, 1.0])
 PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quarter
-DIMENSIONS = ", ".join(each.name for each in dataclasses.fields(DoubleDome))
 
 
 @dataclass(kw_only=True)
@@ -57,69 +57,92 @@ class Forming(Scenario):
     """A ply of `fabric` between punch, die and blank holder; a quarter of it unless `full`.
 
     The flat ply lies in z = 0 with its centre at the origin, under the die's flange. The punch
-    comes from below. punch: a surface with its flange at z = 0, or a file of one, in place of the
-    double dome; `dome`: that, its dimensions as a mapping, or as texts NAME=VALUE.
+    comes from below: its top begins just below the ply and rises by `stroke`. punch: a surface with
+    its flange at z = 0, or a file of one, in place of the double dome; `dome`: that, its dimensions
+    as a mapping, or as texts NAME=VALUE.
     """
 
     NAME: ClassVar[str] = "double_dome"
+    HEADLINES = ("punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm")
     FULL = {"nx": 47, "steps": 40}
     QUICK = {"nx": 12, "steps": 12}
     SOLVER = {"path_tolerance": 1e-6, "balance": 0.02, "every": 10}
     DEFAULT_SIZES = (470.0, 270.0)
     SPATIAL = True
 
-    element: str = choice("P1", ELEMENTS, "P: triangles, Q: quadrilaterals", "mesh")
-    length: float = number(None, POSITIVE, "along x (470, or the mesh's) [mm]", "ply")
-    width: float = number(None, POSITIVE, "along y (270, or the mesh's) [mm]", "ply")
-    full: bool = switch("the whole ply; otherwise a quarter of it", "ply")
-    bending_modulus: float = number(100.0, FROM_ZERO, "E_b of both yarns [MPa]", "ply")
-    twist_modulus: float = number(1.0, FROM_ZERO, "G [MPa]", "ply")
+    element: str = choice(
+        "P1", ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree", "mesh"
+    )
+    length: float = number(
+        None, POSITIVE, "of the whole ply, along x (470, or the mesh's) [mm]", "ply"
+    )
+    width: float = number(
+        None, POSITIVE, "of the whole ply, along y (270, or the mesh's) [mm]", "ply"
+    )
+    full: bool = switch("model the whole ply, not a quarter", "ply")
+    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]", "ply")
+    twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the ply [MPa]", "ply")
     in_plane_bending: float = number(
-        0.0, FROM_ZERO, "stiffness of yarns in the ply, of that out of it", "ply"
+        0.0,
+        FROM_ZERO,
+        "stiffness of yarns against bending within the ply, over that out of it",
+        "ply",
     )
     stack: str | os.PathLike[str] | Sequence[Ply] | None = text(
-        None, "plies from the punch to the die: TOML, as in studies/stacks", "FILE", "ply"
+        None,
+        "TOML file of several plies, from the punch to the die; examples: studies/stacks",
+        "FILE",
+        "ply",
     )
-    stroke: float = number(None, POSITIVE, "of the punch (the dome's depth) [mm]", "tools")
+    stroke: float = number(None, POSITIVE, "travel of the punch (the dome's depth) [mm]", "tools")
     dome: DoubleDome | Mapping[str, float] | Sequence[str] = field(
         default=(),
         metadata={
             "repeated": "NAME=VALUE",
-            "help": f"dimension of the double dome: {DIMENSIONS}",
+            "help": f"dimension of the double dome: {', '.join(DIMENSIONS)}",
             "group": "tools",
         },
     )
     punch: str | Surface | None = text(
         None,
-        "surface instead, with its flange at z = 0 [mm]: STL, VTP, MSH, STEP, IGES",
+        "punch from a file (STL, VTP, MSH, STEP, IGES) with its flange at z = 0 [mm]",
         "FILE",
         "tools",
     )
-    chord: float = number(0.1, POSITIVE, "of the triangles on faces of STEP and IGES [mm]", "tools")
-    clearance: float = number(
-        None, POSITIVE, "between punch and die (1.2 thicknesses) [mm]", "tools"
+    chord: float = number(
+        0.1, POSITIVE, "largest distance of triangles from faces of STEP and IGES [mm]", "tools"
     )
-    friction: float = number(0.25, FROM_ZERO, "coefficient of ply on tools", "tools")
-    slip: float = number(0.1, POSITIVE, "that sticking friction permits [mm]", "tools")
+    clearance: float = number(
+        None, POSITIVE, "distance of punch and die when closed (1.2 thicknesses) [mm]", "tools"
+    )
+    friction: float = number(0.25, FROM_ZERO, "coefficient between ply and tools", "tools")
+    slip: float = number(0.1, POSITIVE, "how far a sticking ply may slip [mm]", "tools")
     lag: float = number(
         0.01,
         POSITIVE,
-        "of pressed areas and normal forces behind the present ones, of their sum",
+        "share of normal forces, and of areas under the holder, that may lag behind the state",
         "tools",
     )
     penalty: float = number(
-        None, POSITIVE, "of contact (from stiffness and radii) [N/mm^3]", "tools"
+        None,
+        POSITIVE,
+        "stiffness of contact (from the fabric and the tools' radii) [N/mm^3]",
+        "tools",
     )
     permitted: float | None = number(
-        None, POSITIVE, "penetration, kept by augmented contact (any) [mm]", "tools"
+        None, POSITIVE, "largest penetration, kept by augmented contact (any) [mm]", "tools"
     )
-    holder: str = choice("pressure", HOLDERS, "how the ply's rim is held", "blank holder")
+    holder: str = choice("pressure", HOLDERS, "what holds the rim of the ply", "blank holder")
     holder_pressure: float = number(
-        2.0, FROM_ZERO, "on what lies on the flange [MPa]", "blank holder"
+        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", "blank holder"
     )
-    holder_force: float = number(1e5, FROM_ZERO, "on the whole ply [N]", "blank holder")
-    holder_gap: float = number(None, POSITIVE, "to the die (1.1 thicknesses) [mm]", "blank holder")
-    gripper_tension: float = number(5.0, FINITE, "on the ply's edges [N/mm]", "blank holder")
+    holder_force: float = number(1e5, FROM_ZERO, "force on the whole ply [N]", "blank holder")
+    holder_gap: float = number(
+        None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]", "blank holder"
+    )
+    gripper_tension: float = number(
+        5.0, FINITE, "pull at the edges of the ply [N/mm]", "blank holder"
+    )
 
     def prepare(self) -> None:
         """Make blank, membrane and tools."""
@@ -175,6 +198,16 @@ class Forming(Scenario):
         """As in `Scenario`: the plies of a stack."""
         return {"plies": [ply.described() for ply in self.plies]} if self.stack else {}
 
+    def can_be_coarser(self) -> bool:
+        """As in `Scenario`: not of plies with meshes of their own."""
+        return super().can_be_coarser() and not any(ply.mesh for ply in self.plies)
+
+    def coarser(self) -> Self:
+        """As in `Scenario`."""
+        plies = [dataclasses.replace(ply, nx=halved(ply.nx)) for ply in self.plies]
+        stack = plies if self.stack else None
+        return dataclasses.replace(self, nx=halved(self.nx), ny=halved(self.ny), stack=stack)
+
     def _plies(self) -> list[Ply]:
         """Those of the stack, the lowest first, or the one of the other fields."""
         if self.stack is None:
@@ -223,7 +256,7 @@ class Forming(Scenario):
     def _surface(self):
         """The punch's surface, checked."""
         if not self.punch:
-            return self.dome if isinstance(self.dome, DoubleDome) else _dome(self.dome)
+            return self.dome if isinstance(self.dome, DoubleDome) else dome_of(self.dome)
         low, high = self.blank.extent()
         half = np.maximum(abs(low), abs(high))[:2]
         surface, name = self.punch, "`punch`"
@@ -376,20 +409,3 @@ class Forming(Scenario):
             for name, grid in result.grids.items()
         }
         formed.draw_compared(folder, grids, self.punch_tool)
-
-
-def _dome(pairs):
-    """The `DoubleDome` with dimensions {name: value} or texts NAME=VALUE."""
-    names, given = [each.name for each in dataclasses.fields(DoubleDome)], {}
-    if isinstance(pairs, Mapping):
-        pairs = [f"{key}={value!r}" for key, value in pairs.items()]
-    for pair in pairs:
-        key, _, value = pair.partition("=")
-        try:
-            given[key] = float(value)
-        except ValueError:
-            where = f"`dome` {pair} has no number after its name"
-            raise InputError(f"{where}; allowed is NAME=VALUE") from None
-        if key not in names:
-            raise InputError(f"`dome` {pair} names no dimension; allowed are {', '.join(names)}")
-    return DoubleDome(**given)

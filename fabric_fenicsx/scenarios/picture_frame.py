@@ -27,13 +27,16 @@ class PictureFrame(Scenario):
     """A square of `fabric` that a rigid frame shears to `angle`; its state is homogeneous."""
 
     NAME: ClassVar[str] = "picture_frame"
+    HEADLINES = ("normalised_shear_force_N_per_mm",)
     FULL = {"nx": 20, "steps": 40}
     QUICK = {"nx": 20, "steps": 10}
     SIZES = ("side", "side")
     DEFAULT_SIZES = (200.0, 200.0)
 
-    element: str = choice("P1", ELEMENTS, "P: triangles, Q: quadrilaterals", "mesh")
-    side: float = number(None, POSITIVE, "of the square (200, or the mesh's) [mm]")
+    element: str = choice(
+        "P1", ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree", "mesh"
+    )
+    side: float = number(None, POSITIVE, "side of the square (200, or the mesh's) [mm]")
     angle: float = number(45.0, BELOW_85, "shear angle at full load [deg]")
     pre_tension: float = number(
         0.0, UP_TO_10_PERCENT, "yarn strain applied first, in the first tenth of the load"

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from mpi4py import MPI
 
@@ -44,32 +44,37 @@ class Scenario:
     SIZES: ClassVar[tuple[str, str]] = ("length", "width")  # fields of the sheet's sides
     DEFAULT_SIZES: ClassVar[tuple[float, float]] = (200.0, 50.0)  # without a mesh of its own
     SPATIAL: ClassVar[bool] = False
+    HEADLINES: ClassVar[tuple[str, ...]] = ()  # quantities that get an estimated error
 
     fabric: Law = field(kw_only=False, default_factory=lambda: load("komeili"))
     mesh: str | None = text(
         None,
-        "own blank, any gmsh or meshio file [mm]; otherwise a rectangle is meshed",
+        "sheet from a file of gmsh or meshio [mm], instead of a rectangle that is meshed",
         "FILE",
         "mesh",
     )
     nx: int = number(None, COUNT, "rectangles along the length", "mesh")
-    ny: int = number(None, COUNT, "rectangles across the width (as makes them square)", "mesh")
-    pattern: str = choice("crossed", PATTERNS, "how rectangles become cells", "mesh")
-    element: str = choice("P2", ELEMENTS, "P: triangles, Q: quadrilaterals", "mesh")
+    ny: int = number(
+        None, COUNT, "rectangles across the width (by default they are square)", "mesh"
+    )
+    pattern: str = choice("crossed", PATTERNS, "how rectangles are divided into cells", "mesh")
+    element: str = choice(
+        "P2", ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree", "mesh"
+    )
     integration: str = choice(
         "full",
         INTEGRATION,
-        "reduced: on P2 triangles the law at their centres, for cells that don't follow the yarns",
+        "reduced: P2 with the law at the centres alone, for cells that don't follow the yarns",
         "mesh",
     )
-    fibre_angle: float = number(0.0, FINITE, "of yarns a from the length [deg]", "mesh")
+    fibre_angle: float = number(0.0, FINITE, "from the length to yarns a [deg]", "mesh")
     yarn_angle: float = number(
-        90.0, BETWEEN_YARNS, "from yarns a to yarns b as the ply lies [deg]", "weave"
+        90.0, BETWEEN_YARNS, "from yarns a to yarns b in the flat sheet [deg]", "weave"
     )
     weave_angle: float | None = number(
         None,
         BETWEEN_YARNS,
-        "between the yarns of the weave without shear (that in which the ply lies) [deg]",
+        "from yarns a to yarns b where the weave is free of shear (the yarn angle) [deg]",
         "weave",
     )
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_WORLD, repr=False)
@@ -138,6 +143,18 @@ class Scenario:
 
     # -- what a caller asks for
 
+    def order(self) -> float:
+        """Observed order of forces and energies in the size of cells, see docs/accuracy.md."""
+        return 1.0
+
+    def can_be_coarser(self) -> bool:
+        """Whether a mesh twice as coarse is known."""
+        return bool(self.nx and self.nx > 1)
+
+    def coarser(self) -> Self:
+        """The same on a mesh twice as coarse: with half the rectangles along each side."""
+        return dataclasses.replace(self, nx=halved(self.nx), ny=halved(self.ny))
+
     def job(self, **changes: Any) -> Job:
         """The `Job` of this scenario with its defaults, `changes` in its fields."""
         settings = {"steps": self.FULL["steps"]} | dict(self.SOLVER) | changes
@@ -149,8 +166,14 @@ class Scenario:
             tables=self.tables,
             pictures=self.pictures,
             warnings=self.warnings,
+            coarser=self._coarser_job if self.can_be_coarser() else None,
+            order=self.order(),
+            headlines=self.HEADLINES,
             **settings,
         )
+
+    def _coarser_job(self):
+        return self.coarser().job()
 
     # -- what subclasses use
 
@@ -229,3 +252,8 @@ class Scenario:
             )
         for name in ("nx", "ny", "pattern"):
             setattr(self, name, None)
+
+
+def halved(count: int | None) -> Any:
+    """Half of a number of rectangles, at least 1; None of None."""
+    return count and max(1, round(count / 2))

@@ -14,10 +14,12 @@ def _limit(default: float, text: str) -> float:
 class Limits:
     """Largest values of a result that is believed."""
 
-    imbalance: float = _limit(0.05, "difference of external work and energies, of these")
-    viscous: float = _limit(0.05, "energy that regularisation took, of the strain energy")
-    penetration: float = _limit(0.1, "of tools into the sheet, of its thickness")
-    strain: float = _limit(0.1, "of yarns in tension, nominal, but for the edges' singular points")
+    imbalance: float = _limit(0.05, "difference between external work and energies, over these")
+    viscous: float = _limit(0.05, "energy that regularisation took, over the strain energy")
+    penetration: float = _limit(0.1, "penetration of tools into the sheet, over its thickness")
+    strain: float = _limit(
+        0.1, "nominal strain of yarns in tension, singular points at edges left out"
+    )
 
     def exceeded(self, found: Mapping[str, float]) -> list[str]:
         """What is wrong with a result, one sentence for each limit that is exceeded; found: values
@@ -26,7 +28,7 @@ class Limits:
             "imbalance": "work of supports and tools differs from the energies "
             "by {:.3g} % of these",
             "viscous": "regularisation took {:.3g} % of the strain energy",
-            "penetration": "a tool reaches {:.3g} % of the thickness into the sheet",
+            "penetration": "the sheet is penetrated by {:.3g} % of its thickness",
         }
         return [
             f"{words[name].format(100 * value)}; allowed is "

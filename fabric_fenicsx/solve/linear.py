@@ -1,7 +1,9 @@
 """Linear solvers by name: their options, MUMPS' room and the inertia it tells."""
 
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from petsc4py import PETSc
 
 PREFIX = "fabric_"  # of PETSc's options
@@ -67,3 +69,25 @@ def factorisation_had_room(pc: PETSc.PC) -> bool:
 def inertia(pc: PETSc.PC) -> tuple[int, int]:
     """Negative and zero pivots of the last factorisation by `mumps-cholesky`."""
     return pc.getFactorMatrix().getInertia()[:2]
+
+
+def give_way(
+    ksp: PETSc.KSP, given: Sequence[tuple[PETSc.Vec, float]], d: PETSc.Vec, rounding: float
+) -> bool:
+    """Make d, which `ksp` solved for, the solution with the tangent less c c^T / k for each `given`
+    c and k: tools moved by force give way (Woodbury). False, and d as it was, if that tangent is
+    not positive definite; rounding: of the largest k, what it leaves of nothing."""
+    if not given:
+        return True
+    solved = [c.duplicate() for c, _ in given]
+    for (c, _), y in zip(given, solved):
+        ksp.solve(c, y)
+    given_up = np.array([[c.dot(y) for y in solved] for c, _ in given])
+    stiffness = np.array([k for _, k in given])
+    left = np.diag(stiffness) - (given_up + given_up.T) / 2
+    # none where sheet and tool can go together unresisted
+    if np.linalg.eigvalsh(left)[0] <= rounding * stiffness.max():
+        return False
+    for travel, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
+        d.axpy(travel, y)
+    return True

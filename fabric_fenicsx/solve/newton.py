@@ -17,6 +17,7 @@ from .linear import (
     PREFIX,
     configure,
     factorisation_had_room,
+    give_way,
     inertia,
     is_there,
 )
@@ -205,7 +206,7 @@ class Newton:
                     self._log("              with the last tangent's factors")
                     with phase("linear_solve"):
                         snes.ksp.solve(r, d)
-                        kept = snes.ksp.getConvergedReason() > 0 and self._add_tool_compliance(d)
+                        kept = snes.ksp.getConvergedReason() > 0 and self._give_way(d)
                 if not kept:
                     self.scene.set(x)
                     self.scene.anticipate()
@@ -341,7 +342,7 @@ class Newton:
                 negative, zero = inertia(ksp.pc) if tells else (None, None)
             if attempt == 0:
                 report.negative_pivots = negative
-            if not negative and not zero and reason > 0 and self._add_tool_compliance(d):
+            if not negative and not zero and reason > 0 and self._give_way(d):
                 self._shift = shift or self._shift
                 return shift
             reason = (
@@ -361,24 +362,8 @@ class Newton:
             shift = larger
         raise _Ended(Reason.DIVERGED_LOCAL_MIN)
 
-    def _add_tool_compliance(self, d):
-        """Make the correction d that of a tangent in which tools moved by force give way
-        (Woodbury); False if that is not positive definite."""
-        given = self.scene.compliances()
-        if not given:
-            return True
-        solved = [c.duplicate() for c, _ in given]
-        for (c, _), y in zip(given, solved):
-            self.snes.ksp.solve(c, y)
-        given_up = np.array([[c.dot(y) for y in solved] for c, _ in given])
-        stiffness = np.array([k for _, k in given])
-        left = np.diag(stiffness) - (given_up + given_up.T) / 2
-        # what rounding leaves of nothing: sheet and tool can go together unresisted
-        if np.linalg.eigvalsh(left)[0] <= self.ROUNDING * stiffness.max():
-            return False
-        for travel, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
-            d.axpy(travel, y)
-        return True
+    def _give_way(self, d):
+        return give_way(self.snes.ksp, self.scene.compliances(), d, self.ROUNDING)
 
     def _is_saddle(self, snes, x):
         """Whether the tangent at the converged x has negative pivots; the last one's word is taken

@@ -13,6 +13,7 @@ from .newton import Newton
 from .report import Report
 
 EASY_ITERATIONS = 15  # iterations up to which the next step may grow
+EASY_TO = 1e-6  # tolerance to which these are counted, if they went on
 GROWTH, CUT = 1.5, 0.5
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
@@ -193,7 +194,7 @@ def march(
         x.copy(predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         allowed = None if load == goal or not settled else path_tolerance
-        report, iterations = _solve_lagged(newton, x, allowed or 0.0)
+        report, iterations, hardest = _solve_lagged(newton, x, allowed or 0.0)
         progress.iterations += iterations
         error = (
             (x - predicted).norm() / max(x.norm(), 1e-300)
@@ -260,12 +261,10 @@ def march(
             progress.step = min(
                 max(taken * np.clip(np.sqrt(accuracy / error), CUT, GROWTH), 2 * min_step), max_step
             )
-        elif report.iterations <= EASY_ITERATIONS:
+        elif hardest <= EASY_ITERATIONS:
             progress.step = min(GROWTH * progress.step, max_step)
         if progress.viscosity.drag:
-            progress.viscosity.note_accepted(
-                report.iterations <= EASY_ITERATIONS, at_rest=not taken
-            )
+            progress.viscosity.note_accepted(hardest <= EASY_ITERATIONS, at_rest=not taken)
         now = time.perf_counter()
         if on_accept:
             on_accept(Accepted(load, energies, progress.work, report, cuts, now - clock, progress))
@@ -287,13 +286,15 @@ def march(
 def _solve_lagged(newton, x, allowed):
     """Solve for x, again and again until terms have nothing to take anew: at first to their `rough`
     tolerance, in the end to `allowed` or the solver's. The last `Report`, with the iterations of
-    the hardest solve, and the iterations of all."""
-    scene, every = newton.scene, []
+    the hardest solve; the iterations of all; and those of the hardest to `EASY_TO`."""
+    scene, every, hardest = newton.scene, [], 0
     allowed = max(allowed, newton.tolerance)
     tolerance = max(allowed, scene.rough)
     for _ in range(LAGGED_UPDATES + 1):
         report = newton.solve_for(x, tolerance)
         every.append(report.iterations)
+        # a tighter tolerance must not lead to other steps
+        hardest = max(hardest, report.iterations_to(EASY_TO if tolerance < EASY_TO else 0.0))
         report.iterations = max(every)
         if not report.converged:
             break
@@ -304,7 +305,7 @@ def _solve_lagged(newton, x, allowed):
     else:
         report.converged = False
         report.reason = f"contact was not settled by {LAGGED_UPDATES} solutions"
-    return report, sum(every)
+    return report, sum(every), hardest
 
 
 def _missing(work, energy, stored):

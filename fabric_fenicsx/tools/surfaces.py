@@ -141,7 +141,8 @@ class ImplicitSurface(Surface):
     """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method on its
     Lagrangian.
 
-    An own one gives `implicit`, `bound`, where F alone is cheaper `value`, and `radii`:
+    An own one gives `implicit` and `radii`; `bound`, and `value` where F alone is cheaper, save
+    time:
 
         class Wave(ImplicitSurface):
             radii = (25.0, 25.0)
@@ -170,8 +171,8 @@ class ImplicitSurface(Surface):
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
         """What the distance from x (3, n) [mm], where `value` is F (n,), surely is not below, (n,)
-        [mm]."""
-        raise NotImplementedError
+        [mm]. Points beyond the reach are then not projected; 0 projects all."""
+        return np.zeros_like(F)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""

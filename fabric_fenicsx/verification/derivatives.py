@@ -17,7 +17,7 @@ from ..material.laws import Law
 from ..mechanics.term import Term
 from ..mechanics.triplets import TripletMatrix
 from ..scene import Scene
-from ..tools import Surface
+from ..tools import ImplicitSurface, Surface
 
 ALLOWED = 1e-4  # difference, over the largest of its kind
 KINKS = 0.02  # of states or points, at which a derivative may jump between both sides
@@ -38,9 +38,11 @@ def check_derivatives(
     """Compare the derivatives that `thing` gives with differences; a table in words.
 
     - A law: stresses with differences of its energy, tangents with those of its stresses, at random
-      strains. `at`: other states (n, 3) of eps_a, eps_b [-] and gamma [rad].
+      strains; and whether it is free of stress at rest. `at`: other states (n, 3) of eps_a, eps_b
+      [-] and gamma [rad].
     - A surface: normal and curvature with differences of the gap at the points `at` (n, 3) [mm],
-      which should be near it; and whether the gap leads to it, so is a distance.
+      which should be near it; whether the gap leads to it, so is a distance; whether it is curved
+      more than `radii` says; and of an `ImplicitSurface` whether `bound` exceeds the distance.
     - A term: forces with differences of its energy, and tangent with those of its forces, in the
       scene `at`, at the load factor `load`, where the sheet is and displaced by about `size` [mm]
       (default: 1/1000 of a cell). The term is then at load 0, the sheet where it was.
@@ -93,9 +95,13 @@ def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
 
     def energy(x: np.ndarray) -> np.ndarray:
         with np.errstate(all="ignore"):  # sides of a case that do not count
-            return sum(law.energy(*x.T)) + np.zeros(len(x))
+            return sum(law.parts(*x.T)) + np.zeros(len(x))
 
-    here = law.derivatives(*x.T)
+    here, rest = law.derivatives(*x.T), law.derivatives(*np.zeros((3, 1)))
+    at_rest = np.array([*rest.first, *(() if rest.second is None else rest.second)])
+    off = abs(rest.first).max() / max(np.nanmax(abs(here.first)), 1e-300)
+    off = float(off) if np.isfinite(at_rest).all() else np.inf
+    yield Row("stresses at rest and none", off, "at (0, 0, 0)")
     yield _row("energies of kernel and law", here.parts.sum(1), energy(x), x)
     slopes = _central(energy, x, 1e-6)
     turns = _central(lambda x: law.derivatives(x[:, 0], x[:, 1], x[:, 2], False).first.T, x, 1e-7)
@@ -122,6 +128,27 @@ def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
     gap = here.gap[:, None]
     feet = surface.evaluate(x - gap * here.normal).gap[:, None]
     yield _row("gaps and distances along the normal", gap, gap - feet, x)
+    yield _of_radii(surface, x - gap * here.normal)
+    if isinstance(surface, ImplicitSurface):
+        away = min(1e2, 0.3 * min(surface.radii))
+        x = np.concatenate([x + d * here.normal for d in (-away, 0.0, away)])
+        bounds, gap = surface.bound(surface.value(x.T), x.T), abs(surface.evaluate(x).gap)
+        found = np.isfinite(gap)  # far inside there may be no nearest point
+        both = gap[found], np.maximum(bounds, gap)[found]
+        yield _row("distances and bounds of them", *both, x[found])
+
+
+def _of_radii(surface: Surface, feet: np.ndarray) -> Row:
+    """The share by which a surface is curved more than its least radii allow, at points on it."""
+    bent = np.linalg.eigvalsh(np.nan_to_num(surface.evaluate(feet).curvature))
+    inside, outside = 1 / np.asarray(surface.radii)
+    over = np.fmax(bent[:, 2] - inside, -bent[:, 0] - outside)
+    i = np.argsort(over)[int((1 - KINKS) * (len(over) - 1))]
+    off = max(over[i], 0.0) / max(abs(bent[i]).max(), 1e-6)
+    found = 1 / max(abs(bent[i]).max(), 1e-300)
+    place = ", ".join(f"{v:.4g}" for v in feet[i])
+    where = f"at ({place})" + (f", where the radius is {found:.4g} mm" if off else "")
+    return Row("radii of curvature and least `radii`", off, where)
 
 
 def _of_term(term: Term, scene: Scene, load: float, size: float | None) -> Iterator[Row]:

@@ -14,6 +14,7 @@ from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.mechanics.mesh_warnings import (
     LOCKED,
     alternating_energy,
+    band_warning,
     cell_size_warning,
     locking_warning,
     share_off_the_yarns,
@@ -182,3 +183,14 @@ def test_cells_too_large_for_a_tool():
     assert "below 4.71 mm" in warning
     die = Tool(Reversed(Offset(Sphere(2.0, (0, 0, 0)), 1.0)), name="die")  # seen from inside
     assert "die has a radius of 3 mm" in cell_size_warning(blank, [die])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("share, words", [(0.0, ""), (0.25, "in 25 % of blank, as at (")])
+def test_where_the_law_allows_bands(share, words):
+    """Yarns a are compressed in a part of the length, and the sheet is stretched beside it."""
+    membrane = alone(sheet(80, 20, 16, 4), Membrane(KOMEILI))
+    x = membrane.blank.coordinates()[:, 0]
+    membrane.blank.u.x.array[::2] = np.where(x < 80 * share, -0.02 * x, 0.001 * x - 1.68 * share)
+    said = band_warning(membrane)
+    assert said.startswith(words) and bool(said) == bool(share)

@@ -9,6 +9,7 @@ from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.stepping import FINEST, march
 from fabric_fenicsx.supports import clamped_ends
 
@@ -114,3 +115,9 @@ def test_only_states_on_the_way_are_looser(asked):
     scene = Scene(Blank.rectangle(20, 10, nx=2), [builders.Elastic(), pull], clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=3, path_tolerance=1e-4)
     assert asked == [1e-8, 1e-4, 1e-4, 1e-8]
+
+
+@pytest.mark.parametrize("tolerance, iterations", [(1e-1, 1), (1e-2, 2), (1e-9, 3)])
+def test_iterations_are_counted_to_a_tolerance(tolerance, iterations):
+    report = Report(iterations=3, scale=10.0, residuals=[5.0, 0.9, 0.1, 1e-6])
+    assert report.iterations_to(tolerance) == iterations

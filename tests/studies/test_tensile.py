@@ -13,6 +13,7 @@ from scipy.optimize import brentq
 
 from fabric_fenicsx.command_line.study import Study
 from fabric_fenicsx.material import kernel
+from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.solve import stepping
 from fabric_fenicsx.solve.stepping import Viscosity
@@ -427,3 +428,55 @@ def test_a_pre_sheared_strip_comes_to_rest_before_load(launch):
     )
     assert done.summary["kernel_mismatch"] <= 1e-10
     assert first["strain_energy_Nmm"] > 9 and done.summary["energy_imbalance"] < 0.01
+
+
+LAW_FILE = """
+from dataclasses import dataclass
+import fabric_fenicsx as ff
+from fabric_fenicsx.material.validation import above_zero
+
+@dataclass(frozen=True)
+class Straight(ff.Law):
+    law = "straight"
+    rules = {"E": above_zero("stress")}
+    E: float
+
+    def energy(self, eps_a, eps_b, gamma):
+        return self.E * eps_a**2 / 2, self.E * eps_b**2 / 2, self.E * gamma**2 / 200
+"""
+
+
+@pytest.mark.mpi
+def test_a_law_in_a_file(launch, shared_path):
+    """A fabric without couplings is pulled along its yarns: the force is E eps times its section,
+    in which the clamps have no part."""
+    law, material = shared_path / "law.py", shared_path / "m.toml"
+    if COMM.rank == 0:
+        law.write_text(LAW_FILE)
+        material.write_text(
+            'law = "straight"\nE_MPa = 100\nthickness_mm = 1\ndensity_g_per_cm3 = 1\n'
+        )
+    COMM.barrier()
+    try:
+        options = "--material", material, "--nx", 8, "--steps", 1, "--no-pictures"
+        done = launch("tensile", "--law-file", law, *options)
+        assert done.status == 0, done.err
+        assert done.summary["reaction_N"] == pytest.approx(100 * 0.03 * 50, rel=1e-6)
+    finally:
+        LAWS.pop("straight", None)
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        (None, "law.py' is not there or no Python file; allowed is a .py that exists"),
+        ("no Python", "law.py fails (SyntaxError: invalid syntax"),
+        ("1 / 0", "law.py fails (ZeroDivisionError: division by zero); allowed is one that runs"),
+        ("x = 1", "law.py has no class of a law; allowed are one or more"),
+    ],
+)
+def test_a_law_file_that_is_none(launch, tmp_path, text, words):
+    if text:
+        (tmp_path / "law.py").write_text(text)
+    done = launch("tensile", "--law-file", tmp_path / "law.py")
+    assert done.status == 2 and words in done.err, done.err

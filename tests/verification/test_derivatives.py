@@ -7,6 +7,7 @@ import pytest
 from builders import Elastic, sheet
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.material.functions import sqrt
 from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.validation import above_zero
 
@@ -17,7 +18,7 @@ NEAR = np.random.default_rng(0).uniform(20, 22, (200, 3)) * [1, -1, 1]
 
 def test_the_papers_law():
     table = ff.check_derivatives(KOMEILI)
-    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 10
+    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 11
 
 
 def test_a_law_whose_stresses_are_not_its_energys():
@@ -40,6 +41,20 @@ def test_a_law_whose_stresses_are_not_its_energys():
         ff.check_derivatives(Wrong(3.0))
 
 
+@pytest.mark.parametrize("shear", [abs, lambda gamma: sqrt(gamma * gamma)])
+def test_a_law_with_stress_at_rest_or_none_that_is_known(shear):
+    @dataclass(frozen=True)
+    class Tense(ff.Law):
+        law = "tense"
+
+        def energy(self, eps_a, eps_b, gamma):
+            return eps_a**2, eps_b**2 + eps_b, shear(gamma)
+
+    del LAWS["tense"]
+    with pytest.raises(ff.InputError, match="law tense: stresses at rest and none differ by"):
+        ff.check_derivatives(Tense())
+
+
 @pytest.mark.parametrize("surface", [BALL, ff.Plane((0, 0, 1), (0, 1, 1)), ff.Offset(BALL, 1.0)])
 def test_surfaces_of_the_package(surface):
     assert "agree" in ff.check_derivatives(surface, NEAR)
@@ -47,6 +62,8 @@ def test_surfaces_of_the_package(surface):
 
 class Ball(ff.Surface):
     """A ball of 30 mm about the origin with factors that should be 1."""
+
+    radii = 30.0, np.inf
 
     def __init__(self, gap=1.0, normal=1.0, curvature=1.0):
         self.gap, self.normal, self.curvature = gap, normal, curvature
@@ -69,6 +86,44 @@ def test_a_wrong_surface(wrong, words):
     assert "agree" in ff.check_derivatives(Ball(), NEAR)
     with pytest.raises(ff.InputError, match=words):
         ff.check_derivatives(Ball(**wrong), NEAR)
+
+
+def test_a_surface_with_corners_sharper_than_it_says():
+    ball = Ball()
+    ball.radii = 40.0, np.inf
+    words = "Ball: radii of curvature and least `radii` differ by 0.25 .* the radius is 30 mm"
+    with pytest.raises(ff.InputError, match=words):
+        ff.check_derivatives(ball, NEAR)
+
+
+class Implicit(ff.ImplicitSurface):
+    """The ball, by its equation."""
+
+    radii = 30.0, np.inf
+
+    def __init__(self, bound=0.0):
+        self.factor = bound
+
+    def implicit(self, x):
+        hessian = 2 * np.eye(3)[:, :, None] + 0 * x[0]
+        return (x**2).sum(0) - 900, 2 * x, hessian
+
+    def bound(self, F, x):
+        return (
+            self.factor * abs(np.linalg.norm(x, axis=0) - 30)
+            if self.factor
+            else super().bound(F, x)
+        )
+
+
+@pytest.mark.parametrize("bound", [0.0, 1.0])
+def test_an_implicit_surface(bound):
+    assert "distances and bounds" in ff.check_derivatives(Implicit(bound), NEAR)
+
+
+def test_an_implicit_surface_with_a_bound_that_is_none():
+    with pytest.raises(ff.InputError, match="Implicit: distances and bounds of them differ by"):
+        ff.check_derivatives(Implicit(1.5), NEAR)
 
 
 class Springs(ff.Term):

@@ -130,7 +130,24 @@ class Law(Material):
                 f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
                 f"than {', '.join(sorted(LAWS))}"
             )
+        for name, rule in cls.rules.items():
+            if not (isinstance(rule, Rule) and rule.kind in ("", *UNITS)):
+                kind = rule.kind if isinstance(rule, Rule) else rule
+                raise InputError(
+                    f"rule of {name} of law {cls.law} is for {shown(kind)}; allowed is one of "
+                    f"`material.validation`, as above_zero(kind), for {', '.join(UNITS)} or none"
+                )
         LAWS[cls.law] = cls
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Self:
+        """InputError for a class that is not a dataclass of its own."""
+        named = {*cls.__dict__.get("__annotations__", {}), *cls.rules}
+        if missing := sorted(named - {*cls.__dataclass_fields__}):
+            raise InputError(
+                f"law {cls.law} has no number {', '.join(missing)}; allowed is a class with "
+                f"@dataclass(frozen=True) above it and `{missing[0]}: float` in it"
+            )
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -156,6 +173,27 @@ class Law(Material):
         """
         raise NotImplementedError
 
+    def parts(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
+        """What `energy` gives; InputError if that fails or gives something else than three parts,
+        as where it is not written with the functions of `material.functions`."""
+        allowed = (
+            "allowed are three parts, written with + - * / **, abs and the functions of "
+            "`material.functions`, as where(eps > 0, x, y) for `if`"
+        )
+        try:
+            a, b, shear = self.energy(eps_a, eps_b, gamma)
+        except InputError:
+            raise
+        except Exception as error:
+            words = f"energy of law {self.law} fails ({type(error).__name__}: {error})"
+            raise InputError(f"{words}; {allowed}") from error
+        for part in (a, b, shear):  # where NumPy takes numbers for objects it gives an array
+            if isinstance(part, np.ndarray) and not isinstance(eps_a, np.ndarray):
+                raise InputError(
+                    f"energy of law {self.law} has a part of type {type(part).__name__}; {allowed}"
+                )
+        return a, b, shear
+
     def derivatives(
         self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
     ) -> Derivatives:
@@ -166,7 +204,7 @@ class Law(Material):
         strains = HyperDual.variables(eps_a, eps_b, gamma)
         zero = 0.0 * strains[0]
         with np.errstate(all="ignore"):  # sides of a case that do not count
-            parts = [part + zero for part in self.energy(*strains)]
+            parts = [part + zero for part in self.parts(*strains)]
             W = parts[0] + parts[1] + parts[2]
         values = np.stack([part.value for part in parts], -1)
         return Derivatives(values, W.first, W.second if second else None)

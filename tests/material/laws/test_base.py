@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import mpmath
 import numpy as np
 import pytest
+import ufl
 
 from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.material.expression import energy_density
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
@@ -195,3 +197,63 @@ def test_a_number_without_a_rule_is_refused():
 
     with pytest.raises(InputError, match="E of law ruleless has no rule; allowed is one for each"):
         Ruleless(3.0)
+
+
+def own_law(energy, rules=None, decorated=True):
+    """A law of one number E with this energy; it is not kept among `LAWS`."""
+    rules = {"E": above_zero("stress")} if rules is None else rules
+    fields = {"law": "own", "rules": rules, "__annotations__": {"E": float}}
+    made = type("Own", (Law,), fields | {"energy": lambda self, *strains: energy(*strains)})
+    del LAWS["own"]
+    return dataclass(frozen=True)(made) if decorated else made
+
+
+@pytest.mark.parametrize(
+    "energy, words",
+    [
+        (lambda a, b, g: (np.tan(a), b, g), "fails (TypeError: operand 'HyperDual' does not"),
+        (lambda a, b, g: (a if a > 0 else 0.0, b, g), "fails (ValueError: The truth value of"),
+        (lambda a, b, g: a + b + g, "fails (TypeError: cannot unpack non-iterable HyperDual"),
+        (lambda a, b, g: (a, b), "fails (ValueError: not enough values to unpack"),
+        (lambda a, b, g: (np.where(a > 0, a, 0), b, g), "has a part of type ndarray; allowed are"),
+    ],
+)
+def test_an_energy_that_is_not_written_as_it_must(energy, words):
+    with pytest.raises(InputError, match=re.escape(f"energy of law own {words}")) as raised:
+        nominal(own_law(energy)(E=3.0), np.zeros((2, 3)))
+    assert "the functions of `material.functions`, as where(eps > 0, x, y)" in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    "energy",
+    [
+        lambda a, b, g: (a if ufl.as_ufl(a > 0) else 0.0, b, g),
+        lambda a, b, g: (np.maximum(a, 0.0), b, g),
+        lambda a, b, g: a,
+    ],
+)
+def test_such_an_energy_in_a_form(energy):
+    with pytest.raises(InputError, match="energy of law own (fails|has)"):
+        energy_density(*(ufl.as_ufl(x) for x in (1.0, 0.1, 1.0, 0.0)), own_law(energy)(E=3.0))
+
+
+def test_a_part_of_an_energy_may_be_a_number():
+    assert own_law(lambda a, b, g: (0, b, g))(E=3.0).shear_stiffness == 0.0
+
+
+def test_a_law_that_is_no_dataclass():
+    with pytest.raises(InputError, match="law own has no number E; allowed is a class with @data"):
+        own_law(lambda a, b, g: (a, b, g), decorated=False)(E=3.0)
+
+
+@pytest.mark.parametrize(
+    "rules, words",
+    [
+        ({"E": above_zero("pressure")}, "rule of E of law own is for 'pressure'; allowed is one"),
+        ({"E": "stress"}, "rule of E of law own is for 'stress'; allowed is one of `material"),
+        ({"E": above_zero("stress"), "F": above_zero()}, "law own has no number F; allowed is"),
+    ],
+)
+def test_a_rule_that_is_none(rules, words):
+    with pytest.raises(InputError, match=words):
+        own_law(lambda a, b, g: (a, b, g), rules)(E=3.0)

@@ -1,0 +1,39 @@
+"""Forming over the double dome beside the results of an explicit code, OpenRadioss, on the same
+mesh with the same law and tools: yarns at 0/90, or with --fibre-angle 45 at +-45 deg."""
+
+from pathlib import Path
+
+from fabric_fenicsx.command_line.study import Study, parser, run
+from fabric_fenicsx.scenarios.forming import Forming
+from fabric_fenicsx.verification import explicit_code
+
+REFERENCE = Path(__file__).resolve().parent / "reference" / "openradioss"
+SAME = {  # as in OpenRadioss, which has no bending: ours is small
+    "material": str(REFERENCE / "tab.toml"),
+    "holder": "force",
+    "holder_force": 20000.0,
+    "bending_modulus": 20.0,
+    "twist_modulus": 0.0,
+}
+
+
+def options():
+    return parser(Forming, __doc__, "openradioss", **SAME)
+
+
+def main(study: Study):
+    explicit_code.check_angle(study.args.fibre_angle)
+    forming = study.scenario(Forming)
+    result, found = study.run(forming), None
+    if study.comm.rank == 0:
+        found = explicit_code.compare_formed(
+            REFERENCE, forming.fibre_angle, result.grid, result.rows
+        )
+    found = study.comm.bcast(found)
+    study.write_table(result.folder / "openradioss.csv", [found])
+    for name, value in found.items():
+        study.say(f"{name:40s} {value:.4g}")
+
+
+if __name__ == "__main__":
+    run("openradioss", options(), main)
