@@ -153,6 +153,7 @@ ELSEWHERE = (
     "hard_cases",
     "stability_map",
     "openradioss",
+    "error_estimates",
 )
 COMMANDS = {
     line: None
