@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .mechanics.term import Term
     from .scenarios.bias_extension import BiasExtension
     from .scenarios.forming import Forming
+    from .scenarios.laminate import Laminate
     from .scenarios.picture_frame import PictureFrame
     from .scenarios.plies import Ply
     from .scenarios.tensile import Tensile
@@ -83,6 +84,7 @@ _HOMES = {
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),
     "scenarios.forming": ("Forming",),
+    "scenarios.laminate": ("Laminate",),
     "scenarios.picture_frame": ("PictureFrame",),
     "scenarios.plies": ("Ply",),
     "scenarios.tensile": ("Tensile",),

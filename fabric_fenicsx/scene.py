@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from . import dolfinx_compat as compat
 from .errors import InputError
 from .material.laws import Law
+from .material.laws.base import Material
 from .mechanics.assembly import Assembly
 from .mechanics.term import Term
 from .mechanics.work import Work
@@ -86,21 +87,28 @@ class Scene:
         return next((term.fabric for term in self.terms if term.fabric is not None), None)
 
     def fabric_of(self, part: Part) -> Law | None:
-        """What a part of the blank is made of, if a term on it, or on all of the blank, knows."""
-        known = [term for term in self.terms if term.fabric is not None]
-        if part.is_whole:
-            return self.fabric
-        on = [term for term in known if self.blank.part(term.part_name) in (part, self.blank.whole)]
-        return on[0].fabric if on else None
+        """The fabric of a part of the blank, if a term on it, or on all of the blank, knows."""
+        return next((term.fabric for term in self._on(part) if term.fabric is not None), None)
 
-    def at_nodes(self, of: Callable[[Law], float]) -> float | np.ndarray | None:
-        """A number of the fabric: one, or where parts differ one for each owned node (nodes,);
-        None without a fabric."""
+    def material_of(self, part: Part) -> Material | None:
+        """The same of a part of fabric or of metal."""
+        return next((term.made_of for term in self._on(part) if term.made_of is not None), None)
+
+    def _on(self, part):
+        """The terms that are on a part, or on all of the blank; of the whole blank all."""
+        if part.is_whole:
+            return self.terms
+        here = part, self.blank.whole
+        return [term for term in self.terms if self.blank.part(term.part_name) in here]
+
+    def at_nodes(self, of: Callable[[Material], float]) -> float | np.ndarray | None:
+        """A number of the material: one, or where parts differ one for each owned node (nodes,);
+        None if it is not known of each part."""
         parts = list(self.blank.parts.values()) or [self.blank.whole]
-        fabrics = [self.fabric_of(part) for part in parts]
-        if not all(fabrics):
+        materials = [self.material_of(part) for part in parts]
+        if not all(materials):
             return None
-        numbers = [of(fabric) for fabric in fabrics if fabric]
+        numbers = [of(material) for material in materials if material]
         if len(set(numbers)) == 1:
             return numbers[0]
         found = np.zeros(self.blank.V.dofmap.index_map.size_local)

@@ -147,6 +147,7 @@ def test_programs_print_what_their_page_says(run, tmp_path, page):
 
 # run in the same way, or longer, by tests of their own
 ELSEWHERE = (
+    "laminate",
     "speed_vs_error",
     "double_dome",
     "compression_parameters",

@@ -7,7 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..material.laws import Law
+from ..material.laws.base import Material
 from ..tools import Tool, check_start
 from .nodes import Nodes, PressingTerm, TangentialForces
 from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, default_penalty
@@ -37,8 +37,8 @@ class Contact(PressingTerm):
     face, with the `penalty` k [N/mm^3]. The ply is on the
     side to which the tool's normal points, its faces `thickness` / 2 [mm] off the mesh.
 
-    - thickness: by default that of the scene's fabric
-    - penalty: by default `default_penalty` of that fabric and the tool's least radius
+    - thickness: by default that of the scene's fabric or metal
+    - penalty: by default `default_penalty` of that material and the tool's least radius
     - smoothing: s [mm], by default a third of the permitted penetration
     - permitted: if given [mm], the surface is shifted (augmented Lagrangian) until no node is
       deeper than that; what work the shift does is not counted, about the energy that contact
@@ -46,7 +46,7 @@ class Contact(PressingTerm):
 
     A tool moved by force is where its contact balances the force, at any displacement of the sheet.
     Raises InputError for a blank in a plane or of other than linear cells, for numbers not above 0,
-    and where a default asks for a fabric that no term of the scene has.
+    and where a default asks for a material that no term of the scene has.
     """
 
     name, energy_kind = "contact", "contact"
@@ -79,11 +79,11 @@ class Contact(PressingTerm):
         """As in `Term`."""
         given = self._given
         radius = min(self.tool.surface.radii)
-        self.thickness = given["thickness"] or self._of_fabric(
-            scene, "thickness", lambda fabric: fabric.thickness
+        self.thickness = given["thickness"] or self._of_material(
+            scene, "thickness", lambda material: material.thickness
         )
-        self.penalty = given["penalty"] or self._of_fabric(
-            scene, "penalty", lambda fabric: default_penalty(fabric, radius)
+        self.penalty = given["penalty"] or self._of_material(
+            scene, "penalty", lambda material: default_penalty(material, radius)
         )
         self.smoothing = given["smoothing"] or SMOOTHING * PERMITTED * self.thickness
         self.nodes = Nodes(scene.blank, self.part)
@@ -94,15 +94,15 @@ class Contact(PressingTerm):
         self._depth = np.zeros(self.nodes.count)
         self.accept()
 
-    def _of_fabric(
-        self, scene: SceneFacts, name: str, of: Callable[[Law], float]
+    def _of_material(
+        self, scene: SceneFacts, name: str, of: Callable[[Material], float]
     ) -> float | np.ndarray:
-        """The value `name`, of the scene's fabric or one for each node, that was not given."""
+        """The value `name`, of the scene's material or one for each node, that was not given."""
         value = scene.at_nodes(of)
         if value is None:
             raise InputError(
                 f"contact with {self.tool.name} is given no {name}, and no term of the scene has a "
-                "fabric for each sheet; allowed is a number above 0"
+                "fabric or metal for each sheet; allowed is a number above 0"
             )
         return value
 

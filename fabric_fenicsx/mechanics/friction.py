@@ -1,5 +1,7 @@
 """Coulomb friction of a sheet on tools, as an incremental potential."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..errors import InputError
@@ -10,7 +12,8 @@ from .term import SceneFacts, Term, Triplets
 
 
 class Friction(Term):
-    """Friction of coefficient `mu` with a `tool`, where a term of the scene presses nodes with it.
+    """Friction of coefficient `mu` with a `tool`, where a term of the scene presses nodes with it;
+    mu: a number, or of a stack one for each sheet, {name: number}.
 
     Sliding along the tool since the last accepted state adds to an elastic slip z, in the plane
     that was tangent then, and takes mu P (|z|^2 / 2 s up to |z| = s, |z| - s / 2 beyond) from a
@@ -27,9 +30,16 @@ class Friction(Term):
 
     name = energy_kind = "friction"
 
-    def __init__(self, tool: Tool, mu: float, slip: float = 0.1, lag: float | None = None) -> None:
+    def __init__(
+        self,
+        tool: Tool,
+        mu: float | Mapping[str, float],
+        slip: float = 0.1,
+        lag: float | None = None,
+    ) -> None:
+        each = mu.values() if isinstance(mu, Mapping) else [mu]
         checks = (
-            ("coefficient", mu, mu >= 0),
+            *(("coefficient", value, value >= 0) for value in each),
             ("slip", slip, slip > 0),
             ("lag", lag, lag is None or lag > 0),
         )
@@ -39,7 +49,8 @@ class Friction(Term):
                 raise InputError(
                     f"friction on {tool.name} has {name} {value}; allowed is a number {allowed}"
                 )
-        self.tool, self.mu, self.slip, self.lag = tool, mu, slip, lag
+        self.tool, self._given, self.slip, self.lag = tool, mu, slip, lag
+        self.mu: float | np.ndarray = 0.0 if isinstance(mu, Mapping) else mu  # or one for each node
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
@@ -56,6 +67,10 @@ class Friction(Term):
         (self._pressing,) = pressing
         self._pressing.bind(scene)  # before this one, in whatever order they are given
         self.nodes = self._pressing.nodes
+        if isinstance(self._given, Mapping):
+            self.mu = np.zeros(self.nodes.count)
+            for name, mu in self._given.items():
+                self.mu[scene.blank.part(name).nodes] = mu
         if self.tool.force:
             self._pressing.add_friction(self)
         self._taken = np.zeros(self.nodes.count)  # of energy at accepted states

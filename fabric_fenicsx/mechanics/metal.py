@@ -132,6 +132,11 @@ class SheetMetal(Term):
         self._elastic, self._plastic = np.zeros((*shape, 3)), np.zeros(shape)
         self._hold(undeformed)
 
+    @property
+    def made_of(self) -> Metal:
+        """The metal."""
+        return self.metal
+
     # -- what a scene calls
 
     def accept(self) -> None:
@@ -187,20 +192,21 @@ class SheetMetal(Term):
 
     # -- results
 
-    def material(self) -> str:
-        """As in `Term`."""
-        return self.metal.dumps()
-
     def add_history(self, row: dict[str, Any]) -> None:
-        """Add `max_plastic_strain` and `min_metal_thickness_mm`."""
+        """Add `max_plastic_strain` and `min_metal_thickness_mm`, of all metal of the scene."""
         comm, plastic = self.blank.mesh.comm, self._state().response.plastic
-        row["max_plastic_strain"] = comm.allreduce(plastic.max(initial=0.0), MPI.MAX)
-        thinnest = self.thickness().min(initial=np.inf)
-        row["min_metal_thickness_mm"] = comm.allreduce(thinnest, MPI.MIN)
+        largest = comm.allreduce(plastic.max(initial=0.0), MPI.MAX)
+        thinnest = comm.allreduce(self.thickness().min(initial=np.inf), MPI.MIN)
+        row["max_plastic_strain"] = max(largest, row.get("max_plastic_strain", 0.0))
+        row["min_metal_thickness_mm"] = min(thinnest, row.get("min_metal_thickness_mm", np.inf))
 
     def add_summary(self, summary: dict[str, Any]) -> None:
-        """Add the metal's name and the number of points."""
-        summary["metal"], summary["points_through_metal"] = self.metal.name, len(self._places)
+        """Add the metal's name and the number of points, of a stack by sheet."""
+        known = {"metal": self.metal.name, "points_through_metal": len(self._places)}
+        if self.part.is_whole:
+            summary |= known
+        else:
+            summary.setdefault("metals", {})[self.part.name] = known
 
     def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
         """Add the largest equivalent plastic strain through the thickness, the thickness, and von
@@ -214,7 +220,8 @@ class SheetMetal(Term):
             "von_mises_top": stress[:, -1],
             "von_mises_bottom": stress[:, 0],
         }
-        fields |= {name: self._among_owned(values) for name, values in found.items()}
+        for name, values in found.items():
+            self.part.put(fields, name, values)
 
     def thickness(self) -> np.ndarray:
         """Present thickness of this rank's cells, (cells,) [mm]."""

@@ -1,33 +1,52 @@
 """The law of contact: pressure over depth, and its default numbers."""
 
+from collections.abc import Iterable
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from ..material import kernel
-from ..material.laws import Law
+from ..material.laws.base import Material
+from ..material.metal import Metal
 
-STRAIN = 0.02  # of both yarns, whose pull over the tightest radius sets the default penalty
+STRAIN = 0.02  # along all directions; its pull over the tightest radius sets the penalty
 FLAT_RADIUS = 10.0  # thicknesses: what counts as the least radius of a tool that is flat
 PERMITTED = 0.0125  # of the thickness, the penetration under it
 SMOOTHING = 0.3  # of the permitted penetration
 
 
-def default_penalty(fabric: Law, radius: float, permitted: float | None = None) -> float:
+def default_penalty(material: Material, radius: float, permitted: float | None = None) -> float:
     """Penalty [N/mm^3] for a tool of least `radius` [mm].
 
-    With it, yarns stretched by `STRAIN` over that radius press the sheet into the tool by
+    With it, a fabric or metal stretched by `STRAIN` over that radius presses into the tool by
     `permitted` [mm], by default `PERMITTED` of the thickness. A flat tool (inf) counts as one of
     `FLAT_RADIUS` thicknesses.
     """
-    t = fabric.thickness
-    stretched = kernel.evaluate(
-        fabric, gradient=[(1 + STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None]
-    )
-    pull = float(np.trace(stretched.cauchy[0])) * t
+    t = material.thickness
     return (
-        pull / (radius if np.isfinite(radius) else FLAT_RADIUS * t) / (permitted or PERMITTED * t)
+        _pull(material)
+        / (radius if np.isfinite(radius) else FLAT_RADIUS * t)
+        / (permitted or PERMITTED * t)
     )
+
+
+def stack_penalty(materials: Iterable[Material], radius: float) -> float:
+    """Penalty [N/mm^3] of contact with tools and between sheets of several materials: the least of
+    their `default_penalty`, or with sheet metal among them the largest, as metal presses through
+    the plies that it lies on."""
+    known = list(materials)
+    choose = max if any(isinstance(material, Metal) for material in known) else min
+    return choose(default_penalty(material, radius) for material in known)
+
+
+def _pull(material):
+    """Tensions along two directions, added up [N/mm]."""
+    if isinstance(material, Metal):
+        return 2 * float(material.hardening.stress(np.array(2 * STRAIN))) * material.thickness
+    stretched = kernel.evaluate(
+        material, gradient=[(1 + STRAIN) * np.eye(3)[:, :2]], fibres=np.eye(2)[:, None]
+    )
+    return float(np.trace(stretched.cauchy[0])) * material.thickness
 
 
 class PressureLaw(NamedTuple):

@@ -10,13 +10,14 @@ from mpi4py import MPI
 from scipy import sparse
 
 from ..errors import InputError
+from ..material.metal import Metal
 from ..tools import Tool
 from .contact import MORE
 from .faces import Face
 from .morley import Where
 from .nodes import Nodes
 from .pairs import Pairs
-from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, default_penalty
+from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, stack_penalty
 from .term import SceneFacts, Term, Triplets
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
@@ -67,8 +68,8 @@ class SheetContact(Term):
     again: if that changes the forces by more than `lag` of their sum, the paraboloid is taken anew
     and the solve repeated. Until that is settled, solves are `rough`.
 
-    - penalty [N/mm^3]: by default the smaller of both fabrics' `default_penalty` with the tightest
-      tool of the scene
+    - penalty [N/mm^3]: by default `stack_penalty` of both sheets, and of all metal of the scene,
+      with its tightest tool
     - symmetric: as in `Bending`
 
     settled: force by which the lower sheet presses the upper one, and the sum of normal forces, in
@@ -155,15 +156,16 @@ class SheetContact(Term):
         return part.thickness
 
     def _default_penalty(self, scene, parts):
-        fabrics = [scene.fabric_of(part) for part in parts]
-        if not all(fabrics):
+        both = [scene.material_of(part) for part in parts]
+        if not all(both):
             raise InputError(
-                f"{self.name} is given no penalty, and not both sheets have a fabric; allowed is "
-                "a number above 0"
+                f"{self.name} is given no penalty, and not both sheets have a fabric or metal; "
+                "allowed is a number above 0"
             )
+        metals = [term.made_of for term in scene.terms if isinstance(term.made_of, Metal)]
         tools: list[Tool] = [tool for term in scene.terms for tool in term.tools()]
         radius = min((min(tool.surface.radii) for tool in tools), default=np.inf)
-        return min(default_penalty(fabric, radius) for fabric in fabrics if fabric)
+        return stack_penalty([each for each in [*both, *metals] if each], radius)
 
     def _check_start(self):
         comm, gap = self.blank.mesh.comm, self._accepted.gap

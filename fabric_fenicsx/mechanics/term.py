@@ -11,6 +11,7 @@ from ufl.core.expr import Expr
 
 from ..errors import InputError
 from ..material.laws import Law
+from ..material.laws.base import Material
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
 
@@ -36,11 +37,14 @@ class SceneFacts(Protocol):
         """What the sheet is made of, if one of the terms knows; of several the first."""
 
     def fabric_of(self, part: Part) -> Law | None:
-        """What a part of the blank is made of, if a term on it, or on all of the blank, knows."""
+        """The fabric of a part of the blank, if a term on it, or on all of the blank, knows."""
 
-    def at_nodes(self, of: Callable[[Law], float]) -> float | np.ndarray | None:
-        """A number of the fabric: one, or where parts differ one for each owned node (nodes,);
-        None without a fabric."""
+    def material_of(self, part: Part) -> Material | None:
+        """The same of a part of fabric or of metal."""
+
+    def at_nodes(self, of: Callable[[Material], float]) -> float | np.ndarray | None:
+        """A number of the material: one, or where parts differ one for each owned node (nodes,);
+        None if it is not known of each part."""
 
 
 class Term:
@@ -130,6 +134,11 @@ class Term:
     def set_up(self, scene: SceneFacts) -> None:
         """Make what needs the sheet; `blank` is known."""
 
+    @property
+    def made_of(self) -> Material | None:
+        """Fabric or metal of the sheet, if this is the term that knows."""
+        return self.fabric
+
     # -- energy, forces [N] and stiffness [N/mm]
 
     def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
@@ -206,7 +215,7 @@ class Term:
 
     def material(self) -> str:
         """What the sheet is made of, if this term knows, as a material file's text."""
-        return self.fabric.dumps() if self.fabric is not None else ""
+        return self.made_of.dumps() if self.made_of is not None else ""
 
     def add_history(self, row: dict[str, Any]) -> None:
         """Add columns to a row of history.csv, the same ones each time, of all ranks."""

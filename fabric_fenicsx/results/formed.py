@@ -15,21 +15,18 @@ from scipy.optimize import brentq
 from ..errors import InputError
 from ..sheets.parts import Part
 from ..tools import DoubleDome, Tool, TriangulatedSurface
-from . import forming, forming_pictures, measures
-from .result import Result
+from . import forming, forming_pictures, measures, pictures
+from .result import OUTLIERS, Result, of_fabric
 
 log = logging.getLogger("fabric_fenicsx")
 ANGLES = 0, 45, 90  # of the paths to x [deg]
+METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"  # that is drawn
 
 
 def ply_quantities(result: Result, part: Part, tool: Tool, middle: float) -> dict[str, Any]:
     """Shear, strains, draw-in, wrinkles over the tool of one ply, which is all of a sheet or a part
     of a stack; middle: height of its mid-surface over the tool that it lies on [mm]."""
-    comm, shape = result.scene.comm, None
-    if comm.rank == 0:
-        grid = result.grids[part.name]
-        wrinkles = forming.wrinkles(grid, tool, 2 * middle)
-        shape = {"draw_in": forming.draw_in(grid), "wrinkles": wrinkles}
+    comm = result.scene.comm
     fields = {name: values[part.cells] for name, values in result.fields.items()}
     gamma = np.degrees(np.abs(fields["shear_angle"]))
     ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
@@ -44,7 +41,35 @@ def ply_quantities(result: Result, part: Part, tool: Tool, middle: float) -> dic
         "share_of_state_1_to_4": [
             measures.mean(comm, (states == k) * 1.0, np.ones(len(states))) for k in (1, 2, 3, 4)
         ],
-    } | comm.bcast(shape)
+    } | _shape(result, part, tool, middle)
+
+
+def metal_quantities(result: Result, part: Part, tool: Tool, middle: float) -> dict[str, Any]:
+    """Plastic strain, thickness, von Mises' stress, draw-in and wrinkles of one ply of metal, as
+    `ply_quantities`."""
+    comm = result.scene.comm
+    thinnest, thickest = measures.extremes(comm, result.fields["metal_thickness"][part.cells])
+    stress = np.fmax(
+        *(result.fields[f"von_mises_{face}"][part.cells] for face in ("top", "bottom"))
+    )
+    return {
+        "plastic_strain_max": measures.extremes(
+            comm, result.fields["equivalent_plastic_strain"][part.cells]
+        )[1],
+        "thinning_max": 1 - thinnest / (part.thickness or 1.0),
+        "thickness_mm": [thinnest, thickest],
+        "von_mises_max_MPa": measures.extremes(comm, stress)[1],
+    } | _shape(result, part, tool, middle)
+
+
+def _shape(result, part, tool, middle):
+    """Draw-in and wrinkles of a ply, on all ranks."""
+    comm, found = result.scene.comm, None
+    if comm.rank == 0:
+        grid = result.grids[part.name]
+        wrinkles = forming.wrinkles(grid, tool, 2 * middle)
+        found = {"draw_in": forming.draw_in(grid), "wrinkles": wrinkles}
+    return comm.bcast(found)
 
 
 def tool_mesh(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyData:
@@ -70,10 +95,12 @@ def draw_plies(
 ) -> None:
     """Paths and strain states of each ply, and all of them formed over the tool; angles: of each
     one's yarns [deg]."""
-    for name, grid in grids.items():
+    for name, grid in of_fabric(grids).items():
         end = "_" + re.sub(r"\W+", "_", name) if name else ""
         forming.write_paths(folder / f"paths{end}.csv", forming.along_paths(grid, ANGLES))
         forming_pictures.state_map(folder / f"states{end}.png", grid)
+    if metals := {name: grid for name, grid in grids.items() if name not in of_fabric(grids)}:
+        pictures.maps(folder / "metal.png", metals, METAL, outliers=OUTLIERS)
     try:
         plies = list(zip(grids.values(), angles))
         forming_pictures.formed_picture(folder / "formed.png", plies, tool)
@@ -84,7 +111,7 @@ def draw_plies(
 def draw_compared(folder: Path, grids: Mapping[str, pyvista.UnstructuredGrid], punch: Tool) -> None:
     """Outlines and paths of plies {label: grid} side by side."""
     forming_pictures.outline_picture(folder / "outline.png", grids)
-    paths = {label: forming.along_paths(grid, ANGLES) for label, grid in grids.items()}
+    paths = {label: forming.along_paths(grid, ANGLES) for label, grid in of_fabric(grids).items()}
     surface, marks = punch.surface, {}
     if isinstance(surface, DoubleDome):
         rays = [np.array([[math.cos(k)], [math.sin(k)]]) for k in np.radians(ANGLES)]

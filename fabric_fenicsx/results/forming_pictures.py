@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..errors import InputError
-from .forming import File, Path, outline
+from .forming import File, Outline, Path, outline
 from .pictures import SHOWN, cells_range, colour_scale, plt
 from .ply import Grid, plan_area, ply_of
 
@@ -30,6 +30,7 @@ STATES = {  # strain_state -> what it is, colour
 }
 SCREEN = (2400, 1500)  # pixels drawn
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
+STEEL = "#8f9aa8"
 
 
 def paths_picture(
@@ -114,11 +115,12 @@ def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
     plt.close(figure)
 
 
-def state_map(path: File, grid: Grid, formed: bool = False) -> None:
+def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outline] = ()) -> None:
     """Plan maps of the strain states of eq. (13) and of the shear angle, on the flat or the formed
     ply.
 
-    The legend gives each state's share of the flat ply's area.
+    The legend gives each state's share of the flat ply's area. edges: of other sheets, drawn as
+    they are formed.
     """
     ply = ply_of(grid)
     corners = (ply.formed if formed else ply.x)[ply.triangles, :2]
@@ -139,6 +141,8 @@ def state_map(path: File, grid: Grid, formed: bool = False) -> None:
         ax.add_collection(cells)
         ax.autoscale_view()
         ax.margins(0.02)
+        for edge in edges:
+            ax.plot(*edge.formed[:, :2].T, color="k", lw=1.2)
         ax.set_aspect("equal")
         ax.set_xlabel("x / mm")
     axes[0].set_ylabel("y / mm")
@@ -196,9 +200,9 @@ def screen() -> Iterator[None]:
 
 def _surface(ply, full):
     """The formed ply [pyvista.PolyData] with the nodes' `place` on the flat one and `shear_angle`
-    [deg], its magnitude; full: with the images in the planes of symmetry."""
+    [deg], its magnitude, 0 of metal; full: with the images in the planes of symmetry."""
     x, formed, triangles = ply.x, ply.formed, ply.triangles
-    shear = ply.at_nodes(abs(np.degrees(ply.fields["shear_angle"])))
+    shear = ply.at_nodes(abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(triangles))))))
     for axis in ply.planes if full else ():
         off = np.flatnonzero(x[:, axis])
         image = np.arange(len(x))
@@ -223,13 +227,16 @@ def _cut_away(surface, share):
 
 
 def _draw_ply(plotter, surface, angles, spacing, limit):
-    """Add a formed ply with its yarns."""
+    """Add a formed ply with its yarns, or without any one of metal."""
+    coloured = {
+        "scalars": "shear_angle",
+        "cmap": COLOURS,
+        "clim": (0, limit),
+        "show_scalar_bar": False,
+    }
     plotter.add_mesh(
         surface,
-        scalars="shear_angle",
-        cmap=COLOURS,
-        clim=(0, limit),
-        show_scalar_bar=False,
+        **(coloured if len(angles) else {"color": STEEL}),
         smooth_shading=True,
         ambient=0.25,
         diffuse=0.8,
@@ -257,7 +264,8 @@ def formed_picture(
     """The formed plies coloured by the magnitude of the shear angle, with yarns, over the tool:
     1600 x 1000 pixels.
 
-    plies: grid, and angles of the families of yarns to x on the flat ply [deg], the lowest first;
+    plies: grid, and angles of the families of yarns to x on the flat ply [deg], none of metal, the
+    lowest first;
     of several each is cut away further than the one below. tool: its surface [pyvista.PolyData]
     where it is now. A line each `spacing` [mm] is a yarn. full: mirror a quarter. limit: of the
     colours [deg], by default the multiple of 5 deg that covers all (means over the cells around
@@ -265,7 +273,8 @@ def formed_picture(
     nothing to draw on.
     """
     found = [ply_of(grid) for grid, _ in plies]
-    largest = max(abs(np.degrees(ply.fields["shear_angle"])).max() for ply in found)
+    fabrics = [ply.fields["shear_angle"] for ply in found if "shear_angle" in ply.fields]
+    largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
     surfaces = [_surface(ply, full) for ply in found]
     highest = max(surface["shear_angle"].max() for surface in surfaces)
     limit = limit or max(5.0, 5 * np.ceil(highest / 5))

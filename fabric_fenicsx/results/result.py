@@ -1,5 +1,6 @@
 """What a run gives back: its summary, history and fields, to be asked and drawn."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -123,12 +124,19 @@ class Result:
             structural.export(self.grids, path)
 
 
+def of_fabric(
+    grids: "Mapping[str, pyvista.UnstructuredGrid]",
+) -> "dict[str, pyvista.UnstructuredGrid]":
+    """Those {name: grid} that have yarns."""
+    return {name: grid for name, grid in grids.items() if "shear_angle" in grid.cell_data}
+
+
 def draw_state(name: str, result: Result, folder: Path) -> None:
     """maps.png and curve.png, what one looks at first."""
     from . import pictures
 
     pictures.reactions(folder / "curve.png", {"": result})
-    maps = {part or name.replace("_", " "): grid for part, grid in result.grids.items()}
+    maps = {part or name.replace("_", " "): grid for part, grid in of_fabric(result.grids).items()}
     pictures.maps(folder / LAST_PICTURE, maps, MAPS, outliers=OUTLIERS)
     errors = tuple(f"error_{field}" for field in MAPS)
     if all(name in grid.cell_data for grid in maps.values() for name in errors):

@@ -19,7 +19,7 @@ from ..mechanics.friction import Friction
 from ..mechanics.membrane import Membrane
 from ..mechanics.nodes import PressingTerm
 from ..mechanics.pressing import BlankHolderPressure
-from ..mechanics.pressure_law import default_penalty
+from ..mechanics.pressure_law import stack_penalty
 from ..mechanics.sheet_contact import SheetContact
 from ..mechanics.term import Term
 from ..scene import Scene
@@ -37,10 +37,10 @@ from ..tools import (
     check_motion,
     check_punch,
 )
-from . import holding, stacking
+from . import holding, measuring, stacking
 from .dome import DIMENSIONS, dome_of
 from .numbers import FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
-from .plies import Ply, read_plies
+from .plies import TOOL_METAL_FRICTION, Ply, read_plies
 from .scenario import ELEMENTS, Scenario, halved
 
 if TYPE_CHECKING:
@@ -116,6 +116,9 @@ class Forming(Scenario):
         None, POSITIVE, "distance of punch and die when closed (1.2 thicknesses) [mm]", "tools"
     )
     friction: float = number(0.25, FROM_ZERO, "coefficient between ply and tools", "tools")
+    metal_friction: float = number(
+        TOOL_METAL_FRICTION, FROM_ZERO, "coefficient between a stack's metal and tools", "tools"
+    )
     slip: float = number(0.1, POSITIVE, "how far a sticking ply may slip [mm]", "tools")
     lag: float = number(
         0.01,
@@ -160,7 +163,7 @@ class Forming(Scenario):
         self.blank = self._blank()
         self._extent = self.blank.extent()
         # of all that lies between the tools
-        t = self.thickness = sum(ply.fabric.thickness for ply in self.plies if ply.fabric)
+        t = self.thickness = sum(ply.thickness_used for ply in self.plies)
         surface = self._surface()
         depth = self._depth(surface)
         self.stroke = self.stroke or depth
@@ -186,9 +189,8 @@ class Forming(Scenario):
         nodes = self.blank.coordinates()[:owned] * (1, 1, 0 if self.stack else 1)
         check_motion([self.punch_tool, self.die], nodes, t, self.comm)
         radius = min(*self.punch_tool.surface.radii, *self.die.surface.radii)
-        self.penalty = self.penalty or min(
-            default_penalty(ply.fabric, radius) for ply in self.plies if ply.fabric
-        )
+        materials = [ply.material for ply in self.plies if ply.material]
+        self.penalty = self.penalty or stack_penalty(materials, radius)
 
     def membranes(self) -> list[Membrane]:
         """As in `Scenario`."""
@@ -272,17 +274,21 @@ class Forming(Scenario):
         """Bending, contact with the tools, blank holder, friction."""
         terms = [*self._bending(), self._contact(self.die), self._contact(self.punch_tool)]
         between: list[Term] = []
+        mu: float | dict[str, float] = self.friction
         if isinstance(self.blank, Stack):
             planes = () if self.full else PLANES
+            terms += stacking.metals(self.plies, planes)
             between = stacking.between(self.blank, self.plies, self.slip, self.lag, planes)
+        if any(ply.metal for ply in self.plies):
+            mu = {p.name: self.metal_friction if p.metal else self.friction for p in self.plies}
         terms += [
             *self._blank_holder(stacking.neighbours(between, self.plies) if between else ()),
             *between,
         ]
         self.pressing = [term for term in terms if isinstance(term, PressingTerm)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
-        rubbed = [term.tool for term in self.pressing] if self.friction else []
-        return terms + [Friction(tool, self.friction, self.slip, self.lag) for tool in rubbed]
+        rubbed = [term.tool for term in self.pressing] if mu else []
+        return terms + [Friction(tool, mu, self.slip, self.lag) for tool in rubbed]
 
     def _contact(self, tool):
         return Contact(tool, penalty=self.penalty, permitted=self.permitted)
@@ -290,6 +296,7 @@ class Forming(Scenario):
     def _bending(self) -> list[Term]:
         if not self.bending_modulus:
             return []
+        plies = [ply for ply in self.plies if ply.fabric]
         terms: list[Term] = [
             Bending(
                 modulus=self.bending_modulus,
@@ -297,9 +304,9 @@ class Forming(Scenario):
                 in_plane=self.in_plane_bending,
                 symmetric=() if self.full else PLANES,
             )
-            for _ in self.plies
+            for _ in plies
         ]
-        return [term.on(p.name) for term, p in zip(terms, self.plies)] if self.stack else terms
+        return [term.on(p.name) for term, p in zip(terms, plies)] if self.stack else terms
 
     def _blank_holder(self, against: Sequence[SheetContact]) -> list[Term]:
         t = self.thickness
@@ -308,7 +315,13 @@ class Forming(Scenario):
             pressure = BlankHolderPressure(
                 self.holder_pressure, UP, under, lag=self.lag, against=against
             )
-            return [pressure.on(self.plies[0].name) if self.stack else pressure]
+            if not isinstance(self.blank, Stack):
+                return [pressure]
+            # what reaches beyond the lowest ply can't sink below the holder's face
+            face = Tool(Plane((0, 0, -t / 2), UP), name="blank holder's face")
+            rims = stacking.rims(self.blank, self.plies)
+            below = [self._contact(face).on(name) for name in rims[:1]]
+            return [pressure.on(self.plies[0].name), *below]
         if self.holder == "grippers":
             return holding.gripped_edges(self.blank, self.gripper_tension, self.full)
         gap = self.holder_gap or 1.1 * t
@@ -351,37 +364,8 @@ class Forming(Scenario):
         return load * self.stroke, float(scene.tool_force(self.punch_tool)[2])
 
     def quantities(self, result: Result) -> dict[str, Any]:
-        """Forces, penetrations, shear, strains, draw-in and wrinkles."""
-        from ..results import formed
-
-        rows, tool = result.rows, self.punch_tool
-        parts = self.blank.parts or {"": self.blank.whole}
-        plies, below = {}, 0.0
-        for ply, (name, part) in zip(self.plies, parts.items()):
-            middle = below + ply.thickness_used / 2
-            plies[name] = formed.ply_quantities(result, part, tool, middle)
-            below += ply.thickness_used
-        worst = max(plies.values(), key=lambda q: q["shear_angle_max_deg"])
-        largest = max(plies.values(), key=lambda q: q["draw_in"]["largest_mm"])
-        total = sum((self.scene.tool_force(term.tool) for term in self.pressing), np.zeros(3))
-        strain, force = rows[-1]["strain_energy_Nmm"], rows[-1]["reaction_N"]
-        found = {
-            "punch_force_N": force,
-            "punch_force_of_whole_ply_N": force * (1 if self.full else 4),
-            "contact_forces_N": {
-                contact.tool.name: float(np.linalg.norm(contact.force()))
-                for contact in self.contacts
-            },
-            "unbalanced_force_N": float(abs(total[2])),
-            "penalty_N_per_mm3": self.penalty,
-            "penetration_mm": max(contact.penetration() for contact in self.contacts),
-            "penetration_largest_mm": max(contact.deepest() for contact in self.contacts),
-            "penetration_of_thickness": self.scene.penetration_of_thickness(),
-            "sticking_slip_mm": self.slip if self.friction else None,
-            "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / strain if strain else 0.0,
-        }
-        several = {"plies": plies} if self.stack else {}
-        return found | worst | {"draw_in": largest["draw_in"]} | several
+        """Forces, penetrations, shear, strains, draw-in and wrinkles; thinning of metal."""
+        return measuring.quantities(self, result)
 
     def punch_mesh(self) -> "pyvista.PolyData":
         """The punch, where it is now, as a PyVista surface [mm]."""
@@ -393,19 +377,8 @@ class Forming(Scenario):
 
     def pictures(self, result: Result, folder: Path) -> None:
         """Strain states, the formed plies and paths of this run."""
-        from ..results import formed
-
-        angles = [(ply.fibre_angle, ply.fibre_angle + ply.yarn_angle) for ply in self.plies]
-        formed.draw_plies(folder, result.grids, angles, self.punch_mesh())
-        formed.draw_compared(folder, result.grids, self.punch_tool)
+        measuring.pictures(self, result, folder)
 
     def compare(self, results: Mapping[str, Result], folder: Path) -> None:
         """Outlines and paths of plies {label: `Result`} side by side, into `folder`."""
-        from ..results import formed
-
-        grids = {
-            " ".join(filter(None, (label, name))): grid
-            for label, result in results.items()
-            for name, grid in result.grids.items()
-        }
-        formed.draw_compared(folder, grids, self.punch_tool)
+        measuring.compare(self, results, folder)

@@ -13,32 +13,40 @@ import numpy as np
 from ..errors import InputError
 from ..material.files import read_toml
 from ..material.laws import Law
+from ..material.laws.base import Material
+from ..material.metal import Metal, load_metal
 from ..material.presets import load
 from ..material.validation import shown, unknown_key
 from ..sheets.blank import Blank, layout
 from .numbers import BETWEEN_YARNS, COUNT, FINITE, FROM_ZERO, POSITIVE, number
 
-FRICTION = 0.334  # of fabric on fabric: Table 2 of Schäfer et al.
+# Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric, of tools on metal
+FRICTION, METAL_FRICTION, TOOL_METAL_FRICTION = 0.334, 0.25, 0.1
+MATERIALS = {"fabric": load, "metal": load_metal}  # field of a ply -> how its file is read
 
 
 @dataclass(kw_only=True)
 class Ply:
-    """One ply of a stack. A field that is None has the scenario's value.
+    """One ply of a stack, of fabric or of metal. A field that is None has the scenario's value.
 
-    name: by default "ply 1" and so on; mesh: a file, in place of length, width and nx. Raises
-    InputError for numbers out of range.
+    metal: in place of the fabric; it has no yarns, so their angles say nothing. name: by default
+    "ply 1" and so on; mesh: a file, in place of length, width and nx. Raises InputError for numbers
+    out of range, and for fabric and metal in one ply.
     """
 
     fabric: Law | None = None
+    metal: Metal | None = None
     name: str = ""
     fibre_angle: float = number(0.0, FINITE, "of yarns a from the length [deg]")
     yarn_angle: float = number(90.0, BETWEEN_YARNS, "from yarns a to yarns b [deg]")
     length: float = number(None, POSITIVE, "of the whole ply [mm]")
     width: float = number(None, POSITIVE, "of the whole ply [mm]")
-    thickness: float = number(None, POSITIVE, "in place of the fabric's [mm]")
+    thickness: float = number(None, POSITIVE, "in place of the material's [mm]")
     nx: int = number(None, COUNT, "rectangles along the length")
     mesh: str | None = None
-    friction: float = number(FRICTION, FROM_ZERO, "coefficient to the next ply")
+    friction: float = number(
+        None, FROM_ZERO, "coefficient to the next ply (0.334, beside metal 0.25)"
+    )
 
     def __post_init__(self) -> None:
         for each in fields(self):
@@ -46,24 +54,40 @@ class Ply:
             if "rule" in each.metadata and value is not None:
                 where = f"{each.name} of {self.name or 'a ply'}"
                 setattr(self, each.name, each.metadata["rule"].check(where, value))
+        if self.fabric and self.metal:
+            raise InputError(
+                f"{self.name or 'a ply'} is given fabric and metal; allowed is one of them"
+            )
 
     def completed(self, fabric: Law, name: str) -> Self:
-        """The ply with this fabric and name where it has none; its thickness is then the
-        fabric's."""
-        fabric = self.fabric or fabric
+        """The ply with this name, and unless it is of metal this fabric, where it has none; its
+        thickness is then the material's."""
+        material = self.metal or self.fabric or fabric
         if self.thickness:
-            fabric = fabric.replace(thickness=self.thickness)
-        return dataclasses.replace(self, fabric=fabric, name=self.name or name)
+            material = material.replace(thickness=self.thickness)
+        made_of: dict[str, Any] = {"metal" if self.metal else "fabric": material}
+        return dataclasses.replace(self, **made_of, name=self.name or name)
 
     def described(self) -> dict[str, Any]:
-        """The ply in what JSON can hold, its fabric as a material file's text."""
+        """The ply in what JSON can hold, its material as a file's text."""
         given = {each.name: getattr(self, each.name) for each in fields(self)}
-        return given | {"fabric": self.fabric and self.fabric.dumps()}
+        return given | {key: given[key] and given[key].dumps() for key in MATERIALS}
+
+    @property
+    def material(self) -> Material | None:
+        """Its metal or fabric, None before it has one."""
+        return self.metal or self.fabric
 
     @property
     def thickness_used(self) -> float:
-        """Of its fabric, 0 before it has one [mm]."""
-        return self.fabric.thickness if self.fabric else 0.0
+        """Of its material, 0 before it has one [mm]."""
+        return self.material.thickness if self.material else 0.0
+
+    def friction_to(self, upper: "Ply") -> float:
+        """Coefficient to a ply above it."""
+        if self.friction is not None:
+            return self.friction
+        return METAL_FRICTION if self.metal or upper.metal else FRICTION
 
     def blank(self, sizes: Sequence[float], share: float, nx: int, **options: Any) -> Blank:
         """Its `Blank` in space. sizes: length and width of a whole ply that has none of its own
@@ -84,7 +108,8 @@ class Ply:
     def mirror_warning(self) -> str:
         """A warning if planes along the axes don't mirror the yarns into yarns of the same kind,
         otherwise ""."""
-        assert self.fabric
+        if not self.fabric:
+            return ""
         a, b = self.fibre_angle, self.fibre_angle + self.yarn_angle
         along = _is_multiple(a, 90) and _is_multiple(b, 90)
         one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
@@ -106,8 +131,8 @@ def read_plies(path: str | os.PathLike[str]) -> list[Ply]:
     """The plies of a TOML file, from the punch to the die; examples are in studies/stacks.
 
     Above them stands `unit = "mm"`, which all lengths are in. Each ply is a table `[[ply]]` with
-    the fields of `Ply`. `fabric` is a preset or a material file, `mesh` a file; both may lie beside
-    the stack's. Raises InputError that names file, ply and field.
+    the fields of `Ply`. `fabric` or `metal` is a preset or a material file, `mesh` a file; they may
+    lie beside the stack's. Raises InputError that names file, ply and field.
     """
     if not os.path.isfile(path):
         raise InputError(
@@ -148,7 +173,7 @@ def _ply(table, name, folder):
     given = {"name": name} | table
     if not isinstance(given["name"], str) or not given["name"].strip():
         raise InputError(f"name of {name} is {shown(given['name'])}; allowed is a word")
-    for key in ("fabric", "mesh"):
+    for key in (*MATERIALS, "mesh"):
         if key in given and not isinstance(given[key], str):
             raise InputError(f"{key} of {name} is {shown(given[key])}; allowed is a name or a file")
         beside = folder / given.get(key, "")
@@ -158,9 +183,9 @@ def _ply(table, name, folder):
         raise InputError(
             f"mesh of {name} is {shown(given['mesh'])}, no file; allowed is one beside the stack's"
         )
-    if "fabric" in given:
+    for key, read in MATERIALS.items():
         try:
-            given["fabric"] = load(given["fabric"])
+            given |= {key: read(given[key])} if key in given else {}
         except InputError as error:
-            raise InputError(f"fabric of {name}: {error}") from None
+            raise InputError(f"{key} of {name}: {error}") from None
     return Ply(**given)

@@ -8,6 +8,7 @@ import numpy as np
 from ..errors import InputError
 from ..mechanics.contact import Contact
 from ..mechanics.membrane import Membrane
+from ..mechanics.metal import SheetMetal
 from ..mechanics.morley import Where
 from ..mechanics.sheet_contact import SheetContact
 from ..mechanics.sheet_friction import SheetFriction
@@ -27,15 +28,20 @@ def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
     """
     if not plies:
         raise InputError("`stack` has no ply; allowed are one or more")
-    sheets = [(make(ply), ply.fabric.thickness, ply.name) for ply in plies if ply.fabric]
+    sheets = [(make(ply), ply.thickness_used, ply.name) for ply in plies]
     thicknesses = [thickness for _, thickness, _ in sheets]
     play = LOOSE * min(thicknesses)
     return Stack(sheets, -sum(thicknesses) / 2 - play * (len(sheets) - 1), play)
 
 
 def membranes(plies: Sequence[Ply]) -> list[Membrane]:
-    """The membrane of each ply."""
+    """The membrane of each ply of fabric."""
     return [Membrane(ply.fabric).on(ply.name) for ply in plies if ply.fabric]
+
+
+def metals(plies: Sequence[Ply], planes: Sequence[Where]) -> list[Term]:
+    """The `SheetMetal` of each ply of metal; planes: of symmetry."""
+    return [SheetMetal(ply.metal, symmetric=planes).on(ply.name) for ply in plies if ply.metal]
 
 
 def between(
@@ -47,8 +53,8 @@ def between(
     for lower, upper in _facing(stack, plies):
         names = lower.name, upper.name
         terms.append(SheetContact(*names, lag=lag, symmetric=planes))
-        if lower.friction:
-            terms.append(SheetFriction(*names, lower.friction, slip, lag))
+        if mu := lower.friction_to(upper):
+            terms.append(SheetFriction(*names, mu, slip, lag))
     return terms
 
 
@@ -56,6 +62,14 @@ def neighbours(terms: Sequence[Term], plies: Sequence[Ply]) -> list[SheetContact
     """Of the terms those contacts that are of a ply and the next, the lowest first."""
     contacts = {term.sheets: term for term in terms if isinstance(term, SheetContact)}
     return [contacts[lower.name, upper.name] for lower, upper in pairwise(plies)]
+
+
+def rims(stack: Stack, plies: Sequence[Ply]) -> list[str]:
+    """Names of the plies that reach beyond all those below them, without the lowest one."""
+    corners = np.array([sheet.blank.extent()[1][:2] for sheet in stack.sheets])
+    below = np.maximum.accumulate(corners)
+    beyond = (corners[1:] > below[:-1] + 1e-6).any(1)
+    return [ply.name for ply, reaches in zip(plies[1:], beyond) if reaches]
 
 
 def _facing(stack, plies):

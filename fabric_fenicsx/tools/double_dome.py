@@ -125,6 +125,12 @@ class DoubleDome(ImplicitSurface):
             value = sum(getattr(self, name) for name in names.split(" + "))
             raise InputError(f"{names} is {value:g}; allowed is {allowed}")
 
+    @property
+    def roundings(self) -> tuple[float, float]:
+        """Distances from the outline [mm], as `plan` gives them, between which the surface is not
+        flat: where the upper rounding begins, and where the fillet ends on the flange."""
+        return float(self._top_centre[0]), float(self._entry_centre[0])
+
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of
         its level lines."""

@@ -307,7 +307,12 @@ def patches():
             FABRIC,
             "other than linear triangles; allowed is",
         ),
-        (laid, None, None, "is given no penalty, and not both sheets have a fabric; allowed is a"),
+        (
+            laid,
+            None,
+            None,
+            "is given no penalty, and not both sheets have a fabric or metal; allowed is a",
+        ),
         (
             lambda: rectangle(20, 10, 4, 2, spatial=True),
             *(9.0, FABRIC),

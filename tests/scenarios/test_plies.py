@@ -2,9 +2,11 @@
 
 import re
 
+import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.pressure_law import default_penalty
 from fabric_fenicsx.scenarios.plies import read_plies
 
 TWO = """
@@ -42,7 +44,7 @@ def test_a_file_is_read(file):
         *("inner", None, 45.0, 5),
         0.2,
     )
-    assert (outer.name, outer.fabric.name, outer.friction) == ("ply 2", "own", 0.334)
+    assert (outer.name, outer.fabric.name, outer.friction_to(inner)) == ("ply 2", "own", 0.334)
     assert (outer.length, outer.width, outer.thickness) == (400.0, 200.5, 0.3)
 
 
@@ -98,6 +100,9 @@ def table(words, unit='unit = "mm"'):
         (table("yarn_angle = 180"), "yarn_angle of ply 1 is 180; allowed is an angle above 0"),
         (table("nx = true"), "nx of ply 1 is True; allowed is a whole number of 1 or more"),
         (table('fabric = "silk"'), "fabric of ply 1: "),
+        (table('metal = "gold"'), "metal of ply 1: metal 'gold' is unknown; allowed is a preset"),
+        (table("metal = 3"), "metal of ply 1 is 3; allowed is a name or a file"),
+        (table('metal = "dc04"\nfabric = "komeili"'), "ply 1 is given fabric and metal; allowed"),
         (table("fabric = 3"), "fabric of ply 1 is 3; allowed is a name or a file"),
         (table("mesh = 3"), "mesh of ply 1 is 3; allowed is a name or a file"),
         (table('mesh = "none.msh"'), "mesh of ply 1 is 'none.msh', no file; allowed is"),
@@ -160,3 +165,74 @@ def test_what_a_file_says_is_of_the_problem(tmp_path):
 def test_a_ply_in_metres_is_doubted():
     with pytest.raises(ff.InputError, match="ply metres is 0.235 x 0.135"):
         ff.Forming(nx=4, stack=[ff.Ply(name="metres", length=0.47, width=0.27), ff.Ply()])
+
+
+# -- plies of metal
+
+METAL = """
+unit = "mm"
+[[ply]]
+name = "sheet"
+metal = "dc04"
+thickness = 0.8
+length = 380
+width = 220
+nx = 3
+[[ply]]
+[[ply]]
+friction = 0.3
+[[ply]]
+metal = "own_metal.toml"
+"""
+
+
+def test_a_ply_of_metal_is_read(file, tmp_path):
+    (tmp_path / "own_metal.toml").write_text(ff.load_metal("dc04").replace(name="mine").dumps())
+    plies = read_plies(file(METAL))
+    assert [ply.metal and ply.metal.name for ply in plies] == ["dc04", None, None, "mine"]
+    assert [ply.fabric for ply in plies] == [None] * 4
+    # Table 2 of the paper: metal on fabric, fabric on fabric; and one that is given
+    pairs = zip(plies, plies[1:])
+    assert [lower.friction_to(upper) for lower, upper in pairs] == [0.25, 0.334, 0.3]
+
+
+@pytest.fixture
+def laid():
+    """Two plies, smaller metal below them, no bending of plies of metal."""
+    metal = ff.Ply(name="sheet", metal=ff.load_metal("dc04"), thickness=0.8, length=380, width=220)
+    return ff.Forming(stack=[metal, ff.Ply(name="a"), ff.Ply(name="b")], **COARSE)
+
+
+def test_terms_of_a_stack_with_metal(laid):
+    names = [term.name for term in laid.scene.terms]
+    assert [name for name in names if name.startswith(("membrane", "bending", "sheet metal"))] == [
+        *("membrane of a", "membrane of b", "bending of a", "bending of b"),
+        "sheet metal of sheet",
+    ]
+    # the rim beyond the metal meets the holder's face
+    assert "contact of a" in names and "contact of b" not in names
+
+
+def test_thickness_and_penalty_are_those_of_the_metal(laid):
+    assert laid.thickness == pytest.approx(2.8)
+    die = next(term for term in laid.contacts if term.tool is laid.die)
+    part = laid.blank.part("sheet").nodes
+    assert np.allclose(die.thickness[part], 0.8) and np.allclose(die.thickness[~part], 1.0)
+    radius = min(*laid.punch_tool.surface.radii, *laid.die.surface.radii)
+    assert laid.penalty == default_penalty(ff.load_metal("dc04"), radius)
+    pairs = [term for term in laid.scene.terms if isinstance(term, ff.SheetContact)]
+    depths = [pair.depth_under(2.0) / pair.thickness for pair in pairs]
+    # between all sheets, as the metal's pressure goes through them
+    assert max(depths) < 0.01
+
+
+def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
+    friction = next(t for t in laid.scene.terms if isinstance(t, ff.Friction))
+    part = laid.blank.part("sheet").nodes
+    assert np.allclose(friction.mu[part], 0.1) and np.allclose(friction.mu[~part], 0.25)
+
+
+def test_fabric_and_metal_in_one_ply():
+    words = "a ply is given fabric and metal; allowed is one of them"
+    with pytest.raises(ff.InputError, match=words):
+        ff.Ply(fabric=ff.load("komeili"), metal=ff.load_metal("dc04"))

@@ -10,7 +10,11 @@ from fabric_fenicsx.scenarios.plies import read_plies
 
 ROOT = Path(__file__).parents[2]
 FOLDER = "studies/stacks"
-ANGLES = {"two_plies": [45, 0], "three_plies": [0, 45, 0]}  # of yarns a, from the punch on
+ANGLES = {
+    "two_plies": [45, 0],
+    "three_plies": [0, 45, 0],
+    "laminate": 5 * [0],
+}  # of yarns a, from the punch on
 
 
 def test_angles_are_known_of_all_files():

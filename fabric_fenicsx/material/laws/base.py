@@ -70,7 +70,9 @@ class Parameters:
 
 class Material(Parameters):
     """Parameters of a sheet's material that a file holds; a subclass says what in `table`, and
-    reads it in `from_document`."""
+    reads it in `from_document`. thickness: of the sheet [mm]."""
+
+    thickness: float
 
     def replace(self, **changes: Any) -> Self:
         """A changed copy; InputError for an unknown name."""

@@ -1,0 +1,84 @@
+"""Forming of the paper's fibre-metal laminate: three plies between two sheets of metal (Figs 11 to
+16 of Schäfer et al.)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+from ..job import Result
+from ..material.metal import load_metal
+from ..tools import DoubleDome
+from .forming import Forming
+from .numbers import FRACTION, POSITIVE, number, text
+from .plies import Ply
+
+AREA = 13568 / 20268  # of metal over fabric, from the numbers of elements that the paper gives
+MIDDLE, METAL = "middle", "upper metal"  # names of the plies that pictures show
+FABRICS = "lower", MIDDLE, "upper"
+# In the dome's own fillet, of 15 mm, the laminate of 5 mm would have a die of 2.7 mm radius.
+ENTRY_RADIUS = 30.0
+
+
+@dataclass(kw_only=True)
+class Laminate(Forming):
+    """Three plies of `fabric`, at 0/90, between two smaller sheets of metal; else as `Forming`, but
+    with a dome of larger fillets (entry_radius 30 mm, unless `dome` says another)."""
+
+    NAME: ClassVar[str] = "laminate"
+    FULL = {"nx": 24, "steps": 40}
+    QUICK = {"nx": 5, "steps": 2, "stroke": 2}
+
+    metal: str = text("dc04", "of the outer sheets: preset or material file", "FILE", "laminate")
+    metal_thickness: float = number(
+        None, POSITIVE, "of each sheet, in place of the metal's [mm]", "laminate"
+    )
+    metal_area: float = number(AREA, FRACTION, "of a sheet of metal, of a ply's", "laminate")
+
+    def prepare(self) -> None:
+        """Make the plies, unless they are given as `stack`; the rest as `Forming` does."""
+        if not isinstance(self.dome, DoubleDome):
+            given = self.dome
+            pairs = (
+                [f"{k}={v!r}" for k, v in given.items()] if isinstance(given, Mapping) else given
+            )
+            self.dome = [f"entry_radius={ENTRY_RADIUS}", *pairs]
+        if self.stack is None:
+            self.stack = self._laminate()
+        super().prepare()
+
+    def _laminate(self):
+        share = self.metal_area**0.5
+        sides = [getattr(self, k) or usual for k, usual in zip(self.SIZES, self.DEFAULT_SIZES)]
+        sheet = {
+            "metal": load_metal(self.metal),
+            "thickness": self.metal_thickness,
+            "length": share * sides[0],
+            "width": share * sides[1],
+            "nx": max(
+                1, round(share * (self.nx or self.FULL["nx"]))
+            ),  # cells as large as the plies'
+        }
+        plies = [Ply(name=name) for name in FABRICS]
+        return [Ply(name="lower metal", **sheet), *plies, Ply(name=METAL, **sheet)]
+
+    def quantities(self, result: Result) -> dict[str, Any]:
+        """As of `Forming`, with the largest shear angle on the middle ply's path at 45 deg, its
+        contrast, and pressure between the sheets."""
+        from ..results import laminate
+
+        middle = laminate.middle_quantities(result, MIDDLE) if MIDDLE in self.blank.parts else {}
+        return super().quantities(result) | middle
+
+    def pictures(self, result: Result, folder: Path) -> None:
+        """As of `Forming`, and the middle ply with the metal's contour."""
+        super().pictures(result, folder)
+        self.compare({"": result}, folder)
+
+    def compare(self, results: Mapping[str, Result], folder: Path) -> None:
+        """The middle plies {label: `Result`} side by side, into `folder`."""
+        from ..results import laminate
+
+        grids = {label: result.grids for label, result in results.items()}
+        if all({MIDDLE, METAL} <= set(each) for each in grids.values()):
+            laminate.draw(folder, grids, MIDDLE, METAL, self.punch_tool)

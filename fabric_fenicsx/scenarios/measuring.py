@@ -1,0 +1,76 @@
+"""What a forming run tells: its numbers, and its pictures."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..job import Result
+
+if TYPE_CHECKING:
+    from .forming import Forming
+
+STRETCHING = "strain", "metal", "plastic"  # energies that regularisation is measured by
+
+
+def quantities(forming: "Forming", result: Result) -> dict[str, Any]:
+    """Forces, penetrations, shear, strains, draw-in and wrinkles; of metal thinning, plastic strain
+    and stress. Of several plies the worst, and each one's in `plies`."""
+    from ..results import formed
+
+    rows, scene = result.rows, forming.scene
+    parts = forming.blank.parts or {"": forming.blank.whole}
+    plies, below = {}, 0.0
+    for ply, (name, part) in zip(forming.plies, parts.items()):
+        middle = below + ply.thickness_used / 2
+        measures = formed.metal_quantities if ply.metal else formed.ply_quantities
+        plies[name] = measures(result, part, forming.punch_tool, middle)
+        below += ply.thickness_used
+    fabrics = [plies[name] for ply, name in zip(forming.plies, parts) if ply.fabric]
+    worst = max(fabrics, key=lambda q: q["shear_angle_max_deg"], default={})
+    largest = max(plies.values(), key=lambda q: q["draw_in"]["largest_mm"])
+    total = sum((scene.tool_force(term.tool) for term in forming.pressing), np.zeros(3))
+    kept = sum(rows[-1].get(f"{kind}_energy_Nmm", 0.0) for kind in STRETCHING)
+    force = rows[-1]["reaction_N"]
+    found = {
+        "punch_force_N": force,
+        "punch_force_of_whole_ply_N": force * (1 if forming.full else 4),
+        "contact_forces_N": {
+            contact.tool.name: float(np.linalg.norm(contact.force()))
+            for contact in forming.contacts
+        },
+        "unbalanced_force_N": float(abs(total[2])),
+        "penalty_N_per_mm3": forming.penalty,
+        "penetration_mm": max(contact.penetration() for contact in forming.contacts),
+        "penetration_largest_mm": max(contact.deepest() for contact in forming.contacts),
+        "penetration_of_thickness": scene.penetration_of_thickness(),
+        "sticking_slip_mm": forming.slip if forming.friction else None,
+        "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,
+    }
+    several = {"plies": plies} if forming.stack else {}
+    return found | worst | {"draw_in": largest["draw_in"]} | several
+
+
+def pictures(forming: "Forming", result: Result, folder: Path) -> None:
+    """Strain states, the formed plies, paths and metal of a run."""
+    from ..results import formed
+
+    angles = [
+        (ply.fibre_angle, ply.fibre_angle + ply.yarn_angle) if ply.fabric else ()
+        for ply in forming.plies
+    ]
+    formed.draw_plies(folder, result.grids, angles, forming.punch_mesh())
+    formed.draw_compared(folder, result.grids, forming.punch_tool)
+
+
+def compare(forming: "Forming", results: Mapping[str, Result], folder: Path) -> None:
+    """Outlines and paths of plies {label: `Result`} side by side, into `folder`."""
+    from ..results import formed
+
+    grids = {
+        " ".join(filter(None, (label, name))): grid
+        for label, result in results.items()
+        for name, grid in result.grids.items()
+    }
+    formed.draw_compared(folder, grids, forming.punch_tool)

@@ -1,0 +1,43 @@
+"""Which plies a laminate has, and of which dome."""
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.scenarios.laminate import AREA, Laminate
+
+COARSE = {"nx": 6, "stroke": 2.0}
+
+
+@pytest.fixture(scope="module")
+def laid():
+    return Laminate(**COARSE)
+
+
+def test_metal_covers_two_thirds_of_the_fabric(laid):
+    """13 568 against 20 268 elements in the paper, with cells as large as the plies'."""
+    areas = {name: laid.blank.areas()[part.cells] for name, part in laid.blank.parts.items()}
+    covered = areas["lower metal"].sum() / areas["middle"].sum()
+    assert covered == pytest.approx(AREA) == pytest.approx(0.669, abs=1e-3)
+    assert areas["lower metal"].mean() == pytest.approx(areas["middle"].mean(), rel=0.3)
+
+
+def test_friction_is_that_of_table_2(laid):
+    pairs = {term.name: term.mu for term in laid.scene.terms if "friction of" in term.name}
+    assert list(pairs.values()) == [0.25, 0.334, 0.334, 0.25]
+
+
+def test_the_die_is_not_sharper_than_the_metal_bears(laid):
+    assert min(laid.die.surface.radii) > 10
+    own = Laminate(**COARSE, dome={"entry_radius": 20.0})
+    assert own.punch_tool.surface.entry_radius == 20.0
+
+
+def test_roundings_begin_and_end_where_the_dome_is_flat(laid):
+    dome = laid.punch_tool.surface
+    inner, outer = dome.roundings
+    assert inner < 0 < outer
+    ends = ((inner - 1, True), (inner + 3, False), (outer - 3, False), (outer + 1, True))
+    edge = dome.dome_distance / 2 + dome.dome_radius
+    for d, flat in ends:
+        near = np.array([[edge + d, 0.0, dome.depth if d < 0 else 0.0]])
+        assert (dome.evaluate(near).normal[0, 2] > 1 - 1e-9) == flat

@@ -1,0 +1,50 @@
+"""The paper's laminate: metal, three plies, metal."""
+
+import numpy as np
+import pytest
+from builders import COMM
+
+from fabric_fenicsx.results.fields import read_last
+
+SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
+
+
+@pytest.mark.mpi
+def test_a_laminate_is_formed(launch):
+    done = launch("laminate", "--quick")
+    assert done.status == 0, done.err
+    s = done.summary
+    q, energy = s["quantities"], s["energy"]
+    assert s["converged"] and list(q["plies"]) == SHEETS
+    assert energy["viscous"] <= 0.01 * energy["metal"]
+    assert energy["metal"] > energy["strain"] > 0 and energy["plastic"] >= 0
+    assert q["penetration_of_thickness"] < 0.02
+    assert q["unbalanced_force_N"] < 1e-4 * q["contact_forces_N"]["die"]
+    for name, ply in q["plies"].items():
+        is_metal = "metal" in name
+        assert ("thinning_max" in ply) == is_metal
+        assert ("shear_angle_max_deg" in ply) != is_metal
+    assert q["sheet_pressure_largest_MPa"] > 1  # of 2 MPa beneath the holder
+    pictures = "middle", "middle_paths", "between", "metal", "formed", "states_middle"
+    if COMM.rank == 0:
+        for name in pictures:
+            assert (done.folder / f"{name}.png").stat().st_size > 10_000
+        grid = read_last(done.folder)
+        is_metal = np.isin(np.asarray(grid.cell_data["part"]), (0, 4))
+        thickness = np.asarray(grid.cell_data["metal_thickness"])
+        assert np.array_equal(np.isfinite(thickness), is_metal)
+        assert np.allclose(thickness[is_metal], 1.0, atol=0.01)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (("--metal", "gold"), "metal 'gold' is unknown; allowed is a preset (dc04)"),
+        (("--metal-area", 1.5), "1.5"),
+        (("--compare", "--vary", "p_min"), "--compare and --vary are both given; allowed is one"),
+    ],
+)
+def test_what_is_refused(launch, options, words):
+    done = launch("laminate", "--quick", *options)
+    assert done.status == 2
+    assert words in done.err
