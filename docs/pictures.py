@@ -58,7 +58,8 @@ def main() -> None:
         for script in EXAMPLES:
             if (picture := Path(path) / f"{script.stem}.png").exists():
                 shrunk(picture, script.stem)
-        shrunk(Path(path) / "results/forming/formed.png", "forming_in_space")
+        for name in ("forming", "hemisphere"):
+            shrunk(Path(path) / f"results/{name}/formed.png", f"{name}_in_space")
         in_space(Path(path))
     for name in LARGE:
         shrunk(DOCS.parent / f"studies/pictures/{name}.png", name)

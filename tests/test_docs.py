@@ -154,6 +154,7 @@ ELSEWHERE = (
     "hard_cases",
     "stability_map",
     "openradioss",
+    "error_estimates",
 )
 COMMANDS = {
     line: None

@@ -1,0 +1,36 @@
+"""How estimated errors are held against true ones."""
+
+from fabric_fenicsx.verification import error_cases
+from fabric_fenicsx.verification.error_cases import judge, line
+
+
+def row(quantity, true, estimated, bar=0.0):
+    covered = estimated + bar >= true
+    errors = {"true": true, "estimated": estimated, "known_to": bar, "covered": covered}
+    return {"case": "a", "test": "tensile", "quantity": quantity} | errors
+
+
+def test_coverage_and_sharpness():
+    """A true error that is hardly known says nothing of sharpness."""
+    rows = [row("a", 1.0, 2.0), row("a", 1.0, 0.5), row("b", 1.0, 0.9, 0.8), row("b", 2.0, 8.0)]
+    every, a, b = judge(rows)
+    assert (every["quantity"], every["cases"], every["covered"]) == ("all", 4, 0.75)
+    assert (a["covered"], a["estimated_over_true"]) == (0.5, 1.25)
+    assert (b["covered"], b["estimated_over_true"]) == (1.0, 4.0)
+    assert "50.0 % covered" in line(a)
+
+
+def test_there_are_forty_cases_and_more_without_their_references():
+    cases = error_cases.cases()
+    assert len(set(cases)) == len(cases) >= 40
+    assert {case.test for case in cases} == {"tensile", "bias10", "bias30", "forming"}
+    assert not set(cases) & set(error_cases.FINEST.values())
+
+
+def test_the_study(launch):
+    done = launch("error_estimates", "--quick")
+    assert done.status == 0, done.err
+    every, reaction, *_ = done.summary["quantities"]["coverage"]
+    assert every["cases"] > 10 and reaction["covered"] == 1.0
+    assert (done.folder / "errors.csv").read_text().count("\n") == every["cases"] + 1
+    assert (done.folder / "error_estimates.png").stat().st_size > 10_000
