@@ -1,6 +1,6 @@
 """Estimated errors of runs beside true ones: which runs, and how good the estimates are.
 
-The runs were chosen before any of them was made; `studies/error_estimates.py` makes them.
+`studies/error_estimates.py` makes the runs; docs/errors.md says which were not blind.
 """
 
 import statistics
