@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 import traceback
+from argparse import BooleanOptionalAction
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -130,9 +131,9 @@ def parser(
     )
     p.option(
         "--error",
-        action="store_true",
+        action=BooleanOptionalAction,
         help="estimate errors of numbers, curve and fields, from the same run on a mesh twice as "
-        "coarse",
+        "coarse" + (f" (yes from {scenario.CHEAP_FROM} cells on)" if scenario.CHEAP_FROM else ""),
         free=True,
     )
     solvers = tuple(LINEAR_SOLVERS)
@@ -292,7 +293,7 @@ class Study(Output):
             accuracy=args.accuracy,
             balance=args.balance,
             every=args.every,
-            error=args.error,
+            error=scenario.has_cheap_error() if args.error is None else args.error,
             limits=Limits(*limits),
         )
         problem = {**self.problem(scenario.fabric), **scenario.problem()}

@@ -31,6 +31,7 @@ class BiasExtension(Scenario):
     """A strip of `fabric` with its yarns across the load, gripped at its ends."""
 
     NAME: ClassVar[str] = "bias_extension"
+    CHEAP_FROM = 1000
     HEADLINES = (
         "centre_shear_angle_deg",
         "half_zone_shear_angle_deg",

@@ -44,6 +44,7 @@ class Scenario:
     SIZES: ClassVar[tuple[str, str]] = ("length", "width")  # fields of the sheet's sides
     DEFAULT_SIZES: ClassVar[tuple[float, float]] = (200.0, 50.0)  # without a mesh of its own
     SPATIAL: ClassVar[bool] = False
+    CHEAP_FROM: ClassVar[int] = 0  # cells from which errors are estimated unasked, 0: never
     HEADLINES: ClassVar[tuple[str, ...]] = ()  # quantities that get an estimated error
 
     fabric: Law = field(kw_only=False, default_factory=lambda: load("komeili"))
@@ -150,6 +151,12 @@ class Scenario:
     def can_be_coarser(self) -> bool:
         """Whether a mesh twice as coarse is known."""
         return bool(self.nx and self.nx > 1)
+
+    def has_cheap_error(self) -> bool:
+        """Whether a study estimates errors unasked: the coarser run then costs a tenth to a third
+        of the run."""
+        cells = self.blank.mesh.topology.index_map(2).size_global
+        return self.can_be_coarser() and 0 < self.CHEAP_FROM <= cells
 
     def coarser(self) -> Self:
         """The same on a mesh twice as coarse: with half the rectangles along each side."""
