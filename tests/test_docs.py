@@ -3,6 +3,7 @@
 import ast
 import hashlib
 import json
+import logging
 import os
 import re
 import shlex
@@ -51,6 +52,8 @@ def run(tmp_path, monkeypatch, capsys):
     """Run a program in this process, in a folder of the test; what it prints."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["program"])
+    # those of a study that another test ran in this process
+    monkeypatch.setattr(logging.getLogger("fabric_fenicsx"), "handlers", [])
 
     def run_here(program):
         with patch.dict(LAWS):  # which own laws enter

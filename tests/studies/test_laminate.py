@@ -9,7 +9,6 @@ from fabric_fenicsx.results.fields import read_last
 SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 
 
-@pytest.mark.mpi
 def test_a_laminate_is_formed(launch):
     done = launch("laminate", "--quick")
     assert done.status == 0, done.err

@@ -35,6 +35,7 @@ FULL = (
     20,
     "--path-tolerance",
     1e-5,
+    "--no-error",
 )
 CONTRACT = {
     "study",
