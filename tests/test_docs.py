@@ -157,6 +157,7 @@ ELSEWHERE = (
     "hard_cases",
     "stability_map",
     "openradioss",
+    "reference",
     "error_estimates",
 )
 COMMANDS = {

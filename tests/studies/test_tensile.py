@@ -363,7 +363,10 @@ def test_a_tabulated_material_runs_in_every_study(launch, tmp_path, study):
 def test_what_is_said_first_holds_as_the_mesh_is_refined(launch):
     """Strains at the middle and between which 98 % of the area lies; the extremes, at the clamps'
     corners, grow."""
-    coarse, fine = (launch("tensile", "--nx", nx, "--steps", 5, "--no-pictures") for nx in (24, 96))
+    coarse, fine = (
+        launch("tensile", "--nx", nx, "--steps", 5, "--no-pictures", "--no-error")
+        for nx in (24, 96)
+    )
     q, r = coarse.summary["quantities"], fine.summary["quantities"]
     assert q["log_eps_22_middle"] == pytest.approx(r["log_eps_22_middle"], rel=1e-3)
     assert q["log_eps_22_98_percent"][0] == pytest.approx(r["log_eps_22_98_percent"][0], rel=0.01)
