@@ -48,18 +48,26 @@ def formed_ply(grid: pyvista.UnstructuredGrid) -> FormedPly:
     flat = flat.clean(tolerance=SAME)
     formed = flat.copy()
     formed.points = formed.points + formed.point_data["u"]
-    ratio = np.divide(*(np.asarray(g.compute_cell_sizes()["Area"]) for g in (formed, flat)))
+    joined = formed.cells_dict[kind].astype(np.int64)
+    # not VTK's compute_cell_sizes, which crashed on Debian 13
+    ratio = np.divide(*(_areas(np.asarray(g.points)[joined]) for g in (formed, flat)))
     fields = {}
     if "a" in grid.cell_data:
         a, b = (_unit(np.asarray(grid.cell_data[name], dtype=float)) for name in "ab")
         fields = {"yarn_a": a, "yarn_b": b, "normal": _unit(np.cross(a, b))}
         fields["shear_angle"] = np.asarray(grid.cell_data["shear_angle"])
-    points, cells = np.asarray(formed.points), formed.cells_dict[kind].astype(np.int64)
+    points, cells = np.asarray(formed.points), joined
     if fields:
         p, q, r = points[cells[:, 0]], points[cells[:, 1]], points[cells[:, -1]]
         behind = (np.cross(q - p, r - p) * fields["normal"]).sum(1) < 0
         cells[behind] = cells[behind, ::-1]
     return FormedPly(points, cells, fields | {"area_ratio": ratio})
+
+
+def _areas(corners):
+    """Of cells with corners (m, 3 or 4, 3), of the triangles that meet in the first corner."""
+    arms = corners[:, 1:] - corners[:, :1]
+    return np.linalg.norm(np.cross(arms[:, :-1], arms[:, 1:]), axis=2).sum(1) / 2
 
 
 def _unit(vectors):
