@@ -38,8 +38,8 @@ class Scenario:
 
     NAME: ClassVar[str] = ""
     # of mesh and steps; with P2 and path_tolerance 1e-4 the cheapest with curves right to 0.1 %
-    FULL: ClassVar[Mapping[str, int]] = {"nx": 32, "steps": 20}
-    QUICK: ClassVar[Mapping[str, int]] = {"nx": 20, "steps": 5}
+    FULL: ClassVar[Mapping[str, Any]] = {"nx": 32, "steps": 20}
+    QUICK: ClassVar[Mapping[str, Any]] = {"nx": 20, "steps": 5}
     SOLVER: ClassVar[Mapping[str, Any]] = {}  # what its `Job` has by default
     SIZES: ClassVar[tuple[str, str]] = ("length", "width")  # fields of the sheet's sides
     DEFAULT_SIZES: ClassVar[tuple[float, float]] = (200.0, 50.0)  # without a mesh of its own
