@@ -27,7 +27,7 @@ class Laminate(Forming):
 
     NAME: ClassVar[str] = "laminate"
     FULL = {"nx": 24, "steps": 40}
-    QUICK = {"nx": 5, "steps": 1, "stroke": 1.5}
+    QUICK = {"nx": 5, "steps": 2, "stroke": 2}
 
     metal: str = text("dc04", "of the outer sheets: preset or material file", "FILE", "laminate")
     metal_thickness: float = number(
