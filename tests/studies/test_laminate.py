@@ -10,7 +10,8 @@ SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 
 
 def test_a_laminate_is_formed(launch):
-    done = launch("laminate", "--quick")
+    # two steps of hardly any work: what is missing of it differs from machine to machine
+    done = launch("laminate", "--quick", "--max-imbalance", 0.5)
     assert done.status == 0, done.err
     s = done.summary
     q, energy = s["quantities"], s["energy"]
