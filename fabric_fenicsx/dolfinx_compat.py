@@ -37,8 +37,10 @@ _C_FLAGS = (
 ).split()
 
 
-def _jit() -> dict[str, Any]:
-    options = {"cffi_extra_compile_args": _C_FLAGS, "timeout": TIMEOUT}
+def jit(**more: Any) -> dict[str, Any]:
+    """How forms and expressions are compiled, as the keyword that DOLFINx takes it by; `more`
+    options of FFCx."""
+    options = {"cffi_extra_compile_args": _C_FLAGS, "timeout": TIMEOUT} | more
     return {"jit_params": options} if OLD else {"jit_options": options}
 
 
@@ -121,7 +123,7 @@ def vector_space(mesh: Mesh, family: str, degree: int, dim: int) -> fem.Function
 def form(ufl_form: ufl.Form) -> "fem.Form":
     """Compile a form, once per machine: rank 0 first, the others from its cache."""
     comm = ufl_form.ufl_domain().ufl_cargo().comm
-    return compiled(comm, lambda: fem.form(ufl_form, **_jit()))
+    return compiled(comm, lambda: fem.form(ufl_form, **jit()))
 
 
 class PointEvaluation:
@@ -137,7 +139,7 @@ class PointEvaluation:
         points, self.weights = basix.make_quadrature(
             getattr(basix.CellType, cell_name(mesh)), degree
         )
-        self._expression = compiled(mesh.comm, lambda: fem.Expression(expression, points, **_jit()))
+        self._expression = compiled(mesh.comm, lambda: fem.Expression(expression, points, **jit()))
         self._mesh = mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._cells = (np.arange(owned) if cells is None else cells).astype(np.int32)

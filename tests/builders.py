@@ -11,6 +11,7 @@ from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 
 COMM = MPI.COMM_WORLD
+COARSE = {"nx": 8, "element": "P1"}  # a strip that is pulled in a moment
 
 
 def sheet(

@@ -152,6 +152,12 @@ def shared_path(tmp_path):
 
 
 @pytest.fixture
+def folder(shared_path):
+    """A folder for a run, one for all ranks of a test."""
+    return shared_path / "run"
+
+
+@pytest.fixture
 def launch(shared_path, monkeypatch):
     """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status,
     output, results. By default it runs in this process, on the ranks of the test, which saves the

@@ -5,20 +5,12 @@ import json
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from builders import COARSE, COMM
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.error_run import FOLDER, coarsened
 from fabric_fenicsx.meshes.specimen import specimen, write
 from fabric_fenicsx.results.error import SAFETY, curve_errors, factor
-
-COMM = MPI.COMM_WORLD
-COARSE = {"nx": 8, "element": "P1"}
-
-
-@pytest.fixture
-def folder(tmp_path):
-    return COMM.bcast(tmp_path / "run")
 
 
 @pytest.mark.mpi

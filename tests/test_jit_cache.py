@@ -10,7 +10,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.jit_cache import TIMEOUT, compiled
+from fabric_fenicsx.jit_cache import compiled
 
 SAID = "JIT compilation timed out, probably. Try cleaning cache (e.g. remove {}) or increase it."
 
@@ -64,8 +64,7 @@ def test_a_form_whose_compilation_was_killed(tmp_path):
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
     cells = np.array([[0, 1, 2]], dtype=np.int64)
     mesh = compat.create_mesh(MPI.COMM_SELF, cells, corners, "triangle", 1)
-    options = {"cache_dir": tmp_path, "timeout": TIMEOUT}
-    asked = {"jit_params" if compat.OLD else "jit_options": options}
+    asked = compat.jit(cache_dir=tmp_path)
 
     def area():
         form = compiled(mesh.comm, lambda: fem.form(1.0 * ufl.dx(mesh), **asked))

@@ -6,19 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from mpi4py import MPI
+from builders import COARSE, COMM
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.results.output import finite
 from fabric_fenicsx.solve.limits import Limits
-
-COMM = MPI.COMM_WORLD
-COARSE = {"nx": 8, "element": "P1"}
-
-
-@pytest.fixture
-def folder(tmp_path):
-    return COMM.bcast(tmp_path / "run")
 
 
 @pytest.mark.mpi

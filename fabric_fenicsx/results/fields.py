@@ -267,6 +267,18 @@ def with_known_fields(grid: pyvista.UnstructuredGrid) -> pyvista.UnstructuredGri
     return grid
 
 
+def sheets_of(
+    grid: pyvista.UnstructuredGrid, names: Sequence[str]
+) -> dict[str, pyvista.UnstructuredGrid]:
+    """The sheets of a stack with these names {name: grid}, or without names {"": the grid}."""
+    if not names:
+        return {"": grid}
+    number = np.asarray(grid.cell_data["part"])
+    return {
+        name: with_known_fields(grid.extract_cells(number == k)) for k, name in enumerate(names)
+    }
+
+
 def save(path: Path, data: pyvista.DataSet, known: Mapping[str, str]) -> None:
     """Write a grid or surface with the units of its arrays, out of those `known`, to `path`, whole
     or not at all; OSError naming it."""

@@ -31,8 +31,8 @@ COLUMNS = (
     "min_stability",
     "wall_s",
 )
-# None where nothing was factorised, or no law told
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
+# None where nothing was factorised, or no law told
 MAY_BE_EMPTY = "negative_pivots", "min_stability"
 
 

@@ -46,16 +46,9 @@ class Result:
     def grids(self) -> "dict[str, pyvista.UnstructuredGrid]":
         """The last state of each sheet of a stack {name: grid}, or of the one {"": grid}, on rank 0
         only."""
-        names = list(self.scene.blank.parts)
-        if not names:
-            return {"": self.grid}
-        from .fields import with_known_fields
+        from .fields import sheets_of
 
-        number = np.asarray(self.grid.cell_data["part"])
-        return {
-            name: with_known_fields(self.grid.extract_cells(number == k))
-            for k, name in enumerate(names)
-        }
+        return sheets_of(self.grid, list(self.scene.blank.parts))
 
     def number(self, name: str) -> float | None:
         """A number of the summary or its quantities; of nested ones as "draw_in.largest_mm". None
@@ -93,7 +86,8 @@ class Result:
     def plot(self, name: str, path: Path | str) -> None:
         """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
         rank 0; nodes as means over the cells. Raises InputError for a name that is none."""
-        nodal = self.scene.nodal_fields()
+        # asked of all ranks, which a field of cells does not need
+        nodal = {} if name in self.fields else self.scene.nodal_fields()
         drawn = sorted(
             each for each, values in {**self.fields, **nodal}.items() if values.ndim == 1
         )

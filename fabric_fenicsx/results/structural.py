@@ -11,7 +11,7 @@ import pyvista
 
 from ..errors import InputError
 from ..files import replace_file
-from .fields import read_last, save, with_known_fields
+from .fields import read_last, save, sheets_of
 
 SAME = 1e-6  # mm within which nodes of different ranks are one
 CORNERS = {5: 3, 69: 3, 9: 4, 70: 4}  # of VTK's cells, which begin with them
@@ -82,13 +82,7 @@ def read_grids(folder: Path | str) -> dict[str, pyvista.UnstructuredGrid]:
         raise InputError(f"{folder} has no fields.pvd; allowed is the folder of a run's results")
     sets = ElementTree.parse(listed).getroot().iter("DataSet")
     names = list(dict.fromkeys(entry.get("name", "") for entry in sets))
-    grid = read_last(Path(folder))
-    if names == [""]:
-        return {"": grid}
-    number = np.asarray(grid.cell_data["part"])
-    return {
-        name: with_known_fields(grid.extract_cells(number == k)) for k, name in enumerate(names)
-    }
+    return sheets_of(read_last(Path(folder)), [name for name in names if name])
 
 
 def checked(path: Path | str) -> Path:

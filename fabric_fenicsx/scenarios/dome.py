@@ -9,10 +9,10 @@ from ..tools import DoubleDome
 DIMENSIONS = tuple(each.name for each in dataclasses.fields(DoubleDome))
 
 
-def dome_of(pairs: Mapping[str, float] | Iterable[str]) -> DoubleDome:
-    """The `DoubleDome` with dimensions {name: value} or texts NAME=VALUE. Raises InputError for
-    what is neither."""
-    given = {}
+def dome_of(pairs: Mapping[str, float] | Iterable[str], **usual: float) -> DoubleDome:
+    """The `DoubleDome` with dimensions {name: value} or texts NAME=VALUE, else the `usual` ones.
+    Raises InputError for what is neither."""
+    given = dict(usual)
     if isinstance(pairs, Mapping):
         pairs = [f"{key}={value!r}" for key, value in pairs.items()]
     for pair in pairs:

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 from ..job import Result
 from ..material.metal import load_metal
 from ..tools import DoubleDome
+from .dome import dome_of
 from .forming import Forming
 from .numbers import FRACTION, POSITIVE, number, text
 from .plies import Ply
@@ -38,11 +39,7 @@ class Laminate(Forming):
     def prepare(self) -> None:
         """Make the plies, unless they are given as `stack`; the rest as `Forming` does."""
         if not isinstance(self.dome, DoubleDome):
-            given = self.dome
-            pairs = (
-                [f"{k}={v!r}" for k, v in given.items()] if isinstance(given, Mapping) else given
-            )
-            self.dome = [f"entry_radius={ENTRY_RADIUS}", *pairs]
+            self.dome = dome_of(self.dome, entry_radius=ENTRY_RADIUS)
         if self.stack is None:
             self.stack = self._laminate()
         super().prepare()
@@ -55,9 +52,8 @@ class Laminate(Forming):
             "thickness": self.metal_thickness,
             "length": share * sides[0],
             "width": share * sides[1],
-            "nx": max(
-                1, round(share * (self.nx or self.FULL["nx"]))
-            ),  # cells as large as the plies'
+            # cells as large as the plies'
+            "nx": max(1, round(share * (self.nx or self.FULL["nx"]))),
         }
         plies = [Ply(name=name) for name in FABRICS]
         return [Ply(name="lower metal", **sheet), *plies, Ply(name=METAL, **sheet)]
