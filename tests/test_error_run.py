@@ -190,3 +190,13 @@ def test_told_with_the_error():
     assert result.told("reaction_N") == "2033.42 +- 0.052"
     assert result.told("draw_in.largest_mm", ".1f") == "3.0"
     assert result.told("draw_in.least_mm") == "-"
+
+
+@pytest.mark.parametrize(
+    "options, told",
+    [(("--nx", 32), True), (("--nx", 31), False), (("--nx", 32, "--no-error"), False)],
+)
+def test_strips_of_1000_cells_tell_their_errors_unasked(launch, options, told):
+    done = launch("tensile", *options, "--element", "P1", "--steps", 2, "--no-pictures")
+    assert done.status == 0, done.err
+    assert ("error" in done.summary) == told == (" +- " in done.out)
