@@ -1,7 +1,8 @@
 """Triangles of the double dome's surface, a quarter or all of it, finer on its roundings, for
-ParaView and as a tool.
+ParaView and as a tool; or the dome as a solid in a STEP file.
 
 python3 meshes/double_dome.py --depth 60 --saddle-depth 15 --size 10 --turn 10 --out double_dome.stl
+python3 meshes/double_dome.py --depth 60 --saddle-depth 15 --out double_dome.step
 """
 
 import argparse
@@ -33,6 +34,15 @@ def double_dome(
     they do not fit.
     """
     dome = dome or DoubleDome()
+    _check(dome, length, width, size, turn)
+    points, triangles = _quarter(dome, length / 2, width / 2, size, math.radians(turn))
+    if not quarter:
+        for axis in (0, 1):
+            points, triangles = _mirrored(points, triangles, axis)
+    return points, triangles
+
+
+def _check(dome, length, width, size=10.0, turn=10.0):
     for name, value, high in (
         ("length", length, math.inf),
         ("width", width, math.inf),
@@ -54,11 +64,6 @@ def double_dome(
                 f"{name} is {value:g}; allowed is above {2 * (half + foot):g}, "
                 "where the flange begins"
             )
-    points, triangles = _quarter(dome, length / 2, width / 2, size, math.radians(turn))
-    if not quarter:
-        for axis in (0, 1):
-            points, triangles = _mirrored(points, triangles, axis)
-    return points, triangles
 
 
 def _quarter(dome, x, y, size, turn):
@@ -198,9 +203,135 @@ def write(path: Path | str, points: np.ndarray, triangles: np.ndarray) -> None:
         ) from None
 
 
+def write_step(
+    path: Path | str,
+    dome: DoubleDome | None = None,
+    length: float = 520.0,
+    width: float = 320.0,
+    base: float = 20.0,
+) -> None:
+    """Write the dome on a plate `base` [mm] thick as a solid to a STEP file.
+
+    Its faces are B-splines through the surface, one for each part of the profile along each arc of
+    the outline, up to 1e-4 mm and 0.01 deg off it with the defaults' dimensions. dome, length,
+    width: as for `double_dome`. Raises InputError where they do not fit or the file cannot be
+    written.
+    """
+    import gmsh
+
+    dome = dome or DoubleDome()
+    _check(dome, length, width)
+    try:
+        open(path, "wb").close()  # gmsh only logs that it could not write
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}); allowed is a file like tool.step"
+        ) from None
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("double dome")
+        occ = gmsh.model.occ
+        parts = [_sides(dome, outline) for outline in _outline(dome)]
+        occ.synchronize()
+        inner, outer = (
+            occ.addCurveLoop([_edge_at(dome, part[which], d) for part in parts])
+            for which, d in zip((0, -1), dome.roundings)
+        )
+        plate = occ.addRectangle(-length / 2, -width / 2, 0, length, width)
+        below = occ.extrude([(2, plate)], 0, 0, -base)
+        occ.synchronize()
+        rim = [tag for _, tag in gmsh.model.getBoundary([(2, plate)], oriented=False)]
+        _top(dome, inner)
+        occ.addPlaneSurface([occ.addCurveLoop(rim), outer])
+        occ.remove([*(each for each in below if each[0] == 3), (2, plate)])
+        occ.synchronize()
+        faces = occ.healShapes([], 1e-3, False, False, False, True, False)  # sews them
+        shell = occ.addSurfaceLoop([tag for dim, tag in faces if dim == 2], sewing=True)
+        solid = occ.addVolume([shell])
+        occ.synchronize()
+        occ.remove([each for each in gmsh.model.getEntities() if each != (3, solid)])
+        occ.synchronize()
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+def _outline(dome):
+    """Places in mm along the outline (n,) and the outline there (2, n), for each of its four arcs,
+    anticlockwise from that about (dome_distance / 2, 0)."""
+    c, R, w = dome.dome_distance / 2, dome.dome_radius, dome.waist
+    k = -dome.plan(np.zeros(1), np.array([w]))[2][0]
+    end, joint = math.atan2(1 + k * w, -k * c), c / (1 + k * R)
+    # what is not smooth in the saddle lies between its points
+    n, m = (
+        min(max(math.ceil(60 * each / dome.saddle_length), 21), 201)
+        for each in (2 * R * end, 2 * joint)
+    )
+    a, x = np.linspace(-end, end, n), np.linspace(joint, -joint, m)
+    around = R * a, np.array([c + R * np.cos(a), R * np.sin(a)])
+    waist = -x, np.array([x, w + k * x * x / (1 + np.sqrt(1 - (k * x) ** 2))])
+    return [around, waist, (around[0], -around[1]), (waist[0], -waist[1])]
+
+
+def _sides(dome, outline, n=9):
+    """Faces of rounding, wall and fillet along one arc of the outline."""
+    u, place = outline
+    normal, faces = dome.plan(*place)[1], []
+    for ends in zip(dome.developed, dome.developed[1:]):
+        v = np.linspace(*ends, n)
+        x, y = place[:, :, None] + normal[:, :, None] * v
+        points = dome.lift(x.ravel(), y.ravel()).reshape(len(u), n, 3)
+        faces.append(_spline_face((u, v), points, (5, 5)))
+    return faces
+
+
+def _top(dome, loop):
+    """The face within a loop of edges."""
+    y = dome.dome_radius
+    end = dome.dome_distance / 2 + y
+    x = np.linspace(-end, end, 2 * math.ceil(min(200 * end / dome.saddle_length, 1000)) + 1)
+    z = dome.depth * dome.height(x)[0]
+    points = np.stack([np.column_stack([x, 0 * x + side, z]) for side in (-y, y)], 1)
+    return _spline_face((x, np.array([-y, y])), points, (5, 1), loop)
+
+
+def _spline_face(grid, points, degrees, loop=None):
+    """A face through points (n, m, 3) at parameters `grid` ((n,), (m,)), within a loop of edges."""
+    import gmsh
+    from scipy.interpolate import make_interp_spline
+
+    occ = gmsh.model.occ
+    u = make_interp_spline(grid[0], points, degrees[0])
+    v = make_interp_spline(grid[1], u.c.swapaxes(0, 1), degrees[1])
+    control = [occ.addPoint(*place) for place in v.c.reshape(-1, 3)]
+    (at_u, times_u), (at_v, times_v) = (np.unique(each.t, return_counts=True) for each in (u, v))
+    loops = [] if loop is None else [loop]
+    face = occ.addBSplineSurface(
+        control, len(points), -1, *degrees, [], at_u, at_v, times_u, times_v, loops, True
+    )
+    occ.remove([(0, tag) for tag in control])
+    return face
+
+
+def _edge_at(dome, face, d):
+    """That edge of a face whose middle is nearest to the distance d [mm] from the outline."""
+    import gmsh
+
+    def off(edge):
+        low, high = gmsh.model.getParametrizationBounds(1, edge)
+        x, y, _ = gmsh.model.getValue(1, edge, [(low[0] + high[0]) / 2])
+        return abs(dome.plan(np.array([x]), np.array([y]))[0][0] - d)
+
+    return min((tag for _, tag in gmsh.model.getBoundary([(2, face)], oriented=False)), key=off)
+
+
 def main() -> None:
     """What `python3 meshes/double_dome.py` does; exit status 2 for options that do not fit."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(
+        description=(__doc__ or "").partition("\n")[0],
+        argument_default=argparse.SUPPRESS,  # of options of triangles: `double_dome` has their own
+    )
     dimensions = dataclasses.fields(DoubleDome)
     for each in dimensions:
         parser.add_argument(
@@ -212,23 +343,37 @@ def main() -> None:
     parser.add_argument("--length", type=float, default=520.0, help="of the flange along x [mm]")
     parser.add_argument("--width", type=float, default=320.0, help="of the flange along y [mm]")
     parser.add_argument(
-        "--size", type=float, default=10.0, help="of the edges where it is flat [mm]"
+        "--size", type=float, help="of the edges where it is flat [mm], 10 by default"
     )
     parser.add_argument(
-        "--turn", type=float, default=10.0, help="of the normal along an edge on roundings [deg]"
+        "--turn",
+        type=float,
+        help="of the normal along an edge on roundings [deg], 10 by default",
     )
     parser.add_argument("--quarter", action="store_true", help="only x >= 0, y >= 0")
     parser.add_argument(
         "--out",
         default="double_dome.stl",
-        help="file to write, of any format that PyVista or meshio writes",
+        help="file to write, of any format that PyVista or meshio writes; or .step: a solid, whole "
+        "and without triangles",
     )
     args = parser.parse_args()
+    of_triangles = {
+        name: value for name, value in vars(args).items() if name in ("size", "turn", "quarter")
+    }
     try:
         dome = DoubleDome(**{each.name: getattr(args, each.name) for each in dimensions})
-        points, triangles = double_dome(
-            dome, args.length, args.width, args.size, args.turn, args.quarter
-        )
+        if args.out.lower().endswith((".step", ".stp")):
+            if of_triangles:
+                options = ", ".join(f"--{name}" for name in of_triangles)
+                raise InputError(
+                    f"{options} cannot be used for {args.out}, a solid without triangles; allowed "
+                    "is a file like tool.stl"
+                )
+            write_step(args.out, dome, args.length, args.width)
+            print(f"{args.out}: a solid")
+            return
+        points, triangles = double_dome(dome, args.length, args.width, **of_triangles)
         write(args.out, points, triangles)
     except InputError as error:
         parser.error(str(error))

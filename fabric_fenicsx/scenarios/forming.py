@@ -263,7 +263,7 @@ class Forming(Scenario):
         half = np.maximum(abs(low), abs(high))[:2]
         surface, name = self.punch, "`punch`"
         if not isinstance(surface, Surface):
-            surface = TriangulatedSurface.read(surface, self.chord)
+            surface = TriangulatedSurface.read(surface, self.chord, comm=self.comm)
             name += f" {self.punch}"
         warn = self.warnings.append
         if isinstance(surface, TriangulatedSurface):

@@ -18,9 +18,10 @@ class Candidates(NamedTuple):
     """Which triangles may be closest to n points near the `place` (n, 3) where they were sought.
 
     A point has either `triangle` (k,) in the entries whose `row` (k,) is its number, which hold up
-    to `valid` (n,) mm from its place; or, where all of these lie in one plane, one of them in
-    `plane` (n,), otherwise -1; or none, being `clear` (n,) mm off the surface, on a `side` (n,) of
-    it, with a `normal` (n, 3).
+    to `valid` (n,) mm from its place; seen from there each is `further` (k,) mm away than the
+    closest one. Or, where all of these lie in one plane, it has one of them in `plane` (n,),
+    otherwise -1; or none, being `clear` (n,) mm off the surface, on a `side` (n,) of it, with a
+    `normal` (n, 3).
     """
 
     place: np.ndarray
@@ -31,13 +32,15 @@ class Candidates(NamedTuple):
     plane: np.ndarray
     row: np.ndarray
     triangle: np.ndarray
+    further: np.ndarray
 
     @classmethod
     def empty(cls, n: int) -> Self:
         """Of n points, none of which was sought yet."""
         none = np.empty(0, dtype=np.int64)
         far, zeros = np.full(n, -np.inf), np.zeros((n, 3))
-        return cls(zeros, np.full(n, -1.0), far, np.ones(n), zeros, np.full(n, -1), none, none)
+        unsure, ones, no_plane = np.full(n, -1.0), np.ones(n), np.full(n, -1)
+        return cls(zeros, unsure, far, ones, zeros, no_plane, none, none, np.empty(0))
 
 
 class ClosestTriangles:
@@ -57,7 +60,10 @@ class ClosestTriangles:
         self._vertices = cKDTree(surface.points)
         radius = np.linalg.norm(corners - middles[:, None], axis=2).max(1)
         size = np.floor(np.log2(radius / radius.max()) / 2)
+        self._radius = radius * (1 + 1e-9)
         self._room = ROOM * math.sqrt(np.median(surface.areas))
+        # how much further what lies beyond a sharp edge may be and yet be as near on its patch
+        self._slack = 1e-9 + (2 * surface.bulge if surface.parts > 1 else 0.0)
         self._kept: dict[int, Candidates] = {}
         self._off_plane: dict[int, tuple[cKDTree, float]] = {}
         self._by_size = []
@@ -87,7 +93,10 @@ class ClosestTriangles:
         self._kept[n] = old
         if len(self._kept) > KEPT:
             del self._kept[next(iter(self._kept))]  # that which was used least lately
-        return old, np.copysign(old.clear - moved, old.side)
+        # nearer by at most what the point moved, while the closest went as far off
+        near = old.further <= 2 * moved[old.row] + self._slack
+        found = old._replace(row=old.row[near], triangle=old.triangle[near])
+        return found, np.copysign(old.clear - moved, old.side)
 
     def _renewed(self, old, points, reach, renew):
         surface, facets = self.surface, self.surface.facets
@@ -101,13 +110,14 @@ class ClosestTriangles:
         clear[renew] = apart - COVER * surface.longest - surface.bulge
         # the side is not sure where the closest point lies at the end of the triangles at a vertex
         near = np.flatnonzero((clear[renew] - self._room <= reach) | ~ring)
-        row, triangle = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        row, triangle, further = Candidates.empty(0)[-3:]
         if len(near):
-            row, triangle, least, sides = self._closest_few(x[near], bound[near])
+            row, triangle, further, least, sides = self._closest_few(x[near], bound[near])
             near = renew[near]
             side[near], clear[near] = sides, least - surface.bulge
             close = least - surface.bulge - self._room <= reach
-            row, triangle = near[row[close[row]]], triangle[close[row]]
+            kept = close[row]
+            row, triangle, further = near[row[kept]], triangle[kept], further[kept]
             near, least = near[close], least[close]
             valid[near], clear[near] = self._room, -1.0
             low, high = np.full(len(points), len(facets)), np.full(len(points), -1)
@@ -121,14 +131,13 @@ class ClosestTriangles:
                 valid[at] = np.maximum(valid[at], apart / 2)
         changed = np.zeros(len(points), dtype=bool)
         changed[renew] = True
-        row, triangle = (
-            np.append(a[~changed[old.row]], b)
-            for a, b in ((old.row, row), (old.triangle, triangle))
+        row, triangle, further = (
+            np.append(a[~changed[old.row]], b) for a, b in zip(old[-3:], (row, triangle, further))
         )
-        hold = plane[row] < 0
-        order = np.argsort(row[hold], kind="stable")
+        hold = np.flatnonzero(plane[row] < 0)
+        hold = hold[np.argsort(row[hold], kind="stable")]
         return Candidates(
-            place, valid, clear, side, normal, plane, row[hold][order], triangle[hold][order]
+            place, valid, clear, side, normal, plane, row[hold], triangle[hold], further[hold]
         )
 
     def _beside(self, plane):
@@ -154,10 +163,10 @@ class ClosestTriangles:
         return own > 0, corner // 3, weights, np.sqrt(square[best])
 
     def _closest_few(self, points, distance):
-        """Rows (k,) of points, and all triangles (k,) that may be the closest ones within `_room`
-        of them; distances (n,) of the points, and on which side they are (n,). distance: not below
-        theirs (n,) [mm]."""
-        room = 2 * self._room + (2 * self.surface.bulge if self.surface.parts > 1 else 0.0)
+        """Rows (k,) of points, all triangles (k,) that may be the closest ones within `_room` of
+        them, and by how much they are further than the closest (k,); distances (n,) of the points,
+        and on which side they are (n,). distance: not below theirs (n,) [mm]."""
+        room = 2 * self._room + self._slack
         rows_of, triangles = [], []
         for tree, members, radius in self._by_size:
             rows, first, last = np.arange(len(points)), 0, 8
@@ -170,8 +179,11 @@ class ClosestTriangles:
                 )
                 maybe = to_centre < bound[:, None]
                 row, column = np.nonzero(maybe)
-                rows_of.append(rows[row])
-                triangles.append(members[near[row, column]])
+                triangle = members[near[row, column]]
+                within = distance[rows[row]] + self._radius[triangle] + room
+                own = to_centre[row, column] < within
+                rows_of.append(rows[row[own]])
+                triangles.append(triangle[own])
                 rows = rows[maybe[:, -1]]
                 first, last = last, 4 * last
         row, triangle = np.concatenate(rows_of), np.concatenate(triangles)
@@ -182,8 +194,9 @@ class ClosestTriangles:
         closest = np.searchsorted(row, np.arange(len(points)))
         distance = apart[closest]
         side = self.sides(points, triangle[closest], weights[closest])
-        keep = apart <= distance[row] + room
-        return row[keep], triangle[keep], distance, side
+        further = apart - distance[row]
+        keep = further <= room
+        return row[keep], triangle[keep], further[keep], distance, side
 
     def sides(self, points: np.ndarray, triangle: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """On which side (n,) of the surface points (n, 3) are, 1 in front and -1 behind, whose

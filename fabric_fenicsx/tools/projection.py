@@ -96,6 +96,7 @@ class Projection:
                 ended |= self._at_edges(
                     edge, rows, x, tri, b, out, came, at, arm, pull, stiff, tolerance, found
                 )
+                back[2][came >= 0] = np.inf  # across an edge is the same place but for rounding
             for i in np.flatnonzero(corner):
                 ended[i] = self._at_corner(i, rows, tri, b, arm, tolerance, found)
                 came[i], back[2][i] = -1, np.inf

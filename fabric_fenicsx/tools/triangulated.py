@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
+from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
@@ -78,27 +79,26 @@ class TriangulatedSurface(Surface):
         self._search, self._projection = ClosestTriangles(curved), Projection(curved)
 
     @classmethod
-    def read(cls, path: Path | str, chord: float = 0.1, crease: float = CREASE) -> Self:
+    def read(
+        cls,
+        path: Path | str,
+        chord: float = 0.1,
+        crease: float = CREASE,
+        comm: MPI.Comm = MPI.COMM_SELF,
+    ) -> Self:
         """The surface in a file [mm]: STL, VTP, MSH, or any other that meshio or PyVista reads,
         where quadrilaterals are cut; or STEP, IGES or BREP, whose faces gmsh meshes up to `chord`
-        [mm] off them.
+        [mm] off them. Rank 0 of comm reads: gmsh meshes the same faces a little differently each
+        time, and all ranks need one tool.
 
         Raises InputError if it cannot be read or has no triangle, or for a chord that is not above
         0.
         """
         path, chord = Path(path), checked_number("chord", chord, "above 0", low=0)
-        if not path.is_file():
-            raise InputError(
-                f"surface file {path} does not exist or is not a file; allowed is {FORMATS}"
-            )
-        try:
-            points, triangles, normals = read_triangles(path, chord)
-        # the readers raise whatever their parsing stumbles on, or exit
-        except (Exception, SystemExit) as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise InputError(
-                f"surface file {path} cannot be read ({reason}); allowed is {FORMATS}"
-            ) from None
+        found, wrong = comm.bcast(_read(path, chord) if comm.rank == 0 else None)
+        if wrong:
+            raise InputError(f"surface file {path} {wrong}; allowed is {FORMATS}")
+        points, triangles, normals = found
         try:
             return cls(points, triangles, normals, crease)
         except InputError as error:
@@ -174,3 +174,15 @@ class TriangulatedSurface(Surface):
         found.gap[over] = row_dots(points[over] - curved.middles[candidates.plane[over]], facet)
         found.normal[over] = facet
         return found
+
+
+def _read(path, chord):
+    """What `read_triangles` finds, and what is wrong with the file in words."""
+    if not path.is_file():
+        return None, "does not exist or is not a file"
+    try:
+        return read_triangles(path, chord), ""
+    # the readers raise whatever their parsing stumbles on, or exit
+    except (Exception, SystemExit) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        return None, f"cannot be read ({reason})"

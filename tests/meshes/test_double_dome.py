@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.meshes.double_dome import double_dome, main
+from fabric_fenicsx.meshes.double_dome import double_dome, main, write_step
 from fabric_fenicsx.tools import DoubleDome, TriangulatedSurface
+from fabric_fenicsx.tools.checks import check_punch
 
 SCRIPT = Path(__file__).parents[2] / "meshes" / "double_dome.py"
+COARSE = ["--size", "20", "--turn", "40", "--quarter"]
 
 
 @pytest.mark.parametrize(
@@ -65,6 +67,34 @@ def test_bad_dimensions(options, words):
         double_dome(**options)
 
 
+@pytest.mark.parametrize(
+    "dome, close",
+    [
+        (DoubleDome(), 1e-4),
+        (DoubleDome(wall_angle=0, top_radius=30, waist=65, saddle_length=250), 1e-3),
+    ],
+)
+def test_a_step_file_is_the_dome(dome, close, tmp_path):
+    write_step(tmp_path / "dome.step", dome)
+    warnings = []
+    surface = TriangulatedSurface.read(tmp_path / "dome.step")
+    assert check_punch(surface, "dome.step", (235, 135), 1.0, warnings.append) is surface
+    assert not warnings and len(surface.rim) == len(surface.forks) == 0  # closed
+    # corners of triangles lie on the file's faces and have their normals
+    x = surface.points
+    above = (x[:, 2] > -1e-3) & (abs(x[:, 0]) < 259) & (abs(x[:, 1]) < 159)
+    right = dome.evaluate(x[above])
+    assert abs(right.gap).max() < close and x[above, 2].max() == pytest.approx(60, abs=close)
+    assert (right.normal * surface.normals[above]).sum(1).min() > np.cos(np.radians(0.02))
+    # where the middle of a ply is, also between the corners
+    u, v = np.random.default_rng(0).uniform(-1, 1, (2, 3000)) * [[235], [135]]
+    x = dome.lift(u, v)
+    x += 0.5 * dome.evaluate(x).normal
+    found, right = surface.evaluate(x), dome.evaluate(x)
+    assert abs(found.gap - right.gap).max() < 0.01
+    assert (right.normal * found.normal).sum(1).min() > np.cos(np.radians(0.5))
+
+
 def test_by_itself(tmp_path, hang):
     command = [sys.executable, SCRIPT, "--size", "20", "--turn", "20", "--quarter", "--depth", "50"]
     done = subprocess.run(
@@ -78,17 +108,21 @@ def test_by_itself(tmp_path, hang):
 @pytest.mark.parametrize(
     "options, words",
     [
-        (["--depth", "0"], "depth is 0.0; allowed is a finite number, above 0"),
-        (["--out", "none/tool.stl"], "none/tool.stl cannot be written"),
-        (["--out", "tool.abc"], "tool.abc cannot be written"),
-        (["--out", "none/tool.msh"], "none/tool.msh cannot be written"),
+        ([*COARSE, "--depth", "0"], "depth is 0.0; allowed is a finite number, above 0"),
+        (["--out", "none/tool.step"], "none/tool.step cannot be written"),
+        (["--out", "tool.step", "--width", "150"], "width is 150; allowed is above 155"),
+        (["--out", "tool.step", "--size", "20"], "--size cannot be used for tool.step, a solid"),
+        (["--out", "tool.STP", "--turn", "10"], "--turn cannot be used for tool.STP, a solid"),
+        (["--out", "tool.step", "--quarter"], "without triangles; allowed is a file like tool.stl"),
+        ([*COARSE, "--out", "tool.step"], "--size, --turn, --quarter cannot be used for tool.step"),
+        ([*COARSE, "--out", "none/tool.stl"], "none/tool.stl cannot be written"),
+        ([*COARSE, "--out", "tool.abc"], "tool.abc cannot be written"),
+        ([*COARSE, "--out", "none/tool.msh"], "none/tool.msh cannot be written"),
     ],
 )
 def test_mistakes_end_with_one_sentence(options, words, monkeypatch, capsys, tmp_path):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        sys, "argv", ["double_dome.py", "--size", "20", "--turn", "40", "--quarter", *options]
-    )
+    monkeypatch.setattr(sys, "argv", ["double_dome.py", *options])
     with pytest.raises(SystemExit) as end:
         main()
     assert end.value.code == 2 and words in capsys.readouterr().err

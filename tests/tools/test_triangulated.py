@@ -5,9 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.meshes.double_dome import double_dome, write
+from fabric_fenicsx.meshes.double_dome import double_dome, write, write_step
 from fabric_fenicsx.tools import (
     DoubleDome,
     Flipped,
@@ -16,7 +17,9 @@ from fabric_fenicsx.tools import (
     Reversed,
     Sphere,
     TriangulatedSurface,
+    patches,
 )
+from fabric_fenicsx.tools.projection import fundamental_forms
 
 DOME = DoubleDome()
 
@@ -201,6 +204,44 @@ def test_normal_and_curvature_are_derivatives_of_the_gap(name):
         assert abs(gradient - found.normal).max() <= 1e-5
 
 
+@pytest.mark.parametrize("off", [0.0, 1e-9, -1e-6, 1e-6, -1e-4, 1e-4, -2e-3, 2e-3])
+@pytest.mark.parametrize("ending", ["stl", "step"])
+def test_what_touches_has_the_normal_of_the_surface(ending, off, dome_files):
+    """Inside triangles, on their edges and at their corners; nearest points were sought across an
+    edge to and fro until the search gave up."""
+    surface, on, normal = dome_files[ending]
+    points = on + off * normal
+    found = surface.evaluate(points, 1.0)
+    assert abs(found.gap - off).max() <= 1e-11
+    assert abs(found.normal - normal).max() <= 1e-8
+    few, h = points[::20], 1e-6
+    for k in range(3):
+        front, behind = (surface.evaluate(few + step * np.eye(3)[k], 1.0).gap for step in (h, -h))
+        assert abs((front - behind) / (2 * h) - found.normal[::20, k]).max() <= 1e-6
+
+
+@pytest.fixture(scope="module")
+def dome_files(tmp_path_factory):
+    """Of the dome's files: the surface, points (n, 3) on its triangles, a third on edges and a
+    third at corners, and normals (n, 3) there."""
+    folder, found = tmp_path_factory.mktemp("dome"), {}
+    write(folder / "dome.stl", *double_dome(size=20, turn=15))
+    write_step(folder / "dome.step")
+    for ending in ("stl", "step"):
+        surface = TriangulatedSurface.read(folder / f"dome.{ending}", chord=0.2)
+        curved = surface._curved
+        ends = np.unique(np.concatenate([surface.sharp, surface.rim]))
+        smooth = np.flatnonzero(~np.isin(surface.triangles, ends).any(1))
+        rng, n = np.random.default_rng(9), 30_000
+        b = rng.dirichlet([1, 1, 1], n).T
+        b[0, : 2 * n // 3] = 0
+        b[:2, : n // 3] = 0
+        b = rng.permuted(b / b.sum(0), axis=0)
+        at = patches.evaluate(curved.patches, rng.choice(smooth, n), b)
+        found[ending] = surface, at[:, 0], fundamental_forms(at)[0]
+    return found
+
+
 def test_normals_do_not_jump():
     surface = TriangulatedSurface(*double_dome(size=16, turn=25))
     s = np.linspace(0, 1, 40_001)[:, None]
@@ -379,3 +420,21 @@ def test_faces_of_an_iges_file(tmp_path):
     assert len(surface.sharp) >= 1 and (surface.points[surface.sharp][..., 0] == 10).all()
     found = surface.evaluate([[5, 5, 2], [15, 10, -3]])
     assert abs(found.gap) == pytest.approx([2, math.sqrt(2)], abs=1e-9)
+
+
+@pytest.mark.mpi
+def test_all_ranks_hold_the_triangles_of_one_read(shared_path):
+    comm, path = MPI.COMM_WORLD, shared_path / "dome.step"
+    if comm.rank == 0:
+        write_step(path)
+    comm.barrier()
+    surface = TriangulatedSurface.read(path, comm=comm)
+    for points, triangles in comm.allgather((surface.points, surface.triangles)):
+        np.testing.assert_array_equal(points, surface.points)
+        np.testing.assert_array_equal(triangles, surface.triangles)
+    for name, words in (("none.step", "does not exist"), ("empty.step", "cannot be read")):
+        if comm.rank == 0 and name == "empty.step":
+            (shared_path / name).write_text("")
+        comm.barrier()
+        with pytest.raises(InputError, match=words):
+            TriangulatedSurface.read(shared_path / name, comm=comm)
