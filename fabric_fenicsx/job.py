@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from petsc4py import PETSc
 from tqdm import tqdm
 
@@ -17,6 +16,7 @@ from . import timing
 from .errors import InputError, Interrupted, SolverFailure
 from .mechanics import mesh_warnings
 from .mechanics.self_crossing import self_crossings
+from .results.curve import Measure, default_measure
 from .results.history import ENERGIES, History, check_notes, energy_balance, viscous_words
 from .results.output import Output, read_converged
 from .results.result import LAST_PICTURE, Result, draw_state
@@ -30,8 +30,6 @@ from .solve.stepping import Accepted, march
 log = logging.getLogger(__package__)
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 NOT_BELIEVED = "the result is not to be believed: "
-
-Measure = Callable[[Scene, float], tuple[float, float]]
 
 
 @dataclass
@@ -359,40 +357,6 @@ class Job:
                 f"the sheet; allowed is {100 * EDGES:.3g} % of it (`Limits.strain`)"
             )
         return wrong
-
-
-def default_measure(scene: Scene) -> Measure:
-    """Displacement [mm] and force [N] of the first tool of `scene` that moves, else of the support
-    that moves furthest, along the motion of either."""
-
-    def motion(tool):
-        return np.subtract(tool.path(1.0), tool.path(0.0))
-
-    for tool in scene.tools():
-        if np.linalg.norm(motion(tool)):
-            along = motion(tool) / np.linalg.norm(motion(tool))
-            return lambda scene, load: (
-                float(along @ (np.subtract(tool.path(load), tool.path(0.0)))),
-                float(along @ scene.tool_force(tool)),
-            )
-    strokes = [_stroke(scene, support, 1.0) for support in scene.supports]
-    lengths = [float(np.linalg.norm(stroke)) for stroke in strokes]
-    furthest = int(np.argmax(lengths))
-    support, along = scene.supports[furthest], strokes[furthest] / max(lengths[furthest], 1e-300)
-    return lambda scene, load: (
-        float(along @ _stroke(scene, support, load)),
-        float(along @ scene.reaction(support.name)),
-    )
-
-
-def _stroke(scene, support, load):
-    """Mean displacement of the nodes of a support, (gdim,) [mm]."""
-    if not callable(support.value):
-        return load * np.asarray(support.value, float)[: scene.blank.mesh.geometry.dim]
-    x = scene.blank.coordinates()[: scene.blank.V.dofmap.index_map.size_local].T
-    moved = support.value(x[:, support.where(x)], load)
-    total, count = scene.comm.allreduce(moved.sum(1)), scene.comm.allreduce(moved.shape[1])
-    return total / count
 
 
 def _material(scene):

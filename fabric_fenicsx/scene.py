@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -23,22 +22,6 @@ from .timing import phase
 from .tools import Tool
 
 OF_CELLS = "cells "  # before the names of what terms remember of cells
-
-
-def moving_grip(stroke: float) -> "Callable[[Scene, float], tuple[float, float]]":
-    """Function of a scene with `clamped_ends(stroke)`, or `rolling_ends`, and its load factor to
-    the moving grip's displacement [mm] and reaction [N]."""
-    return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
-
-
-def _inverted_area(blank):
-    """Area of the cells that a plane displacement turns inside out: the law, in invariants of C
-    alone, can't see it."""
-    J = ufl.det(ufl.Identity(2) + ufl.grad(blank.displacement))
-    degree = 1 if compat.is_affine(blank.mesh) and blank.degree == 1 else 4
-    return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.Measure(
-        "dx", blank.mesh, metadata={"quadrature_degree": degree}
-    )
 
 
 class Scene:
@@ -70,14 +53,13 @@ class Scene:
         self._assembly = Assembly(blank, self.terms)
         self._energies = [(term.energy_kind, compat.form(term.energy)) for term in forms]
         self._inverted = (
-            compat.form(_inverted_area(blank)) if blank.mesh.geometry.dim == 2 else None
+            compat.form(blank.inverted_area()) if blank.mesh.geometry.dim == 2 else None
         )
         self._supported()
         # a viscous drag [N/mm] on the nodes' displacement since `origin`
         self.drag, self.origin = 0.0, None
         self.support_work = Work()
-        self._f = self.u.duplicate()
-        self._free = self.u.duplicate()
+        self._f, self._free = self.u.duplicate(), self.u.duplicate()
         self._free.set(1.0)
         self._free.array[self.held] = 0.0
 
@@ -253,14 +235,12 @@ class Scene:
             kinds[kind] += float(value)
         return kinds
 
+    @phase("assemble")
     def energy(self) -> float:
         """Energy and potential of loads at the present displacement [N mm], `INVERTED` if a cell is
         turned inside out."""
-        if self._inverted:
-            with phase("assemble"):
-                inverted_area = fem.assemble_scalar(self._inverted)
-            if self.comm.allreduce(inverted_area) > 0:
-                return self.INVERTED
+        if self._inverted and self.comm.allreduce(fem.assemble_scalar(self._inverted)) > 0:
+            return self.INVERTED
         return sum(self._all_energies().values()) + self.drag_energy()
 
     def drag_energy(self) -> float:
@@ -292,11 +272,9 @@ class Scene:
 
     def tangent(self, A: PETSc.Mat, held: bool = True) -> None:
         """Second derivative of the energy into A; unit rows and columns where `held` [N/mm]."""
+        given = (self._bcs, self._free) if held else ()
         with phase("assemble"):
-            if held:
-                self._assembly.tangent(A, self._bcs, self._free)
-            else:
-                self._assembly.tangent(A)
+            self._assembly.tangent(A, *given)
             if self.drag:
                 A.shift(self.drag)
 

@@ -65,3 +65,10 @@ def test_no_private_name_crosses_modules(path):
         if isinstance(node, ast.ImportFrom) and node.level:
             names = [alias.name for alias in node.names if not alias.name.startswith("__")]
             assert not [name for name in names if name.startswith("_")]
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE))
+)
+def test_modules_are_short(path):
+    assert len(path.read_text().splitlines()) <= 400

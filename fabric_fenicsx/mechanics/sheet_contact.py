@@ -2,7 +2,7 @@
 other."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import basix
 import numpy as np
@@ -14,6 +14,7 @@ from ..material.metal import Metal
 from ..tools import Tool
 from .contact import MORE
 from .faces import Face
+from .facing import Facing
 from .morley import Where
 from .nodes import Nodes
 from .pairs import Pairs
@@ -24,32 +25,6 @@ POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
 SLOW = 0.6  # share of the last change of forces: if the next is larger, faces are taken half-way
 REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
-
-
-class Facing(NamedTuple):
-    """The points of a sheet that lie over the other one, as the sheets are.
-
-    - points (n,): their numbers; areas (n,): that they stand for [mm^2]; pairs: what they move
-      with; flat: what they would move with on flat triangles, for sliding
-    - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
-      (n, 3, 3) [1/mm]
-    - relative, from_flat (n, 3): displacement relative to the other sheet, as the sheets are [mm],
-      with `pairs` and `flat`
-    """
-
-    points: np.ndarray
-    areas: np.ndarray
-    gap: np.ndarray
-    normal: np.ndarray
-    curvature: np.ndarray
-    pairs: Pairs
-    relative: np.ndarray
-    flat: Pairs
-    from_flat: np.ndarray
-
-    def moved(self) -> np.ndarray:
-        """Displacement relative to the other sheet since then, (n, 3) [mm], on flat triangles."""
-        return self.flat.relative() - self.from_flat
 
 
 class SheetContact(Term):

@@ -162,6 +162,15 @@ class Blank:
         squares = (first**2).sum(2) * (second**2).sum(2) - (first * second).sum(2) ** 2
         return np.sqrt(np.maximum(squares, 0)).sum(1) / 2
 
+    def inverted_area(self) -> ufl.Form:
+        """Area [mm2] of the cells that a plane displacement turns inside out, which a law in
+        invariants of C alone can't see."""
+        J = ufl.det(ufl.Identity(2) + ufl.grad(self.displacement))
+        degree = 1 if compat.is_affine(self.mesh) and self.degree == 1 else 4
+        return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.Measure(
+            "dx", self.mesh, metadata={"quadrature_degree": degree}
+        )
+
     def summed(self, values: np.ndarray, cells: np.ndarray | None = None) -> np.ndarray:
         """Sums at the local nodes of `u`, (nodes, k) with k up to gdim, over the cells around each,
         of all ranks, of `values` (owned cells, nodes of a cell, k); cells: which of the owned

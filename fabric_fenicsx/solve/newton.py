@@ -1,7 +1,6 @@
 """Newton's method on a scene's energy, run as a PETSc SNES."""
 
 import logging
-import weakref
 from typing import Any
 
 import numpy as np
@@ -21,30 +20,10 @@ from .linear import (
     inertia,
     is_there,
 )
+from .python_snes import Called, Ended
 from .report import KSP_WORDS, SNES_WORDS, Reason, Report
 
 log = logging.getLogger(__name__)
-
-
-class _Ended(Exception):
-    """Carries the SNES reason out of the iteration."""
-
-
-class _Called:
-    """What PETSc calls of a solver. It refers to the solver weakly, as Python does not see PETSc's
-    references and would never free the scene."""
-
-    def __init__(self, solver):
-        self._solver: Any = weakref.proxy(solver)
-
-    def solve(self, snes, b, x):
-        self._solver.solve(snes, b, x)
-
-    def function(self, snes, x, f):
-        self._solver._function(snes, x, f)
-
-    def jacobian(self, snes, x, A, P):
-        self._solver._jacobian(snes, x, A, P)
 
 
 class Newton:
@@ -52,13 +31,13 @@ class Newton:
     values.
 
     tolerance: of the residual's norm over that of the support forces. Each step is the tangent's,
-    taken as far as the energy falls along it; where the energy's differences drown in rounding, as
-    far as the residual falls. A tangent with negative pivots is shifted along its diagonal until it
-    has none, and a saddle, known to the full tolerance, is left along a direction of negative
-    curvature that depends on neither the ranks nor chance. Forces or corrections at the rounding of
-    displacements and positions end it too, as no tolerance can ask for more. Where a looser
-    tolerance is asked, corrections near the state sought keep the last tangent's factors. MUMPS
-    keeps its symbolic factorisation; only `mumps-cholesky` tells negative pivots. Each iteration is
+    taken to where the energy's slope along it is small. A tangent with negative pivots is shifted
+    along its diagonal until it has none, and a saddle, known to the full tolerance, is left along a
+    direction of negative curvature that depends on neither the ranks nor chance. Forces or
+    corrections at the rounding of displacements and positions end it too, as no tolerance can ask
+    for more. Where a looser tolerance is asked, corrections near the state sought keep the last
+    tangent's factors. MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative
+    pivots. Each iteration is
     logged (`logging`, level DEBUG) on rank 0.
     """
 
@@ -97,7 +76,7 @@ class Newton:
         self.snes = PETSc.SNES().create(scene.comm)
         self.snes.setOptionsPrefix(PREFIX)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
-        self._called = _Called(self)
+        self._called = Called(self.solve, self._function, self._jacobian)
         self.snes.setPythonContext(self._called)
         self.snes.setFunction(self._called.function, self._r)
         self._make_matrix()
@@ -169,7 +148,7 @@ class Newton:
         self.report = Report()
         try:
             self._linear_solve(rhs, d)
-        except _Ended:
+        except Ended:
             d.set(0)  # the supports alone move; the iterations that follow say what is wrong
         d.array[scene.held] = change
         x.axpy(1.0, d)
@@ -187,7 +166,7 @@ class Newton:
         """What SNES calls; use `solve_for`."""
         try:
             self._iterate(snes, x)
-        except _Ended as end:
+        except Ended as end:
             snes.setConvergedReason(end.args[0])
 
     def _iterate(self, snes, x):
@@ -195,13 +174,13 @@ class Newton:
         snes.computeFunction(x, r)
         energy, kept = self.scene.energy(), False
         if energy == self.scene.INVERTED:
-            raise _Ended(Reason.DIVERGED_FUNCTION_DOMAIN)
+            raise Ended(Reason.DIVERGED_FUNCTION_DOMAIN)
         while True:
             reason = self._converged(snes, energy)
             shifts = report.shifts
             if not reason:
                 if report.iterations == self.max_iterations:
-                    raise _Ended(Reason.DIVERGED_MAX_IT)
+                    raise Ended(Reason.DIVERGED_MAX_IT)
                 if kept := self._nearly_there(kept):
                     self._log("              with the last tangent's factors")
                     with phase("linear_solve"):
@@ -213,7 +192,7 @@ class Newton:
                     snes.computeJacobian(x, self.A)
                     stiffness = self.A.getDiagonal().norm()
                     if not np.isfinite(stiffness):
-                        raise _Ended(compat.DIVERGED_NAN)
+                        raise Ended(compat.DIVERGED_NAN)
                     self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * stiffness
                     self._linear_solve(r, d)
                 d.scale(-1)
@@ -224,13 +203,13 @@ class Newton:
                     reason = Reason.CONVERGED_SNORM_RELATIVE
             if reason:
                 if not self._is_saddle(snes, x):
-                    raise _Ended(reason)
+                    raise Ended(reason)
                 if self._allowed > self.tolerance:  # a loose state tells nothing of what is near it
                     self._allowed = self.tolerance
                     continue
                 report.saddles += 1
                 if report.saddles > self.SADDLES:
-                    raise _Ended(Reason.DIVERGED_LOCAL_MIN)
+                    raise Ended(Reason.DIVERGED_LOCAL_MIN)
                 energy = self._leave_saddle(x, energy)
             else:
                 energy = self._line_search(x, energy, shifted=report.shifts > shifts)
@@ -263,7 +242,7 @@ class Newton:
             f"{report.scale:9.3e} N  energy {energy:.12e} N mm"
         )
         if not (np.isfinite(norm) and np.isfinite(energy)):
-            raise _Ended(compat.DIVERGED_NAN)
+            raise Ended(compat.DIVERGED_NAN)
         if norm <= self._noise:
             return Reason.CONVERGED_FNORM_ABS
         return Reason.CONVERGED_FNORM_RELATIVE if norm <= self._allowed * report.scale else 0
@@ -286,7 +265,7 @@ class Newton:
         )
         met_inverted_cell = False
         if slope >= 0:  # only solvers that do not tell inertia get here
-            raise _Ended(Reason.DIVERGED_LINE_SEARCH)
+            raise Ended(Reason.DIVERGED_LINE_SEARCH)
         within_rounding = -slope <= self.ROUNDING * abs(energy)
         low, high, length = (0.0, slope), None, 1.0
         while True:
@@ -296,13 +275,15 @@ class Newton:
             trial_energy = self.scene.energy()
             along = r.dot(d) if trial_energy != self.scene.INVERTED else np.nan
             met_inverted_cell |= trial_energy == self.scene.INVERTED
-            if within_rounding:  # away from a saddle forces grow, so there the slope decides
-                fell = trial_energy != self.scene.INVERTED and (
-                    along < 0 if shifted else r.norm() < norm
-                )
+            flat = abs(along) <= -self.FLAT * slope
+            if within_rounding:  # the slope tells, as energies do not
+                upright = trial_energy != self.scene.INVERTED
+                fell = upright and along < 0
+                found = flat or (upright and not shifted and r.norm() <= 0.5 * norm)
             else:
                 fell = trial_energy < energy
-            if fell and ((within_rounding and not shifted) or abs(along) <= -self.FLAT * slope):
+                found = fell and flat
+            if found:
                 break
             if high is None and fell and along < 0 and length < 8:  # still downhill
                 low, length = (length, along), 2 * length
@@ -318,7 +299,7 @@ class Newton:
             inside = a - sa * (b - a) / (sb - sa) if np.isfinite(sb) and sb > 0 else 0.5 * (a + b)
             length = float(np.clip(inside, a + 0.1 * (b - a), b - 0.1 * (b - a)))
             if b - a <= 1e-9:
-                raise _Ended(
+                raise Ended(
                     Reason.DIVERGED_FUNCTION_DOMAIN
                     if met_inverted_cell
                     else Reason.DIVERGED_LINE_SEARCH
@@ -351,7 +332,7 @@ class Newton:
                 else PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT
             )
             if not negative and not zero and reason not in NOT_DEFINITE:
-                raise _Ended(Reason.DIVERGED_LINEAR_SOLVE)
+                raise Ended(Reason.DIVERGED_LINEAR_SOLVE)
             report.shifts, self._negative_pivots_met = report.shifts + 1, True
             if shift == 0:
                 mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
@@ -360,7 +341,7 @@ class Newton:
                 larger = 8 * shift
             self.A.shift(larger - shift)
             shift = larger
-        raise _Ended(Reason.DIVERGED_LOCAL_MIN)
+        raise Ended(Reason.DIVERGED_LOCAL_MIN)
 
     def _give_way(self, d):
         return give_way(self.snes.ksp, self.scene.compliances(), d, self.ROUNDING)
@@ -408,7 +389,7 @@ class Newton:
                     trial.copy(x)
                     return trial_energy
             d.scale(0.5)
-        raise _Ended(Reason.DIVERGED_LOCAL_MIN)
+        raise Ended(Reason.DIVERGED_LOCAL_MIN)
 
     def _log(self, text):
         if self.scene.comm.rank == 0:

@@ -45,9 +45,10 @@ class Viscosity:
         return True
 
     def note_accepted(self, easy: bool, at_rest: bool) -> None:
-        """Note a step that passed, whether easily and whether without load."""
+        """Note a step that passed. At rest, as the load does not change, the drag fades after each;
+        otherwise after `easy_steps_asked` easy ones."""
         self.easy_steps = self.easy_steps + 1 if easy else 0
-        if self.easy_steps >= (1 if at_rest else self.easy_steps_asked):
+        if at_rest or self.easy_steps >= self.easy_steps_asked:
             self.drag = self.drag / 4 if self.drag > WEAK * self.stiffness else 0.0
             self.easy_steps = 0
 

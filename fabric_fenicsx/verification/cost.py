@@ -18,7 +18,8 @@ from .. import timing
 from ..material.laws import Law
 from ..mechanics.membrane import QUADRATURE_DEGREE
 from ..mechanics.term import SceneFacts, Term
-from ..scene import Scene, moving_grip
+from ..results.curve import moving_grip
+from ..scene import Scene
 from ..solve.newton import Newton
 from ..solve.stepping import march
 from .camera import camera_displacements, field_distance

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from ..errors import InputError, SolverFailure
 from ..material.laws import Law
-from ..scene import moving_grip
+from ..results.curve import moving_grip
 from ..solve.newton import Newton
 from ..solve.stepping import march
 from .camera import camera_displacements, camera_points, field_distance

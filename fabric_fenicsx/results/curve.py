@@ -1,0 +1,50 @@
+"""What a curve of force over displacement is of."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..scene import Scene
+
+# of a scene and its load factor: displacement [mm] and force [N]
+Measure = Callable[[Scene, float], tuple[float, float]]
+
+
+def moving_grip(stroke: float) -> Measure:
+    """Function of a scene with `clamped_ends(stroke)`, or `rolling_ends`, and its load factor to
+    the moving grip's displacement [mm] and reaction [N]."""
+    return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
+
+
+def default_measure(scene: Scene) -> Measure:
+    """Displacement [mm] and force [N] of the first tool of `scene` that moves, else of the support
+    that moves furthest, along the motion of either."""
+
+    def motion(tool):
+        return np.subtract(tool.path(1.0), tool.path(0.0))
+
+    for tool in scene.tools():
+        if np.linalg.norm(motion(tool)):
+            along = motion(tool) / np.linalg.norm(motion(tool))
+            return lambda scene, load: (
+                float(along @ (np.subtract(tool.path(load), tool.path(0.0)))),
+                float(along @ scene.tool_force(tool)),
+            )
+    strokes = [_stroke(scene, support, 1.0) for support in scene.supports]
+    lengths = [float(np.linalg.norm(stroke)) for stroke in strokes]
+    furthest = int(np.argmax(lengths))
+    support, along = scene.supports[furthest], strokes[furthest] / max(lengths[furthest], 1e-300)
+    return lambda scene, load: (
+        float(along @ _stroke(scene, support, load)),
+        float(along @ scene.reaction(support.name)),
+    )
+
+
+def _stroke(scene, support, load):
+    """Mean displacement of the nodes of a support, (gdim,) [mm]."""
+    if not callable(support.value):
+        return load * np.asarray(support.value, float)[: scene.blank.mesh.geometry.dim]
+    x = scene.blank.coordinates()[: scene.blank.V.dofmap.index_map.size_local].T
+    moved = support.value(x[:, support.where(x)], load)
+    total, count = scene.comm.allreduce(moved.sum(1)), scene.comm.allreduce(moved.shape[1])
+    return total / count
