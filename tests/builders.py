@@ -1,9 +1,13 @@
 """Sheets, terms and runs that several tests share."""
 
+from contextlib import contextmanager
+
 import numpy as np
+import pytest
 import ufl
 from mpi4py import MPI
 
+from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.sheets.blank import Blank
@@ -61,6 +65,14 @@ def everywhere(x):
 def displacement(blank):
     """Of the owned nodes along x, y, z, (nodes, gdim)."""
     return blank.nodal_displacement()[: blank.V.dofmap.index_map.size_local]
+
+
+@contextmanager
+def compiled_as_it_stands():
+    """Without the C compiler's optimiser, which takes 20 s for long forms that are run little."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(compat, "_C_FLAGS", ["-O0"])
+        yield
 
 
 class Alone:

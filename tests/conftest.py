@@ -158,7 +158,21 @@ def folder(shared_path):
 
 
 @pytest.fixture
-def launch(shared_path, monkeypatch):
+def run_script(monkeypatch):
+    """Function that runs a study in this process and a folder: run_script(folder, script, *words)
+    to its status, standard output and standard error. It saves the start of another process."""
+
+    def run(folder, *words):
+        with monkeypatch.context() as patch:
+            patch.chdir(folder)
+            patch.setattr(sys, "argv", [str(word) for word in words])
+            return run_here(patch, words[0])
+
+    return run
+
+
+@pytest.fixture
+def launch(shared_path, run_script):
     """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status,
     output, results. By default it runs in this process, on the ranks of the test, which saves the
     start of another.
@@ -188,11 +202,8 @@ def launch(shared_path, monkeypatch):
             )
             status, out_text, err_text = done.returncode, done.stdout, done.stderr
         else:
-            with monkeypatch.context() as patch:
-                patch.chdir(shared_path)
-                patch.setattr(sys, "argv", words)
-                status, *texts = run_here(patch, script)
-                out_text, err_text = world().bcast(texts)  # rank 0 speaks; and all have written
+            status, *texts = run_script(shared_path, *words)
+            out_text, err_text = world().bcast(texts)  # rank 0 speaks; and all have written
         summary = folder / "summary.json"
         return SimpleNamespace(
             status=status,

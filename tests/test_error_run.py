@@ -127,7 +127,9 @@ def test_a_homogeneous_state_has_no_error():
     assert error["shear_angle_rms_deg"] < 1e-6
 
 
-def test_a_formed_ply(launch):
+def test_a_formed_ply(launch, monkeypatch):
+    # of the ply, which others test
+    monkeypatch.setattr(ff.Forming, "pictures", lambda *_: None)
     coarse = "--nx", 6, "--steps", 4, "--stroke", 24, "--max-imbalance", 0.2, "--balance", 1
     done = launch("double_dome", *coarse, "--error")
     assert done.status == 0, done.err

@@ -4,6 +4,7 @@ elements."""
 import numpy as np
 import pytest
 import ufl
+from builders import compiled_as_it_stands
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -166,11 +167,12 @@ def test_errors_fall_at_the_rates_of_theory(unbalanced, cell, degree, pattern, n
     "pattern, state", [("right", TENSION), ("unstructured", TENSION), ("right", COMPRESSION)]
 )
 def test_reduced_integration_costs_an_order(unbalanced, pattern, state):
-    found = np.array(
-        [
-            errors(mesh("triangle", pattern, 5, level), 2, unbalanced, state, integration="reduced")
-            for level in range(4)
-        ]
-    )
+    with compiled_as_it_stands():  # with the optimiser that of studies is
+        found = np.array(
+            [
+                errors(mesh("triangle", pattern, 5, n), 2, unbalanced, state, integration="reduced")
+                for n in range(4)
+            ]
+        )
     rates = np.log2(found[:-1] / found[1:])
     assert rates[-1, 0] >= 1.85 and rates[-1, 1] >= 0.95, f"errors {found}, rates {rates}"

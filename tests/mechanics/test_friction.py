@@ -385,8 +385,8 @@ def test_same_on_any_number_of_ranks():
     assert found[1] == pytest.approx(found[0], rel=1e-7)
 
 
-@pytest.mark.mpi
 def test_energy_balance_closes_as_steps_get_finer():
+    """On one rank; that others find the same energies and work is asked above."""
     closures = []
     for steps in (8, 16, 32):
         scene, contact = pushed_ball()

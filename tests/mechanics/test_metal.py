@@ -162,7 +162,7 @@ def closed_form(kappa, metal=IDEAL):
     return 2 / np.sqrt(3) * 159.0 / 4 * (1 - (YIELDS / kappa) ** 2 / 3)
 
 
-@pytest.mark.mpi
+# that ranks find the same is asked of a quarter of a sheet below
 def test_moment_over_curvature_and_springback_of_a_wide_strip():
     """Within 0.5 % from 9 times the curvature at which it yields, with the default points."""
     up = YIELDS * np.array([0, 0.5, 0.99, 4, 9, 12, 16])
@@ -462,7 +462,7 @@ def test_what_a_job_with_metal_keeps_and_with_which_metal_it_goes_on(tmp_path):
         ff.Job(pressed(metal=INCOMPRESSIBLE), steps=4).run(folder, resume=True)
 
 
-@pytest.mark.mpi
+# pressure on metal is on ranks in the strip above
 def test_a_disc_blown_up_is_near_hills_special_solution():
     """Hill, Phil. Mag. 41 (1950) 1133: points go along circles, so the disc of radius a becomes a
     part of a sphere with polar thickness strain e = 2 ln(1 + h^2 / a^2), and p = 2 sigma t / R.

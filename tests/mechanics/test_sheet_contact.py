@@ -343,7 +343,7 @@ def push(layers, cells):
     ]
     terms = [Elastic(1e3), ff.Contact(ball, T, 50.0).on(names[0]), *contacts]
     scene = ff.Scene(stack, terms, supports)
-    run(scene, 8)
+    run(scene, 4)
     return scene.tool_force(ball)[2]
 
 

@@ -41,14 +41,18 @@ LENGTH, WIDTH = 60.0, 40.0
 VTK_CELL = {"P1": 5, "P2": 69, "P3": 69, "Q1": 9, "Q2": 70}
 
 
-def sheet(element="P1", spatial=False, nx=6, shape=None, comm=COMM, terms=(), **options):
-    """A sheet from the origin on, formed by `shape`; the scene of its scene and other `terms`."""
+def bare(element="P1", spatial=False, nx=6, shape=None, comm=COMM, **options):
+    """A sheet from the origin on, formed by `shape`, in no scene."""
     cell = "triangle" if element[0] == "P" else "quadrilateral"
     options = {"a": 0.4, "degree": int(element[1]), "spatial": spatial} | options
-    blank = builders.sheet(
+    return builders.sheet(
         LENGTH, WIDTH, nx, nx * 2 // 3, comm=comm, cell=cell, shape=shape, **options
     )
-    return Scene(blank, [Membrane(load("komeili")), *terms])
+
+
+def sheet(*args, terms=(), **options):
+    """The scene of a sheet's membrane and other `terms`."""
+    return Scene(bare(*args, **options), [Membrane(load("komeili")), *terms])
 
 
 def deform(blank, amount):
@@ -159,7 +163,7 @@ def test_every_array_has_its_unit(tmp_path):
 
 def test_yarn_coordinates_of_straight_yarns_that_are_not_orthogonal():
     a, b = np.array([1.0, 0.0]), np.array([np.cos(1.1), np.sin(1.1)])
-    blank = sheet("P2", a=0.0, b=1.1).blank
+    blank = bare("P2", a=0.0, b=1.1)
     x = blank.coordinates()[:, :2]
     across = x @ np.column_stack([[0.0, 1.0], (a - (a @ b) * b) / np.sin(1.1)])
     np.testing.assert_allclose(yarn_coordinates(blank), across, atol=1e-12)
@@ -176,7 +180,7 @@ def test_yarn_coordinates_of_curved_yarns(by_position, element, spatial):
     def rays(x):
         return np.arctan2(x[1] - centre[1], x[0] - centre[0])
 
-    blank = sheet(element, spatial, nx=12, a=lambda x: rays(x) + np.pi / 2, b=rays).blank
+    blank = bare(element, spatial, nx=12, a=lambda x: rays(x) + np.pi / 2, b=rays)
     owned = blank.V.dofmap.index_map.size_local
     # of all ranks: what is fitted to the few nodes of one proves little
     x, found = by_position(COMM, blank.coordinates()[:owned], yarn_coordinates(blank)[:owned])
@@ -196,7 +200,7 @@ def test_yarn_coordinates_of_a_sheet_that_is_not_flat():
     def roll(x):
         return np.column_stack([60 * np.sin(x[:, 0] / 60), x[:, 1], 60 * np.cos(x[:, 0] / 60)])
 
-    blank = sheet(nx=24, shape=roll, a=lambda x: np.array([x[2], 0 * x[0], -x[0]])).blank
+    blank = bare(nx=24, shape=roll, a=lambda x: np.array([x[2], 0 * x[0], -x[0]]))
     x = blank.coordinates()
     found = yarn_coordinates(blank)
     arc = 60 * np.arctan2(x[:, 0], x[:, 2])

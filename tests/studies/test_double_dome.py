@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fabric_fenicsx.results.fields import read_last
+from fabric_fenicsx.scenarios.forming import Forming
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
 
@@ -20,8 +21,8 @@ def placed(folder):
     return x[first], np.asarray(grid.point_data["u"])[first]
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("angle", [0, 45])
+# that ranks find the same is asked below of yarns that lie askew
+@pytest.mark.parametrize("angle", [pytest.param(0, marks=pytest.mark.mpi), 45])
 def test_a_ply_is_formed(launch, angle):
     done = launch("double_dome", "--quick", "--steps", 16, "--fibre-angle", angle)
     assert done.status == 0, done.err
@@ -78,7 +79,7 @@ def test_the_whole_ply_is_four_quarters(launch):
     assert whole.summary["reaction_N"] == pytest.approx(4 * quarter.summary["reaction_N"], rel=1e-6)
 
 
-@pytest.mark.parametrize("holder, stroke", [("force", 40), ("gap", 10), ("grippers", 20)])
+@pytest.mark.parametrize("holder, stroke", [("force", 40), ("gap", 5), ("grippers", 20)])
 def test_blank_holders(launch, holder, stroke):
     done = launch(
         "double_dome",
@@ -153,11 +154,9 @@ def test_a_punch_from_a_file(launch, tmp_path):
 
 
 def test_compression_parameters(launch, monkeypatch):
-    from fabric_fenicsx.results import forming_pictures
-
     # of each ply, which others test
-    monkeypatch.setattr(forming_pictures, "formed_picture", lambda *_: None)
-    options = "--nx", 8, "--steps", 6, "--vary", "s_C", "--stroke", 6
+    monkeypatch.setattr(Forming, "pictures", lambda *_: None)
+    options = "--nx", 6, "--steps", 2, "--vary", "s_C", "--stroke", 2
     done = launch("compression_parameters", *options)
     assert done.status == 0, done.err
     lines = (done.folder / "parameters.csv").read_text().splitlines()

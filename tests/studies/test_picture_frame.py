@@ -1,6 +1,7 @@
 """The picture frame's force is the closed form's, with pre-tension too."""
 
 import pytest
+from builders import COMM
 
 
 @pytest.mark.mpi
@@ -14,7 +15,10 @@ import pytest
     ],
 )
 def test_normalised_shear_force(launch, options):
-    done = launch("picture_frame", "--quick", "--steps", 10, *options)
+    # on ranks one picture will do
+    drawn = COMM.size == 1 or not options
+    pictures = () if drawn else ("--no-pictures",)
+    done = launch("picture_frame", "--quick", "--steps", 10, *options, *pictures)
     assert done.status == 0, done.err
     s, q = done.summary, done.summary["quantities"]
     assert q["normalised_shear_force_N_per_mm"] == pytest.approx(
@@ -26,14 +30,13 @@ def test_normalised_shear_force(launch, options):
     pre = options[1] if "--pre-tension" in options else 0
     assert q["eps_a"] + q["eps_b"] == pytest.approx([pre] * 4, abs=1e-7)
     assert s["kernel_mismatch"] <= 1e-10
-    assert (done.folder / "shear_force.png").stat().st_size > 10_000
+    assert not drawn or (done.folder / "shear_force.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize("weave", [70, 120])
 def test_a_weave_that_is_mounted_sheared(launch, weave):
-    done = launch(
-        "picture_frame", "--quick", "--steps", 10, "--weave-angle", weave, "--pre-tension", 0.01
-    )
+    options = "--weave-angle", weave, "--pre-tension", 0.01, "--no-pictures"
+    done = launch("picture_frame", "--quick", "--steps", 10, *options)
     assert done.status == 0, done.err
     q = done.summary["quantities"]
     assert q["normalised_shear_force_N_per_mm"] == pytest.approx(
@@ -53,9 +56,9 @@ def test_yarns_that_are_not_along_the_arms(launch, options):
 
 def test_pre_tension_stiffens_shear(launch):
     forces = [
-        launch("picture_frame", "--quick", "--pre-tension", e).summary["quantities"][
-            "normalised_shear_force_N_per_mm"
-        ]
+        launch("picture_frame", "--quick", "--no-pictures", "--pre-tension", e).summary[
+            "quantities"
+        ]["normalised_shear_force_N_per_mm"]
         for e in (0, 0.01)
     ]
     gamma = 3.141592653589793 / 4
