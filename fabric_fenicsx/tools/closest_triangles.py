@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from .curved_triangles import CurvedTriangles, row_dots
 
-ROOM = 0.4  # of a usual triangle's size, as far as candidates are kept for
+ROOM = 0.2  # of a usual triangle's size, as far as candidates are kept for
 COVER = 1 / math.sqrt(3)  # of the longest edge: no point of a triangle is further from its corners
 KEPT = 4  # sets of candidates, of so many different numbers of points
 
@@ -59,7 +59,7 @@ class ClosestTriangles:
         self._slopes = self._slopes / (area**2).sum(1)[:, None, None]
         self._vertices = cKDTree(surface.points)
         radius = np.linalg.norm(corners - middles[:, None], axis=2).max(1)
-        size = np.floor(np.log2(radius / radius.max()) / 2)
+        size = np.floor(np.log2(radius.max() / radius))
         self._radius = radius * (1 + 1e-9)
         self._room = ROOM * math.sqrt(np.median(surface.areas))
         # how much further what lies beyond a sharp edge may be and yet be as near on its patch
@@ -67,7 +67,7 @@ class ClosestTriangles:
         self._kept: dict[int, Candidates] = {}
         self._off_plane: dict[int, tuple[cKDTree, float]] = {}
         self._by_size = []
-        for each in np.unique(size)[::-1]:
+        for each in np.unique(size):
             members = np.flatnonzero(size == each)
             reach = radius[members].max() * (1 + 1e-9)
             self._by_size.append((cKDTree(middles[members]), members, reach))
