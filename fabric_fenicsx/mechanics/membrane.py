@@ -1,6 +1,6 @@
 """The membrane: in-plane strain energy of a blank."""
 
-from itertools import combinations_with_replacement, count
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
@@ -92,8 +92,7 @@ class Membrane(Term):
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
-        blank, fabric = scene.blank, self.fabric
-        mesh = blank.mesh
+        blank, mesh = scene.blank, scene.blank.mesh
         cell = compat.cell_name(mesh)
         if (cell, blank.degree) not in QUADRATURE_DEGREE:
             allowed = ", ".join(f"{degree} on {kind}s" for kind, degree in QUADRATURE_DEGREE)
@@ -101,13 +100,11 @@ class Membrane(Term):
                 f"{blank.name} is of degree {blank.degree} on {cell}s; allowed is {allowed}"
             )
         self.degree = self._quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
-        law = self._law(mesh, fabric)
-        self._a0, self._b0 = self._fibres()
+        law, straight, rest = self._constants(mesh)
+        self._a0, self._b0 = straight or self._fibres()
         fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
         cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
-        rest = cosine
-        if self.weave_angle is not None:
-            rest = fem.Constant(mesh, np.cos(self.weave_angle))
+        rest = cosine if rest is None else rest
         self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
         self._ufl = law, fa, fb, cosine, rest
         if self.integration == "reduced":
@@ -195,22 +192,24 @@ class Membrane(Term):
         gradient = ufl.grad(self.blank.in_space(u))
         return ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0)
 
-    @staticmethod
-    def _law(mesh, fabric):
-        """`fabric` in entries of one vector constant: many would be ordered, and the form compiled,
-        by their names."""
+    def _constants(self, mesh):
+        """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
+        given: entries of one vector, as several would be ordered, and the form compiled anew, by
+        their names."""
+        straight, fabric = self.part.straight, self.fabric
         numbers: list[float] = []
-        index = count()
         fabric.symbols(numbers.append)
-        values = fem.Constant(mesh, numbers)
-        return fabric.symbols(lambda _: values[next(index)])
+        known = [*numbers, *np.ravel(straight or ())]
+        known += [] if self.weave_angle is None else [np.cos(self.weave_angle)]
+        entries = iter(fem.Constant(mesh, known))
+        law = fabric.symbols(lambda _: next(entries))
+        directions = [ufl.as_vector([next(entries) for _ in each]) for each in straight or ()]
+        return law, directions, next(entries, None)
 
     def _fibres(self):
-        """a0, b0: constants where they are, on cells without one tangent plane projected anew at
-        each point."""
+        """a0, b0: where they vary, on cells without one tangent plane projected anew at each
+        point."""
         mesh = self.blank.mesh
-        if self.part.straight:
-            return [fem.Constant(mesh, direction) for direction in self.part.straight]
         fibres = self.blank.a0, self.blank.b0
         if mesh.geometry.dim == 2 or compat.is_affine(mesh):
             return fibres

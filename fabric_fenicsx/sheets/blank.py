@@ -64,6 +64,8 @@ class Blank:
                 f"frame of the blank is {self.frame.tolist()}; allowed are {gdim} orthonormal rows"
             )
         self._turned = not np.array_equal(self.frame, np.eye(gdim))
+        # no numbers of the form, so that all angles share a compiled one
+        self._axes = fem.Constant(mesh, self.frame.T.copy())
 
     def part(self, name: str = "") -> Part:
         """The part of that name, "" for all of the blank. Raises InputError if there is none."""
@@ -104,7 +106,7 @@ class Blank:
 
     def in_space(self, u: Expr) -> Expr:
         """Components along x, y, z of a UFL vector with components along the frame's axes."""
-        return ufl.dot(ufl.as_matrix(self.frame.T.tolist()), u) if self._turned else u
+        return ufl.dot(self._axes, u) if self._turned else u
 
     @property
     def degree(self) -> int:

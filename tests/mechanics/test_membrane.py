@@ -8,6 +8,7 @@ from builders import alone, compiled_as_it_stands, rotation, sheet
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
@@ -336,3 +337,17 @@ def test_reduced_integration_is_as_good_where_strains_are_even(unbalanced):
     for mine, theirs in (r, A):
         mine.axpy(-1, theirs)
         assert mine.norm() <= 1e-13 * theirs.norm()
+
+
+def test_sheets_that_differ_in_numbers_share_compiled_forms(unbalanced, tmp_path, monkeypatch):
+    jit = compat.jit
+    monkeypatch.setattr(compat, "_C_FLAGS", ["-O0"])
+    monkeypatch.setattr(compat, "jit", lambda **more: jit(cache_dir=tmp_path, **more))
+    found = []
+    for fabric, turn in ((unbalanced, 0.3), (KOMEILI, 1.1)):
+        frame = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        blank = sheet(10, 5, 2, 1, a=turn, b=turn + 1.4, frame=frame)
+        scene = Scene(blank, [Membrane(fabric)])
+        scene.terms[0].at_points()
+        found.append({file.name for file in tmp_path.iterdir()})
+    assert found[0] and found[1] == found[0]
