@@ -20,7 +20,7 @@ from .linear import (
     inertia,
     is_there,
 )
-from .python_snes import Called, Ended
+from .python_snes import Callbacks, IterationEnded
 from .report import KSP_WORDS, SNES_WORDS, Reason, Report
 
 log = logging.getLogger(__name__)
@@ -76,9 +76,9 @@ class Newton:
         self.snes = PETSc.SNES().create(scene.comm)
         self.snes.setOptionsPrefix(PREFIX)
         self.snes.setType(PETSc.SNES.Type.PYTHON)
-        self._called = Called(self.solve, self._function, self._jacobian)
-        self.snes.setPythonContext(self._called)
-        self.snes.setFunction(self._called.function, self._r)
+        self._callbacks = Callbacks(self.solve, self._function, self._jacobian)
+        self.snes.setPythonContext(self._callbacks)
+        self.snes.setFunction(self._callbacks.function, self._r)
         self._make_matrix()
         configure(self.snes, linear_solver)
 
@@ -99,7 +99,7 @@ class Newton:
 
     def _make_matrix(self):
         self.A = self.scene.create_matrix()
-        self.snes.setJacobian(self._called.jacobian, self.A)
+        self.snes.setJacobian(self._callbacks.jacobian, self.A)
 
     def _keep_matrix_fitting(self):
         """Make the matrix anew if contact of sheets has found other places."""
@@ -148,7 +148,7 @@ class Newton:
         self.report = Report()
         try:
             self._linear_solve(rhs, d)
-        except Ended:
+        except IterationEnded:
             d.set(0)  # the supports alone move; the iterations that follow say what is wrong
         d.array[scene.held] = change
         x.axpy(1.0, d)
@@ -166,7 +166,7 @@ class Newton:
         """What SNES calls; use `solve_for`."""
         try:
             self._iterate(snes, x)
-        except Ended as end:
+        except IterationEnded as end:
             snes.setConvergedReason(end.args[0])
 
     def _iterate(self, snes, x):
@@ -174,13 +174,13 @@ class Newton:
         snes.computeFunction(x, r)
         energy, kept = self.scene.energy(), False
         if energy == self.scene.INVERTED:
-            raise Ended(Reason.DIVERGED_FUNCTION_DOMAIN)
+            raise IterationEnded(Reason.DIVERGED_FUNCTION_DOMAIN)
         while True:
             reason = self._converged(snes, energy)
             shifts = report.shifts
             if not reason:
                 if report.iterations == self.max_iterations:
-                    raise Ended(Reason.DIVERGED_MAX_IT)
+                    raise IterationEnded(Reason.DIVERGED_MAX_IT)
                 if kept := self._nearly_there(kept):
                     self._log("              with the last tangent's factors")
                     with phase("linear_solve"):
@@ -192,7 +192,7 @@ class Newton:
                     snes.computeJacobian(x, self.A)
                     stiffness = self.A.getDiagonal().norm()
                     if not np.isfinite(stiffness):
-                        raise Ended(compat.DIVERGED_NAN)
+                        raise IterationEnded(compat.DIVERGED_NAN)
                     self._noise = self.DIGIT * x.norm(PETSc.NormType.NORM_INFINITY) * stiffness
                     self._linear_solve(r, d)
                 d.scale(-1)
@@ -203,13 +203,13 @@ class Newton:
                     reason = Reason.CONVERGED_SNORM_RELATIVE
             if reason:
                 if not self._is_saddle(snes, x):
-                    raise Ended(reason)
+                    raise IterationEnded(reason)
                 if self._allowed > self.tolerance:  # a loose state tells nothing of what is near it
                     self._allowed = self.tolerance
                     continue
                 report.saddles += 1
                 if report.saddles > self.SADDLES:
-                    raise Ended(Reason.DIVERGED_LOCAL_MIN)
+                    raise IterationEnded(Reason.DIVERGED_LOCAL_MIN)
                 energy = self._leave_saddle(x, energy)
             else:
                 energy = self._line_search(x, energy, shifted=report.shifts > shifts)
@@ -242,7 +242,7 @@ class Newton:
             f"{report.scale:9.3e} N  energy {energy:.12e} N mm"
         )
         if not (np.isfinite(norm) and np.isfinite(energy)):
-            raise Ended(compat.DIVERGED_NAN)
+            raise IterationEnded(compat.DIVERGED_NAN)
         if norm <= self._noise:
             return Reason.CONVERGED_FNORM_ABS
         return Reason.CONVERGED_FNORM_RELATIVE if norm <= self._allowed * report.scale else 0
@@ -265,7 +265,7 @@ class Newton:
         )
         met_inverted_cell = False
         if slope >= 0:  # only solvers that do not tell inertia get here
-            raise Ended(Reason.DIVERGED_LINE_SEARCH)
+            raise IterationEnded(Reason.DIVERGED_LINE_SEARCH)
         within_rounding = -slope <= self.ROUNDING * abs(energy)
         low, high, length = (0.0, slope), None, 1.0
         while True:
@@ -299,7 +299,7 @@ class Newton:
             inside = a - sa * (b - a) / (sb - sa) if np.isfinite(sb) and sb > 0 else 0.5 * (a + b)
             length = float(np.clip(inside, a + 0.1 * (b - a), b - 0.1 * (b - a)))
             if b - a <= 1e-9:
-                raise Ended(
+                raise IterationEnded(
                     Reason.DIVERGED_FUNCTION_DOMAIN
                     if met_inverted_cell
                     else Reason.DIVERGED_LINE_SEARCH
@@ -332,7 +332,7 @@ class Newton:
                 else PETSc.KSP.ConvergedReason.DIVERGED_INDEFINITE_MAT
             )
             if not negative and not zero and reason not in NOT_DEFINITE:
-                raise Ended(Reason.DIVERGED_LINEAR_SOLVE)
+                raise IterationEnded(Reason.DIVERGED_LINEAR_SOLVE)
             report.shifts, self._negative_pivots_met = report.shifts + 1, True
             if shift == 0:
                 mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
@@ -341,7 +341,7 @@ class Newton:
                 larger = 8 * shift
             self.A.shift(larger - shift)
             shift = larger
-        raise Ended(Reason.DIVERGED_LOCAL_MIN)
+        raise IterationEnded(Reason.DIVERGED_LOCAL_MIN)
 
     def _give_way(self, d):
         return give_way(self.snes.ksp, self.scene.compliances(), d, self.ROUNDING)
@@ -389,7 +389,7 @@ class Newton:
                     trial.copy(x)
                     return trial_energy
             d.scale(0.5)
-        raise Ended(Reason.DIVERGED_LOCAL_MIN)
+        raise IterationEnded(Reason.DIVERGED_LOCAL_MIN)
 
     def _log(self, text):
         if self.scene.comm.rank == 0:

@@ -5,11 +5,11 @@ from collections.abc import Callable
 from typing import Any
 
 
-class Ended(Exception):
+class IterationEnded(Exception):
     """Carries the SNES reason out of the iteration."""
 
 
-class Called:
+class Callbacks:
     """Methods of a solver, held weakly: Python does not see PETSc's references and would never free
     the scene."""
 

@@ -40,7 +40,8 @@ class TriangulatedSurface(Surface):
 
     - points (n, 3) [mm] and triangles (m, 3), without doubles and triangles without area; facets
       (m, 3): unit normals of these, areas (m,) [mm^2]
-    - normals (n, 3) at the points, averaged where edges are sharp
+    - normals (n, 3) at the points, averaged where edges are sharp; curved: the patches, as
+      `CurvedTriangles`
     - rim (k, 2): points at the ends of edges of one triangle; forks (k, 2): of more than two;
       sharp (k, 2): of sharp edges
     - turned: how many triangles had to be; one_sided: False where none of the ways to turn them
@@ -60,7 +61,7 @@ class TriangulatedSurface(Surface):
         self.crease = checked_number("crease", crease, "above 0 and below 180 deg", 0, 180)
         found = repaired(points, triangles, normals)
         self.turned, self.one_sided = found.turned, found.one_sided
-        self._curved = curved = CurvedTriangles(
+        self.curved = curved = CurvedTriangles(
             found.points, found.triangles, math.radians(self.crease), found.normals
         )
         self.points: np.ndarray = curved.points
@@ -106,7 +107,7 @@ class TriangulatedSurface(Surface):
 
     def turned_round(self) -> "TriangulatedSurface":
         """The same surface with the body on its other side, the normals reversed."""
-        vertices = self._curved.vertices
+        vertices = self.curved.vertices
         own = vertices.normals[vertices.name][:, [0, 2, 1]]
         return TriangulatedSurface(self.points, self.triangles[:, [0, 2, 1]], -own, self.crease)
 
@@ -114,20 +115,20 @@ class TriangulatedSurface(Surface):
     def turns(self) -> tuple[np.ndarray, np.ndarray]:
         """Edges that are not sharp (k, 2), by the points at their ends, and by how much facets turn
         there (k,) [rad]."""
-        return self._curved.turns()
+        return self.curved.turns()
 
     @property
     def bulges(self) -> np.ndarray:
         """How far the patches' control points lie off the facets, (m,) [mm]: more than the patches
         themselves."""
-        return self._curved.patches.bulge
+        return self.curved.patches.bulge
 
     def mesh(
         self, low: ArrayLike, high: ArrayLike, size: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As in `Surface`: all of its own triangles."""
         # a point of the drawing for each smooth vertex, so that sharp edges look sharp
-        vertices = self._curved.vertices
+        vertices = self.curved.vertices
         points = np.empty_like(vertices.normals)
         points[vertices.name] = self.points[self.triangles]
         return points, vertices.normals, vertices.name
@@ -141,7 +142,7 @@ class TriangulatedSurface(Surface):
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
-        search, curved = self._search, self._curved
+        search, curved = self._search, self.curved
         candidates, gap = search.candidates(points, reach)
         row, triangle, weights, distance = search.closest(
             points, candidates.row, candidates.triangle

@@ -229,7 +229,7 @@ def dome_files(tmp_path_factory):
     write_step(folder / "dome.step")
     for ending in ("stl", "step"):
         surface = TriangulatedSurface.read(folder / f"dome.{ending}", chord=0.2)
-        curved = surface._curved
+        curved = surface.curved
         ends = np.unique(np.concatenate([surface.sharp, surface.rim]))
         smooth = np.flatnonzero(~np.isin(surface.triangles, ends).any(1))
         rng, n = np.random.default_rng(9), 30_000
