@@ -36,20 +36,25 @@ def lateral_strain(
     """Strain (n,) across a tension of `strain` (n,) along yarn a (0) or b (1), where the stress
     across is zero.
 
-    The stress across is convex and rises with the strain across. So Newton's method converges from
-    any start, after its first step from one side. The strain is sought from -99 % to 0 and is that
-    bound if the root lies beyond. Raises SolverFailure if no root is found.
+    Newton's method, halving the interval of the root where a step would leave it. The strain is
+    sought from -99 % to 0 and is that bound if the root lies beyond. Raises SolverFailure if no
+    root is found.
     """
     across = 1 - along
     e = np.zeros((len(strain), 3))
     e[:, along] = strain
     e[:, across] = 0 if start is None else np.clip(start, -0.8, 0)
+    low, high = np.full(len(strain), -np.inf), np.full(len(strain), np.inf)
     for _ in range(200):
         stress, stiffness = nominal(law, e, tangent=True)
-        before = e[:, across].copy()
-        step = stress[:, across] / stiffness[:, across]
-        e[:, across] = np.clip(before - step, NARROWEST, 0)
-        # quadratic, so the next step would be below rounding
-        if np.all(np.abs(e[:, across] - before) < 1e-8):
+        before, pull = e[:, across].copy(), stress[:, across]
+        high, low = np.where(pull > 0, before, high), np.where(pull > 0, low, before)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.clip(before - pull / stiffness[:, across], NARROWEST, 0)
+        left, right = np.maximum(low, NARROWEST), np.minimum(high, 0)
+        small = np.abs(step - before) < 1e-8  # quadratic, so the next step would be below rounding
+        inside = small | ((step > low) & (step < high))
+        e[:, across] = np.where(inside, step, (left + right) / 2)
+        if np.all(small | (right - left < 1e-8)):
             return e[:, across]
     raise SolverFailure("the strain across a free tension was not found in 200 Newton steps")

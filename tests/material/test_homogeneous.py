@@ -65,3 +65,13 @@ def test_a_contraction_stays_within_its_bounds():
     soft = KOMEILI.replace(c=0.5, d=1e-3)
     assert lateral_strain(soft, 0, strain) == NARROWEST
     assert lateral_strain(KOMEILI.without("biaxial"), 0, strain) == 0
+
+
+def test_free_tension_of_any_law_has_a_state():
+    """A fit also tries laws that push outwards, with a stiffness across that is negative."""
+    fabric = KOMEILI.replace(a=8e4, b=1.7e3)
+    for p_min, c in ((1.000003, 3333.0), (1.5, 40.0), (-3.0, 200.0)):
+        vars(fabric.warp).update(p_min=p_min, c=c)
+        across = lateral_strain(fabric, 0, np.linspace(0, 0.02, 30))
+        assert np.isfinite(across).all()
+        assert ((NARROWEST <= across) & (across <= 0)).all()

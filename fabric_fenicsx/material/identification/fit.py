@@ -11,7 +11,7 @@ from ...errors import InputError
 from ..curves import Curve, Sheet, unit_warnings
 from ..homogeneous import nominal
 from ..laws.coupled import SHEAR, YARN, WovenFabric, Yarn
-from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values
+from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of
 from .result import Assumed, Determined, Identification
 
 STAGE_1 = ("a", "b", "d", *SHEAR)
@@ -68,19 +68,19 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     if estimated is None and not all(c.noise for c in curves):
         estimated = NOISE * math.sqrt(variance)
 
-    units = {n: "MPa" if (YARN | SHEAR)[base(n)].kind else "-" for n in names}
+    units = {n: unit_of(n) for n in names}
     bound = _at_bound(problem, theta, free, fitted)
     determined = {
         names[k]: Determined(
             float(theta[k]),
             float(e),
-            (float(theta[k] - quantile * e), float(theta[k] + quantile * e)),
+            tuple(np.clip([theta[k] - quantile * e, theta[k] + quantile * e], *box).tolist()),
             units[names[k]],
             float(staged[k]),
             bool(quantile * e > abs(theta[k])),
             k in bound,
         )
-        for k, e in zip(free, error)
+        for k, e, box in zip(free, error, map(problem.box, free))
     }
     assumed = {
         names[k]: Assumed(
@@ -231,11 +231,13 @@ def _regression(problem, default, reason, source):
             s3 = names.index("s3")
             return theta, staged, [k for k in free if k != s3 or theta[s3] > 0]
         k, half = min(bad, key=lambda item: GIVEN_UP.index(base(names[item[0]])))
-        rival = names[k].removesuffix(base(names[k])) + "p_min"
-        if k in lone and rival in (names[f] for f in free):
+        yarn = names[k].removesuffix(base(names[k]))
+        rival = yarn + "p_min"
+        tied = k in lone or (base(names[k]) == "c" and any(names[f] == f"{yarn}a" for f in lone))
+        if tied and rival in (names[f] for f in free):
             # where all tension is coupled, little but the products p_min a and p_min b is seen
             k, why = names.index(rival), f"the data cannot tell it from {names[k]}"
-        elif half > 1e4 * max(abs(theta[k]), abs(default[k])):
+        elif half > (1 if base(names[k]) == "p_min" else 1e2 * max(abs(theta[k]), abs(default[k]))):
             why = "the data cannot tell it from others"
         else:
             why = f"the data leave it at +-{half:.2g}"

@@ -29,6 +29,11 @@ def base(name: str) -> str:
     return name.rpartition(".")[2]
 
 
+def unit_of(name: str) -> str:
+    """Unit of a parameter, "-" of a number."""
+    return "MPa" if (YARN | SHEAR)[base(name)].kind else "-"
+
+
 def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:
     """Parameters of `fabric` by the names used here: 10 if balanced, otherwise 17 with warp. and
     weft. before the yarns'."""
@@ -216,7 +221,8 @@ class Problem:
             (k, h * self.natural[k]) for k, h, most in zip(free, half, limit) if h > slack * most
         ]
 
-    def _box(self, k):
+    def box(self, k: int) -> tuple[float, float]:
+        """Least and greatest value of parameter k that physics allow."""
         name = base(self.names[k])
         low = (
             1e-9 * self.natural[k] if name in ("b", "d", "s1") else -np.inf if name == "s2" else 0.0
@@ -234,7 +240,7 @@ class Problem:
         gamma/angle, which is positive on all of [0, angle] exactly if c0, c2 > 0 and c1 > -sqrt(c0
         c2): bounds on c0, c1/sqrt(c0 c2) and c2."""
         x = np.array([theta[k] / self.natural[k] for k in free])
-        low, high = np.array([self._box(k) for k in free]).T / self.natural[free]
+        low, high = np.array([self.box(k) for k in free]).T / self.natural[free]
         if place := self._shear(free):
             G, (s1, s2, s3) = self.angle, theta[place]
             c0, c1, c2 = s1, s1 + s2 * G, s1 + 2 * s2 * G + 3 * s3 * G**2

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..curves import Curve, Response
 from ..laws.coupled import WovenFabric
+from .problem import unit_of
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Assumed:
         told = f"assumed ({self.source}): {self.reason}"
         if self.moves:
             told += "; 10 % more of it moves " + ", ".join(
-                f"{n} by {v:+.3g}" for n, v in self.moves.items()
+                f"{n} by {v:+.3g} {unit_of(n)}".removesuffix(" -") for n, v in self.moves.items()
             )
         return told
 

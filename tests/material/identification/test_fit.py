@@ -333,6 +333,30 @@ def test_strips_with_free_sides_and_no_width(seed):
     assert 0.005 < noisy.report()["curves"][0]["rms_error_of_peak"] < 0.02
 
 
+@pytest.mark.parametrize("noise", [None, ("maximum", 0.02)])
+def test_other_tests_do_not_move_the_yarns(noise):
+    """A noisy strip with free sides and no width, alone and with a bias test, which says nothing of
+    yarns: a, p_min and c can't all be told, and in either case p_min is assumed."""
+    e = np.linspace(0.0005, 0.015, 30)
+    force = (
+        "0.837 1.819 3.275 4.705 6.221 7.377 8.699 10.204 12.225 14.159 15.606 17.092 19.098 21.75 23.488 "
+        "25.167 27.817 29.859 32.38 34.878 37.359 40.288 42.822 45.453 48.54 51.557 53.927 57.336 60.292 63.707"
+    )
+    force = np.array(force.split(), float) / 0.6
+    pulled = curve("uniaxial_a", e, "sigma_a", force, 0, noise)
+    pulled = dataclasses.replace(pulled, free=0)
+    g = np.linspace(0.01, 0.6, 40)
+    sheared = shear(g, 0.2 * g + g**3 + 0.002 * np.sin(40 * np.arange(40.0) ** 2), noise)
+    alone, both = identify(SHEET, [pulled]), identify(SHEET, [pulled, sheared])
+    for result in (alone, both):
+        assert "p_min" in result.assumed
+        assert all(
+            low <= p.value <= high for p in result.determined.values() for low, high in [p.interval]
+        )
+    for name in "ab":
+        assert both.determined[name].value == pytest.approx(alone.determined[name].value, rel=1e-4)
+
+
 def test_a_strip_is_not_held():
     """What calling it so would cost: a fit several times its noise from the data, and a wrong a."""
     _, curves = synthesise(KOMEILI, "all", 0.005)
