@@ -17,7 +17,7 @@ from .mechanics.term import Term
 from .mechanics.work import Work
 from .sheets.blank import Blank
 from .sheets.parts import Part
-from .supports import Supports, free_motion
+from .supports import Supports, free_motion, locating_warning
 from .timing import phase
 from .tools import Tool
 
@@ -396,4 +396,5 @@ class Scene:
 
     def warnings(self) -> list[str]:
         """What speaks against the present state though nothing failed, in words."""
-        return [text for term in self.terms for text in term.warnings()]
+        found = [text for term in self.terms for text in term.warnings()]
+        return [*found, *filter(None, [locating_warning(self)])]

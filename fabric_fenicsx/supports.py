@@ -2,12 +2,18 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mpi4py import MPI
 
 from .errors import InputError
 from .sheets.blank import Blank
+
+if TYPE_CHECKING:
+    from .scene import Scene
+
+BORNE = 0.05
 
 
 @dataclass(frozen=True)
@@ -18,12 +24,15 @@ class Support:
     - components: the axes held
     - value: displacement at full load (gdim,) [mm], growing with the load factor, or a function of
       points (3, n) and load factor to (gdim, n)
+    - locates: only keeps the sheet from moving as a rigid body and should bear nothing; a run warns
+      if it bears more than `BORNE` of the norm of all nodal forces from outside
     """
 
     name: str
     where: Callable[[np.ndarray], np.ndarray]
     components: tuple[int, ...]
     value: Sequence[float] | Callable[[np.ndarray, float], np.ndarray] = (0.0, 0.0, 0.0)
+    locates: bool = False
 
 
 # what a scene takes: supports, or a function that makes them for its blank
@@ -124,3 +133,20 @@ def free_motion(blank: Blank, held: np.ndarray) -> str:
     names = [f"move along its {axis}" for axis in axes[:gdim]]
     names += [f"turn about its {axis}" for axis in (axes[2:] if gdim == 2 else axes)]
     return names[np.abs(motions[:, 0]).argmax()]
+
+
+def locating_warning(scene: "Scene") -> str:
+    """A sentence if supports that only locate the sheet bear a force in the present state, after
+    `Scene.residual`, else ""."""
+    borne = {
+        each.name: float(np.linalg.norm(scene.reaction(each.name)))
+        for each in scene.supports
+        if each.locates
+    }
+    if not borne or max(borne.values()) <= BORNE * scene.force_scale():
+        return ""
+    told = " and ".join(f"{name} {force:.3g} N" for name, force in borne.items())
+    return (
+        f"supports that should only keep the sheet in its place bear {told}, as sheet, yarns or "
+        "tools are not symmetric: the formed shape depends on them; give supports of your own"
+    )

@@ -11,10 +11,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from fabric_fenicsx.errors import InputError
 
-PATTERNS = ("crossed", "graded", "left", "right", "unstructured", "yarns")
+PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
+EDGE = 0.5  # of the size of squares, as far as they stay off the edges
 GRADING = 0.95  # by which cells of `graded` are shorter on the lines through the corners
 
 
@@ -33,12 +35,13 @@ def specimen(
     pattern: of nx x ny rectangles `crossed` makes four triangles each by both diagonals, `right`
     two by the diagonal that rises to the right, `left` by the other; `graded` is `crossed` with
     cells small across the lines at 45 deg through the corners, where a bias test's shear angle
-    jumps; `unstructured` meshes with cells of about those sizes, and so does `yarns`, but with
-    edges along the yarns through the corners.
+    jumps; `along` is `crossed` of squares that are turned along the yarns, with other triangles
+    between them and the edges; `unstructured` meshes with cells of about those sizes, and so does
+    `yarns`, but with edges along the yarns through the corners.
     cell: "triangle" or "quadrilateral" (nx x ny rectangles, or unstructured). yarns: angle of one
     family of yarns to the length [rad], the other is perpendicular. Raises InputError for other
-    patterns and cells, sizes or numbers that are not above 0, and for `graded` if the length is not
-    a multiple of the width.
+    patterns and cells, sizes or numbers that are not above 0, for quadrilaterals `along` yarns, and
+    for `graded` if the length is not a multiple of the width.
     """
     for name, value, allowed in (
         ("pattern", pattern, PATTERNS),
@@ -54,6 +57,10 @@ def specimen(
             f"a strip of {length:g} x {width:g} mm is asked in pattern graded; allowed is a "
             "length that is a multiple of the width"
         )
+    if pattern == "along":
+        if cell != "triangle":
+            raise InputError(f"pattern is along and cell {cell}; allowed are triangles")
+        return _along(length, width, max(length / nx, width / ny), yarns)
     if pattern in ("unstructured", "yarns"):
         lines = yarns_through_corners(length, width, yarns) if pattern == "yarns" else ()
         return _unstructured(length, width, max(length / nx, width / ny), cell, lines)
@@ -110,6 +117,48 @@ def yarns_through_corners(length: float, width: float, angle: float) -> np.ndarr
                 start = corner * size
                 segments.append((start, start + direction * (size / inwards).min()))
     return np.array(segments).reshape(-1, 2, 2)
+
+
+def _along(
+    length: float, width: float, size: float, angle: float
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Squares along `angle` [rad], each of four triangles by both diagonals, as far as they stay
+    `EDGE` of their size off the sheet's edges; other triangles from there to points on the
+    edges."""
+    sides = np.array([length, width])
+    half = math.ceil(math.hypot(length, width) / 2 / size) + 1
+    count = 2 * half + 1
+    across = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    grid = np.indices((count, count)).reshape(2, -1).T - half
+    grid = size * (grid - 0.5) @ across + sides / 2
+    inside = (np.minimum(grid, sides - grid) > EDGE * size).all(1)
+    number = np.where(inside, np.cumsum(inside) - 1, -1).reshape(count, count)
+    x, y = (np.linspace(0, side, max(1, round(side / size)) + 1) for side in sides)
+    edges = [np.column_stack([x, 0 * x + at]) for at in (0, width)]
+    edges += [np.column_stack([0 * y + at, y])[1:-1] for at in (0, length)]
+    points = np.concatenate([grid[inside], *edges])
+    cells = Delaunay(points).simplices
+    arms = points[cells[:, 1:]] - points[cells[:, :1]]
+    area = arms[:, 0, 0] * arms[:, 1, 1] - arms[:, 0, 1] * arms[:, 1, 0]
+    cells = cells[abs(area) > 1e-6 * size**2]  # flat ones lie along the edges
+    # of each square both triangles, whichever diagonal they have
+    square = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
+    square = square[(square >= 0).all(2)]
+    halves = {tuple(sorted(cell)): n for n, cell in enumerate(cells.tolist())}
+    gone, whole = [], []
+    for corners in square.tolist():
+        for k in range(2):
+            pair = [sorted(corners[k : k + 3]), sorted((corners[2 + k :] + corners[: k + 1])[:3])]
+            found = [halves[each] for each in map(tuple, pair) if each in halves]
+            if len(found) == 2:
+                gone += found
+                whole.append(corners)
+    corners = np.array(whole, dtype=np.int64).reshape(-1, 4)
+    centre = len(points) + np.arange(len(corners))
+    crossed = [(corners[:, k], corners[:, (k + 1) % 4], centre) for k in range(4)]
+    points = np.concatenate([points, points[corners].mean(1)])
+    cells = np.concatenate([np.delete(cells, gone, axis=0), *map(np.column_stack, crossed)])
+    return np.column_stack([points, np.zeros(len(points))]), cells, "triangle"
 
 
 def _unstructured(
@@ -192,7 +241,10 @@ def main() -> None:
     parser.add_argument("--ny", type=int, default=25, help="rectangles across the width")
     parser.add_argument("--pattern", choices=PATTERNS, default="crossed")
     parser.add_argument(
-        "--fibre-angle", type=float, default=0.0, help="of the yarns of pattern `yarns` [deg]"
+        "--fibre-angle",
+        type=float,
+        default=0.0,
+        help="of the yarns [deg], for patterns `along` and `yarns`",
     )
     parser.add_argument("--cell", choices=("triangle", "quadrilateral"), default="triangle")
     parser.add_argument(

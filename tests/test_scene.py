@@ -10,7 +10,7 @@ from mpi4py import MPI
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.bending import Bending
-from fabric_fenicsx.mechanics.load import DeadPressure
+from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene
@@ -110,3 +110,22 @@ def test_what_a_scene_cannot_be_made_of_is_named():
     normal = [Support("rest", lambda x: x[0] < 1, (2,))]
     with pytest.raises(InputError, match=r"rest holds the components \(2,\) of .*`spatial=True`"):
         Scene(blank, [Membrane(load("komeili"))], normal)
+
+
+@pytest.mark.parametrize("pull, warned", [(5.0, True), (4.0, False)])
+def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned):
+    """A strip pulled by 4 N/mm at its left end and by `pull` at its right one."""
+    blank = sheet(40, 20, 4, 2)
+
+    def near(*at):
+        return lambda x: np.abs(x[: len(at)].T - at).max(1) < 1e-6
+
+    corners = [Support(f"corner {x}", near(x, 0.0), (1,), locates=True) for x in (0.0, 40.0)]
+    middle = Support("middle", near(20.0, 10.0), (0,), locates=True)
+    ends = [(4.0, (-1, 0), near(0.0)), (pull, (1, 0), near(40.0))]
+    loads = [EdgeTension(lambda load, f=f: load * f, way, where) for f, way, where in ends]
+    scene = Scene(blank, [Membrane(load("komeili")), *loads], [middle, *corners])
+    assert not march(Newton(scene), 4).reason
+    assert len(scene.warnings()) == warned
+    if warned:
+        assert "bear middle 20 N and corner 0.0 " in scene.warnings()[0]

@@ -98,19 +98,20 @@ def locking_warning(membrane: "Membrane") -> str:
     taken = alternating_energy(membrane) if off > OFF else 0.0
     if taken <= LOCKED:
         return ""
-    cure = (
-        'take P2 with `integration="reduced"`, P3, or a mesh with edges along '
-        'the yarns (`pattern="yarns"`)'
-        if blank.mesh.geometry.dim == 2
-        else (
-            'take yarns at 0, 45 or 90 deg with `pattern="crossed"`, an own mesh with edges '
-            "along the yarns, or finer cells"
+    if blank.mesh.geometry.dim == 2:
+        effect = "a bias test's force is then 5 to 30 % too high"
+        cure = 'P2 with `integration="reduced"`, P3 or `pattern="yarns"`'
+    else:
+        effect = (
+            "yarn strains of single cells mean little, and forces may be some per cent too high"
         )
-    )
+        cure = (
+            '`pattern="along"`, `pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
+        )
     return (
         f"{100 * off:.0f} % of the linear cells have no edges along both yarns at their corners, "
         f"and lock: {100 * taken:.2g} % of the strain energy stretches yarns back and forth from "
-        f"cell to cell, and forces may be 5 to 30 % too high; {cure}"
+        f"cell to cell; {effect}; take {cure}"
     )
 
 

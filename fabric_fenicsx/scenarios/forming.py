@@ -167,6 +167,7 @@ class Forming(Scenario):
         surface = self._surface()
         depth = self._depth(surface)
         self.stroke = self.stroke or depth
+        self.closes = self.stroke > (1 - 1e-9) * depth
         if self.stroke > depth:
             raise InputError(
                 f"`stroke` {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm"
@@ -347,7 +348,10 @@ class Forming(Scenario):
             ]
         parts = list(self.blank.parts.values()) or [self.blank.whole]
         held = [holding.nearest_nodes(parts, at) for at in ((0.0, 0.0), (self.length / 2, 0.0))]
-        return [Support("centre", held[0], (0, 1)), Support("end of the axis", held[1], (1,))]
+        return [
+            Support("centre", held[0], (0, 1), locates=True),
+            Support("end of the axis", held[1], (1,), locates=True),
+        ]
 
     def start(self) -> None:
         """Press the sheets of a stack together as under the holder: where that is not so, they part

@@ -15,8 +15,9 @@ STRETCHING = "strain", "metal", "plastic"  # energies that regularisation is mea
 
 
 def quantities(forming: "Forming", result: Result) -> dict[str, Any]:
-    """Forces, penetrations, shear, strains, draw-in and wrinkles; of metal thinning, plastic strain
-    and stress. Of several plies the worst, and each one's in `plies`."""
+    """Forces, penetrations, shear, strains, draw-in and, once the tools are closed, wrinkles; of
+    metal thinning, plastic strain and stress. Of several plies the worst, and each one's in
+    `plies`."""
     from ..results import formed
 
     rows, scene = result.rows, forming.scene
@@ -26,6 +27,8 @@ def quantities(forming: "Forming", result: Result) -> dict[str, Any]:
         middle = below + ply.thickness_used / 2
         measures = formed.metal_quantities if ply.metal else formed.ply_quantities
         plies[name] = measures(result, part, forming.punch_tool, middle)
+        if not (forming.closes and rows[-1]["load"] == 1):
+            plies[name]["wrinkles"] = None  # far from the punch the ply does not follow it
         below += ply.thickness_used
     fabrics = [plies[name] for ply, name in zip(forming.plies, parts) if ply.fabric]
     worst = max(fabrics, key=lambda q: q["shear_angle_max_deg"], default={})

@@ -1,6 +1,7 @@
 """Meshes in and out, fibre fields, and what is said of bad ones."""
 
 import math
+from itertools import product
 
 import meshio
 import numpy as np
@@ -17,6 +18,7 @@ from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write, yarns_thro
 from fabric_fenicsx.sheets.blank import Blank
 
 COMM = MPI.COMM_WORLD
+BOTH_CELLS = [pattern for pattern in PATTERNS if pattern != "along"]
 
 
 def area(blank):
@@ -26,8 +28,9 @@ def area(blank):
     return COMM.allreduce(dolfinx.fem.assemble_scalar(compat.form(1.0 * ufl.dx(blank.mesh))))
 
 
-@pytest.mark.parametrize("pattern", PATTERNS)
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize(
+    "pattern, cell", [*product(PATTERNS, ["triangle"]), *product(BOTH_CELLS, ["quadrilateral"])]
+)
 def test_specimen_is_written_and_read_back(tmp_path, pattern, cell):
     points, cells, kind = specimen(120, 30, 12, 3, pattern, cell, yarns=math.pi / 4)
     write(tmp_path / "s.msh", points, cells, kind)
@@ -39,6 +42,24 @@ def test_specimen_is_written_and_read_back(tmp_path, pattern, cell):
         assert np.allclose(blank.extent(), [[0, 0], [120, 30]], atol=1e-12)
     groups = meshio.read(tmp_path / "s.msh").field_data
     assert set(groups) == {"sheet", "left", "right", "bottom", "top"}
+
+
+@pytest.mark.parametrize("angle", [0, 17, 30, 45, 90, 163])
+def test_cells_run_along_the_yarns_but_at_the_edges(angle):
+    yarns = math.radians(angle)
+    points, cells, _ = specimen(235, 135, 24, 14, "along", yarns=yarns)
+    x = points[cells][:, :, :2]
+    sides = np.roll(x, -1, 1) - x
+    area = (sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2
+    assert abs(area).sum() == pytest.approx(235 * 135, rel=1e-12)
+    assert (4 * math.sqrt(3) * abs(area) / (sides**2).sum((1, 2))).min() > 0.3  # 1 if equilateral
+    turned = np.arctan2(sides[..., 1], sides[..., 0]) - yarns
+    eighths = turned / (math.pi / 4)  # yarns, and diagonals of their squares
+    follow = (abs(eighths - eighths.round()) < 1e-6).all(1)
+    centres = x.mean(1)
+    inner = (np.minimum(centres, [235, 135] - centres) > 2 * 235 / 24).all(1)
+    assert follow[inner].all()
+    assert follow.mean() > 0.8
 
 
 @pytest.mark.parametrize("angle, lines", [(0, 0), (45, 4), (30, 4), (100, 4)])
@@ -232,6 +253,7 @@ def test_bad_meshes_are_named(points, cells, kind, words):
     [
         ({"pattern": "foo"}, "pattern is 'foo'; allowed are crossed, graded"),
         ({"cell": "quad"}, "cell is 'quad'; allowed are triangle, quadrilateral"),
+        ({"pattern": "along", "cell": "quadrilateral"}, "cell quadrilateral; allowed are triangle"),
         ({"nx": 0}, "nx is 0; allowed is a finite value above 0"),
         ({"width": math.nan}, "width is nan"),
     ],

@@ -71,6 +71,8 @@ def test_the_whole_ply_is_four_quarters(launch):
     x, u = placed(quarter.folder)
     whole = launch("double_dome", "--full", "--nx", 20, "--ny", 12, *same[2:])
     assert quarter.status == whole.status == 0, whole.err
+    assert whole.summary["quantities"]["wrinkles"] is None  # as the tools are not closed
+    assert not any("keep the sheet in its place" in w for w in whole.summary["warnings"])
     full_x, full_u = placed(whole.folder)
     at = {tuple(place): k for k, place in enumerate(full_x)}
     for mirror in np.array([[1, 1, 1], [-1, 1, 1], [1, -1, 1], [-1, -1, 1]]):
