@@ -139,9 +139,7 @@ class PointEvaluation:
         points, self.weights = basix.make_quadrature(
             getattr(basix.CellType, cell_name(mesh)), degree
         )
-        # FFCx from 0.9 names code by the numbers of UFL's variables, and would compile it each time
-        plain = ufl.algorithms.strip_variables(ufl.algorithms.expand_derivatives(expression))
-        self._expression = compiled(mesh.comm, lambda: fem.Expression(plain, points, **jit()))
+        self._expression = compiled(mesh.comm, lambda: fem.Expression(expression, points, **jit()))
         self._mesh = mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         self._cells = (np.arange(owned) if cells is None else cells).astype(np.int32)

@@ -225,11 +225,11 @@ class Membrane(Term):
             law, fa, fb, cosine, rest = self._ufl
             sine = ufl.sqrt(1 - cosine**2)
             f1, f2 = fa, (fb - cosine * fa) / sine
-            C = ufl.variable(
-                ufl.as_matrix(
-                    [[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]
-                )
+            C = ufl.as_matrix(
+                [[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]
             )
+            # FFCx from 0.9 names code by the variable's number, and would compile each one anew
+            C = ufl.classes.Variable(C, ufl.classes.Label(0))
             b = ufl.as_vector([cosine, sine])
             W = energy_density(
                 C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b)), rest, law
