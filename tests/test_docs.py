@@ -235,6 +235,31 @@ def test_the_commands(run_script, tmp_path, command, hang):
     assert done.returncode == 0, done.stderr
 
 
+def test_columns_and_quantities_are_those_that_the_page_on_python_lists():
+    text = (DOCS / "howto/python.md").read_text()
+    columns, quantities = (
+        text.split(f"### {title}")[1].split("\n##")[0]
+        for title in ("Columns of the history", "Quantities")
+    )
+    size = {"length": 300, "width": 200, "nx": 6, "stroke": 1.0}
+    runs = {
+        "Tensile": ff.Tensile(nx=4, strain=1e-3),
+        "BiasExtension": ff.BiasExtension(
+            nx=8, strain=0.15, measured=str(ROOT / "studies/data/glass_pp_115x230")
+        ),
+        "PictureFrame": ff.PictureFrame(nx=2, angle=5),
+        "Forming": ff.Forming(**size),
+    }
+    for name, scenario in runs.items():
+        result = scenario.job(steps=8, balance=None).run(pictures=False)
+        (line,) = re.findall(rf"^\| `{name}`.*? \|(.*)\|$", quantities, re.M)
+        told = re.findall(r"`(\w+)`", line)
+        assert told and set(told) <= set(result.summary["quantities"]), name
+        for column in result.rows[-1]:
+            short = re.sub(r"_energy_Nmm$", "_...", column)
+            assert f"`{column}`" in columns or f"`{short}`" in columns, column
+
+
 def test_every_study_is_told_and_only_those():
     told = set(re.findall(r"studies/(\w+)\.py", (DOCS / "studies.md").read_text()))
     assert told == {path.stem for path in (ROOT / "studies").glob("*.py")}
