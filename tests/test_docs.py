@@ -15,8 +15,13 @@ from unittest.mock import patch
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.material import curves
+from fabric_fenicsx.material.curves.model import COLUMNS
+from fabric_fenicsx.material.curves.model import units as units_of
+from fabric_fenicsx.material.identification import identify
 from fabric_fenicsx.material.laws.base import LAWS
 from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.material.units import UNITS
 from fabric_fenicsx.meshes.specimen import specimen, write
 from fabric_fenicsx.ranks import RANKS_ENVIRONMENT
 
@@ -35,6 +40,16 @@ def name(path):
 def material_file():
     (text,) = re.findall(r"```toml\n(.*?)```", (DOCS / "howto/material_file.md").read_text(), re.S)
     return text
+
+
+def write_data_set(folder):
+    """The data set `mine` of the page on own data, written into a folder."""
+    text = (DOCS / "howto/own_data.md").read_text()
+    files = re.findall(r"^`(mine/\w+\.(?:toml|csv))`:\n\n```\w+\n(.*?)^```", text, re.S | re.M)
+    (folder / "mine").mkdir()
+    for file, content in files:
+        (folder / file).write_text(content)
+    return folder / "mine"
 
 
 def blocks(text):
@@ -100,6 +115,29 @@ def test_the_material_file(tmp_path):
     assert fabric.thickness == 0.4
     assert fabric.density == 0.75
     assert fabric.warp == fabric.weft == load("komeili").warp
+
+
+def test_the_data_set(tmp_path):
+    text = (DOCS / "howto/own_data.md").read_text()
+    found = identify(*curves.read(write_data_set(tmp_path)))
+    assert sorted(found.assumed) == ["d", "s_C", "s_T"]
+    assert "In the example d, s_T and s_C are assumed" in text
+    for curve in found.report()["curves"]:
+        assert curve["rms_error_of_peak"] < 0.01
+    (reaction,) = re.findall(r"the simulated reaction is (\d+) N", text)
+    strip = ff.Tensile(found.fabric, length=300, width=100, strain=0.03, nx=16)
+    assert strip.job(steps=5).run().summary["reaction_N"] == pytest.approx(float(reaction), 0.01)
+
+
+def test_the_format_of_data_names_every_test_column_key_and_unit():
+    text = (DOCS / "howto/own_data.md").read_text()
+    keys = {key for kind in curves.TESTS.values() for key in kind.keys}
+    units = {unit for column in COLUMNS for unit in units_of(column)} | set(UNITS["length"])
+    for word in (*curves.TESTS, *COLUMNS, *keys):
+        assert f"`{word}`" in text, word
+    table = text.split("## Units")[1]
+    for unit in units:
+        assert re.search(rf"(?<![\w/]){re.escape(unit)}(?![\w/])", table), unit
 
 
 @pytest.mark.parametrize("script", EXAMPLES, ids=lambda p: p.stem)
@@ -178,6 +216,7 @@ def test_the_commands(run_script, tmp_path, command, hang):
     for file in ("fabric.toml", "glass_pp.toml"):
         if f"--out {file}" not in command:
             (tmp_path / file).write_text(material_file())
+    write_data_set(tmp_path)
     quick = ["--quick"] if script.startswith("studies/") and "identify" not in script else []
     (tmp_path / "studies").symlink_to(ROOT / "studies")
     if script.startswith("studies/"):
@@ -194,6 +233,31 @@ def test_the_commands(run_script, tmp_path, command, hang):
         env=ENVIRONMENT,
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_columns_and_quantities_are_those_that_the_page_on_python_lists():
+    text = (DOCS / "howto/python.md").read_text()
+    columns, quantities = (
+        text.split(f"### {title}")[1].split("\n##")[0]
+        for title in ("Columns of the history", "Quantities")
+    )
+    size = {"length": 300, "width": 200, "nx": 6, "stroke": 1.0}
+    runs = {
+        "Tensile": ff.Tensile(nx=4, strain=1e-3),
+        "BiasExtension": ff.BiasExtension(
+            nx=8, strain=0.15, measured=str(ROOT / "studies/data/glass_pp_115x230")
+        ),
+        "PictureFrame": ff.PictureFrame(nx=2, angle=5),
+        "Forming": ff.Forming(**size),
+    }
+    for name, scenario in runs.items():
+        result = scenario.job(steps=8, balance=None).run(pictures=False)
+        (line,) = re.findall(rf"^\| `{name}`.*? \|(.*)\|$", quantities, re.M)
+        told = re.findall(r"`(\w+)`", line)
+        assert told and set(told) <= set(result.summary["quantities"]), name
+        for column in result.rows[-1]:
+            short = re.sub(r"_energy_Nmm$", "_...", column)
+            assert f"`{column}`" in columns or f"`{short}`" in columns, column
 
 
 def test_every_study_is_told_and_only_those():

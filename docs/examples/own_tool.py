@@ -12,7 +12,7 @@ class Egg(ff.ImplicitSurface):
     """(x/a)^2 + (y/b)^2 + (z/c)^2 = 1 with half axes a, b, c [mm]."""
 
     axes = np.array([40.0, 20.0, 20.0])
-    radii = (10.0, 10.0)  # the least radius of curvature, c^2 / a, from inside and outside
+    radii = (10.0, np.inf)  # the least radius of curvature, c^2 / a, seen from inside; no hollows
 
     def implicit(self, x):
         """F, its gradient and its Hessian at x (3, n)."""

@@ -18,6 +18,9 @@ UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they
 class BlankHolderPressure(PressingTerm):
     """Dead `pressure` [MPa] along `direction` (3,) on the parts of the sheet under a holder.
 
+    Give `Friction(holder.tool, mu)`, too: without it the holder does not hold the sheet in its
+    plane.
+
     pressure: a number, there from the start, or a function of the load factor. A `Contact` bears
     it on the other side of the sheet.
     under: function of positions (n, 3) [mm] to the share of each node's area, 0 to 1, that is under
