@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Callable, Mapping, Sequence
+from reprlib import repr as shown
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
@@ -110,6 +111,11 @@ class Term:
         self._scene, self.blank = weakref.ref(scene), scene.blank
         self.part = scene.blank.part(self.part_name)
         self.set_up(scene)
+        if not (self.energy is None or isinstance(self.energy, ufl.Form)):
+            raise InputError(
+                f"energy of term {self.name} is {shown(self.energy)}, which is not integrated; "
+                "allowed is a form, as `W * self.part.dx(degree)`"
+            )
         if self.part_name and self.energy is not None:
             everywhere = [i for i in self.energy.integrals() if i.subdomain_id() == "everywhere"]
             if everywhere:

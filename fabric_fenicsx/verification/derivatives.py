@@ -18,6 +18,7 @@ from ..mechanics.term import Term
 from ..mechanics.triplets import TripletMatrix
 from ..scene import Scene
 from ..tools import ImplicitSurface, Surface
+from ..tools.surfaces import radii_of
 
 ALLOWED = 1e-4  # difference, over the largest of its kind
 KINKS = 0.02  # of states or points, at which a derivative may jump between both sides
@@ -196,7 +197,7 @@ def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
     x = np.asarray(np.empty((0, 3)) if at is None else at, float)
     if not len(x):
         raise InputError("a surface is checked at no points; allowed are some near it, (n, 3)")
-    here, h = surface.evaluate(x), 1e-5
+    radii, here, h = radii_of(surface), surface.evaluate(x), 1e-5
     for lost in x[~np.isfinite(here.gap)]:
         raise InputError(
             f"surface {type(surface).__name__}: it finds no nearest point {_place(lost)}; allowed "
@@ -213,7 +214,7 @@ def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
     yield _row("gaps and distances along the normal", gap, gap - feet, x)
     yield _of_radii(surface, x - gap * here.normal)
     if isinstance(surface, ImplicitSurface):
-        away = min(1e2, 0.3 * min(surface.radii))
+        away = min(1e2, 0.3 * min(radii))
         x = np.concatenate([x + d * here.normal for d in (-away, 0.0, away)])
         bounds, gap = surface.bound(surface.value(x.T), x.T), abs(surface.evaluate(x).gap)
         found = np.isfinite(gap)  # far inside there may be no nearest point

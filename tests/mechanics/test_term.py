@@ -225,3 +225,14 @@ def test_an_own_energy_on_a_part_is_integrated_over_the_part():
     bound(False)
     with pytest.raises(InputError, match="spring of left is on a part, .* `self.part.dx"):
         bound(True)
+
+
+def test_an_own_energy_that_is_not_integrated_is_named():
+    class Spring(Term):
+        name = energy_kind = "spring"
+
+        def set_up(self, scene):
+            self.energy = K * ufl.inner(self.blank.u, self.blank.u) / 2
+
+    with pytest.raises(InputError, match="energy of term spring is .*, which is not integrated; a"):
+        alone(sheet(10, 10, 4, 2), Spring())
