@@ -224,7 +224,8 @@ class Term:
         return self.made_of.dumps() if self.made_of is not None else ""
 
     def add_history(self, row: dict[str, Any]) -> None:
-        """Add columns to a row of history.csv, the same ones each time, of all ranks."""
+        """Add columns to a row of history.csv, the same ones each time, of all ranks; their names
+        must be none of `results.history.COLUMNS`."""
 
     def add_summary(self, summary: dict[str, Any]) -> None:
         """Add facts, of all ranks, to summary.json (what JSON can hold)."""
