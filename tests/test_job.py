@@ -165,7 +165,7 @@ def test_a_warning_carries_its_level_once(folder, capsys):
     try:
         for handler in handlers:
             log.addHandler(handler)
-        job = ff.Tensile(**COARSE).job(steps=1)
+        job = ff.Tensile(**COARSE).job(steps=2)
         job.warnings = ["100 % odd"]
         job.run(folder, pictures=False)
     finally:
