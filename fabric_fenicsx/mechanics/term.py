@@ -58,8 +58,9 @@ class Term:
 
     - name: what summaries and errors call it
     - energy_kind: under which its energy is added up, a column of history.csv; None of loads
-    - resists: rigid motions of the sheet, "move" and "turn", that it may resist; "stretch" if it
-      alone can hold the sheet together, though it is no form
+    - resists: rigid motions of the sheet that it may resist: "move" and "turn", or only those out
+      of its plane, "lift", or within it, "slide"; "stretch" if it alone can hold the sheet
+      together, though it is no form
     - fabric: what the sheet is made of, if this is the term that knows
     - units: of the arrays that it adds to fields, {name: unit}
     - prestressed: whether the sheet has stress as it lies, before load
