@@ -17,7 +17,7 @@ from .mechanics.term import Term
 from .mechanics.work import Work
 from .sheets.blank import Blank
 from .sheets.parts import Part
-from .supports import Supports, free_motion, locating_warning
+from .supports import Supports, check_held, locating_warning
 from .timing import phase
 from .tools import Tool
 
@@ -128,14 +128,8 @@ class Scene:
 
     def check_held(self) -> None:
         """Raise InputError, naming the motion, if the scene lets the blank move as a rigid body."""
-        free = free_motion(self.blank, self.held)
-        if not free or any(free.split()[0] in term.resists for term in self.terms):
-            return
-        supports = ", ".join(support.name for support in self.supports) or "none"
-        raise InputError(
-            f"the supports ({supports}) leave {self.blank.name} free to {free}; "
-            "allowed are supports that hold it against every rigid motion"
-        )
+        resisted = {word for term in self.terms for word in term.resists}
+        check_held(self.blank, self.supports, self.held, resisted, len(self.tools()))
 
     def check_start(self) -> None:
         """Raise InputError if the scene can't begin: as `check_held`, and as its terms do."""

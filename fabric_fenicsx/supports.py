@@ -13,7 +13,9 @@ from .sheets.blank import Blank
 if TYPE_CHECKING:
     from .scene import Scene
 
-BORNE = 0.05
+FLAT = 0.05  # height over length, up to which a smooth tool does not hold a blank within its plane
+LIFTS = "move along its normal", "turn about its length", "turn about its width"
+BORNE = 0.05  # of all nodal forces, more than what a support that only locates should bear
 
 
 @dataclass(frozen=True)
@@ -116,23 +118,52 @@ def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[
     return supports
 
 
-def free_motion(blank: Blank, held: np.ndarray) -> str:
-    """The rigid motion that the degrees of freedom `held` (k,), of this rank's owned nodes, leave
-    free, in words such as "turn about its length"; "" if they leave none."""
+def check_held(
+    blank: Blank, supports: Iterable[Support], held: np.ndarray, resisted: set[str], tools: int
+) -> None:
+    """Raise InputError, naming the motion, if supports, which hold the degrees of freedom `held`
+    (k,) of this rank's owned nodes, and terms, which resist the motions `resisted` (`Term`), let
+    the blank move as a rigid body; tools: how many it may touch."""
+    low, high = blank.extent()
+    flat = len(low) == 2 or (high - low)[2] <= FLAT * (high - low).max()
+    smooth = "lift" in resisted
+    if smooth and not (flat and tools == 1):  # their shapes may hold it
+        resisted = resisted | {"move", "turn"}
+    if free := free_motion(blank, held, resisted):
+        names = ", ".join(support.name for support in supports) or "none"
+        raise InputError(
+            f"the supports ({names}) leave {blank.name} free to {free}"
+            + (", which contact without friction does not resist" if smooth else "")
+            + "; allowed are supports that hold it against every rigid motion"
+            + (", or `Friction`" if smooth else "")
+        )
+
+
+def free_motion(blank: Blank, held: np.ndarray, resisted: set[str]) -> str:
+    """The rigid motion that the degrees of freedom `held` and terms leave free, as in `check_held`,
+    in words such as "turn about its length"; "" if they leave none."""
     gdim = blank.mesh.geometry.dim
     node, axis = np.divmod(held, gdim)
     low, high = (corner[:, None] for corner in blank.extent())
     x = (blank.along(blank.coordinates()[node].T) - (low + high) / 2) / (high - low).max()
     turns = [(0, 1)] if gdim == 2 else [(1, 2), (2, 0), (0, 1)]
     moves = [1.0 * (axis == i) for i in range(gdim)]
-    resisted = np.array(moves + [x[i] * (axis == j) - x[j] * (axis == i) for i, j in turns])
-    stiffness, motions = np.linalg.eigh(blank.mesh.comm.allreduce(resisted @ resisted.T, MPI.SUM))
-    if stiffness[0] > 1e-9 * max(stiffness[-1], 1.0):
-        return ""
+    motions = np.array(moves + [x[i] * (axis == j) - x[j] * (axis == i) for i, j in turns])
     axes = "length", "width", "normal"
     names = [f"move along its {axis}" for axis in axes[:gdim]]
     names += [f"turn about its {axis}" for axis in (axes[2:] if gdim == 2 else axes)]
-    return names[np.abs(motions[:, 0]).argmax()]
+    left = [
+        i
+        for i, name in enumerate(names)
+        if not {name.split()[0], "lift" if name in LIFTS else "slide"} & resisted
+    ]
+    products = blank.mesh.comm.allreduce(motions @ motions.T, MPI.SUM)[np.ix_(left, left)]
+    if not left:
+        return ""
+    stiffness, free = np.linalg.eigh(products)
+    if stiffness[0] > 1e-9 * max(stiffness[-1], 1.0):
+        return ""
+    return names[left[np.abs(free[:, 0]).argmax()]]
 
 
 def locating_warning(scene: "Scene") -> str:

@@ -2,13 +2,16 @@
 
 import csv
 import json
+import logging
 import math
+import re
 
 import numpy as np
 import pytest
 from builders import COARSE, COMM
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.command_line.console import Console
 from fabric_fenicsx.results.output import finite
 from fabric_fenicsx.solve.limits import Limits
 
@@ -151,6 +154,29 @@ def test_a_field_of_nodes_is_drawn(tmp_path):
     result = ff.Job(ff.Scene(ply, terms, supports=ff.clamped_ends(0.1)), steps=1).run()
     result.plot("contact_gap", tmp_path / "gap.png")
     assert (tmp_path / "gap.png").stat().st_size > 1000
+
+
+def test_a_warning_carries_its_level_once(folder, capsys):
+    """In log.txt and on the console it is a word; other programs' handlers write the level."""
+    log, records = logging.getLogger("fabric_fenicsx"), []
+    kept = logging.Handler()
+    kept.emit = records.append
+    handlers = kept, Console(logging.INFO)
+    try:
+        for handler in handlers:
+            log.addHandler(handler)
+        job = ff.Tensile(**COARSE).job(steps=2)
+        job.warnings = ["100 % odd"]
+        job.run(folder, pictures=False)
+    finally:
+        for handler in handlers:
+            log.removeHandler(handler)
+    (record,) = [each for each in records if "odd" in each.getMessage()]
+    assert (record.levelname, record.getMessage()) == ("WARNING", "100 % odd")
+    assert "\nwarning: 100 % odd\n" in "\n" + capsys.readouterr().err
+    assert re.search(
+        r"^\d\d:\d\d:\d\d  warning: 100 % odd$", (folder / "log.txt").read_text(), re.M
+    )
 
 
 def test_numbers_that_json_does_not_know_are_null():

@@ -10,6 +10,8 @@ from mpi4py import MPI
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.bending import Bending
+from fabric_fenicsx.mechanics.contact import Contact
+from fabric_fenicsx.mechanics.friction import Friction
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
@@ -18,6 +20,7 @@ from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.supports import Support, clamped_ends
+from fabric_fenicsx.tools import Sphere, Tool
 
 COMM = MPI.COMM_WORLD
 D = 8.33  # [N mm]
@@ -129,3 +132,40 @@ def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned):
     assert len(scene.warnings()) == warned
     if warned:
         assert "bear middle 20 N and corner 0.0 " in scene.warnings()[0]
+
+
+BALLS = [Tool(Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]
+LEFT = "left", lambda x: x[0] < 1e-6
+
+
+@pytest.mark.parametrize(
+    "terms, supports, height, words",
+    [
+        (lambda: [], [], 0, r"\(none\) leave blank free to move along its \w+, which contact with"),
+        (lambda: [], [Support(*LEFT, (0,))], 0, "free to move along its width, which contact w"),
+        (
+            lambda: [],
+            [Support(*LEFT, (1,))],
+            0,
+            r"\(left\) leave blank free to",
+        ),
+        (lambda: [Friction(BALLS[0], 0.0)], [], 0, "every rigid motion, or `Friction`$"),
+        (lambda: [], [Support(*LEFT, (0, 1))], 0, ""),
+        (lambda: [Friction(BALLS[0], 0.2)], [], 0, ""),
+        (lambda: [Contact(BALLS[1])], [], 0, ""),
+        (lambda: [], [], 3, ""),
+    ],
+)
+def test_a_smooth_tool_holds_no_flat_sheet_within_its_plane(terms, supports, height, words):
+    """While friction, a second tool or the sheet's shape may."""
+
+    def shape(x):
+        return x + x[:, :1] ** 2 * [0, 0, height / 400]
+
+    blank = sheet(20, 10, 4, 2, shape=shape, spatial=True)
+    terms = [Membrane(load("komeili")), Bending(D), Contact(BALLS[0]), *terms()]
+    scene = Scene(blank, terms, supports)
+    if not words:
+        return scene.check_start()
+    with pytest.raises(InputError, match=words):
+        scene.check_start()

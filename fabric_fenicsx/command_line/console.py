@@ -5,9 +5,15 @@ import sys
 
 from tqdm import tqdm
 
+from ..results.output import formatter
+
 
 class Console(logging.Handler):
     """Results to standard output, warnings to standard error, neither into the progress bar."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self.setFormatter(formatter())
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print at once."""

@@ -50,7 +50,7 @@ class Contact(PressingTerm):
     """
 
     name, energy_kind = "contact", "contact"
-    resists = ("move", "turn")
+    resists = ("lift",)
     units = {"contact_traction": "MPa", "contact_pressure": "MPa", "contact_gap": "mm"}
 
     def __init__(

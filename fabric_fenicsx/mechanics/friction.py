@@ -50,6 +50,7 @@ class Friction(Term):
                     f"friction on {tool.name} has {name} {value}; allowed is a number {allowed}"
                 )
         self.tool, self._given, self.slip, self.lag = tool, mu, slip, lag
+        self.resists = ("slide",) if any(each) else ()
         self.mu: float | np.ndarray = 0.0 if isinstance(mu, Mapping) else mu  # or one for each node
 
     def set_up(self, scene: SceneFacts) -> None:

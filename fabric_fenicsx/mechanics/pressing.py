@@ -30,7 +30,8 @@ class BlankHolderPressure(PressingTerm):
     pressure then acts only where all of them lie on one another, as a plate's does that rests on
     the whole stack: a rim that reaches beyond the next sheet is not pressed.
     tool: moves with the holder along a path, for its friction; by default one at rest. Raises
-    InputError for a direction or pressure that is not finite or below 0, and as `Nodes` does.
+    InputError for a direction or pressure that is not finite or below 0, for `under` of another
+    shape, and as `Nodes` does.
     """
 
     name, prescribed = "blank holder", True
@@ -120,7 +121,17 @@ class BlankHolderPressure(PressingTerm):
 
     def _pressed(self):
         """Areas (nodes,) under the holder [mm^2]."""
-        share = self.under(self.nodes.places + self.nodes.displacement())
+        x, name = self.nodes.places + self.nodes.displacement(), f"`under` of the {self.name}"
+        allowed = "allowed is a function of positions (n, 3) to a number for each, (n,)"
+        try:
+            share = np.asarray(self.under(x), float)
+        except (IndexError, TypeError, ValueError) as error:
+            words = f"{name} fails ({type(error).__name__}: {error})"
+            raise InputError(f"{words}; {allowed}") from error
+        if share.shape not in ((len(x),), ()) or not np.isfinite(share).all():
+            finite = "numbers" if np.isfinite(share).all() else "what is no number, in an array"
+            words = f"{name} gives {finite} of shape {share.shape} at {len(x)} positions"
+            raise InputError(f"{words}; {allowed}")
         return np.clip(share, 0, 1) * self._covered()
 
     def _covered(self):

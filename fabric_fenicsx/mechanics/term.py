@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Callable, Mapping, Sequence
+from reprlib import repr as shown
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
@@ -57,8 +58,9 @@ class Term:
 
     - name: what summaries and errors call it
     - energy_kind: under which its energy is added up, a column of history.csv; None of loads
-    - resists: rigid motions of the sheet, "move" and "turn", that it may resist; "stretch" if it
-      alone can hold the sheet together, though it is no form
+    - resists: rigid motions of the sheet that it may resist: "move" and "turn", or only those out
+      of its plane, "lift", or within it, "slide"; "stretch" if it alone can hold the sheet
+      together, though it is no form
     - fabric: what the sheet is made of, if this is the term that knows
     - units: of the arrays that it adds to fields, {name: unit}
     - prestressed: whether the sheet has stress as it lies, before load
@@ -110,6 +112,11 @@ class Term:
         self._scene, self.blank = weakref.ref(scene), scene.blank
         self.part = scene.blank.part(self.part_name)
         self.set_up(scene)
+        if not (self.energy is None or isinstance(self.energy, ufl.Form)):
+            raise InputError(
+                f"energy of term {self.name} is {shown(self.energy)}, which is not integrated; "
+                "allowed is a form, as `W * self.part.dx(degree)`"
+            )
         if self.part_name and self.energy is not None:
             everywhere = [i for i in self.energy.integrals() if i.subdomain_id() == "everywhere"]
             if everywhere:
@@ -218,7 +225,8 @@ class Term:
         return self.made_of.dumps() if self.made_of is not None else ""
 
     def add_history(self, row: dict[str, Any]) -> None:
-        """Add columns to a row of history.csv, the same ones each time, of all ranks."""
+        """Add columns to a row of history.csv, the same ones each time, of all ranks; their names
+        must be none of `results.history.COLUMNS`."""
 
     def add_summary(self, summary: dict[str, Any]) -> None:
         """Add facts, of all ranks, to summary.json (what JSON can hold)."""

@@ -16,6 +16,7 @@ from ..errors import InputError
 from ..sheets.parts import Part
 from ..tools import DoubleDome, Tool, TriangulatedSurface
 from . import forming, forming_pictures, measures, pictures
+from .output import MARKED
 from .result import OUTLIERS, Result, of_fabric
 
 log = logging.getLogger("fabric_fenicsx")
@@ -105,7 +106,7 @@ def draw_plies(
         plies = list(zip(grids.values(), angles))
         forming_pictures.formed_picture(folder / "formed.png", plies, tool)
     except InputError as error:  # nothing to draw with, which is no reason to lose a run
-        log.warning("warning: formed.png was not drawn: %s", error)
+        log.warning("formed.png was not drawn: %s", error, extra=MARKED)
 
 
 def draw_compared(folder: Path, grids: Mapping[str, pyvista.UnstructuredGrid], punch: Tool) -> None:

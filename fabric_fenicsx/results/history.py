@@ -32,8 +32,9 @@ COLUMNS = (
     "wall_s",
 )
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
+OF_TERMS = ("min_stability",)  # of these the columns that terms fill
 # None where nothing was factorised, or no law told
-MAY_BE_EMPTY = "negative_pivots", "min_stability"
+MAY_BE_EMPTY = "negative_pivots", *OF_TERMS
 
 
 class History:
@@ -54,7 +55,8 @@ class History:
         self, accepted: Accepted, displacement: float, reaction: float, further: Mapping[str, Any]
     ) -> None:
         """Append an `Accepted` state at which the grips moved by `displacement` [mm] under
-        `reaction` [N]; further: what the terms add to it, see `Term.add_history`."""
+        `reaction` [N]; further: what the terms add to it, see `Term.add_history`. Raises
+        InputError if that has a name which is taken."""
         report = accepted.report
         stored = sum(accepted.energies.values())
         imbalance = abs(accepted.external_work - stored) / max(abs(stored), 1e-300)
@@ -77,6 +79,12 @@ class History:
             "wall_s": round(accepted.wall, 4),
         }
         row |= {f"{kind}_energy_Nmm": energy for kind, energy in accepted.energies.items()}
+        for name in further:
+            if name in row and name not in OF_TERMS:
+                raise InputError(
+                    f"`add_history` of a term gives the column {name}, which history.csv has "
+                    "already; allowed is another name"
+                )
         row |= further
         self.rows.append(row)
         self._write(row)

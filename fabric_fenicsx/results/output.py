@@ -29,13 +29,23 @@ RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
 
 
+# of records that a user should look at: what console and log.txt write before them, while handlers
+# of other programs have the level for that
+MARKED = {"mark": "warning: "}
+
+
+def formatter(before: str = "", date: str | None = None) -> logging.Formatter:
+    """Of messages with their mark; before: what else of a record is told, in front of it."""
+    return logging.Formatter(f"{before}%(mark)s%(message)s", date, defaults={"mark": ""})
+
+
 class LogFile(logging.FileHandler):
     """log.txt, opened with the first message; it starts with the command."""
 
     def __init__(self, path: Path, mode: str, command: str) -> None:
         super().__init__(path, mode, delay=True)
         self.command = command
-        self.setFormatter(logging.Formatter("%(asctime)s  %(message)s", "%H:%M:%S"))
+        self.setFormatter(formatter("%(asctime)s  ", "%H:%M:%S"))
 
     def _open(self):
         file = super()._open()
@@ -110,7 +120,7 @@ class Output:
         if text and text not in self.warnings:
             self.warnings.append(text)
         if text and self.comm.rank == 0 and text not in self._warned and not self.is_quiet:
-            log.warning("warning: %s", text)
+            log.warning(text, extra=MARKED)
         self._warned.add(text)
 
     def folder(self, part: str = "") -> Path:

@@ -41,7 +41,7 @@ from . import holding, measuring, stacking
 from .dome import DIMENSIONS, dome_of
 from .numbers import FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
 from .plies import TOOL_METAL_FRICTION, Ply, read_plies
-from .scenario import ELEMENTS, Scenario, halved
+from .scenario import ELEMENTS, FITS, Scenario, halved
 
 if TYPE_CHECKING:
     import pyvista
@@ -162,6 +162,8 @@ class Forming(Scenario):
             self.ny = self.ny or 2 * max(1, round(self.nx * sides[1] / sides[0] / 2))
         self.blank = self._blank()
         self._extent = self.blank.extent()
+        if not self.full:
+            self._check_quarter(*self._extent)
         # of all that lies between the tools
         t = self.thickness = sum(ply.thickness_used for ply in self.plies)
         surface = self._surface()
@@ -245,6 +247,15 @@ class Forming(Scenario):
             return blank
 
         return stacking.lay(self.plies, made)
+
+    def _check_quarter(self, low, high):
+        """Raise InputError for a blank that planes of symmetry would cut."""
+        for axis, start, end in zip("xy", low, high):
+            if start < -FITS * (end - start):
+                raise InputError(
+                    f"the mesh reaches from {axis} = {start:.4g} to {end:.4g}, beyond the quarter "
+                    "x, y >= 0; allowed is `full`, or a quarter"
+                )
 
     def _depth(self, surface):
         """Greatest stroke of a punch with this surface [mm]."""

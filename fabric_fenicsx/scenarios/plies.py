@@ -31,7 +31,7 @@ class Ply:
 
     metal: in place of the fabric; it has no yarns, so their angles say nothing. name: by default
     "ply 1" and so on; mesh: a file, in place of length, width and nx. Raises InputError for numbers
-    out of range, and for fabric and metal in one ply.
+    out of range, for sizes beside a mesh, and for fabric and metal in one ply.
     """
 
     fabric: Law | None = None
@@ -54,6 +54,12 @@ class Ply:
             if "rule" in each.metadata and value is not None:
                 where = f"{each.name} of {self.name or 'a ply'}"
                 setattr(self, each.name, each.metadata["rule"].check(where, value))
+        given = [key for key in ("length", "width", "nx") if getattr(self, key) is not None]
+        if self.mesh and given:
+            raise InputError(
+                f"{', '.join(given)} of {self.name or 'a ply'} is given beside mesh, which has its "
+                "own; allowed is one of them"
+            )
         if self.fabric and self.metal:
             raise InputError(
                 f"{self.name or 'a ply'} is given fabric and metal; allowed is one of them"

@@ -1,6 +1,7 @@
 """The sheet: its mesh, yarn directions and displacement."""
 
 import math
+import os
 from collections.abc import Callable, Mapping
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -290,6 +291,11 @@ class Blank:
         """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...),
         in mm; the rest, and what is raised, as in `from_arrays`; InputError also for a file that
         cannot be read or has solid or mixed cells."""
+        if not isinstance(path, (str, os.PathLike)):
+            raise InputError(
+                f"mesh file is given as {type(path).__name__}; allowed is its name, as a text or "
+                "a path"
+            )
         points, cells, kind, _ = _on_root(comm, lambda: MeshArrays(*_read(Path(path)), []))
         return cls.from_arrays(
             comm, points, cells, kind, source=str(path), spatial=spatial, **options

@@ -7,6 +7,7 @@ outside.
 
 import math
 from copy import copy
+from reprlib import repr as shown
 from typing import NamedTuple
 
 import numpy as np
@@ -102,7 +103,24 @@ class Surface:
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As `evaluate`, at points (n, 3) [mm] that are finite; every surface gives it."""
-        raise NotImplementedError
+        raise InputError(
+            f"surface {type(self).__name__} has no `nearest`; allowed is one that gives it, or an "
+            "`ImplicitSurface`"
+        )
+
+
+def radii_of(surface: Surface) -> tuple[float, float]:
+    """`radii` of a surface; InputError if they are no two numbers above 0."""
+    try:
+        inside, outside = (float(radius) for radius in surface.radii)
+    except (TypeError, ValueError):
+        inside = outside = math.nan
+    if not (inside > 0 and outside > 0):
+        raise InputError(
+            f"`radii` of surface {type(surface).__name__} are {shown(surface.radii)}; allowed are "
+            "two numbers above 0, the least radii from inside and from outside [mm]"
+        )
+    return inside, outside
 
 
 def tangent_vectors(normal: np.ndarray) -> np.ndarray:
@@ -163,11 +181,14 @@ class ImplicitSurface(Surface):
 
     def value(self, x: np.ndarray) -> np.ndarray:
         """F (n,) at x (3, n) [mm]."""
-        return self.implicit(x)[0]
+        return self._derivatives(x)[0]
 
     def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (3, n) [mm]."""
-        raise NotImplementedError
+        raise InputError(
+            f"surface {type(self).__name__} has no `implicit`; allowed is one that gives F, its "
+            "gradient and its Hessian at points (3, n)"
+        )
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
         """What the distance from x (3, n) [mm], where `value` is F (n,), surely is not below, (n,)
@@ -177,8 +198,8 @@ class ImplicitSurface(Surface):
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
         x = np.ascontiguousarray(points.T)
-        F = self.value(x)
-        bound = self.bound(F, x)
+        F = self._fitting("`value`", self.value(x), x.shape[1:])
+        bound = self._fitting("`bound`", self.bound(F, x), x.shape[1:])
         found = Nearest(
             np.copysign(bound, F),
             np.tile([0.0, 0.0, 1.0], (len(points), 1)),
@@ -190,11 +211,40 @@ class ImplicitSurface(Surface):
             self._project(x[:, part], part, found)
         return found
 
+    def _derivatives(self, x):
+        """What `implicit` gives at x (3, n); InputError if it is not what it must be."""
+        given, n = self.implicit(x), x.shape[1]
+        if not (isinstance(given, (tuple, list)) and len(given) == 3):
+            found = f"{len(given)} arrays" if isinstance(given, (tuple, list)) else "no tuple"
+            raise InputError(
+                f"`implicit` of surface {type(self).__name__} gives {found}; allowed are three: F, "
+                "its gradient and its Hessian"
+            )
+        shapes = {"F": (n,), "gradient": (3, n), "Hessian": (3, 3, n)}
+        return [self._fitting(name, each, shapes[name]) for name, each in zip(shapes, given)]
+
+    def _fitting(self, name, given, shape):
+        """`given` as an array of this shape; InputError, which calls it `name`, if it is none."""
+        try:
+            array = np.asarray(given, float)
+        except (TypeError, ValueError):
+            array = None
+        # what is the same at all points may be given once
+        if array is not None and array.ndim == len(shape):
+            if all(size in (1, whole) for size, whole in zip(array.shape, shape)):
+                return np.broadcast_to(array, shape)
+        found = "no array of numbers" if array is None else f"of shape {array.shape}"
+        allowed = "(n,)" if len(shape) == 1 else f"({', '.join(map(str, shape[:-1]))}, n)"
+        raise InputError(
+            f"{name} of surface {type(self).__name__} is {found} at n = {shape[-1]} points; "
+            f"allowed is {allowed}"
+        )
+
     def _project(self, x, rows, found):
         """Put what belongs to the nearest points of x (3, n) into `rows` of `found`."""
         for target in found:
             target[rows] = np.nan
-        F, gradient, _ = self.implicit(x)
+        F, gradient, _ = self._derivatives(x)
         base, step = x, -F * gradient / (gradient * gradient).sum(0)
         factor, merit = np.ones(len(rows)), np.full(len(rows), np.inf)
         tolerance = 1e-11 + 1e-14 * abs(x).max(0, initial=0)
@@ -202,7 +252,7 @@ class ImplicitSurface(Surface):
             if not len(rows):
                 return
             trial = base + factor * step
-            F, gradient, hessian = self.implicit(trial)
+            F, gradient, hessian = self._derivatives(trial)
             size = np.sqrt((gradient * gradient).sum(0))
             normal = gradient / size
             tangents = tangent_vectors(normal)
@@ -250,7 +300,7 @@ class Offset(Surface):
     """
 
     def __init__(self, surface: Surface, distance: float) -> None:
-        inside, outside = surface.radii
+        inside, outside = radii_of(surface)
         allowed = f"above {-inside:g} and below {outside:g}, the radii of the surface"
         self.surface, self.distance = (
             surface,
@@ -284,7 +334,7 @@ class Reversed(Surface):
     a punch."""
 
     def __init__(self, surface: Surface) -> None:
-        self.surface, self.radii = surface.from_behind(), surface.radii[::-1]
+        self.surface, self.radii = surface.from_behind(), radii_of(surface)[::-1]
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
@@ -303,7 +353,7 @@ class Flipped(Surface):
     body."""
 
     def __init__(self, surface: Surface) -> None:
-        self.surface, self.radii = surface, surface.radii
+        self.surface, self.radii = surface, radii_of(surface)
 
     def from_behind(self) -> Surface:
         """As in `Surface`."""

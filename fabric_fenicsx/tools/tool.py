@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .surfaces import Nearest, Surface
+from .surfaces import Nearest, Surface, radii_of
 from .values import checked_points, checked_vector
 
 OfLoad = Callable[[float], ArrayLike]  # of the load factor, to (3,)
@@ -24,8 +24,8 @@ class Tool:
       the tool is moved on that line by `travel` [mm], beyond the path, which its contact finds
     - displacement: (3,) [mm], where it is now; `at(load)` sets path and force
 
-    Raises InputError for a path or force that does not give three finite numbers, or a force that
-    turns.
+    Raises InputError for a path or force that does not give three finite numbers, a force that
+    turns, or a surface whose `radii` are no two numbers above 0.
     """
 
     def __init__(
@@ -36,6 +36,7 @@ class Tool:
         name: str = "tool",
     ) -> None:
         self.name, self.surface = name, surface
+        radii_of(surface)
         self.path: OfLoad = _growing(f"path of {name}", path)
         self.force: OfLoad | Literal[False] = force is not None and _growing(
             f"force of {name}", force

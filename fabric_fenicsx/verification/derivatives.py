@@ -18,18 +18,27 @@ from ..mechanics.term import Term
 from ..mechanics.triplets import TripletMatrix
 from ..scene import Scene
 from ..tools import ImplicitSurface, Surface
+from ..tools.surfaces import radii_of
 
 ALLOWED = 1e-4  # difference, over the largest of its kind
 KINKS = 0.02  # of states or points, at which a derivative may jump between both sides
 RANGES = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.8, 0.8]])  # of eps_a, eps_b, gamma
+PANELS, HALVINGS = 50, 40  # of the way from rest to a state, where a jump of the energy is sought
 
 
 class Row(NamedTuple):
-    """What was compared with what, how far it is off, over the largest of its kind, and where."""
+    """What was compared with what, how far it is off, over the largest of its kind (NaN where there
+    is no number), and where."""
 
     what: str
     off: float
     where: str
+
+    def differ(self) -> str:
+        """In words."""
+        if np.isnan(self.off):
+            return f"{self.what} are not numbers {self.where}"
+        return f"{self.what} differ by {self.off:.2g} of the largest {self.where}"
 
 
 def check_derivatives(
@@ -38,8 +47,9 @@ def check_derivatives(
     """Compare the derivatives that `thing` gives with differences; a table in words.
 
     - A law: stresses with differences of its energy, tangents with those of its stresses, at random
-      strains; and whether it is free of stress at rest. `at`: other states (n, 3) of eps_a, eps_b
-      [-] and gamma [rad].
+      strains; whether it is free of stress at rest, whether its energy is least there, and without
+      a jump on the way. `at`: other states (n, 3) of eps_a, eps_b [-] and gamma [rad]. The table
+      also tells if the sign of gamma matters to the energy.
     - A surface: normal and curvature with differences of the gap at the points `at` (n, 3) [mm],
       which should be near it; whether the gap leads to it, so is a distance; whether it is curved
       more than `radii` says; and of an `ImplicitSurface` whether `bound` exceeds the distance.
@@ -48,10 +58,12 @@ def check_derivatives(
       (default: 1/1000 of a cell). The term is then at load 0, the sheet where it was.
 
     Raises InputError, with the table, if one is off by more than `ALLOWED`; of laws and surfaces
-    `KINKS` of the states may be.
+    `KINKS` of the states may be. Raises it also where an energy or a gap is not a number.
     """
+    remark = ""
     if isinstance(thing, Law):
         name, rows = f"law {thing.law}", [*_of_law(thing, at)]
+        remark = _skewed(thing, at)
     elif isinstance(thing, Surface):
         name, rows = f"surface {type(thing).__name__}", [*_of_surface(thing, at)]
     elif isinstance(at, Scene) and thing in at.terms:
@@ -64,11 +76,12 @@ def check_derivatives(
     table = "\n".join(f"{row.what:<45} {row.off:9.1e}  {row.where}" for row in rows)
     for row in rows:  # the first, as what follows from it is off, too
         if not row.off <= ALLOWED:
-            raise InputError(
-                f"{name}: {row.what} differ by {row.off:.2g} of the largest {row.where}; allowed "
-                f"is {ALLOWED:g}\n{table}"
-            )
-    return f"{name}: derivatives agree with differences\n{table}"
+            raise InputError(f"{name}: {row.differ()}; allowed is {ALLOWED:g}\n{table}")
+    return f"{name}: derivatives agree with differences\n{table}{remark}"
+
+
+def _place(point: np.ndarray) -> str:
+    return f"at ({', '.join(f'{v:.4g}' for v in point)})"
 
 
 def _row(
@@ -80,7 +93,7 @@ def _row(
     off[np.isnan(off)] = np.inf
     i = np.argsort(off)[int((1 - kinks) * (len(off) - 1))]
     scale = max(np.nanmax(abs(given), initial=0), np.nanmax(abs(found), initial=0), 1e-300)
-    return Row(what, float(off[i] / scale), f"at ({', '.join(f'{v:.4g}' for v in places[i])})")
+    return Row(what, float(off[i] / scale) if np.isfinite(off[i]) else np.nan, _place(places[i]))
 
 
 def _central(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, h: float) -> np.ndarray:
@@ -88,19 +101,33 @@ def _central(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, h: float) -> 
     return np.stack([(f(x + h * e) - f(x - h * e)) / (2 * h) for e in np.eye(3)], -1)
 
 
-def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
+def _states(at: ArrayLike | None) -> np.ndarray:
     low, high = RANGES.T
     drawn = np.random.default_rng(0).uniform(low, high, (500, 3))
-    x = drawn if at is None else np.asarray(at, float)
+    return drawn if at is None else np.asarray(at, float)
+
+
+def _energy(law: Law, x: np.ndarray) -> np.ndarray:
+    with np.errstate(all="ignore"):  # sides of a case that do not count
+        return sum(law.parts(*x.T)) + np.zeros(len(x))
+
+
+def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
+    x = _states(at)
 
     def energy(x: np.ndarray) -> np.ndarray:
-        with np.errstate(all="ignore"):  # sides of a case that do not count
-            return sum(law.parts(*x.T)) + np.zeros(len(x))
+        return _energy(law, x)
 
+    for lost in (every := np.vstack([np.zeros(3), x]))[~np.isfinite(energy(every))]:
+        raise InputError(
+            f"law {law.law}: the energy is not a number {_place(lost)}; allowed is one at every "
+            "eps_a, eps_b and gamma"
+        )
     here, rest = law.derivatives(*x.T), law.derivatives(*np.zeros((3, 1)))
     at_rest = np.array([*rest.first, *(() if rest.second is None else rest.second)])
-    off = abs(rest.first).max() / max(np.nanmax(abs(here.first)), 1e-300)
-    off = float(off) if np.isfinite(at_rest).all() else np.inf
+    scales = np.nanmax(abs(here.first), 1)  # each stress by its own: shear is by far the least
+    scales = np.maximum(scales, max(1e-12 * scales.max(), 1e-300))
+    off = float((abs(rest.first[:, 0]) / scales).max()) if np.isfinite(at_rest).all() else np.nan
     yield Row("stresses at rest and none", off, "at (0, 0, 0)")
     yield _row("energies of kernel and law", here.parts.sum(1), energy(x), x)
     slopes = _central(energy, x, 1e-6)
@@ -112,13 +139,70 @@ def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
         if here.second is not None:
             what = f"tangents {name} and differences of stresses"
             yield _row(what, here.second[k], turns[:, i, j], x)
+    # as shear stores little, also each strain alone
+    alone = np.vstack([x, *(x[:100] * e for e in np.eye(3))])
+    jumps, where = _jumps(law, alone)
+    i = int(jumps.argmax())
+    yield Row("energies on both sides of a state", float(jumps[i]), _place(where[i]))
+    below = max(_below_rest(energy, x * e) for e in [np.ones(3), *np.eye(3)])
+    yield Row("energies below that at rest and none", *below)
+
+
+def _below_rest(energy: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> tuple[float, str]:
+    W = energy(x) - energy(np.zeros((1, 3)))
+    return max(-float(W.min()) / max(abs(W).max(), 1e-300), 0.0), _place(x[W.argmin()])
+
+
+def _jumps(law: Law, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How far a part of the energy jumps, over its largest, on the way from rest to each state x
+    (n, 3), (n,), and where, (n, 3): there the energy's change is not the stresses' work, however
+    short the way is made."""
+
+    def parts(x: np.ndarray) -> np.ndarray:
+        with np.errstate(all="ignore"):
+            return np.stack([part + np.zeros(len(x)) for part in law.parts(*x.T)], -1)
+
+    def missed(ways: np.ndarray) -> np.ndarray:
+        """By the work along each piece of ways (n, k + 1, 3), (n, k) [MPa]."""
+        flat = np.ascontiguousarray(ways.reshape(-1, 3))
+        stress = law.derivatives(flat[:, 0], flat[:, 1], flat[:, 2], False).first.T
+        stress = stress.reshape(ways.shape)
+        work = ((stress[:, 1:] + stress[:, :-1]) / 2 * np.diff(ways, axis=1)).sum(2)
+        change = np.diff(parts(flat).sum(1).reshape(ways.shape[:2]), axis=1)
+        return abs(change - np.nan_to_num(work))
+
+    ways, rows = np.linspace(0, 1, PANELS + 1)[:, None] * x[:, None], np.arange(len(x))
+    for _ in range(HALVINGS):
+        k = missed(ways).argmax(1)
+        one, two = ways[rows, k], ways[rows, k + 1]
+        ways = np.stack([one, (one + two) / 2, two], 1)
+    largest = np.maximum(abs(parts(x)).max(0), 1e-300)
+    return (abs(parts(two) - parts(one)) / largest).max(1), two
+
+
+def _skewed(law: Law, at: ArrayLike | None) -> str:
+    """A line that tells by how much the energy at gamma and -gamma differs, "" if it does not."""
+    x = _states(at)
+    off = np.nan_to_num(abs(_energy(law, x) - _energy(law, x * (1, 1, -1))))
+    i, shear = int(off.argmax()), abs(law.parts(*x.T)[2] + np.zeros(len(x))).max()
+    if off[i] <= ALLOWED * shear:
+        return ""
+    return (
+        f"\nthe sign of gamma matters: energies at gamma and -gamma differ by "
+        f"{off[i] / max(shear, 1e-300):.2g} of the largest in shear {_place(x[i])}"
+    )
 
 
 def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
     x = np.asarray(np.empty((0, 3)) if at is None else at, float)
     if not len(x):
         raise InputError("a surface is checked at no points; allowed are some near it, (n, 3)")
-    here, h = surface.evaluate(x), 1e-5
+    radii, here, h = radii_of(surface), surface.evaluate(x), 1e-5
+    for lost in x[~np.isfinite(here.gap)]:
+        raise InputError(
+            f"surface {type(surface).__name__}: it finds no nearest point {_place(lost)}; allowed "
+            "are points near it, nearer than its `radii`"
+        )
     slopes = _central(lambda x: surface.evaluate(x).gap, x, h)
     yield _row("normals and differences of gaps", here.normal, slopes, x)
     turns = _central(lambda x: surface.evaluate(x).normal, x, h)
@@ -130,7 +214,7 @@ def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
     yield _row("gaps and distances along the normal", gap, gap - feet, x)
     yield _of_radii(surface, x - gap * here.normal)
     if isinstance(surface, ImplicitSurface):
-        away = min(1e2, 0.3 * min(surface.radii))
+        away = min(1e2, 0.3 * min(radii))
         x = np.concatenate([x + d * here.normal for d in (-away, 0.0, away)])
         bounds, gap = surface.bound(surface.value(x.T), x.T), abs(surface.evaluate(x).gap)
         found = np.isfinite(gap)  # far inside there may be no nearest point
@@ -146,8 +230,7 @@ def _of_radii(surface: Surface, feet: np.ndarray) -> Row:
     i = np.argsort(over)[int((1 - KINKS) * (len(over) - 1))]
     off = max(over[i], 0.0) / max(abs(bent[i]).max(), 1e-6)
     found = 1 / max(abs(bent[i]).max(), 1e-300)
-    place = ", ".join(f"{v:.4g}" for v in feet[i])
-    where = f"at ({place})" + (f", where the radius is {found:.4g} mm" if off else "")
+    where = _place(feet[i]) + (f", where the radius is {found:.4g} mm" if off else "")
     return Row("radii of curvature and least `radii`", off, where)
 
 

@@ -570,6 +570,13 @@ def test_bending_out_of_a_plane_blank_is_refused():
 
 @pytest.mark.parametrize("cell, degree", [("triangle", 2), ("quadrilateral", 1)])
 def test_only_linear_triangles(cell, degree):
-    blank = Blank.from_arrays(MPI.COMM_SELF, *specimen(10, 10, 4, 4, "left", cell), degree=degree)
+    arrays = specimen(10, 10, 4, 4, "left", cell)
+    blank = Blank.from_arrays(MPI.COMM_SELF, *arrays, spatial=True, degree=degree)
     with pytest.raises(InputError, match="allowed is P1"):
         alone(blank, Bending(1.0))
+
+
+def test_of_a_blank_in_a_plane_the_plane_is_told_first():
+    """By default it has quadratic cells, too, but linear ones would not bend either."""
+    with pytest.raises(InputError, match="asked in a plane .* allowed is a blank made with `spati"):
+        alone(Blank.rectangle(20, 10, nx=2), Bending(1.0))

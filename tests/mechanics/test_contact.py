@@ -460,6 +460,21 @@ def test_bad_pressing_is_refused():
             alone(blank, BlankHolderPressure(pressure, direction, lambda x: x[:, 0] > 0))
 
 
+@pytest.mark.parametrize(
+    "under, words",
+    [
+        (lambda x: x[0] > 0, r"gives numbers of shape \(3,\) at 9 positions; allowed is a funct"),
+        (lambda x: x > 0, r"gives numbers of shape \(9, 3\) at 9 positions; allowed is a funct"),
+        (lambda x: x[20] > 0, r"fails \(IndexError: .*\); allowed is a function of positions"),
+        (lambda x: np.full(len(x), np.nan), "gives what is no number"),
+        (lambda x: None, r"gives what is no number, in an array of shape \(\)"),
+    ],
+)
+def test_what_is_under_the_holder_is_asked_for_each_node(under, words):
+    with pytest.raises(InputError, match=f"`under` of the blank holder {words}"):
+        alone(sheet(10, 10, 2, 2), BlankHolderPressure(1.0, (0, 0, 1), under))
+
+
 @pytest.mark.mpi
 def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
     """Three times in a step they are taken anew, and in the next step again."""

@@ -225,3 +225,26 @@ def test_an_own_energy_on_a_part_is_integrated_over_the_part():
     bound(False)
     with pytest.raises(InputError, match="spring of left is on a part, .* `self.part.dx"):
         bound(True)
+
+
+def test_an_own_energy_that_is_not_integrated_is_named():
+    class Spring(Term):
+        name = energy_kind = "spring"
+
+        def set_up(self, scene):
+            self.energy = K * ufl.inner(self.blank.u, self.blank.u) / 2
+
+    with pytest.raises(InputError, match="energy of term spring is .*, which is not integrated; a"):
+        alone(sheet(10, 10, 4, 2), Spring())
+
+
+@pytest.mark.parametrize("name", ["load", "step", "negative_pivots", "strain_energy_Nmm"])
+def test_a_column_of_history_that_is_there_already(name):
+    class Mine(Bedding):
+        def add_history(self, row):
+            row[name] = 1.0
+
+    blank = sheet(20.0, 10.0, 2, 1)
+    scene = Scene(blank, [Membrane(KOMEILI), Mine(K)], clamped_ends(0.1))
+    with pytest.raises(InputError, match=f"gives the column {name}, which history.csv has already"):
+        Job(scene, steps=1).run()

@@ -7,7 +7,7 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.pressure_law import default_penalty
-from fabric_fenicsx.scenarios.plies import read_plies
+from fabric_fenicsx.scenarios.plies import Ply, read_plies
 
 TWO = """
 unit = "mm"
@@ -117,6 +117,13 @@ def test_what_is_wrong_with_a_file(file, text, words):
     with pytest.raises(ff.InputError, match=f"^{re.escape(str(path))}: ") as error:
         read_plies(path)
     assert words in str(error.value) and "; allowed " in str(error.value)
+
+
+@pytest.mark.parametrize("given", [{"nx": 4}, {"length": 100.0, "width": 50.0}])
+def test_sizes_beside_a_mesh(given):
+    words = f"^{', '.join(given)} of a ply is given beside mesh, which has its own; allowed is one"
+    with pytest.raises(ff.InputError, match=words):
+        Ply(mesh="ply.msh", **given)
 
 
 def test_a_file_that_is_not_there(tmp_path):

@@ -46,6 +46,13 @@ def test_a_field_that_is_not_allowed(kind, fields, words):
     assert words in str(error.value)
 
 
+@pytest.mark.parametrize("make", [*SCENARIOS, lambda mesh: ff.Blank.read(mesh)])
+def test_a_mesh_that_is_no_name_of_a_file(make):
+    words = "mesh file is given as Blank; allowed is its name, as a text or a path"
+    with pytest.raises(ff.InputError, match=words):
+        make(mesh=ff.Blank.rectangle(20, 10, nx=2))
+
+
 @pytest.mark.parametrize("kind", [ff.Tensile, ff.BiasExtension])
 def test_defaults_are_those_of_the_scripts(kind):
     made = kind()

@@ -122,6 +122,23 @@ def test_a_quarter_is_half_as_long_as_its_ply(study):
 
 @pytest.mark.mpi
 @pytest.mark.parametrize(
+    "shift, words",
+    [((-100, 0, 0), "x = -100 to 100"), ((0, -30, 0), "y = -30 to 90"), ((0, 0, 0), "")],
+)
+def test_a_mesh_beyond_the_quarter(study, shift, words):
+    points, cells, kind = specimen(200, 120, 10, 6, "left")
+    mine = study("double_dome", double_dome.options, (points + shift, cells, kind))
+    if not words:
+        mine.scenario(Forming)
+        return
+    with pytest.raises(InputError) as error:
+        mine.scenario(Forming)
+    allowed = "beyond the quarter x, y >= 0; allowed is `full`, or a quarter"
+    assert str(error.value) == f"the mesh reaches from {words}, {allowed}"
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
     "scale, words",
     [(1e-3, "times 1000"), (1 / 25.4, "inches times 25.4"), (1e3, "micrometres over 1000")],
 )

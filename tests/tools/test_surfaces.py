@@ -8,6 +8,7 @@ import textwrap
 import numpy as np
 import pytest
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.tools import (
     Cylinder,
@@ -181,6 +182,67 @@ def test_surfaces_of_a_user():
     die = Reversed(Offset(Floor(), 1.5))
     assert np.array_equal(die.evaluate(points).gap, 1.5 - points[:, 2])
     assert np.isnan(Floor().evaluate([[0, 0, np.nan]]).gap).all()
+
+
+@pytest.mark.parametrize("radii", [None, 30.0, (30.0,), (30.0, 0.0), (1, 2, 3), "ab", (np.nan, 1)])
+def test_radii_of_a_user_that_are_no_pair_of_numbers(radii):
+    floor = Floor()
+    floor.radii = radii
+    words = "`radii` of surface Floor are .*; allowed are two numbers above 0"
+    uses = Tool, Reversed, Flipped, lambda it: Offset(it, 1.0)
+    for use in (*uses, lambda it: ff.check_derivatives(it, np.ones((1, 3)))):
+        with pytest.raises(InputError, match=words):
+            use(floor)
+
+
+class Given(Wave):
+    """The wave with something else for F, gradient or Hessian."""
+
+    def __init__(self, changed):
+        self.changed = changed
+
+    def implicit(self, x):
+        return self.changed(*super().implicit(x))
+
+
+@pytest.mark.parametrize(
+    "changed, words",
+    [
+        (lambda F, g, H: (F, g), "`implicit` of surface Given gives 2 arrays; allowed are three"),
+        (lambda F, g, H: F, "`implicit` of surface Given gives no tuple; allowed are three"),
+        (
+            lambda F, g, H: (F[0], g, H),
+            r"F of surface Given is of shape \(\) .*; allowed is \(n,\)",
+        ),
+        (
+            lambda F, g, H: (F, g.T, H),
+            r"gradient .* is of shape \(5, 3\) at n = 5 points; .*\(3, n",
+        ),
+        (lambda F, g, H: (F, g, H[0]), r"Hessian .* is of shape \(3, 5\) .*; allowed is \(3, 3, n"),
+        (
+            lambda F, g, H: (F, g, [[0], [0, 1]]),
+            "Hessian .* is no array of numbers at n = 5 points",
+        ),
+    ],
+)
+def test_an_equation_that_gives_something_else_is_named(changed, words):
+    points = np.random.default_rng(0).uniform(-1, 1, (5, 3))
+    with pytest.raises(InputError, match=words):
+        Given(changed).evaluate(points)
+
+
+def test_an_equation_may_give_what_is_the_same_all_over_once():
+    class Slope(ImplicitSurface):
+        def implicit(self, x):
+            return x[2] - x[0], np.array([[-1.0], [0], [1]]), np.zeros((3, 3, 1))
+
+    assert Slope().evaluate([[0, 0, 1.0], [2, 0, 1]]).gap == pytest.approx([0.5**0.5, -(0.5**0.5)])
+
+
+def test_a_surface_without_its_function_is_named():
+    for kind, name in ((Surface, "nearest"), (ImplicitSurface, "implicit")):
+        with pytest.raises(InputError, match=f"surface Mine has no `{name}`; allowed is one that"):
+            type("Mine", (kind,), {})().evaluate(np.ones((1, 3)))
 
 
 @pytest.mark.parametrize("dome", DOMES.values(), ids=DOMES)

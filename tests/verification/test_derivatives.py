@@ -7,7 +7,7 @@ import pytest
 from builders import Elastic, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material.functions import sqrt
+from fabric_fenicsx.material.functions import log, sqrt, where
 from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.validation import above_zero
 
@@ -18,7 +18,7 @@ NEAR = np.random.default_rng(0).uniform(20, 22, (200, 3)) * [1, -1, 1]
 
 def test_the_papers_law():
     table = ff.check_derivatives(KOMEILI)
-    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 11
+    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 13
 
 
 def test_a_law_whose_stresses_are_not_its_energys():
@@ -41,8 +41,11 @@ def test_a_law_whose_stresses_are_not_its_energys():
         ff.check_derivatives(Wrong(3.0))
 
 
-@pytest.mark.parametrize("shear", [abs, lambda gamma: sqrt(gamma * gamma)])
-def test_a_law_with_stress_at_rest_or_none_that_is_known(shear):
+@pytest.mark.parametrize(
+    "shear, words",
+    [(abs, "differ by"), (lambda gamma: sqrt(gamma * gamma), r"are not numbers at \(0, 0, 0\)")],
+)
+def test_a_law_with_stress_at_rest_or_none_that_is_known(shear, words):
     @dataclass(frozen=True)
     class Tense(ff.Law):
         law = "tense"
@@ -51,8 +54,46 @@ def test_a_law_with_stress_at_rest_or_none_that_is_known(shear):
             return eps_a**2, eps_b**2 + eps_b, shear(gamma)
 
     del LAWS["tense"]
-    with pytest.raises(ff.InputError, match="law tense: stresses at rest and none differ by"):
+    with pytest.raises(ff.InputError, match=f"law tense: stresses at rest and none {words}"):
         ff.check_derivatives(Tense())
+
+
+def _of_shear(shear):
+    """A law of stiff yarns with this energy of shear."""
+
+    @dataclass(frozen=True)
+    class Soft(ff.Law):
+        law = "soft"
+
+        def energy(self, eps_a, eps_b, gamma):
+            return 1500 * eps_a**2, 1500 * eps_b**2, shear(gamma)
+
+    del LAWS["soft"]
+    return Soft()
+
+
+@pytest.mark.parametrize(
+    "shear, words",
+    [
+        (lambda g: 0.015 * g**2 + 0.006 * g, "stresses at rest and none differ by 0.2"),
+        (lambda g: 0.015 * g**2 + where(g > 0.3, 1.0, 0.0), "energies on both sides of a state"),
+        (lambda g: 0.015 * g**2 + where(g > 0.3, 1e-5, 0.0), r"state differ by 0.001 of .*, 0.3\)"),
+        (lambda g: -0.015 * g**2, "energies below that at rest and none differ by 1 of the larg"),
+        (lambda g: 0.015 * g**2 + log(0.5 - g), "soft: the energy is not a number at"),
+    ],
+)
+def test_a_law_whose_shear_energy_is_wrong(shear, words):
+    """Though it is little beside that of the yarns."""
+    with pytest.raises(ff.InputError, match=words) as error:
+        ff.check_derivatives(_of_shear(shear))
+    assert "differ by inf" not in str(error.value)
+
+
+def test_a_skewed_law_with_a_kink_is_allowed_and_told():
+    assert "sign of gamma" not in ff.check_derivatives(_of_shear(lambda g: 0.015 * g**2))
+    kinked = _of_shear(lambda g: 0.015 * g**2 + where(g > 0.3, 0.01 * (g - 0.3), 0.0))
+    told = ff.check_derivatives(kinked)
+    assert "the sign of gamma matters: energies at gamma and -gamma differ by 0.3" in told
 
 
 @pytest.mark.parametrize("surface", [BALL, ff.Plane((0, 0, 1), (0, 1, 1)), ff.Offset(BALL, 1.0)])
@@ -79,7 +120,8 @@ class Ball(ff.Surface):
         ({"normal": -1.0}, "Ball: normals and differences of gaps differ by 2 of the largest"),
         ({"curvature": 1.1}, "Ball: curvatures and differences of normals differ by 0.09"),
         ({"gap": 2.0, "normal": 2.0, "curvature": 2.0}, "Ball: gaps and distances along the"),
-        ({"normal": np.nan}, "Ball: normals and differences of gaps differ by inf"),
+        ({"normal": np.nan}, "Ball: normals and differences of gaps are not numbers at"),
+        ({"gap": np.nan}, r"Ball: it finds no nearest point at \(.*\); allowed are points near"),
     ],
 )
 def test_a_wrong_surface(wrong, words):
