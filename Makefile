@@ -76,7 +76,7 @@ study: $(VENV)/installed
 	$(SCREEN) $(MPIRUN) $(PYTHON) studies/$(STUDY).py $(or $(ARGS),--overwrite)
 
 test: $(VENV)/installed
-	$(SCREEN) $(PYTHON) -m pytest -n 3 --dist worksteal tests
+	$(SCREEN) $(PYTHON) -m pytest -n 3 --dist worksteal tests || { cat .pytest_cache/crash_*.txt; exit 1; }
 	for part in $(MPI_PARTS); do \
 	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m mpi -xq --color=no -p no:cacheprovider || exit 1; done
 

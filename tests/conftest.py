@@ -1,5 +1,6 @@
 """What tests of several folders share."""
 
+import faulthandler
 import gc
 import io
 import json
@@ -23,6 +24,16 @@ ROOT = Path(__file__).parents[1]
 # Seconds after which what a test started counts as hung: far more than the slowest takes on a
 # machine with other work.
 HANG = 3600
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config):
+    """A worker that crashes writes its traceback to a file, which `make test` shows last: what it
+    writes to the screen is far above the list of failures."""
+    if worker := os.getenv("PYTEST_XDIST_WORKER"):
+        file = ROOT / ".pytest_cache" / f"crash_{worker}.txt"
+        file.parent.mkdir(exist_ok=True)
+        faulthandler.enable(open(file, "w"))
 
 
 def world():
