@@ -31,7 +31,7 @@ DIVERGED_NAN = getattr(_Reason, "DIVERGED_FUNCTION_NANORINF", None) or _Reason.D
 # None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional
 # may be computed side by side; sums may be taken in another order and quotients as products; and
 # instructions are ordered for few registers.
-_C_FLAGS = (
+C_FLAGS = (
     "-O3 -fno-math-errno -fno-trapping-math -fno-signed-zeros -fassociative-math "
     "-freciprocal-math -fschedule-insns -fsched-pressure"
 ).split()
@@ -40,7 +40,7 @@ _C_FLAGS = (
 def jit(**more: Any) -> dict[str, Any]:
     """How forms and expressions are compiled, as the keyword that DOLFINx takes it by; `more`
     options of FFCx."""
-    options = {"cffi_extra_compile_args": _C_FLAGS, "timeout": TIMEOUT} | more
+    options = {"cffi_extra_compile_args": C_FLAGS, "timeout": TIMEOUT} | more
     return {"jit_params": options} if OLD else {"jit_options": options}
 
 

@@ -334,6 +334,12 @@ class Scene:
             )
         return self.comm.allreduce(self._f.array[self.dofs_of[name]].sum(0), MPI.SUM)
 
+    def outer_forces(self) -> dict[str, float]:
+        """Sizes of nodal forces added up, after `residual`: of supports, and "" of all else [N]."""
+        sizes = {name: abs(self._f.array[dofs]).sum() for name, dofs in self.dofs_of.items()}
+        sizes[""] = sum(abs(term.applied_forces()).sum() for term in self.terms)
+        return {name: self.comm.allreduce(float(size)) for name, size in sizes.items()}
+
     # -- results
 
     def tools(self) -> list[Tool]:
@@ -391,4 +397,4 @@ class Scene:
     def warnings(self) -> list[str]:
         """What speaks against the present state though nothing failed, in words."""
         found = [text for term in self.terms for text in term.warnings()]
-        return [*found, *filter(None, [locating_warning(self)])]
+        return found + [text for text in [locating_warning(self)] if text]

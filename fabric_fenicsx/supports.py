@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 FLAT = 0.05  # height over length, up to which a smooth tool does not hold a blank within its plane
 LIFTS = "move along its normal", "turn about its length", "turn about its width"
-BORNE = 0.05  # of all nodal forces, more than what a support that only locates should bear
+BORNE = 0.005  # of all forces from outside, more than what a support that only locates should bear
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Support:
     - value: displacement at full load (gdim,) [mm], growing with the load factor, or a function of
       points (3, n) and load factor to (gdim, n)
     - locates: only keeps the sheet from moving as a rigid body and should bear nothing; a run warns
-      if it bears more than `BORNE` of the norm of all nodal forces from outside
+      if it bears more than `BORNE` of all forces on nodes from outside, added up by size
     """
 
     name: str
@@ -169,12 +169,11 @@ def free_motion(blank: Blank, held: np.ndarray, resisted: set[str]) -> str:
 def locating_warning(scene: "Scene") -> str:
     """A sentence if supports that only locate the sheet bear a force in the present state, after
     `Scene.residual`, else ""."""
-    borne = {
-        each.name: float(np.linalg.norm(scene.reaction(each.name)))
-        for each in scene.supports
-        if each.locates
-    }
-    if not borne or max(borne.values()) <= BORNE * scene.force_scale():
+    forces = scene.outer_forces()
+    most = BORNE * sum(forces.values())
+    locating = [each.name for each in scene.supports if each.locates]
+    borne = {name: forces[name] for name in locating if forces[name] > most}
+    if not borne:
         return ""
     told = " and ".join(f"{name} {force:.3g} N" for name, force in borne.items())
     return (

@@ -8,6 +8,8 @@ python3 meshes/double_dome.py --depth 60 --saddle-depth 15 --out double_dome.ste
 import argparse
 import dataclasses
 import math
+import shutil
+import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -221,12 +223,6 @@ def write_step(
 
     dome = dome or DoubleDome()
     _check(dome, length, width)
-    try:
-        open(path, "wb").close()  # gmsh only logs that it could not write
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be written ({error.strerror}); allowed is a file like tool.step"
-        ) from None
     gmsh.initialize(readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
@@ -252,7 +248,14 @@ def write_step(
         occ.synchronize()
         occ.remove([each for each in gmsh.model.getEntities() if each != (3, solid)])
         occ.synchronize()
-        gmsh.write(str(path))
+        with tempfile.TemporaryDirectory() as folder:
+            made = Path(folder) / "dome.step"  # gmsh knows the ending in small letters alone
+            gmsh.write(str(made))
+            shutil.copyfile(made, path)
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be written ({error.strerror}); allowed is a file like tool.step"
+        ) from None
     finally:
         gmsh.finalize()
 

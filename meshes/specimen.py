@@ -16,7 +16,7 @@ from scipy.spatial import Delaunay
 from fabric_fenicsx.errors import InputError
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
-EDGE = 0.5  # of the size of squares, as far as they stay off the edges
+EDGE = 0.5  # least distance of corners of squares from the sheet's edges, over their size
 GRADING = 0.95  # by which cells of `graded` are shorter on the lines through the corners
 
 
@@ -122,8 +122,8 @@ def yarns_through_corners(length: float, width: float, angle: float) -> np.ndarr
 def _along(
     length: float, width: float, size: float, angle: float
 ) -> tuple[np.ndarray, np.ndarray, str]:
-    """Squares along `angle` [rad], each of four triangles by both diagonals, as far as they stay
-    `EDGE` of their size off the sheet's edges; other triangles from there to points on the
+    """Squares along `angle` [rad], each of four triangles by both diagonals, where their corners
+    are `EDGE` of their size off the sheet's edges; other triangles from there to points on the
     edges."""
     sides = np.array([length, width])
     half = math.ceil(math.hypot(length, width) / 2 / size) + 1

@@ -71,7 +71,7 @@ def displacement(blank):
 def compiled_as_it_stands():
     """Without the C compiler's optimiser, which takes 20 s for long forms that are run little."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(compat, "_C_FLAGS", ["-O0"])
+        patch.setattr(compat, "C_FLAGS", ["-O0"])
         yield
 
 

@@ -128,7 +128,7 @@ def test_a_homogeneous_state_has_no_error():
 
 
 def test_a_formed_ply(launch, monkeypatch):
-    # of the ply, which others test
+    # pictures of the formed ply have a test of their own
     monkeypatch.setattr(ff.Forming, "pictures", lambda *_: None)
     coarse = "--nx", 6, "--steps", 4, "--stroke", 24, "--max-imbalance", 0.2, "--balance", 1
     done = launch("double_dome", *coarse, "--error")

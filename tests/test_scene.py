@@ -115,10 +115,12 @@ def test_what_a_scene_cannot_be_made_of_is_named():
         Scene(blank, [Membrane(load("komeili"))], normal)
 
 
-@pytest.mark.parametrize("pull, warned", [(5.0, True), (4.0, False)])
-def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned):
-    """A strip pulled by 4 N/mm at its left end and by `pull` at its right one."""
-    blank = sheet(40, 20, 4, 2)
+@pytest.mark.parametrize("nx", [4, 16])
+@pytest.mark.parametrize("pull, warned", [(4.2, True), (4.0, False)])
+def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned, nx):
+    """A strip pulled by 4 N/mm at its left end and by `pull` at its right one, of which its middle
+    bears the difference."""
+    blank = sheet(40, 20, nx, nx // 2)
 
     def near(*at):
         return lambda x: np.abs(x[: len(at)].T - at).max(1) < 1e-6
@@ -131,7 +133,17 @@ def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned):
     assert not march(Newton(scene), 4).reason
     assert len(scene.warnings()) == warned
     if warned:
-        assert "bear middle 20 N and corner 0.0 " in scene.warnings()[0]
+        assert "bear middle 4 N, as sheet" in scene.warnings()[0]
+
+
+def test_forces_that_cancel_at_a_locating_support_are_told():
+    blank = sheet(40, 20, 8, 4)
+    ends = Support("ends", lambda x: np.minimum(x[0], 40 - x[0]) < 1e-6, (0, 1), locates=True)
+    pull = EdgeTension(lambda load: 4 * load, (0, 1), lambda x: x[1] > 20 - 1e-6)
+    push = EdgeTension(lambda load: 4 * load, (0, -1), lambda x: x[1] < 1e-6)
+    scene = Scene(blank, [Membrane(load("komeili")), pull, push], [ends])
+    assert not march(Newton(scene), 4).reason
+    assert len(scene.warnings()) == 1 and "bear ends" in scene.warnings()[0]
 
 
 BALLS = [Tool(Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]
@@ -147,7 +159,7 @@ LEFT = "left", lambda x: x[0] < 1e-6
             lambda: [],
             [Support(*LEFT, (1,))],
             0,
-            r"\(left\) leave blank free to",
+            r"\(left\) leave blank free to (move along its length|turn about its normal), which",
         ),
         (lambda: [Friction(BALLS[0], 0.0)], [], 0, "every rigid motion, or `Friction`$"),
         (lambda: [], [Support(*LEFT, (0, 1))], 0, ""),

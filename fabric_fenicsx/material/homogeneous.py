@@ -37,8 +37,8 @@ def lateral_strain(
     across is zero.
 
     Newton's method, halving the interval of the root where a step would leave it. The strain is
-    sought from -99 % to 0 and is that bound if the root lies beyond. Raises SolverFailure if no
-    root is found.
+    sought from -99 % to 0 and is that bound if the root lies beyond. Raises SolverFailure if a
+    stress is not a number, and if no root is found.
     """
     across = 1 - along
     e = np.zeros((len(strain), 3))
@@ -48,6 +48,8 @@ def lateral_strain(
     for _ in range(200):
         stress, stiffness = nominal(law, e, tangent=True)
         before, pull = e[:, across].copy(), stress[:, across]
+        if not np.isfinite(pull).all():
+            raise SolverFailure("the stress across a free tension is not a number")
         high, low = np.where(pull > 0, before, high), np.where(pull > 0, low, before)
         with np.errstate(divide="ignore", invalid="ignore"):
             step = np.clip(before - pull / stiffness[:, across], NARROWEST, 0)

@@ -105,9 +105,9 @@ def locking_warning(membrane: "Membrane") -> str:
         effect = (
             "yarn strains of single cells mean little, and forces may be some per cent too high"
         )
-        cure = (
-            '`pattern="along"`, `pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
-        )
+        cure = '`pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
+        if membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
+            cure = f'`pattern="along"`, {cure}'
     return (
         f"{100 * off:.0f} % of the linear cells have no edges along both yarns at their corners, "
         f"and lock: {100 * taken:.2g} % of the strain energy stretches yarns back and forth from "

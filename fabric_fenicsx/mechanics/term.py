@@ -226,7 +226,7 @@ class Term:
 
     def add_history(self, row: dict[str, Any]) -> None:
         """Add columns to a row of history.csv, the same ones each time, of all ranks; their names
-        must be none of `results.history.COLUMNS`."""
+        must be none that the row has without terms."""
 
     def add_summary(self, summary: dict[str, Any]) -> None:
         """Add facts, of all ranks, to summary.json (what JSON can hold)."""

@@ -24,9 +24,12 @@ ANGLES = 0, 45, 90  # of the paths to x [deg]
 METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"  # that is drawn
 
 
-def ply_quantities(result: Result, part: Part, tool: Tool, middle: float) -> dict[str, Any]:
+def ply_quantities(
+    result: Result, part: Part, tool: Tool, middle: float, closed: bool
+) -> dict[str, Any]:
     """Shear, strains, draw-in, wrinkles over the tool of one ply, which is all of a sheet or a part
-    of a stack; middle: height of its mid-surface over the tool that it lies on [mm]."""
+    of a stack; middle: height of its mid-surface over the tool that it lies on [mm]; closed:
+    whether the tools are, as otherwise the ply does not follow them and wrinkles are None."""
     comm = result.scene.comm
     fields = {name: values[part.cells] for name, values in result.fields.items()}
     gamma = np.degrees(np.abs(fields["shear_angle"]))
@@ -42,10 +45,12 @@ def ply_quantities(result: Result, part: Part, tool: Tool, middle: float) -> dic
         "share_of_state_1_to_4": [
             measures.mean(comm, (states == k) * 1.0, np.ones(len(states))) for k in (1, 2, 3, 4)
         ],
-    } | _shape(result, part, tool, middle)
+    } | _shape(result, part, tool, middle, closed)
 
 
-def metal_quantities(result: Result, part: Part, tool: Tool, middle: float) -> dict[str, Any]:
+def metal_quantities(
+    result: Result, part: Part, tool: Tool, middle: float, closed: bool
+) -> dict[str, Any]:
     """Plastic strain, thickness, von Mises' stress, draw-in and wrinkles of one ply of metal, as
     `ply_quantities`."""
     comm = result.scene.comm
@@ -60,15 +65,15 @@ def metal_quantities(result: Result, part: Part, tool: Tool, middle: float) -> d
         "thinning_max": 1 - thinnest / (part.thickness or 1.0),
         "thickness_mm": [thinnest, thickest],
         "von_mises_max_MPa": measures.extremes(comm, stress)[1],
-    } | _shape(result, part, tool, middle)
+    } | _shape(result, part, tool, middle, closed)
 
 
-def _shape(result, part, tool, middle):
+def _shape(result, part, tool, middle, closed):
     """Draw-in and wrinkles of a ply, on all ranks."""
     comm, found = result.scene.comm, None
     if comm.rank == 0:
         grid = result.grids[part.name]
-        wrinkles = forming.wrinkles(grid, tool, 2 * middle)
+        wrinkles = forming.wrinkles(grid, tool, 2 * middle) if closed else None
         found = {"draw_in": forming.draw_in(grid), "wrinkles": wrinkles}
     return comm.bcast(found)
 

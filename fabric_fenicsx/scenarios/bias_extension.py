@@ -22,7 +22,7 @@ from .numbers import FINITE, FRACTION, FROM_ZERO, POSITIVE, choice, number, text
 from .scenario import ELEMENTS, Scenario
 from .transition import transition_width
 
-ALONG = "crossed", "graded"  # patterns whose cells have edges at 45 deg
+AT_45 = "crossed", "graded"  # patterns whose cells have edges at 45 deg
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
 
 
@@ -80,8 +80,9 @@ class BiasExtension(Scenario):
         self._measured = self._read_measured()
         self.blank = self.sheet()
         if self.integration is None:
-            at_45 = self.pattern in ALONG and self.fibre_angle == 45 and self.yarn_angle == 90
-            follow = self.mesh or self.pattern == "yarns" or at_45
+            at_45 = self.pattern in AT_45 and self.fibre_angle == 45 and self.yarn_angle == 90
+            along = self.pattern == "along" and self.yarn_angle == 90
+            follow = self.mesh or self.pattern == "yarns" or at_45 or along
             self.integration = "full" if follow or self.element != "P2" else "reduced"
         self.low, self.high = self.blank.extent()
         length, width = self.high - self.low

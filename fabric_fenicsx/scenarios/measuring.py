@@ -23,12 +23,11 @@ def quantities(forming: "Forming", result: Result) -> dict[str, Any]:
     rows, scene = result.rows, forming.scene
     parts = forming.blank.parts or {"": forming.blank.whole}
     plies, below = {}, 0.0
+    closed = forming.closes and rows[-1]["load"] == 1
     for ply, (name, part) in zip(forming.plies, parts.items()):
         middle = below + ply.thickness_used / 2
         measures = formed.metal_quantities if ply.metal else formed.ply_quantities
-        plies[name] = measures(result, part, forming.punch_tool, middle)
-        if not (forming.closes and rows[-1]["load"] == 1):
-            plies[name]["wrinkles"] = None  # far from the punch the ply does not follow it
+        plies[name] = measures(result, part, forming.punch_tool, middle, closed)
         below += ply.thickness_used
     fabrics = [plies[name] for ply, name in zip(forming.plies, parts) if ply.fabric]
     worst = max(fabrics, key=lambda q: q["shear_angle_max_deg"], default={})

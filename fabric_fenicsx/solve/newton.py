@@ -31,14 +31,15 @@ class Newton:
     values.
 
     tolerance: of the residual's norm over that of the support forces. Each step is the tangent's,
-    taken to where the energy's slope along it is small. A tangent with negative pivots is shifted
-    along its diagonal until it has none, and a saddle, known to the full tolerance, is left along a
-    direction of negative curvature that depends on neither the ranks nor chance. Forces or
-    corrections at the rounding of displacements and positions end it too, as no tolerance can ask
-    for more. Where a looser tolerance is asked, corrections near the state sought keep the last
-    tangent's factors. MUMPS keeps its symbolic factorisation; only `mumps-cholesky` tells negative
-    pivots. Each iteration is
-    logged (`logging`, level DEBUG) on rank 0.
+    taken to where the energy is less and its slope at most `FLAT` of that at the start; where
+    energies differ by rounding alone the slope decides, or a residual of half the size. A tangent
+    with negative pivots is shifted along its diagonal until it has none, and a saddle, known to the
+    full tolerance, is left along a direction of negative curvature that depends on neither the
+    ranks nor chance. Forces or corrections at the rounding of displacements and positions end it
+    too, as no tolerance can ask for more. Where a looser tolerance is asked, corrections near the
+    state sought keep the last tangent's factors. MUMPS keeps its symbolic factorisation; only
+    `mumps-cholesky` tells negative pivots. Each iteration is logged (`logging`, level DEBUG) on
+    rank 0.
     """
 
     FLAT = 0.7  # slope left at the end of a line search, of the one at its start

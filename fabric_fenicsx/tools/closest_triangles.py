@@ -95,7 +95,9 @@ class ClosestTriangles:
             del self._kept[next(iter(self._kept))]  # that which was used least lately
         # nearer by at most what the point moved, while the closest went as far off
         near = old.further <= 2 * moved[old.row] + self._slack
-        found = old._replace(row=old.row[near], triangle=old.triangle[near])
+        found = old._replace(
+            row=old.row[near], triangle=old.triangle[near], further=old.further[near]
+        )
         return found, np.copysign(old.clear - moved, old.side)
 
     def _renewed(self, old, points, reach, renew):

@@ -230,9 +230,8 @@ class ImplicitSurface(Surface):
         except (TypeError, ValueError):
             array = None
         # what is the same at all points may be given once
-        if array is not None and array.ndim == len(shape):
-            if all(size in (1, whole) for size, whole in zip(array.shape, shape)):
-                return np.broadcast_to(array, shape)
+        if array is not None and array.shape in (shape, (*shape[:-1], 1)):
+            return np.broadcast_to(array, shape)
         found = "no array of numbers" if array is None else f"of shape {array.shape}"
         allowed = "(n,)" if len(shape) == 1 else f"({', '.join(map(str, shape[:-1]))}, n)"
         raise InputError(

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
+from fabric_fenicsx.errors import SolverFailure
 from fabric_fenicsx.material.homogeneous import NARROWEST, lateral_strain, nominal
 from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.presets import PRESETS
@@ -75,3 +76,13 @@ def test_free_tension_of_any_law_has_a_state():
         across = lateral_strain(fabric, 0, np.linspace(0, 0.02, 30))
         assert np.isfinite(across).all()
         assert ((NARROWEST <= across) & (across <= 0)).all()
+        stress = nominal(fabric, np.stack([np.linspace(0, 0.02, 30), across, np.zeros(30)], -1))
+        inner = (NARROWEST + 1e-6 < across) & (across < -1e-6)
+        assert abs(stress[inner, 1]).max(initial=0) < 1e-6 * abs(stress[:, 0]).max()
+
+
+def test_a_law_without_numbers_has_no_state():
+    fabric = KOMEILI.replace(a=8e4)
+    vars(fabric.warp).update(c=np.nan)
+    with pytest.raises(SolverFailure, match="across a free tension is not a number"):
+        lateral_strain(fabric, 0, np.array([0.01]))

@@ -167,7 +167,7 @@ def test_errors_fall_at_the_rates_of_theory(unbalanced, cell, degree, pattern, n
     "pattern, state", [("right", TENSION), ("unstructured", TENSION), ("right", COMPRESSION)]
 )
 def test_reduced_integration_costs_an_order(unbalanced, pattern, state):
-    with compiled_as_it_stands():  # with the optimiser that of studies is
+    with compiled_as_it_stands():  # studies compile it with the optimiser
         found = np.array(
             [
                 errors(mesh("triangle", pattern, 5, n), 2, unbalanced, state, integration="reduced")

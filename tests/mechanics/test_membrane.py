@@ -319,7 +319,7 @@ def test_reduced_integration_is_as_good_where_strains_are_even(unbalanced):
     """Energy, state and derivatives; a homogeneous deformation leaves nothing to hold."""
     blank = strip("triangle", 2, a=0.4, b=1.5)
     full, reduced = Membrane(unbalanced), Membrane(unbalanced, integration="reduced")
-    with compiled_as_it_stands():  # with the optimiser that of studies is
+    with compiled_as_it_stands():  # studies compile it with the optimiser
         scenes = Scene(blank, [full]), Scene(blank, [reduced])
     x = scenes[0].u.duplicate()
     x.array[:] = (blank.along(blank.coordinates().T).T @ [[0.02, 0.1], [0.05, -0.03]]).ravel()
@@ -341,7 +341,7 @@ def test_reduced_integration_is_as_good_where_strains_are_even(unbalanced):
 
 def test_sheets_that_differ_in_numbers_share_compiled_forms(unbalanced, tmp_path, monkeypatch):
     jit = compat.jit
-    monkeypatch.setattr(compat, "_C_FLAGS", ["-O0"])
+    monkeypatch.setattr(compat, "C_FLAGS", ["-O0"])
     monkeypatch.setattr(compat, "jit", lambda **more: jit(cache_dir=tmp_path, **more))
     found = []
     for fabric, turn in ((unbalanced, 0.3), (KOMEILI, 1.1)):

@@ -75,7 +75,8 @@ def test_bad_dimensions(options, words):
     ],
 )
 def test_a_step_file_is_the_dome(dome, close, tmp_path):
-    write_step(tmp_path / "dome.step", dome)
+    write_step(tmp_path / "DOME.STP", dome)  # which not every program knows as STEP
+    (tmp_path / "DOME.STP").rename(tmp_path / "dome.step")
     warnings = []
     surface = TriangulatedSurface.read(tmp_path / "dome.step")
     assert check_punch(surface, "dome.step", (235, 135), 1.0, warnings.append) is surface

@@ -417,8 +417,7 @@ def test_a_scene_that_was_solved_is_freed():
 
 class Kinked(Term):
     """A convex energy whose forces have kinks in two of the sheet's degrees of freedom, beside a
-    number so large that its differences are rounding. Found among random ones: full corrections
-    made the residual grow."""
+    number so large that its differences are rounding. Full corrections make the residual grow."""
 
     name, energy_kind, resists = "kinked", "strain", ("move", "turn", "stretch")
     stiffness = np.array([[2.35, -0.0383], [-0.0383, 0.0179]])

@@ -97,6 +97,8 @@ def test_blank_holders(launch, holder, stroke):
     assert done.status == 0, done.err
     s = done.summary
     assert s["energy_imbalance"] < 0.03
+    if holder == "gap":
+        assert s["quantities"]["contact_forces_N"]["blank holder"] > 0
     if holder == "force":  # of a quarter
         assert s["quantities"]["contact_forces_N"]["blank holder"] == pytest.approx(
             25_000, rel=1e-6

@@ -5,7 +5,7 @@ import csv
 import pytest
 
 
-# k: twelve strips as those of others but for their parameters, of which ranks do not know
+# k: twelve strips that differ from those of other cases in parameters alone, so not on ranks
 @pytest.mark.parametrize(
     "cases", [*(pytest.param(c, marks=pytest.mark.mpi) for c in ("a", "cm", "fi", "gln", "j")), "k"]
 )

@@ -207,8 +207,8 @@ def test_normal_and_curvature_are_derivatives_of_the_gap(name):
 @pytest.mark.parametrize("off", [0.0, 1e-9, -1e-6, 1e-6, -1e-4, 1e-4, -2e-3, 2e-3])
 @pytest.mark.parametrize("ending", ["stl", "step"])
 def test_what_touches_has_the_normal_of_the_surface(ending, off, dome_files):
-    """Inside triangles, on their edges and at their corners; nearest points were sought across an
-    edge to and fro until the search gave up."""
+    """Inside triangles, on their edges and at their corners, where a search across an edge must not
+    go to and fro."""
     surface, on, normal = dome_files[ending]
     points = on + off * normal
     found = surface.evaluate(points, 1.0)

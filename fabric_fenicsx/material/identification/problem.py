@@ -222,7 +222,8 @@ class Problem:
         ]
 
     def box(self, k: int) -> tuple[float, float]:
-        """Least and greatest value of parameter k that physics allow."""
+        """Least and greatest value of parameter k that a fit takes: bounds from physics, and c no
+        larger than the measured strains can show."""
         name = base(self.names[k])
         low = (
             1e-9 * self.natural[k] if name in ("b", "d", "s1") else -np.inf if name == "s2" else 0.0
