@@ -211,17 +211,17 @@ def test_sheets_apart_bear_nothing():
 @pytest.mark.parametrize("state", ["pressed", "partly"])
 def test_a_rigid_motion_of_the_scene(state, by_position):
     """Energy and forces are those of the scene where it was."""
-    Q, places, found = rotation(3), [], []
-    for moved in (None, lambda x: x @ Q.T + [30.0, -20.0, 7.0]):
-        scene, pair = two(**STATES[state], moved=moved)
+    Q, far, found = rotation(3), np.array([30.0, -20.0, 7.0]), []
+    for turn, shift in ((np.eye(3), 0 * far), (Q, far)):
+        scene, pair = two(**STATES[state], moved=lambda x, t=turn, s=shift: x @ t.T + s)
         forces, _ = nodal_forces(scene, pair)
-        places.append(scene.blank.coordinates()[: len(forces)])
+        places = scene.blank.coordinates()[: len(forces)]
+        _, forces = by_position(COMM, places, forces @ turn)
         found.append((COMM.allreduce(pair.stored()), pair.force(), forces))
     (energy, force, forces), (turned_energy, turned_force, turned) = found
     assert turned_energy == pytest.approx(energy, rel=1e-9) and energy > 0
     assert turned_force == pytest.approx(Q @ force, abs=1e-9 * abs(force).max())
-    _, one, other = by_position(COMM, places[0], forces @ Q.T, turned)
-    assert abs(one - other).max() < 1e-9 * abs(one).max()
+    assert abs(turned - forces).max() < 1e-9 * abs(forces).max()
 
 
 @pytest.mark.mpi
