@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from ..errors import InputError
 from ..tools import DoubleDome
@@ -11,19 +12,25 @@ DIMENSIONS = tuple(each.name for each in dataclasses.fields(DoubleDome))
 
 def dome_of(pairs: Mapping[str, float] | Iterable[str], **usual: float) -> DoubleDome:
     """The `DoubleDome` with dimensions {name: value} or texts NAME=VALUE, else the `usual` ones.
-    Raises InputError for what is neither."""
-    given = dict(usual)
+    Raises InputError, which lists all that is wrong with names and values."""
+    given: dict[str, Any] = dict(usual)
+    form = "`dome`"
     if isinstance(pairs, Mapping):
-        pairs = [f"{key}={value!r}" for key, value in pairs.items()]
-    for pair in pairs:
-        key, _, value = pair.partition("=")
-        try:
-            given[key] = float(value)
-        except ValueError:
-            where = f"`dome` {pair} has no number after its name"
-            raise InputError(f"{where}; allowed is NAME=VALUE") from None
-        if key not in DIMENSIONS:
-            raise InputError(
-                f"`dome` {pair} names no dimension; allowed are {', '.join(DIMENSIONS)}"
-            )
-    return DoubleDome(**given)
+        given |= {str(name): value for name, value in pairs.items()}
+    else:
+        form += " NAME=VALUE"
+        for pair in pairs:
+            name, _, value = pair.partition("=")
+            given[name] = _number(value)
+    try:
+        return DoubleDome(**given)
+    except InputError as error:
+        raise InputError(f"{form}: {error}") from None
+
+
+def _number(text):
+    """What a text says as a number, or the text."""
+    try:
+        return float(text)
+    except ValueError:
+        return text

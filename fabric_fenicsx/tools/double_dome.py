@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cached_property, wraps
 from typing import ClassVar
 
 import numpy as np
@@ -17,34 +17,84 @@ def _dimension(default, allowed, text, low=0.0, high=math.inf, closed=False):
     return field(default=default, metadata={"limits": limits, "help": text})
 
 
+def _in_range(given):
+    """Of dimensions {name: value} those that are allowed each by itself, as floats, and sentences
+    on the others."""
+    right, wrong = {}, []
+    for each in fields(DoubleDome):
+        if each.name in given:
+            limits = each.metadata["limits"]
+            try:
+                right[each.name] = checked_number(each.name, given[each.name], **limits)
+            except InputError as error:
+                wrong.append(str(error))
+    return right, wrong
+
+
+def _refusing_unknown(dome):
+    """The class, whose names of dimensions are checked before Python does, one by one."""
+    make = dome.__init__
+
+    @wraps(make)  # so that the signature stays
+    def checked(self, /, *values, **named):
+        allowed = [each.name for each in fields(dome)]
+        if unknown := [name for name in named if name not in allowed]:
+            raise InputError(
+                f"{', '.join(unknown)}: no dimension of the double dome has this name; allowed are "
+                + "; ".join([", ".join(allowed), *_in_range(named)[1]])
+            )
+        make(self, *values, **named)
+
+    dome.__init__ = checked
+    return dome
+
+
+@_refusing_unknown
 @dataclass(frozen=True)
 class DoubleDome(ImplicitSurface):
     """The project's generic double dome: two round domes joined by a lower, narrower saddle, on a
     flange z = 0.
 
-    F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline, two
-    circles about (+-dome_distance / 2, 0) joined by concave arcs tangent to both; P is the signed
-    distance in the (d, z) plane to the profile of flat top, rounding, straight wall and fillet; H
-    lowers the saddle. The outline is where wall and flange would meet without the fillet. The
-    surface has continuous normals; its curvature jumps between these parts. The body is beneath,
-    the normal points up; `Flipped` turns it upside down. Lengths in mm, wall_angle in deg from the
-    vertical. The saddle also flattens fillet and rounding: see `radii` for the least radii. Raises
-    InputError for a value out of its range, and for values that do not fit together.
+    Seen from above, the outline is two circles, one a dome, joined by concave arcs tangent to both;
+    in the middle between the domes it is narrowest, at the waist. It is where wall and flange
+    would meet without the fillet. In a cut across the outline follow, from within, the flat top, a
+    rounding, the straight wall, a fillet and the flange; the fillet's foot is where the flange
+    begins. The saddle is the top between the domes, which sinks towards the middle.
+
+    - dome_distance: between the centres of the domes [mm]
+    - dome_radius: of a dome's outline [mm]
+    - waist: half width of the outline at the middle [mm]
+    - depth: height of the domes over the flange [mm]
+    - wall_angle: of the wall from the vertical [deg]
+    - top_radius: of the rounding between top and wall [mm]
+    - entry_radius: of the fillet between wall and flange [mm]
+    - saddle_depth: by which the top lies lower at the middle [mm]
+    - saddle_length: along x, over which the top is lowered [mm]
+
+    F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline, with
+    circles about (+-dome_distance / 2, 0); P is the signed distance in the (d, z) plane to the
+    profile of that cut; H lowers the saddle. The surface has continuous normals; its curvature
+    jumps between these parts. The body is beneath, the normal points up; `Flipped` turns it upside
+    down. The saddle also flattens fillet and rounding: see `radii` for the least radii. Raises
+    InputError, which lists all that is wrong: names that are no dimension, values out of their
+    range, and values that do not fit together.
     """
 
     dome_distance: float = _dimension(304.0, "above 0", "between the centres of the domes [mm]")
     dome_radius: float = _dimension(65.0, "above 0", "of a dome's outline [mm]")
     waist: float = _dimension(55.0, "above 0", "half width of the outline at the middle [mm]")
-    depth: float = _dimension(60.0, "above 0", "height of the domes [mm]")
+    depth: float = _dimension(60.0, "above 0", "height of the domes over the flange [mm]")
     wall_angle: float = _dimension(
         10.0, "at least 0 and below 90", "of the wall from the vertical [deg]", high=90, closed=True
     )
     top_radius: float = _dimension(40.0, "above 0", "of the rounding between top and wall [mm]")
     entry_radius: float = _dimension(15.0, "above 0", "of the fillet between wall and flange [mm]")
     saddle_depth: float = _dimension(
-        15.0, "at least 0", "by which the middle lies lower [mm]", closed=True
+        15.0, "at least 0", "by which the top lies lower at the middle [mm]", closed=True
     )
-    saddle_length: float = _dimension(304.0, "above 0", "over which the top is lowered [mm]")
+    saddle_length: float = _dimension(
+        304.0, "above 0", "along x, over which the top is lowered [mm]"
+    )
     # what follows from them; each dome has its own, ClassVar only says that they are no fields
     _waist_curvature: ClassVar[float]
     _wall: ClassVar[np.ndarray]
@@ -53,77 +103,70 @@ class DoubleDome(ImplicitSurface):
     _entry_centre: ClassVar[np.ndarray]
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            object.__setattr__(
-                self,
-                each.name,
-                checked_number(each.name, getattr(self, each.name), **each.metadata["limits"]),
-            )
-        c, R, w, angle = (
-            self.dome_distance / 2,
-            self.dome_radius,
-            self.waist,
-            math.radians(self.wall_angle),
-        )
-        # half width at the middle where the circles overlap
-        least = math.sqrt(max(0.0, R * R - c * c))
-        self._fits(
-            "waist",
-            least < w <= R,
-            f"above {least:g} and at most dome_radius = {R:g}, with dome_distance {2 * c:g}",
-        )
-        self._fits("saddle_depth", self.saddle_depth < self.depth, f"below depth = {self.depth:g}")
+        right, wrong = _in_range(vars(self))
+        if wrong := [*wrong, *self._misfits(dict.fromkeys(vars(self), math.nan) | right)]:
+            raise InputError("; ".join(wrong))
+        c, R, w = right["dome_distance"] / 2, right["dome_radius"], right["waist"]
+        angle = math.radians(right["wall_angle"])
         tangent = math.tan(math.pi / 4 - angle / 2)
-        most = self.depth / (1 - math.sin(angle))
-        self._fits(
-            "top_radius + entry_radius",
-            self.top_radius + self.entry_radius <= most,
-            f"at most {most:g}, so that they fit between top and flange with depth {self.depth:g} "
-            "and wall_angle "
-            f"{self.wall_angle:g}",
-        )
-        slope = self.depth * math.tan(angle)
-        most = math.degrees(math.atan(w / self.depth))
-        self._fits(
-            "wall_angle",
-            slope < w,
-            f"below {most:g}, as the walls of depth {self.depth:g} must not meet within waist "
-            f"{w:g}",
-        )
-        most = (w - slope) / tangent
-        self._fits(
-            "top_radius",
-            self.top_radius < most,
-            f"below {most:g}, so that it leaves a flat top within waist {w:g} at wall_angle "
-            f"{self.wall_angle:g}",
-        )
-        waist_curvature = 2 * (R - w) / (c * c + w * w - R * R)
-        foot = self.entry_radius * tangent
-        self._fits(
-            "waist",
-            waist_curvature * foot < 1,
-            f"larger, as the fillet's foot, {foot:g} outside, must not reach the centre of the "
-            "arc of radius "
-            f"{1 / waist_curvature if waist_curvature else math.inf:g} there",
-        )
         # normal of the wall in the (d, z) plane
         wall = np.array([math.cos(angle), math.sin(angle)])
+        top, entry = right["top_radius"], right["entry_radius"]
         derived = {
-            "_waist_curvature": waist_curvature,
+            "_waist_curvature": 2 * (R - w) / (c * c + w * w - R * R),
             "_wall": wall,
             "_up": np.array([-wall[1], wall[0]]),
             "_top_centre": np.array(
-                [-slope - self.top_radius * tangent, self.depth - self.top_radius]
+                [-right["depth"] * math.tan(angle) - top * tangent, right["depth"] - top]
             ),
-            "_entry_centre": np.array([foot, self.entry_radius]),
+            "_entry_centre": np.array([entry * tangent, entry]),
         }
-        for name, value in derived.items():
+        for name, value in (right | derived).items():
             object.__setattr__(self, name, value)
 
-    def _fits(self, names, fits, allowed):
-        if not fits:
-            value = sum(getattr(self, name) for name in names.split(" + "))
-            raise InputError(f"{names} is {value:g}; allowed is {allowed}")
+    @staticmethod
+    def _misfits(given):
+        """A sentence on each of `given` dimensions that does not fit the others; one that is nan
+        is judged in none."""
+        c, R, w, depth = (
+            given[name] for name in ("dome_distance", "dome_radius", "waist", "depth")
+        )
+        c /= 2
+        angle, top, entry = (given[name] for name in ("wall_angle", "top_radius", "entry_radius"))
+        radians = math.radians(angle)
+        tangent, slope = math.tan(math.pi / 4 - radians / 2), depth * math.tan(radians)
+        # half width at the middle where the circles overlap
+        least = math.sqrt(max(0.0, R * R - c * c))
+        if w <= least or w > R:
+            yield (
+                f"waist is {w:g}; allowed is above {least:g} and at most dome_radius = {R:g}, with "
+                f"dome_distance {2 * c:g}"
+            )
+        elif 2 * (R - w) * entry * tangent >= (turn := c * c + w * w - R * R):
+            yield (
+                f"waist is {w:g}; allowed is larger, as the fillet's foot, {entry * tangent:g} "
+                "outside the outline, must not reach the centre of the outline's concave arc of "
+                f"radius {turn / (2 * (R - w)):g} there"
+            )
+        if given["saddle_depth"] >= depth:
+            yield f"saddle_depth is {given['saddle_depth']:g}; allowed is below depth = {depth:g}"
+        room = 1 - math.sin(radians)
+        if (top + entry) * room > depth:
+            yield (
+                f"top_radius + entry_radius is {top + entry:g}; allowed is at most "
+                f"{depth / room:g}, so that they fit between top and flange with depth {depth:g} "
+                f"and wall_angle {angle:g}"
+            )
+        if slope >= w:
+            yield (
+                f"wall_angle is {angle:g}; allowed is below {math.degrees(math.atan(w / depth)):g},"
+                f" as the walls of depth {depth:g} must not meet within waist {w:g}"
+            )
+        elif top * tangent >= w - slope:
+            yield (
+                f"top_radius is {top:g}; allowed is below {(w - slope) / tangent:g}, so that it "
+                f"leaves a flat top within waist {w:g} at wall_angle {angle:g}"
+            )
 
     @property
     def roundings(self) -> tuple[float, float]:

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import parser
+from fabric_fenicsx.scenarios.dome import DIMENSIONS
 
 SCENARIOS = ff.Tensile, ff.BiasExtension, ff.PictureFrame, ff.Forming
 
@@ -35,7 +36,14 @@ def test_options_are_the_fields_with_their_defaults(kind):
         (ff.BiasExtension, {"in_plane_bending": 1, "element": "P2"}, "allowed is P1"),
         (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
         (ff.PictureFrame, {"pre_tension": 0.5}, "allowed is a strain from 0 to 0.1"),
-        (ff.Forming, {"dome": {"depht": 3}}, "`dome` depht=3 names no dimension"),
+        (ff.Forming, {"dome": {"depht": 3}}, "`dome`: depht: no dimension of the double dome has"),
+        (
+            ff.Forming,
+            {"dome": ["60", "waist=wide", "hight=3", "depth=-1"]},
+            "`dome` NAME=VALUE: 60, hight: no dimension of the double dome has this name; allowed "
+            f"are {', '.join(DIMENSIONS)}; waist is 'wide'; allowed is a finite number, above 0; "
+            "depth is -1.0; allowed is a finite number, above 0",
+        ),
         (ff.Forming, {"stroke": 1000, "nx": 4}, "`stroke` 1000 is deeper than the die"),
         (ff.Forming, {"punch": ff.Sphere(5, (0, 0, -5)), "nx": 4}, "`stroke` is not given"),
     ],

@@ -4,6 +4,7 @@ import inspect
 import math
 import re
 import textwrap
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -491,9 +492,21 @@ def test_modifiers():
                 saddle_depth=0,
                 wall_angle=0,
             ),
-            "waist is 63.25; allowed is larger, as the fillet's foot, 40 outside, must not "
-            "reach the centre of the arc "
-            "of radius",
+            "waist is 63.25; allowed is larger, as the fillet's foot, 40 outside the outline, must "
+            "not reach the centre of the outline's concave arc of radius 0.160714 there",
+        ),
+        # all that is wrong at once
+        (
+            lambda: DoubleDome(hight=3, waist=-1, length=4, depth="x"),
+            "hight, length: no dimension of the double dome has this name; allowed are "
+            f"{', '.join(each.name for each in fields(DoubleDome))}; waist is -1; allowed is a "
+            "finite number, above 0; depth is 'x'; allowed is a finite number, above 0",
+        ),
+        (
+            lambda: DoubleDome(top_radius=0, waist=70, saddle_depth=70),
+            "top_radius is 0; allowed is a finite number, above 0; "
+            "waist is 70; allowed is above 0 and at most dome_radius = 65, with dome_distance 304; "
+            "saddle_depth is 70; allowed is below depth = 60",
         ),
         (
             lambda: Offset(Sphere(10, [0, 0, 0]), -10),
@@ -544,6 +557,13 @@ def test_bad_parameters(make, sentence):
     with pytest.raises(InputError) as error:
         make()
     assert str(error.value).startswith(sentence) and "\n" not in str(error.value)
+
+
+def test_the_double_dome_says_what_its_dimensions_are():
+    told = " ".join(inspect.getdoc(DoubleDome).split())
+    for each in fields(DoubleDome):
+        assert f"- {each.name}: {each.metadata['help']}" in told
+    assert list(inspect.signature(DoubleDome).parameters) == [e.name for e in fields(DoubleDome)]
 
 
 def test_tool_moves():
