@@ -157,8 +157,6 @@ class Job:
         wrong_now: list[str] = []  # what is wrong with the last accepted state
 
         def accept(accepted: Accepted) -> None:
-            with timing.phase("output"):
-                further = scene.history()
             if not accepted.load and any(term.prestressed for term in scene.terms):
                 moved = scene.u.norm(PETSc.NormType.NORM_INFINITY)
                 output.say(
@@ -166,7 +164,9 @@ class Job:
                     f"{moved:.3g} mm"
                 )
             wrong_now[:] = self._beyond_limits()
-            history.add(accepted, *measure(scene, accepted.load), further)
+            measured = measure(scene, accepted.load)
+            with timing.phase("output"):
+                history.add(accepted, *measured, scene.history)
             output.warn(viscous_words(history.rows, accepted.load))
             bar.update(accepted.load - bar.n)
             step, energy = accepted.progress.step, sum(accepted.energies.values())

@@ -1,6 +1,6 @@
 """A scene: a blank, the terms that store or take energy in it, and its supports."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from .errors import InputError
 from .material.laws import Law
 from .material.laws.base import Material
 from .mechanics.assembly import Assembly
-from .mechanics.term import Term
+from .mechanics.term import Term, columns_of
 from .mechanics.work import Work
 from .sheets.blank import Blank
 from .sheets.parts import Part
@@ -350,12 +350,9 @@ class Scene:
         """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
         return sum((term.tool_force(tool) for term in self.terms), np.zeros(3))
 
-    def history(self) -> dict[str, Any]:
-        """What the terms add to the present state's row of history.csv."""
-        row: dict[str, Any] = {}
-        for term in self.terms:
-            term.add_history(row)
-        return row
+    def history(self, taken: Collection[str] = ()) -> dict[str, Any]:
+        """What the terms add to the present state's row of history.csv, see `columns_of`."""
+        return columns_of(self.terms, taken)
 
     def summary(self) -> dict[str, Any]:
         """What the terms say of themselves and the present state in summary.json."""

@@ -1,7 +1,7 @@
 """What a term of a scene may do: a base class whose methods do nothing."""
 
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from reprlib import repr as shown
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns and values of a sparse matrix
 EMPTY = np.empty(0)
+# of what every run tells beside the energies of terms
+OF_A_RUN = "viscous", "external_work"
 NO_TANGENT: Triplets = (np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), EMPTY)
 
 
@@ -57,7 +59,11 @@ class Term:
     of `blank.u`: components along the axes of the blank's frame.
 
     - name: what summaries and errors call it
-    - energy_kind: under which its energy is added up, a column of history.csv; None of loads
+    - energy_kind: under which its energy is added up: a column of history.csv, and of `energy` in
+      summary.json; None of loads. Of terms with the same kind only the sum is told, as "strain" of
+      several membranes; so an own term has a kind of its own, unless its energy is to be counted
+      among that of others. The package's own kinds are strain, bending, contact and friction,
+      and of metal metal and plastic
     - resists: rigid motions of the sheet that it may resist: "move" and "turn", or only those out
       of its plane, "lift", or within it, "slide"; "stretch" if it alone can hold the sheet
       together, though it is no form
@@ -109,6 +115,11 @@ class Term:
                     "allowed is a term in one scene, so each scene needs its own"
                 )
             return
+        if self.energy_kind in OF_A_RUN:
+            raise InputError(
+                f"`energy_kind` of term {self.name} is {self.energy_kind}, which every run has for "
+                "something else; allowed is another name"
+            )
         self._scene, self.blank = weakref.ref(scene), scene.blank
         self.part = scene.blank.part(self.part_name)
         self.set_up(scene)
@@ -226,7 +237,9 @@ class Term:
 
     def add_history(self, row: dict[str, Any]) -> None:
         """Add columns to a row of history.csv, the same ones each time, of all ranks; their names
-        must be none that the row has without terms."""
+        must be none that the row has without terms. `row` holds the columns of the terms before
+        it: a term that gives one of them anew must have read it, as
+        `row[name] = max(value, row.get(name, 0.0))` does; otherwise the run ends in InputError."""
 
     def add_summary(self, summary: dict[str, Any]) -> None:
         """Add facts, of all ranks, to summary.json (what JSON can hold)."""
@@ -262,3 +275,43 @@ class Term:
     def warnings(self) -> list[str]:
         """What speaks against the present state though nothing failed, in words."""
         return []
+
+
+class _Row(dict[str, Any]):
+    """What one term gives to a row of history.csv; what terms before it gave can be read in it."""
+
+    def __init__(self, before: Mapping[str, Any]) -> None:
+        self.before, self.read = before, set[str]()
+
+    def __missing__(self, name: str) -> Any:
+        value = self.before[name]
+        self.read.add(name)
+        return value
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name) or name in self.before
+
+    def get(self, name: str, default: Any = None) -> Any:
+        return self[name] if name in self else default
+
+
+def columns_of(terms: Iterable[Term], taken: Collection[str] = ()) -> dict[str, Any]:
+    """What `terms` add to a row of history.csv that has the columns `taken` already. Raises
+    InputError for a term that gives one of these, or one of another term without reading it."""
+    row: dict[str, Any] = {}
+    givers: dict[str, str] = dict.fromkeys(taken, "history.csv has")
+    for term in terms:
+        mine = _Row(row)
+        term.add_history(mine)
+        for name in mine:
+            if name in givers and name not in mine.read:
+                instead = (
+                    ", or to read it in `row` and give one value for both" if name in row else ""
+                )
+                raise InputError(
+                    f"`add_history` of term {term.name} gives the column {name}, which "
+                    f"{givers[name]} already; allowed is another name{instead}"
+                )
+        row |= mine
+        givers |= dict.fromkeys(mine, f"term {term.name} gives")
+    return row

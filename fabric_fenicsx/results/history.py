@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,11 +52,15 @@ class History:
             self._write(row)
 
     def add(
-        self, accepted: Accepted, displacement: float, reaction: float, further: Mapping[str, Any]
+        self,
+        accepted: Accepted,
+        displacement: float,
+        reaction: float,
+        further: Callable[[Collection[str]], Mapping[str, Any]],
     ) -> None:
         """Append an `Accepted` state at which the grips moved by `displacement` [mm] under
-        `reaction` [N]; further: what the terms add to it, see `Term.add_history`. Raises
-        InputError if that has a name which is taken."""
+        `reaction` [N]; further: function of the columns that are taken to those that the terms
+        add, `Scene.history`."""
         report = accepted.report
         stored = sum(accepted.energies.values())
         imbalance = abs(accepted.external_work - stored) / max(abs(stored), 1e-300)
@@ -79,13 +83,7 @@ class History:
             "wall_s": round(accepted.wall, 4),
         }
         row |= {f"{kind}_energy_Nmm": energy for kind, energy in accepted.energies.items()}
-        for name in further:
-            if name in row and name not in OF_TERMS:
-                raise InputError(
-                    f"`add_history` of a term gives the column {name}, which history.csv has "
-                    "already; allowed is another name"
-                )
-        row |= further
+        row |= further(row.keys() - set(OF_TERMS))
         self.rows.append(row)
         self._write(row)
 

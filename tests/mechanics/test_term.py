@@ -246,5 +246,65 @@ def test_a_column_of_history_that_is_there_already(name):
 
     blank = sheet(20.0, 10.0, 2, 1)
     scene = Scene(blank, [Membrane(KOMEILI), Mine(K)], clamped_ends(0.1))
-    with pytest.raises(InputError, match=f"gives the column {name}, which history.csv has already"):
+    words = f"of term bedding gives the column {name}, which history.csv has already; allowed is an"
+    with pytest.raises(InputError, match=words):
         Job(scene, steps=1).run()
+
+
+@pytest.mark.parametrize("write", ["row[name] = 2", "row |= {name: 2}", "row.update({name: 2})"])
+@pytest.mark.parametrize("name", ["hits", "min_stability"])
+def test_a_column_of_history_that_two_terms_give(name, write):
+    """Silently one would be lost, though both are the same at load 0."""
+
+    class Mine(Bedding):
+        name = energy_kind = "mine"
+
+        def add_history(self, row):
+            exec(write, {"row": row, "name": name})
+
+    class Other(Bedding):
+        add_history = Mine.add_history
+
+    terms = [Membrane(KOMEILI), Mine(K), *([Other(K)] if name == "hits" else [])]
+    scene = Scene(sheet(20.0, 10.0, 2, 1), terms, clamped_ends(0.1))
+    last, first = ("bedding", "mine") if name == "hits" else ("mine", "membrane")
+    with pytest.raises(InputError) as error:
+        Job(scene, steps=1).run()
+    assert str(error.value) == (
+        f"`add_history` of term {last} gives the column {name}, which term {first} gives already; "
+        "allowed is another name, or to read it in `row` and give one value for both"
+    )
+
+
+@pytest.mark.parametrize("ask", [lambda row: row.get("hits", 0), lambda row: row["hits"]])
+def test_terms_that_read_a_column_may_share_it(ask):
+    class Mine(Bedding):
+        def add_history(self, row):
+            row["hits"] = 1 + (ask(row) if "hits" in row else 0)
+
+    terms = [Membrane(KOMEILI), Mine(K), Mine(K), Mine(K)]
+    row = Scene(sheet(20.0, 10.0, 2, 1), terms, clamped_ends(0.1)).history()
+    assert list(row) == ["min_stability", "hits"] and row["hits"] == 3
+
+
+@pytest.mark.parametrize("kind", ["viscous", "external_work"])
+def test_an_energy_of_a_kind_that_every_run_has(kind):
+    term = Bedding(K)
+    term.energy_kind = kind
+    with pytest.raises(InputError, match=f"`energy_kind` of term bedding is {kind}, .* another"):
+        alone(sheet(20.0, 10.0, 2, 1), term)
+
+
+def test_energies_of_one_kind_are_added_up():
+    """As `Term` and the page on own terms say."""
+
+    def energies(kind):
+        bedding = Bedding(K)
+        bedding.energy_kind = kind
+        blank = sheet(20.0, 10.0, 2, 1)
+        scene = Scene(blank, [Membrane(KOMEILI), bedding], clamped_ends(0.1))
+        return Job(scene, steps=1).run().summary["energy"]
+
+    apart, together = energies("bedding"), energies("strain")
+    assert apart["bedding"] > 0 and "bedding" not in together
+    assert together["strain"] == pytest.approx(apart["strain"] + apart["bedding"], rel=1e-9)
