@@ -141,7 +141,8 @@ def test_the_format_of_data_names_every_test_column_key_and_unit():
 
 
 @pytest.mark.parametrize("script", EXAMPLES, ids=lambda p: p.stem)
-def test_an_example_prints_what_its_page_says(run, tmp_path, script):
+def test_an_example_prints_what_its_page_says(run, tmp_path, script, caplog):
+    """And ends without a warning that its work is not in the energies."""
     text = script.read_text()
     assert len(text.splitlines()) <= 40
     told = []
@@ -154,6 +155,7 @@ def test_an_example_prints_what_its_page_says(run, tmp_path, script):
         ]
     (told,) = told or [output_of_readme()] if script.stem == "ball" else told
     compare(run(text), told)
+    assert "take smaller steps" not in caplog.text
     picture = tmp_path / f"{script.stem}.png"
     assert picture.exists() == (DOCS / "pictures" / picture.name).exists()
 

@@ -31,6 +31,6 @@ tool = ff.Tool(egg, lambda load: (50.0, 25.0, 6.0 * load - 20.5), name="egg")
 ply = ff.Blank.rectangle(100, 50, nx=12, spatial=True)
 terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=100.0), ff.Contact(tool)]
 scene = ff.Scene(ply, terms, supports=ff.clamped_ends())
-result = ff.Job(scene, steps=4).run("results/egg", overwrite=True)
+result = ff.Job(scene, steps=10).run("results/egg", overwrite=True)
 print(round(result.force(tool)[2], 2))
 result.plot("shear_angle", "own_tool.png")

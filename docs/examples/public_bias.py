@@ -33,7 +33,7 @@ class Fork(Comfor):
 
 stroke, size = float(sys.argv[1]) if len(sys.argv) > 1 else 50.0, {"length": 210, "width": 70}
 for law in (Comfor(k=100.0, thickness=1.0), Fork(k=17700.0, thickness=1.0)):
-    run = ff.BiasExtension(law, **size, nx=24, strain=stroke / 210).job(steps=10).run()
+    run = ff.BiasExtension(law, **size, nx=24, strain=stroke / 210).job(steps=20).run()
     q, net = run.summary["quantities"], relaxed_net(law, *size.values(), stroke)
     net_angle = np.degrees(net.shear_angle(radius=70 / 8))
     angles = q["centre_shear_angle_deg"], net_angle, q["theory_shear_angle_deg"]

@@ -15,13 +15,15 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap
 
 # field -> label, factor to the unit shown, colour map
+# label, factor, colours of fields; no label has an index 1 or 2, which beside axes x and y looks
+# like theirs
 SHOWN = {
-    "log_eps_11": (r"$\varepsilon_{11}$ (log) / %", 100.0, "viridis"),
-    "log_eps_22": (r"$\varepsilon_{22}$ (log) / %", 100.0, "viridis"),
-    "shear_angle": (r"$\gamma_{12}$ / deg", 180 / np.pi, "coolwarm"),
-    "error_log_eps_11": (r"error of $\varepsilon_{11}$ / %", 100.0, "magma_r"),
-    "error_log_eps_22": (r"error of $\varepsilon_{22}$ / %", 100.0, "magma_r"),
-    "error_shear_angle": (r"error of $\gamma_{12}$ / deg", 180 / np.pi, "magma_r"),
+    "log_eps_11": ("log strain\nalong yarns a / %", 100.0, "viridis"),
+    "log_eps_22": ("log strain\nalong yarns b / %", 100.0, "viridis"),
+    "shear_angle": ("shear angle / deg", 180 / np.pi, "coolwarm"),
+    "error_log_eps_11": ("error of log strain\nalong yarns a / %", 100.0, "magma_r"),
+    "error_log_eps_22": ("error of log strain\nalong yarns b / %", 100.0, "magma_r"),
+    "error_shear_angle": ("error of\nshear angle / deg", 180 / np.pi, "magma_r"),
     "ellipticity_lost": ("ellipticity lost (1) or not", 1.0, "Greys"),
     "strain_state": ("strain state", 1.0, "Set2"),
 }

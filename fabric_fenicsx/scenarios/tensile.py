@@ -101,10 +101,11 @@ class Tensile(Scenario):
 
 
 def strains_across(result: Result) -> str:
-    """Words for log eps22 at the middle, which finer meshes keep, and of the cell with the least,
-    which they need not."""
+    """Words for the strain along yarns b at the middle, which finer meshes keep, and of the cell
+    with the least, which they need not."""
     at = "no cell at the middle"
     if result.number("log_eps_22_middle") is not None:
-        at = f"log eps22 at the middle {result.told('log_eps_22_middle', '.2f', 100)} %"
+        middle = result.told("log_eps_22_middle", ".2f", 100)
+        at = f"log strain along yarns b at the middle {middle} %"
     least = result.told("log_eps_22_min", ".2f", 100)
     return f"{at} (least of a cell {least} %, which a finer mesh may lower)"

@@ -44,12 +44,15 @@ def test_maps_show_signed_values_and_their_extremes(tmp_path, monkeypatch):
     gamma = np.degrees(fields["shear_angle"])
     assert gamma.max() < -5
     said = f"cells: {gamma.min():.4g} to {gamma.max():.4g}"
-    (_, shear, *_), (first, second, *_) = (
+    (_, shear, *bars), (first, second, *_) = (
         figure.axes for figure in drawn if hasattr(figure, "axes")
     )
     assert shear.get_title() == said
     assert first.get_title() == f"one\n{said}"
     assert second.get_title() == f"two\n{said}"
+    # without indices, which beside axes x and y would be theirs
+    labels = [" ".join(bar.get_ylabel().split()) for bar in bars]
+    assert labels == ["log strain along yarns b / %", "shear angle / deg"]
     for ax in (shear, first):
         (cells,) = ax.collections
         low, high = cells.get_clim()

@@ -381,7 +381,7 @@ def test_what_is_said_first_holds_as_the_mesh_is_refined(launch):
         r["shear_angle_98_percent_deg"], rel=0.03
     )
     assert r["shear_angle_max_deg"] > 1.5 * q["shear_angle_max_deg"]
-    assert f"log eps22 at the middle {100 * r['log_eps_22_middle']:.2f} %" in fine.out
+    assert f"along yarns b at the middle {100 * r['log_eps_22_middle']:.2f} %" in fine.out
     for name in ("log_eps_11", "log_eps_22"):
         (low, high), (least, most) = r[f"{name}_98_percent"], r[name]
         assert least <= low < r.get(f"{name}_middle", high) <= high <= most
