@@ -36,7 +36,7 @@ areal_weight_g_per_m2 (density = areal weight / thickness), and in [assumed], [a
 """
 
 from .checks import check_contradictions, unit_warnings
-from .forces import bias_normalised
+from .forces import bias_displacement, bias_force, bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, Curve, Response, Sheet
 from .reading import read, read_curve, read_sheet
 from .writing import write
@@ -48,6 +48,8 @@ __all__ = [
     "Curve",
     "Response",
     "Sheet",
+    "bias_displacement",
+    "bias_force",
     "bias_normalised",
     "check_contradictions",
     "read",
