@@ -193,12 +193,12 @@ class BiasExtension(StripTest):
         if self.at_45 and math.isfinite(theory) and theory > 0:
             force = float(self.shear_forces(rows[-1:])[1][0])
             found["normalised_shear_force_N_per_mm"] = force
-        if self.laid:
-            _, mine, predicted = self.against_measured(rows)
+        if self.laid and (near := self.against_measured(rows))[1].any():
+            _, mine, predicted = near
             found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
             off = predicted[mine != 0] / mine[mine != 0] - 1
             found["measured_rms_relative"] = float(np.sqrt(np.mean(off**2)))
-            found |= self.against_curves(result)
+        found |= self.against_curves(result)
         middle = ((self.low + self.high) / 2)[:2]
         centre = measures.near(comm, blank.midpoints(), middle, (self.high - self.low)[1] / 8)
         at_centre = measures.mean(comm, gamma, 1.0 * centre)

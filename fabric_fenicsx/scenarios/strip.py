@@ -44,9 +44,9 @@ class Measured:
         found: dict[str, Any] = {"file": self.file, "test": self.test}
         found |= {"points": len(there), "points_covered": int(there.sum())}
         names = "from_mm", "to_mm", "rms_N", "largest_N", "rms_of_peak", "largest_of_peak"
-        if not there.any():  # of a run that ended early
-            return found | dict.fromkeys(names)
         x, measured = self.displacement[there], self.force[there]
+        if not measured.any():  # of a run that ended early
+            return found | dict.fromkeys(names)
         off = np.interp(x, d, force) - measured
         rms, largest = np.sqrt(np.mean(off**2)), np.abs(off).max()
         peak = np.abs(measured).max()
@@ -123,11 +123,11 @@ class StripTest(Scenario):
         for curve in fitting:
             self.warnings += filter(None, [self._other_size(curve, length, width)])
             displacement, force = self.as_measured(curve, sheet.thickness, length, width)
-            if displacement[0] > self.stroke * (1 + 1e-9):
+            first = displacement[np.flatnonzero(force)[0]]
+            if first > self.stroke * (1 + 1e-9):
                 raise InputError(
-                    f"`measured` {curve.file} begins at {displacement[0]:.4g} mm, where the run "
-                    f"ends at {self.stroke:.4g} mm; allowed is a `strain` above "
-                    f"{displacement[0] / length:.3g}"
+                    f"`measured` {curve.file} begins at {first:.4g} mm, and the run ends at "
+                    f"{self.stroke:.4g} mm; allowed is a `strain` above {first / length:.3g}"
                 )
             self.laid.append(Measured(curve.file, curve.test, displacement, force))
 
@@ -162,7 +162,7 @@ def measured_lines(result: Result) -> list[str]:
         "at most, {rms_of_peak:.1%} and {largest_of_peak:.1%} of the largest measured, from "
         "{from_mm:.3g} to {to_mm:.3g} mm ({points_covered} of {points} points)".format(**found)
         for found in result.summary["quantities"].get("measured", [])
-        if found["points_covered"]
+        if found["rms_N"] is not None
     ]
 
 
