@@ -16,7 +16,7 @@ from . import timing
 from .errors import InputError, Interrupted, SolverFailure
 from .mechanics import mesh_warnings
 from .mechanics.self_crossing import self_crossings
-from .results.curve import Measure, default_measure
+from .results.curve import Curves, Measure, default_measure
 from .results.history import ENERGIES, History, check_notes, energy_balance, viscous_words
 from .results.output import Output, read_converged
 from .results.result import LAST_PICTURE, Result, draw_state
@@ -51,7 +51,8 @@ class Job:
     measure: function of scene and load factor to displacement [mm] and force [N] for the history;
     by default those of the first tool or moving support. quantities: function of a `Result` to
     what the summary says beside the rest; tables, pictures: what to write and draw of it besides.
-    warnings: sentences that the run begins with.
+    warnings: sentences that the run begins with. beside: curves drawn into curve.png besides the
+    run's, {label: (displacements [mm], forces [N])}.
     """
 
     scene: Scene
@@ -75,6 +76,7 @@ class Job:
     tables: Callable[[Result, Path], None] | None = None
     pictures: Callable[[Result, Path], None] | None = None
     warnings: Iterable[str] = ()
+    beside: Curves = field(default_factory=dict)
     name: str = "job"
 
     def run(
@@ -266,7 +268,7 @@ class Job:
         if self.scene.comm.rank == 0 and pictures:
             if self.pictures and reached:
                 self.pictures(result, result.folder)
-            draw_state(output.name, result, result.folder)
+            draw_state(output.name, result, result.folder, self.beside)
         self.scene.comm.barrier()
 
     def _finished_before(self, output, folder, start, notes, summary, problem, pictures):

@@ -3,6 +3,7 @@ Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.scenarios.bias_extension import BiasExtension
+from fabric_fenicsx.scenarios.strip import measured_lines
 
 
 def options():
@@ -13,10 +14,12 @@ def main(study: Study):
     bias = study.scenario(BiasExtension)
     result = study.run(bias)
     q, theory = result.summary["quantities"], "no theory"
+    for line in measured_lines(result):
+        study.say(line)
     if bias.measured:
         rms, relative = q["measured_rms_N_per_mm"], 100 * q["measured_rms_relative"]
         study.say(
-            f"measured and simulated shear force differ by {rms:.3g} N/mm ({relative:.3g} %) r.m.s."
+            f"normalised shear forces differ by {rms:.3g} N/mm r.m.s. ({relative:.3g} % of each)"
         )
     centre = "no cell at the centre"
     if bias.has_centre:

@@ -3,6 +3,7 @@ al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.material.laws import coupling_variants
+from fabric_fenicsx.scenarios.strip import measured_lines
 from fabric_fenicsx.scenarios.tensile import Tensile, strains_across
 
 
@@ -21,12 +22,15 @@ def options():
 def main(study: Study):
     if not study.args.compare:
         result = study.run(study.scenario(Tensile))
+        for line in measured_lines(result):
+            study.say(line)
         reaction = result.told("reaction_N")
         study.say(f"{result.folder}: reaction {reaction} N, {strains_across(result)}")
         return
     folder, results = study.folder(), {}
     for name, fabric in coupling_variants(study.fabric).items():
-        results[name] = study.run(study.scenario(Tensile, fabric), name.replace(" ", "_"))
+        strip = study.scenario(Tensile, fabric)
+        results[name] = study.run(strip, name.replace(" ", "_"))
     found = {
         name: r.summary["quantities"] | {"reaction_N": r.summary["reaction_N"]}
         for name, r in results.items()
@@ -38,8 +42,10 @@ def main(study: Study):
 
         names = "log_eps_11", "log_eps_22", "shear_angle"
         pictures.maps(folder / "compare.png", {k: r.grid for k, r in results.items()}, names)
-        pictures.reactions(folder / "compare_curves.png", results)
+        pictures.reactions(folder / "compare_curves.png", results, beside=strip.beside())
     for name, r in results.items():
+        for line in measured_lines(r):
+            study.say(f"{name:24s} {line}")
         study.say(f"{name:24s} reaction {r.told('reaction_N', '9.4f')} N, {strains_across(r)}")
 
 

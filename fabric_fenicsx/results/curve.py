@@ -1,6 +1,6 @@
 """What a curve of force over displacement is of."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -8,6 +8,8 @@ from ..scene import Scene
 
 # of a scene and its load factor: displacement [mm] and force [N]
 Measure = Callable[[Scene, float], tuple[float, float]]
+# {label: (displacements [mm], forces [N])}, each (n,)
+Curves = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
 def moving_grip(stroke: float) -> Measure:

@@ -157,13 +157,15 @@ def reactions(
     results: Mapping[str, Any],
     xlabel: str = "displacement / mm",
     ylabel: str = "reaction / N",
+    beside: Mapping[str, Sequence] = MappingProxyType({}),
 ) -> None:
     """Curves of force over displacement of runs {label: `job.Result`} in one diagram, with a band
-    of their estimated errors."""
-    series = {
+    of their estimated errors; beside: others {label: (displacements, forces)}, as points."""
+    series: dict[str, Sequence] = {
         label: ([r["displacement_mm"] for r in result.rows], [r["reaction_N"] for r in result.rows])
         for label, result in results.items()
     }
+    series |= {label: (*curve, "s") for label, curve in beside.items()}
     bands = {
         label: [r["error_N"] for r in result.rows]
         for label, result in results.items()

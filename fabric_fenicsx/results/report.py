@@ -13,7 +13,7 @@ import jinja2
 CAPTIONS = {
     "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where "
     "the angle from yarns a to b grows), on the deformed sheet",
-    "curve": "Reaction over displacement (the band, if there is one: its estimated error)",
+    "curve": "Reaction over displacement (a band: its estimated error; squares: measured)",
     "error": "Estimated errors of strains and shear angle, from a mesh twice as coarse",
     "axis": "Magnitude of the shear angle along the strip's axis",
     "measured": "Normalised shear force, simulated and measured",

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..scene import Scene
+from .curve import Curves
 
 if TYPE_CHECKING:
     import pyvista
@@ -125,11 +126,12 @@ def of_fabric(
     return {name: grid for name, grid in grids.items() if "shear_angle" in grid.cell_data}
 
 
-def draw_state(name: str, result: Result, folder: Path) -> None:
-    """maps.png and curve.png, what one looks at first."""
+def draw_state(name: str, result: Result, folder: Path, beside: Curves) -> None:
+    """maps.png and curve.png, what one looks at first; beside: other curves to draw in that."""
     from . import pictures
 
-    pictures.reactions(folder / "curve.png", {"": result})
+    run = {"simulated" if beside else "": result}
+    pictures.reactions(folder / "curve.png", run, beside=beside)
     maps = {part or name.replace("_", " "): grid for part, grid in of_fabric(result.grids).items()}
     pictures.maps(folder / LAST_PICTURE, maps, MAPS, outliers=OUTLIERS)
     errors = tuple(f"error_{field}" for field in MAPS)

@@ -10,16 +10,15 @@ import numpy as np
 
 from ..errors import InputError
 from ..job import Result
-from ..material import curves
-from ..material.curves import bias_normalised
+from ..material.curves import Curve, bias_displacement, bias_force, bias_normalised
 from ..mechanics.bending import Bending
 from ..meshes.specimen import PATTERNS, can_be_graded
 from ..results import measures
-from ..scene import Scene
 from ..supports import Supports, clamped_ends
 from ..verification.pin_jointed import PinJointedStrip
-from .numbers import FINITE, FRACTION, FROM_ZERO, POSITIVE, choice, number, text
-from .scenario import ELEMENTS, Scenario
+from .numbers import FINITE, FROM_ZERO, choice, number
+from .scenario import ELEMENTS
+from .strip import StripTest
 from .transition import transition_width
 
 AT_45 = "crossed", "graded"  # patterns whose cells have edges at 45 deg
@@ -27,7 +26,7 @@ GRADED = 0.2  # nominal strain up to which the mesh is graded by default
 
 
 @dataclass(kw_only=True)
-class BiasExtension(Scenario):
+class BiasExtension(StripTest):
     """A strip of `fabric` with its yarns across the load, gripped at its ends."""
 
     NAME: ClassVar[str] = "bias_extension"
@@ -37,12 +36,8 @@ class BiasExtension(Scenario):
         "half_zone_shear_angle_deg",
         "normalised_shear_force_N_per_mm",
     )
+    COMPARED = "bias_extension, or shear without strain along the yarns"
 
-    length: float = number(
-        None, POSITIVE, "of the specimen, along the load (200, or the mesh's) [mm]"
-    )
-    width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
-    strain: float = number(0.10, FRACTION, "nominal strain at full load: 0.1 is 10 %")
     fibre_angle: float = number(45.0, FINITE, "from the length to yarns a [deg]", "mesh")
     pattern: str = choice(
         None,
@@ -68,32 +63,26 @@ class BiasExtension(Scenario):
         FROM_ZERO,
         "stiffness of yarns against bending within the sheet, over that out of it; P1 only",
     )
-    measured: str | None = text(
-        None,
-        "test data with a normalised shear force F_sh, as `identify` reads them, to compare with",
-        "DIR",
-    )
 
     def prepare(self) -> None:
         """Make blank, membrane and the theory to compare with."""
         self._choose()
-        self._measured = self._read_measured()
         self.blank = self.sheet()
         if self.integration is None:
             at_45 = self.pattern in AT_45 and self.fibre_angle == 45 and self.yarn_angle == 90
             along = self.pattern == "along" and self.yarn_angle == 90
             follow = self.mesh or self.pattern == "yarns" or at_45 or along
             self.integration = "full" if follow or self.element != "P2" else "reduced"
-        self.low, self.high = self.blank.extent()
+        self.grip()
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):
             raise InputError(
                 f"the strip is {length:.6g} mm long and {width:.6g} mm wide; allowed is a length "
                 "of 2 widths or more, for a zone of full shear"
             )
-        self.stroke = self.strain * length
         self.membrane = self.fabric_membrane()
         self._compare_with_theory(length, width)
+        self.take_measured()
         self.has_centre = measures.covers(self.blank, ((self.low + self.high) / 2)[:2])
         if not self.has_centre:
             self.warnings.append(
@@ -113,18 +102,6 @@ class BiasExtension(Scenario):
             straight = self.fibre_angle == 45 and self.yarn_angle == 90
             self.pattern = "graded" if graded and straight else "crossed"
 
-    def _read_measured(self):
-        """The measured curve of shear forces, None if there is none."""
-        if not self.measured:
-            return None
-        found = [c for c in curves.read(self.measured)[1] if c.responses[0].column == "F_sh"]
-        if not found:
-            raise InputError(
-                f"`measured` {self.measured} has no test with a column F_sh; "
-                "allowed is one with gamma and F_sh"
-            )
-        return found[0]
-
     def _compare_with_theory(self, length, width):
         """Set `strip`, of inextensible yarns, and `no_theory`: why it says nothing of this test."""
         blank = self.blank
@@ -135,13 +112,30 @@ class BiasExtension(Scenario):
         self.no_theory = self.strip.locked if whole else "the sheet is not the whole rectangle"
         at_45 = self.yarn_angle == 90 and self.fibre_angle % 90 == 45 and self.rest is None
         self.at_45 = at_45 and not self.no_theory
-        if self._measured and not self.at_45:
+
+    def is_compared(self, curve: Curve) -> bool:
+        """As in `StripTest`: a bias test, or one of pure shear."""
+        if not self.at_45:
             raise InputError(
-                f"`measured` {self.measured} has a normalised shear force, which "
-                "is known of a whole rectangle with yarns at +-45 deg; allowed is "
-                f"`fibre_angle` 45 with neither `yarn_angle` nor "
-                f"`weave_angle` nor a hole in `mesh`"
+                f"`measured` {self.measured} is compared by shear angle and normalised shear "
+                "force, which are known of a whole rectangle with yarns at +-45 deg; allowed is "
+                "`fibre_angle` 45 with neither `yarn_angle` nor `weave_angle` nor a hole in `mesh`"
             )
+        sheared = curve.test == "shear" and not curve.strains[:, :2].any()
+        return curve.test == "bias_extension" or sheared
+
+    def as_measured(
+        self, curve: Curve, thickness: float, length: float, width: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As in `StripTest`: of the strip with the same normalised shear force."""
+        gamma, (response, *_) = curve.strains[:, 2], curve.responses
+        if curve.test == "bias_extension":
+            sizes = curve.keys["height"], curve.keys["width"]
+            force = bias_normalised(gamma, response.values, *sizes)
+        else:  # gain: from the stress tau to what was measured
+            force = response.values / response.gain * thickness / np.cos(gamma)
+        displacement = bias_displacement(gamma, length, width)
+        return displacement, bias_force(gamma, force, length, width)
 
     def terms(self) -> Sequence[Bending]:
         """In-plane bending of yarns that the grips hold straight, if asked for."""
@@ -166,10 +160,6 @@ class BiasExtension(Scenario):
             return 0.5 if graded else 0.15
         return 3.0 if graded else 1.0
 
-    def measure(self, scene: Scene, load: float) -> tuple[float, float]:
-        """Displacement [mm] and reaction [N] of the moving grip."""
-        return load * self.stroke, float(scene.reaction("moving grip")[0])
-
     def shear_forces(self, rows: Sequence[dict[str, Any]]) -> tuple[np.ndarray, np.ndarray]:
         """Magnitude of theory's shear angle [rad] and normalised shear force [N/mm] at the rows of
         a history, as an experiment derives them."""
@@ -183,13 +173,12 @@ class BiasExtension(Scenario):
     def against_measured(
         self, rows: Sequence[dict[str, Any]]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Measured shear angles [rad], forces and predicted forces [N/mm] there, within the
-        simulated range."""
+        """Shear angles [rad] of the first measured curve, its normalised shear forces and the
+        predicted ones [N/mm] there, within the simulated range."""
         gamma, force = self.shear_forces(rows)
-        angles = self._measured.strains[:, 2]
+        angles, measured = self.shear_forces(self.laid[0].rows())
         there = angles <= gamma.max() + 1e-9
-        measured = self._measured.responses[0].values[there]
-        return angles[there], measured, np.interp(angles[there], gamma, force)
+        return angles[there], measured[there], np.interp(angles[there], gamma, force)
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
@@ -204,11 +193,12 @@ class BiasExtension(Scenario):
         if self.at_45 and math.isfinite(theory) and theory > 0:
             force = float(self.shear_forces(rows[-1:])[1][0])
             found["normalised_shear_force_N_per_mm"] = force
-        if self._measured:
-            _, mine, predicted = self.against_measured(rows)
+        if self.laid and (near := self.against_measured(rows))[1].any():
+            _, mine, predicted = near
             found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
-            relative = float(np.sqrt(np.mean((predicted / mine - 1) ** 2)))
-            found["measured_rms_relative"] = relative
+            off = predicted[mine != 0] / mine[mine != 0] - 1
+            found["measured_rms_relative"] = float(np.sqrt(np.mean(off**2)))
+        found |= self.against_curves(result)
         middle = ((self.low + self.high) / 2)[:2]
         centre = measures.near(comm, blank.midpoints(), middle, (self.high - self.low)[1] / 8)
         at_centre = measures.mean(comm, gamma, 1.0 * centre)
@@ -283,7 +273,7 @@ class BiasExtension(Scenario):
                 series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
         labels = "position along the axis / mm", "magnitude of the shear angle / deg"
         pictures.curves(folder / "axis.png", series, *labels)
-        if self._measured:
+        if self.laid:
             gamma, force = self.shear_forces(result.rows)
             angles, mine, _ = self.against_measured(result.rows)
             series = {

@@ -19,6 +19,7 @@ from ..mechanics import mesh_warnings
 from ..mechanics.membrane import INTEGRATION, Membrane
 from ..mechanics.term import Term
 from ..meshes.specimen import PATTERNS
+from ..results.curve import Curves
 from ..scene import Scene
 from ..sheets.blank import Blank, layout
 from ..supports import Supports
@@ -142,6 +143,10 @@ class Scenario:
     def pictures(self, result: Result, folder: Path) -> None:
         """Draw the scenario's own pictures into `folder`; called on rank 0."""
 
+    def beside(self) -> Curves:
+        """Curves of force over displacement to draw beside the run's."""
+        return {}
+
     # -- what a caller asks for
 
     def order(self) -> float:
@@ -173,6 +178,7 @@ class Scenario:
             tables=self.tables,
             pictures=self.pictures,
             warnings=self.warnings,
+            beside=self.beside(),
             coarser=self._coarser_job if self.can_be_coarser() else None,
             order=self.order(),
             headlines=self.HEADLINES,

@@ -6,26 +6,24 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..job import Result
+from ..material.curves import Curve
 from ..results import measures
-from ..scene import Scene
 from ..supports import Supports, clamped_ends, rolling_ends
-from .numbers import FINITE, FRACTION, POSITIVE, choice, number
-from .scenario import Scenario
+from .numbers import FINITE, FRACTION, choice, number
+from .strip import StripTest
 
 
 @dataclass(kw_only=True)
-class Tensile(Scenario):
+class Tensile(StripTest):
     """A strip of `fabric` gripped at its ends and pulled to `strain`."""
 
     NAME = "tensile"
     CHEAP_FROM = 1000
+    COMPARED = "a tension test along the load: uniaxial_a with `fibre_angle` 0, uniaxial_b with 90"
     HEADLINES = ("log_eps_22_middle", "width_at_middle_mm", "nominal_stress_MPa")
 
-    length: float = number(
-        None, POSITIVE, "of the specimen, along the load (200, or the mesh's) [mm]"
-    )
-    width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
     strain: float = number(0.03, FRACTION, "nominal strain at full load: 0.1 is 10 %")
     grips: str = choice(
         "clamped",
@@ -38,13 +36,13 @@ class Tensile(Scenario):
         """Make blank and membrane."""
         self.blank = self.sheet(math.radians(self.turned))
         self.membrane = self.fabric_membrane()
-        self.low, self.high = self.blank.extent()
-        self.stroke = self.strain * (self.high - self.low)[0]
+        self.grip()
         self.has_middle = measures.covers(self.blank, ((self.low + self.high) / 2)[:2])
         if not self.has_middle:
             self.warnings.append(
                 "the sheet has a hole at its centre, so there are no strains at the middle"
             )
+        self.take_measured()
 
     def supports(self) -> Supports:
         """Grips at both ends."""
@@ -58,9 +56,26 @@ class Tensile(Scenario):
             return 1.0
         return 1.5 if self.element in ("P1", "Q1") else 1.75
 
-    def measure(self, scene: Scene, load: float) -> tuple[float, float]:
-        """Displacement [mm] and reaction [N] of the moving grip."""
-        return load * self.stroke, float(scene.reaction("moving grip")[0])
+    def is_compared(self, curve: Curve) -> bool:
+        """As in `StripTest`: a tension test along the yarns that the run pulls."""
+        if self.fibre_angle % 90 or self.yarn_angle != 90 or self.weave_angle not in (None, 90):
+            raise InputError(
+                f"`measured` {self.measured} is of yarns along the load and at right angles; "
+                "allowed is `fibre_angle` 0 or 90, with neither `yarn_angle` nor `weave_angle`"
+            )
+        return curve.test == ("uniaxial_b" if self.fibre_angle % 180 else "uniaxial_a")
+
+    def as_measured(
+        self, curve: Curve, thickness: float, length: float, width: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As in `StripTest`: the strain is that of the grips."""
+        if curve.free is None:
+            self.warnings.append(
+                f"`measured` {curve.file} is of held sides (lateral: held), while the sides of the "
+                "run's strip are free, which lowers its force"
+            )
+        force = curve.responses[0].values * thickness * width
+        return curve.strains[:, curve.abscissa] * length, force
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Strains at the middle, of 98 % of the area and extreme, and the width at the middle."""
@@ -87,6 +102,7 @@ class Tensile(Scenario):
                 max(map(abs, measures.extremes(comm, fields["shear_angle"])))
             ),
             "width_at_middle_mm": self._width_at_middle(),
+            **self.against_curves(result),
         }
 
     def _width_at_middle(self):

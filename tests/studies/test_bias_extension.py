@@ -122,6 +122,10 @@ def test_against_measured_shear_forces(launch, tmp_path):
     q = done.summary["quantities"]
     assert 0.04 < q["measured_rms_relative"] < 0.09  # the digitised data are good to 10 %
     assert (done.folder / "measured.png").stat().st_size > 10_000
+    (found,) = q["measured"]
+    assert (found["test"], found["points_covered"]) == ("shear", 6)
+    assert 0.04 < found["rms_of_peak"] < 0.08 < found["largest_of_peak"] < 0.15
+    assert "bias.csv: simulated and measured force differ by " in done.out
 
 
 @pytest.mark.mpi

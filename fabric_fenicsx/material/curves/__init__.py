@@ -13,13 +13,14 @@ then rows with a decimal point:
 | test | columns | further keys |
 |---|---|---|
 | uniaxial_a | eps_a; sigma_a; where measured sigma_b (held), eps_b (free) | lateral: held or free |
+|  | displacement in place of eps_a; F in place of sigma_a | length; width |
 | uniaxial_b | the same with a and b exchanged | |
 | biaxial | eps_a, eps_b; sigma_a and/or sigma_b | |
 | compression_a | eps_a; sigma_a; optional gamma (sheared compression) | |
 | compression_b | the same with a and b exchanged | |
 | shear | gamma; tau or F_sh; optional eps_a, eps_b (pre-strain) | |
 | picture_frame | gamma; F; optional eps_a, eps_b (pre-strain) | frame_length, fabric_length |
-| bias_extension | gamma; F | height, width |
+| bias_extension | gamma or displacement; F | height, width |
 
 The usual strip test, pulled between two grips with nothing at its sides, is `lateral: free`: the
 width follows from sigma_b = 0, be it measured (eps_b) or not. A strip as wide as it is long, or a
@@ -36,7 +37,7 @@ areal_weight_g_per_m2 (density = areal weight / thickness), and in [assumed], [a
 """
 
 from .checks import check_contradictions, unit_warnings
-from .forces import bias_normalised
+from .forces import bias_displacement, bias_force, bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, Curve, Response, Sheet
 from .reading import read, read_curve, read_sheet
 from .writing import write
@@ -48,6 +49,8 @@ __all__ = [
     "Curve",
     "Response",
     "Sheet",
+    "bias_displacement",
+    "bias_force",
     "bias_normalised",
     "check_contradictions",
     "read",

@@ -43,15 +43,46 @@ def response(
             )
         gain = t * fabric**2 / (frame * np.sin(math.pi / 4 - gamma / 2))
     elif test == "bias_extension":
-        H, W = lengths["height"], lengths["width"]
-        if H < 2 * W:
-            raise InputError(
-                f"height is {H:g} mm and width {W:g} mm; allowed is a height of 2 widths or "
-                "more, for a zone of full shear"
-            )
+        H, W = _bias_strip(lengths)
         lever = (H / W - 1) * (np.cos(gamma / 2) - np.sin(gamma / 2))
         gain, half = t * (2 * H - 3 * W) / lever, t * W / lever
     return Response(column, unit_inside(column), values, gain, half)
+
+
+def _bias_strip(lengths):
+    """Height and width [mm] of a bias test; InputError if it has no zone of full shear."""
+    H, W = lengths["height"], lengths["width"]
+    if H < 2 * W:
+        raise InputError(
+            f"height is {H:g} mm and width {W:g} mm; allowed is a height of 2 widths or "
+            "more, for a zone of full shear"
+        )
+    return H, W
+
+
+def of_fabric(
+    column: str, values: np.ndarray, test: str, lengths: Mapping[str, float], t: float
+) -> np.ndarray:
+    """A test's strain, shear angle [rad] or stress [MPa], (n,), from what the machine wrote: a
+    `displacement` [mm] or a force `F` [N]; lengths and t as for `response`."""
+    if column == "F":
+        return values / (lengths["width"] * t)
+    if test == "bias_extension":
+        return bias_angle(values, *_bias_strip(lengths))
+    return values / lengths["length"]
+
+
+def bias_angle(displacement: ArrayLike, height: float, width: float) -> np.ndarray:
+    """Shear angle (n,) [rad] in the middle of a bias strip whose yarns, at 45 deg, do not stretch,
+    at displacements of the clamp [mm]; 90 deg where these are more than such yarns allow."""
+    stretch = 1 + np.asarray(displacement, float) / (height - width)
+    return math.pi / 2 - 2 * np.arccos(np.clip(stretch / math.sqrt(2), -1, 1))
+
+
+def bias_displacement(gamma: ArrayLike, height: float, width: float) -> np.ndarray:
+    """The inverse of `bias_angle`: displacements (n,) [mm]."""
+    g = np.asarray(gamma, float)
+    return (height - width) * (np.cos(g / 2) + np.sin(g / 2) - 1)
 
 
 def bias_normalised(gamma: ArrayLike, force: ArrayLike, height: float, width: float) -> np.ndarray:
@@ -60,7 +91,18 @@ def bias_normalised(gamma: ArrayLike, force: ArrayLike, height: float, width: fl
     gamma: (n,) [rad], rising from above 0; force: (n,) [N]; height, width [mm] of the strip.
     F_sh(gamma/2) is interpolated linearly, from 0 at 0, so the formula is one linear system.
     """
-    g, H, W = np.asarray(gamma, float), height, width
+    A, lever = _cao(np.asarray(gamma, float), height, width)
+    return np.linalg.solve(A, lever * np.asarray(force))
+
+
+def bias_force(gamma: ArrayLike, F_sh: ArrayLike, height: float, width: float) -> np.ndarray:
+    """The inverse of `bias_normalised`: forces (n,) [N] of a strip from F_sh (n,) [N/mm]."""
+    A, lever = _cao(np.asarray(gamma, float), height, width)
+    return A @ np.asarray(F_sh) / lever
+
+
+def _cao(g, H, W):
+    """The formula as A F_sh = lever * F: A (n, n) [mm], lever (n,)."""
     at_half = np.array([np.interp(g / 2, np.r_[0, g], np.r_[0, hat]) for hat in np.eye(len(g))]).T
     A = np.diag((2 * H - 3 * W) * np.cos(g)) + (W * np.cos(g / 2))[:, None] * at_half
-    return np.linalg.solve(A, (H / W - 1) * np.asarray(force) * (np.cos(g / 2) - np.sin(g / 2)))
+    return A, (H / W - 1) * (np.cos(g / 2) - np.sin(g / 2))

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ _UNIT = {  # first unit of each: the one used inside
     **dict.fromkeys(("sigma_a", "sigma_b", "tau"), _STRESS),
     "F_sh": _PER_WIDTH,
     "F": {"N": 1.0, "kN": 1e3},
+    "displacement": factors("length"),
 }
 COLUMNS = tuple(_UNIT)
 
@@ -45,11 +47,18 @@ class Kind(NamedTuple):
     measured: tuple[str, ...]  # one of these at least
     keys: tuple[str, ...] = ()
     sign: int = 0  # of the first strain, and of what is measured
+    # what a machine writes -> the column that it becomes, and the key of the specimen it needs
+    raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
+
+
+def _strip(strain: str, stress: str) -> Kind:
+    raw = {"displacement": (strain, "length"), "F": (stress, "width")}
+    return Kind((strain,), (), (stress,), ("lateral",), 1, raw)
 
 
 TESTS = {
-    "uniaxial_a": Kind(("eps_a",), (), ("sigma_a",), ("lateral",), 1),
-    "uniaxial_b": Kind(("eps_b",), (), ("sigma_b",), ("lateral",), 1),
+    "uniaxial_a": _strip("eps_a", "sigma_a"),
+    "uniaxial_b": _strip("eps_b", "sigma_b"),
     "biaxial": Kind(("eps_a", "eps_b"), (), ("sigma_a", "sigma_b")),
     "compression_a": Kind(("eps_a",), ("gamma",), ("sigma_a",), sign=-1),
     "compression_b": Kind(("eps_b",), ("gamma",), ("sigma_b",), sign=-1),
@@ -57,9 +66,18 @@ TESTS = {
     "picture_frame": Kind(
         ("gamma",), ("eps_a", "eps_b"), ("F",), ("frame_length", "fabric_length"), 1
     ),
-    "bias_extension": Kind(("gamma",), (), ("F",), ("height", "width"), 1),
+    "bias_extension": Kind(
+        ("gamma",), (), ("F",), ("height", "width"), 1, {"displacement": ("gamma", "height")}
+    ),
 }
-KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.keys))
+
+
+def keys_of(test: Kind) -> tuple[str, ...]:
+    """All keys that files of a test may have besides `test` and `noise`."""
+    return tuple(dict.fromkeys((*test.keys, *(key for _, key in test.raw.values()))))
+
+
+KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in keys_of(test)))
 
 
 @dataclass(frozen=True)

@@ -15,8 +15,19 @@ from ..laws.coupled import SHEAR, YARN
 from ..units import UNITS, factors
 from ..validation import unknown_key
 from . import checks
-from .forces import response
-from .model import COLUMNS, KEYS, MIN_POINTS, STRAINS, TESTS, Curve, Sheet, unit_inside, units
+from .forces import of_fabric, response
+from .model import (
+    COLUMNS,
+    KEYS,
+    MIN_POINTS,
+    STRAINS,
+    TESTS,
+    Curve,
+    Sheet,
+    keys_of,
+    unit_inside,
+    units,
+)
 
 _LENGTH = factors("length")
 
@@ -134,8 +145,8 @@ def _parse(file, lines, thickness):
     test = TESTS[name]
     noise = keys.pop("noise", None)
     for key, (row, _) in keys.items():
-        if key not in test.keys:
-            allowed = ", ".join(("noise", *test.keys))
+        if key not in keys_of(test):
+            allowed = ", ".join(("noise", *keys_of(test)))
             raise _fail(
                 row, f"the key {key} does not belong to the test {name}; allowed are {allowed}"
             )
@@ -158,11 +169,21 @@ def _parse(file, lines, thickness):
         others = {
             zero: f"lateral: {lateral} says that {zero} is 0, but there is a column {zero}; "
             f"allowed is `# lateral: {other}`, or the test biaxial if it was prescribed",
-            "F": "the column F needs the strip's width; "
-            f"allowed is the force over the width, {test.measured[0]} [N/mm]",
         }
     lengths = {key: _quantity(key, row, text, _LENGTH) for key, (row, text) in keys.items()}
     columns, rows, header = _columns(table, name, measured, others, thickness)
+    for raw, (column, key) in test.raw.items():
+        if raw not in columns:
+            continue
+        if key not in lengths:
+            unit = "N/mm" if raw == "F" else "%"
+            raise _fail(
+                table[0][0],
+                f"the column {raw} needs the strip's {key}; allowed is a line `# {key}: 50 mm`, "
+                f"or the column {column} [{unit}]",
+            )
+        columns[column] = of_fabric(raw, columns[raw], name, lengths, thickness)
+        header[column] = unit_inside(column)
     found = [column for column in measured if column in columns]
     if {"tau", "F_sh"} <= set(found):
         raise InputError("both columns tau and F_sh are given; allowed is one of them")
@@ -223,7 +244,7 @@ def _columns(table, name, measured, others, thickness):
     line, text = table[0]
     delimiter = ";" if ";" in text else ","
     test = TESTS[name]
-    allowed = (*test.strains, *test.optional, *measured)
+    allowed = (*test.strains, *test.optional, *measured, *test.raw)
     header: dict[str, str] = {}
     for cell in next(csv.reader([text], delimiter=delimiter)):
         match = re.fullmatch(r"\s*(\w+)\s*(?:\[\s*(.+?)\s*\])?\s*", cell)
@@ -251,8 +272,13 @@ def _columns(table, name, measured, others, thickness):
                 line, str(unknown_key(unit, units(column), f"unit [{unit}] of column {column}"))
             )
         header[column] = unit
-    missing = [column for column in test.strains if column not in header]
-    if not set(test.measured) & set(header):
+    told = set(header)
+    for raw, (column, _) in test.raw.items():
+        if raw in header and column in header:
+            raise _fail(line, f"both columns {column} and {raw} are given; allowed is one of them")
+        told |= {column} if raw in header else set()
+    missing = [column for column in test.strains if column not in told]
+    if not set(test.measured) & told:
         missing.append(" or ".join(test.measured))
     if missing:
         raise _fail(line, f"the column {missing[0]} is missing, which the test {name} needs")

@@ -13,6 +13,7 @@ from ..homogeneous import nominal
 from ..laws.coupled import SHEAR, YARN, WovenFabric, Yarn
 from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of
 from .result import Assumed, Determined, Identification
+from .toe import toe_warning
 
 STAGE_1 = ("a", "b", "d", *SHEAR)
 # Of the parameters that the data can't tell apart, the first of these becomes an assumption.
@@ -120,8 +121,9 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         for n, p in determined.items()
         if p.weak
     ]
-    warnings += [*unit_warnings(curves), *fabric.plausibility_warnings()]
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
+    warnings += filter(None, (toe_warning(*each) for each in fits))
+    warnings += [*unit_warnings(curves), *fabric.plausibility_warnings()]
     return Identification(
         fabric,
         determined,

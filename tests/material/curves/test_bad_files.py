@@ -54,9 +54,30 @@ from fabric_fenicsx.material import curves as data
             "sigma_a [MPa]",
             "F [N]",
             (
-                "row 5: the column F needs the strip's width; allowed is the force over "
-                "the width, sigma_a [N/mm]"
+                "row 5: the column F needs the strip's width; allowed is a line `# width: 50 mm`, "
+                "or the column sigma_a [N/mm]"
             ),
+        ),
+        (
+            FREE,
+            "eps_a [%]",
+            "displacement [mm]",
+            (
+                "row 5: the column displacement needs the strip's length; allowed is a line "
+                "`# length: 50 mm`, or the column eps_a [%]"
+            ),
+        ),
+        (
+            BIAS,
+            "gamma [deg],F [N]",
+            "gamma [deg],displacement [mm]",
+            "row 4: both columns gamma and displacement are given; allowed is one of them",
+        ),
+        (
+            BIAS.replace("gamma [deg]", "displacement [mm]"),
+            "40,5",
+            "60,5",
+            "row 9: gamma is 1.571 rad; allowed is within +-1.48",
         ),
         (FREE, "sigma_a [MPa]", "sigma_a [N]", "row 5: unit [N] of column sigma_a is unknown"),
         (FREE, "22.8", "-inf", "row 9: sigma_a is '-inf'; allowed is a finite number"),

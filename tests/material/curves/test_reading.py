@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from curve_texts import FREE, SHEAR, SHEET, UNIAXIAL, folder, scaled
+from curve_texts import BIAS, FREE, SHEAR, SHEET, UNIAXIAL, folder, scaled
 
 from fabric_fenicsx.material import curves as data
 from fabric_fenicsx.material.identification import synthesise
@@ -89,6 +89,37 @@ def test_forces_per_width_are_divided_by_the_thickness(tmp_path, text, column, u
     assert two.responses[0].unit == "MPa"
     assert (one.noise is None) == (two.noise is None)
     assert one.noise is None or two.noise[1] == pytest.approx(one.noise[1])
+
+
+def test_what_a_machine_writes_is_strain_stress_and_shear_angle(tmp_path):
+    """Of a strip 200 mm long and 50 mm wide, and of the bias strip of `BIAS`."""
+    (tmp_path / "plain.csv").write_text(FREE)
+    head = "# length: 20 cm\n# width: 50 mm\ndisplacement [cm],F [kN]\n"
+    raw = "".join(
+        f"{0.2 * e:.6g},{0.06 * s:.6g}\n"
+        for e, s in ((0.5, 6.9), (1, 14.5), (1.5, 22.8), (2, 31.6), (2.5, 41.1))
+    )
+    (tmp_path / "raw.csv").write_text(FREE.split("eps_a")[0] + head + raw)
+    one, two = (data.read_curve(tmp_path / f"{name}.csv", 1.2) for name in ("plain", "raw"))
+    assert two.strains == pytest.approx(one.strains)
+    assert two.responses[0].values == pytest.approx(one.responses[0].values)
+    assert (two.responses[0].column, two.keys) == ("sigma_a", {"length": 200.0, "width": 50.0})
+    gamma = np.radians([10, 20, 30, 35, 40])
+    moved = data.bias_displacement(gamma, 230, 115)
+    assert moved == pytest.approx(115 * (np.sqrt(2) * np.cos(np.pi / 4 - gamma / 2) - 1))
+    text = BIAS.replace("gamma [deg]", "displacement [mm]")
+    for degrees, mm in zip((10, 20, 30, 35, 40), moved):
+        text = text.replace(f"\n{degrees},", f"\n{mm:.9g},")
+    (tmp_path / "bias.csv").write_text(text)
+    curve = data.read_curve(tmp_path / "bias.csv", 1.2)
+    assert curve.strains[:, 2] == pytest.approx(gamma)
+    assert curve.responses[0].values.tolist() == [1, 2, 3, 4, 5]
+
+
+def test_forces_of_a_bias_test_and_normalised_ones_are_each_others_inverse():
+    gamma, force = np.radians([4, 9, 20, 33]), np.array([0.5, 0.7, 1.5, 4.0])
+    normalised = data.bias_normalised(gamma, force, 300, 100)
+    assert data.bias_force(gamma, normalised, 300, 100) == pytest.approx(force, rel=1e-12)
 
 
 def test_a_strip_with_free_sides_needs_no_width(tmp_path):

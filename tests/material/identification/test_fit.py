@@ -412,6 +412,40 @@ def test_a_material_file_says_what_was_assumed(tmp_path):
     assert WovenFabric.from_toml(tmp_path / "x.toml") == result.fabric
 
 
+@pytest.mark.parametrize("toe", [0.0, 0.01])
+@pytest.mark.parametrize("points", [20, 40])
+def test_a_toe_of_a_shear_curve_is_named(toe, points):
+    """On the law that fits Cao's points, with the force of friction [N/mm] that 1.5 deg bring up,
+    and 0.3 % of noise."""
+    sheet, measured = data.read(SHIPPED / "glass_pp_115x230")
+    cao = identify(sheet, measured)
+    assert not any("a toe" in warning for warning in cao.warnings)  # its six points show none
+    g = np.radians(np.linspace(45 / points, 45, points))
+    tau = (cao.fabric.s1 + cao.fabric.s2 * g + cao.fabric.s3 * g**2) * g
+    F_sh = tau * sheet.thickness / np.cos(g) + toe * (1 - np.exp(-np.degrees(g) / 1.5))
+    F_sh += 0.003 * F_sh.max() * np.random.default_rng(1).standard_normal(points)
+    strains = np.outer(g, [0, 0, 1])
+    response = predicted("F_sh", F_sh, g, "shear", {}, sheet.thickness)
+    felt = Curve("felt.csv", "shear", strains, (response,), np.arange(points), 2)
+    result = identify(sheet, [felt])
+    told = [warning for warning in result.warnings if "a toe" in warning]
+    assert len(told) == (toe > 0)
+    if told:
+        off = F_sh - result.fits[0][2]
+        first = int(np.argmax(off < 0))
+        assert f"the first {first} points, from {45 / points:.3g} to" in told[0]
+        size, share = off[:first].mean(), 100 * off[:first].sum() / F_sh[:first].sum()
+        assert f"by {size:.2g} N/mm on average, {share:.0f} % of F_sh there" in told[0]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.02])
+def test_scatter_is_no_toe(noise):
+    for seed in range(1, 11):
+        sheet, curves = synthesise(KOMEILI, "paper", noise, seed)
+        warnings = identify(sheet, only(curves, "shear")).warnings
+        assert not any("a toe" in warning for warning in warnings), seed
+
+
 def test_doubts_are_told():
     sheet = dataclasses.replace(SHEET, density=619.0)
     x = np.linspace(0.02, 0.3, 10)
