@@ -114,6 +114,17 @@ class Contact(PressingTerm):
         x = (self.nodes.places + self.nodes.displacement())[self.part.nodes]
         check_start(self.tool, x, float(np.max(self.thickness)), self.nodes.comm)
 
+    def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """As in `Term`, without points that find no nearest one."""
+        found, x = [], self.nodes.places[self.part.nodes]
+        for load in (0.0, 1.0):
+            self.tool.at(load)
+            normals = self.tool.evaluate(x).normal
+            known = np.isfinite(normals).all(1)
+            found.append((x[known], normals[known]))
+        self.tool.at(self._load)
+        return found
+
     def at(self, load: float) -> None:
         """Move the tool, from where it was in the last accepted state, and drop shifts since."""
         self._load = load
