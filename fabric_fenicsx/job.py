@@ -141,6 +141,7 @@ class Job:
                 return self._finished_before(output, folder, start, notes, known, problem, pictures)
         for warning in self.warnings:
             output.warn(warning)
+        output.warn(scene.check_held())
         output.warn(mesh_warnings.cell_size_warning(scene.blank, scene.tools()))
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:

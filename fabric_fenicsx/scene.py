@@ -126,10 +126,10 @@ class Scene:
         self._bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
         self.held = dofs[dofs < owned * gdim]
 
-    def check_held(self) -> None:
-        """Raise InputError, naming the motion, if the scene lets the blank move as a rigid body."""
-        resisted = {word for term in self.terms for word in term.resists}
-        check_held(self.blank, self.supports, self.held, resisted, len(self.tools()))
+    def check_held(self) -> str:
+        """Raise InputError, naming the motion, if the scene lets the blank move as a rigid body; a
+        sentence to warn with if only the shapes of tools may hold it, else ""."""
+        return check_held(self)
 
     def check_start(self) -> None:
         """Raise InputError if the scene can't begin: as `check_held`, and as its terms do."""

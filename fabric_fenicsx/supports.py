@@ -118,37 +118,54 @@ def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[
     return supports
 
 
-def check_held(
-    blank: Blank, supports: Iterable[Support], held: np.ndarray, resisted: set[str], tools: int
-) -> None:
-    """Raise InputError, naming the motion, if supports, which hold the degrees of freedom `held`
-    (k,) of this rank's owned nodes, and terms, which resist the motions `resisted` (`Term`), let
-    the blank move as a rigid body; tools: how many it may touch."""
+def check_held(scene: "Scene") -> str:
+    """Raise InputError, naming the motion, if supports and terms let the blank move as a rigid
+    body; a sentence to warn with if, in its plane, only the shapes of smooth tools may hold it.
+
+    Planes never do, nor does a ball against turning: motions along which no tool's normal anywhere
+    points are refused. Other tools may once the sheet is formed, so refusing them would be wrong.
+    """
+    blank = scene.blank
     low, high = blank.extent()
     flat = len(low) == 2 or (high - low)[2] <= FLAT * (high - low).max()
-    smooth = "lift" in resisted
-    if smooth and not (flat and tools == 1):  # their shapes may hold it
-        resisted = resisted | {"move", "turn"}
-    if free := free_motion(blank, held, resisted):
-        names = ", ".join(support.name for support in supports) or "none"
+    resisted = {word for term in scene.terms for word in term.resists}
+    node, axis = np.divmod(scene.held, len(low))
+    x, along = blank.coordinates()[node], np.eye(3)[axis]
+    free, smooth = free_motion(blank, x, along, resisted), "lift" in resisted
+    if not free:
+        return ""
+    if smooth and not (flat and len(scene.tools()) == 1):
+        pressed = [each for term in scene.terms for each in term.may_press()]
+        places, normals = (np.vstack(each) for each in zip((x, along), *pressed))
+        shapes_leave = free_motion(blank, places, normals, resisted)
+        if flat and not shapes_leave:
+            return (
+                f"nothing but the shapes of tools without friction holds {blank.name}, which may "
+                f"{free} until it is formed: steps are slow till then and may fail; allowed, too, "
+                "are `Friction` and supports that only locate it (`Support(..., locates=True)`)"
+            )
+        free = shapes_leave
+    if free:
+        names = ", ".join(support.name for support in scene.supports) or "none"
         raise InputError(
             f"the supports ({names}) leave {blank.name} free to {free}"
             + (", which contact without friction does not resist" if smooth else "")
             + "; allowed are supports that hold it against every rigid motion"
             + (", or `Friction`" if smooth else "")
         )
+    return ""
 
 
-def free_motion(blank: Blank, held: np.ndarray, resisted: set[str]) -> str:
-    """The rigid motion that the degrees of freedom `held` and terms leave free, as in `check_held`,
-    in words such as "turn about its length"; "" if they leave none."""
+def free_motion(blank: Blank, places: np.ndarray, along: np.ndarray, resisted: set[str]) -> str:
+    """The rigid motion, in words such as "turn about its length", that is left free by the terms'
+    `resisted` ones and by what holds points of this rank at `places` (k, 3) [mm] along axes of the
+    frame or vectors `along` (k, 3); "" if none is."""
     gdim = blank.mesh.geometry.dim
-    node, axis = np.divmod(held, gdim)
     low, high = (corner[:, None] for corner in blank.extent())
-    x = (blank.along(blank.coordinates()[node].T) - (low + high) / 2) / (high - low).max()
+    x = (blank.along(places.T) - (low + high) / 2) / (high - low).max()
     turns = [(0, 1)] if gdim == 2 else [(1, 2), (2, 0), (0, 1)]
-    moves = [1.0 * (axis == i) for i in range(gdim)]
-    motions = np.array(moves + [x[i] * (axis == j) - x[j] * (axis == i) for i, j in turns])
+    moves = list(along.T[:gdim])
+    motions = np.array(moves + [x[i] * moves[j] - x[j] * moves[i] for i, j in turns])
     axes = "length", "width", "normal"
     names = [f"move along its {axis}" for axis in axes[:gdim]]
     names += [f"turn about its {axis}" for axis in (axes[2:] if gdim == 2 else axes)]

@@ -138,6 +138,12 @@ def test_a_run_in_which_nothing_moves_says_so():
     assert not any("nothing moves" in each for each in moved.summary["warnings"])
 
 
+def test_a_sheet_that_only_shapes_of_tools_may_hold_is_told_of(monkeypatch):
+    job = ff.Tensile(**COARSE).job(steps=2)
+    monkeypatch.setattr(job.scene, "check_held", lambda: "held by shapes")
+    assert "held by shapes" in job.run().summary["warnings"]
+
+
 def test_a_field_that_cannot_be_drawn(tmp_path):
     result = ff.Tensile(**COARSE).job(steps=4).run()
     result.plot("eps_a", tmp_path / "eps.png")

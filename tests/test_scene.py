@@ -20,7 +20,7 @@ from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.supports import Support, clamped_ends
-from fabric_fenicsx.tools import Sphere, Tool
+from fabric_fenicsx.tools import Plane, Sphere, Tool
 
 COMM = MPI.COMM_WORLD
 D = 8.33  # [N mm]
@@ -147,6 +147,9 @@ def test_forces_that_cancel_at_a_locating_support_are_told():
 
 
 BALLS = [Tool(Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]
+ASIDE = Tool(Sphere(8.0, (4, 5, 9.0)), name="ball aside")
+PLATES = [Tool(Plane((0, 0, -side), (0, 0, side)), name="plate") for side in (-1, 1)]
+WEDGE = Tool(Plane((0, 0, 9), (-0.6, 0, -0.8)), [0, 0, -3], name="wedge")
 LEFT = "left", lambda x: x[0] < 1e-6
 
 
@@ -164,12 +167,14 @@ LEFT = "left", lambda x: x[0] < 1e-6
         (lambda: [Friction(BALLS[0], 0.0)], [], 0, "every rigid motion, or `Friction`$"),
         (lambda: [], [Support(*LEFT, (0, 1))], 0, ""),
         (lambda: [Friction(BALLS[0], 0.2)], [], 0, ""),
-        (lambda: [Contact(BALLS[1])], [], 0, ""),
-        (lambda: [], [], 3, ""),
+        (lambda: [Contact(BALLS[1])], [], 0, "free to turn about its normal, which contact"),
+        (lambda: [], [], 3, "free to turn about its normal, which contact"),
+        (lambda: [], [Support(*LEFT, (1,))], 3, ""),
+        (lambda: [Contact(ASIDE)], [], 3, ""),
     ],
 )
 def test_a_smooth_tool_holds_no_flat_sheet_within_its_plane(terms, supports, height, words):
-    """While friction, a second tool or the sheet's shape may."""
+    """While friction, a second tool or the sheet's shape may, but for turning about a ball."""
 
     def shape(x):
         return x + x[:, :1] ** 2 * [0, 0, height / 400]
@@ -181,3 +186,32 @@ def test_a_smooth_tool_holds_no_flat_sheet_within_its_plane(terms, supports, hei
         return scene.check_start()
     with pytest.raises(InputError, match=words):
         scene.check_start()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "terms, words",
+    [
+        (lambda: [*map(Contact, PLATES)], r"leave blank free to move along its \w+, which contact"),
+        (lambda: [Contact(PLATES[0]), Contact(WEDGE)], "free to move along its width, which cont"),
+        (lambda: [*map(Contact, [*PLATES, BALLS[0]])], "free to turn about its normal, which"),
+        (lambda: [*map(Contact, [PLATES[0], BALLS[0], ASIDE])], ""),
+    ],
+)
+def test_smooth_tools_hold_a_flat_sheet_by_their_shapes_or_not_at_all(terms, words):
+    """Planes and what turns about one axis never do; where others may, that is said."""
+
+    def scene(*terms):
+        elastic = Membrane(load("komeili")), Bending(D)
+        return Scene(sheet(20, 10, 4, 2, spatial=True), [*elastic, *terms])
+
+    made = scene(*terms())
+    if words:
+        with pytest.raises(InputError, match=words):
+            made.check_start()
+    else:
+        assert "holds blank, which may move along" in made.check_held()
+    rubbing = terms()
+    assert scene(*rubbing, Friction(rubbing[0].tool, 0.2)).check_held() == ""
+    for tool in (*PLATES, WEDGE):
+        assert tool.displacement.tolist() == [0, 0, 0]

@@ -31,6 +31,5 @@ result = ff.Job(scene, steps=8).run("results/holder", overwrite=True)
 
 forces = [round(4 * result.force(tool)[2], 1) for tool in (ball, holder.tool)]
 shear = np.degrees(abs(result.fields["shear_angle"]).max())
-edge = result.grid.points[:, 0] > 80 - 1e-6
-print(*forces, round(shear, 2), round(-result.grid["u"][edge, 0].min(), 2))
+print(*forces, round(shear, 2), round(result.draw_in()["largest_mm"], 2))
 result.plot("shear_angle", "holder.png")

@@ -203,6 +203,11 @@ class Term:
         """Raise InputError, on all ranks, if at load 0 the sheet or a tool is where no run can
         begin."""
 
+    def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Of tools without friction: points (k, 3) of the undeformed sheet [mm] and the tool's
+        normals (k, 3) there, at the start and at full load."""
+        return []
+
     def at(self, load: float) -> None:
         """Set the load factor, and go back to the last accepted state in all else."""
 

@@ -70,12 +70,10 @@ def metal_quantities(
 
 def _shape(result, part, tool, middle, closed):
     """Draw-in and wrinkles of a ply, on all ranks."""
-    comm, found = result.scene.comm, None
-    if comm.rank == 0:
-        grid = result.grids[part.name]
-        wrinkles = forming.wrinkles(grid, tool, 2 * middle) if closed else None
-        found = {"draw_in": forming.draw_in(grid), "wrinkles": wrinkles}
-    return comm.bcast(found)
+    comm, wrinkles = result.scene.comm, None
+    if closed and comm.rank == 0:
+        wrinkles = forming.wrinkles(result.grids[part.name], tool, 2 * middle)
+    return {"draw_in": result.draw_in(part.name), "wrinkles": comm.bcast(wrinkles)}
 
 
 def tool_mesh(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyData:

@@ -121,11 +121,12 @@ class Outline(NamedTuple):
     inwards: np.ndarray
 
 
-def outline(grid: Grid) -> list[Outline]:
-    """The free edges of the ply [list of `Outline`], without those on planes of symmetry."""
+def outline(grid: Grid, planes: Sequence[int] | None = None) -> list[Outline]:
+    """The free edges of the ply [list of `Outline`], without those on planes of symmetry; planes:
+    the axes to which these are perpendicular, by default those of a quarter or half."""
     ply = ply_of(grid)
     sides = _edges(ply.triangles)
-    for axis in ply.planes:
+    for axis in ply.planes if planes is None else planes:
         sides = sides[ply.x[sides, axis].any(1)]
     after = dict(sides.tolist())
     starts = sorted(after.keys() - after.values())
@@ -146,16 +147,19 @@ def outline(grid: Grid) -> list[Outline]:
     return edges
 
 
-def draw_in(grid: Grid) -> dict[str, Any]:
+def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, float]:
     """How far the edge went inwards in plan [mm], as in `Outline`: {name: value} at the middle of
-    the long and of the short side, at the corner, each the mean of those that the grid has, and the
-    largest of all points of the edge."""
-    edges = outline(grid)
+    the long and of the short side of the rectangle around the ply, at its corner, each the mean of
+    those that the grid has, and the largest of all points of the edge. planes: as in `outline`."""
+    edges = outline(grid, planes)
     place, inwards = (
         np.concatenate([getattr(edge, name) for edge in edges])
         for name in ("undeformed", "inwards")
     )
-    place = abs(place[:, :2])
+    place = place[:, :2]
+    centre = (place.min(0) + place.max(0)) / 2
+    centre[ply_of(grid).planes if planes is None else list(planes)] = 0
+    place = abs(place - centre)
     half = place.max(0)
     long, short = half * np.eye(2)[[1, 0]] if half[0] >= half[1] else half * np.eye(2)
     found = {}

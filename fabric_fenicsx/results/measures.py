@@ -7,8 +7,11 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
+from ..scene import Scene
 from ..sheets.blank import Blank
+from ..sheets.parts import Part
 
+SAME = 1e-6  # mm within which places are the same
 TAIL = 0.01  # share of the area beyond each of the two values that `bulk` gives
 
 
@@ -74,3 +77,21 @@ def near(comm: MPI.Comm, places: np.ndarray, point: ArrayLike, radius: float) ->
     least the nearest one; (n,) of bool."""
     distance = np.linalg.norm(places[:2] - np.asarray(point, float)[:, None], axis=0)
     return distance <= max(radius, extremes(comm, distance)[0])
+
+
+def planes_of_symmetry(scene: Scene, part: Part) -> list[int]:
+    """Axes x (0) and y (1) perpendicular to which a plane of symmetry through the origin bounds
+    part of a flat sheet: supports hold its nodes there along the axis, and not all of them along
+    another one, as a clamp does."""
+    comm, count = scene.comm, len(part.nodes)
+    x = scene.blank.coordinates()[:count]
+    held = np.zeros((count, scene.blank.mesh.geometry.dim), dtype=bool)
+    held.flat[scene.held] = True
+    found = []
+    for axis in (0, 1):
+        low = extremes(comm, x[part.nodes, axis])[0]
+        free = ~held[part.nodes & (x[:, axis] <= SAME)]
+        moves = comm.allreduce(free.sum(0), MPI.SUM) > 0
+        if abs(low) <= SAME and not moves[axis] and np.delete(moves, axis).all():
+            found.append(axis)
+    return found

@@ -5,8 +5,9 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pyvista
 
+from .measures import SAME
+
 Grid: TypeAlias = pyvista.UnstructuredGrid
-SAME = 1e-6  # mm within which places are the same
 
 
 class Ply(NamedTuple):

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..scene import Scene
+from . import measures
 from .curve import Curves
 
 if TYPE_CHECKING:
@@ -73,6 +74,35 @@ class Result:
     def force(self, tool: "Tool") -> np.ndarray:
         """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
         return self.scene.tool_force(tool)
+
+    def draw_in(self, sheet: str = "") -> dict[str, float]:
+        """How far the edge of the sheet, or of the one of this name in a stack, went inwards in
+        plan [mm], by the names of `forming.draw_in`, on all ranks.
+
+        An edge on x = 0 or y = 0 that supports hold along its normal alone is a plane of symmetry.
+        Raises InputError for a name that is none, for a stack without one, and for a sheet that was
+        not flat in a plane z = const at first.
+        """
+        blank = self.scene.blank
+        part = blank.part(sheet)
+        if part.is_whole and any(each.thickness for each in blank.parts.values()):
+            raise InputError(
+                f"draw-in of the stack {blank.name} is asked; allowed is one of its sheets: "
+                f"{', '.join(blank.parts)}"
+            )
+        z = blank.coordinates()[: len(part.nodes), 2][part.nodes]
+        low, high = measures.extremes(self.scene.comm, z)
+        if high - low > measures.SAME:
+            raise InputError(
+                f"draw-in of {sheet or blank.name} is asked, whose undeformed nodes are up to "
+                f"{high - low:.4g} mm apart along z; allowed is a sheet that is flat in z = const"
+            )
+        planes, found = measures.planes_of_symmetry(self.scene, part), {}
+        if self.scene.comm.rank == 0:
+            from . import forming
+
+            found = forming.draw_in(self.grids[sheet] if sheet else self.grid, planes)
+        return self.scene.comm.bcast(found)
 
     def forget_grid(self) -> None:
         """Read the last state anew when it is asked for, as it was written anew."""

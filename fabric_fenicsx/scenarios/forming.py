@@ -36,6 +36,7 @@ from ..tools import (
     TriangulatedSurface,
     check_motion,
     check_punch,
+    height,
 )
 from . import holding, measuring, stacking
 from .dome import DIMENSIONS, dome_of
@@ -94,7 +95,7 @@ class Forming(Scenario):
         "FILE",
         "ply",
     )
-    stroke: float = number(None, POSITIVE, "travel of the punch (the dome's depth) [mm]", "tools")
+    stroke: float = number(None, POSITIVE, "travel of the punch (its height) [mm]", "tools")
     dome: DoubleDome | Mapping[str, float] | Sequence[str] = field(
         default=(),
         metadata={
@@ -261,11 +262,9 @@ class Forming(Scenario):
         """Greatest stroke of a punch with this surface [mm]."""
         if isinstance(surface, DoubleDome):
             return surface.depth
-        if isinstance(surface, TriangulatedSurface):
-            return float(surface.points[:, 2].max())
-        if self.stroke is None:
-            raise InputError("`stroke` is not given; allowed is one [mm] for a surface of your own")
-        return self.stroke
+        found = height(surface, *(corner[:2] for corner in self._extent))
+        asked = self.stroke or found  # which may be rounded
+        return asked if abs(asked - found) < 0.01 * self.thickness else found
 
     def _surface(self):
         """The punch's surface, checked."""
@@ -279,7 +278,7 @@ class Forming(Scenario):
             name += f" {self.punch}"
         warn = self.warnings.append
         if isinstance(surface, TriangulatedSurface):
-            check_punch(surface, name, half, self.thickness, warn)
+            surface = check_punch(surface, name, half, self.thickness, warn)
         return surface
 
     def terms(self) -> list[Term]:

@@ -7,6 +7,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from .surfaces import Surface
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 
@@ -116,6 +117,39 @@ def check_punch(
         warn(f"{name}: the normals of its flange point down, so it was turned round")
         return surface.turned_round()
     return surface
+
+
+def height(surface: Surface, low: ArrayLike, high: ArrayLike) -> float:
+    """How high [mm] a surface rises over z = 0 beneath a ply from low to high (2,) [mm]; one of
+    triangles anywhere.
+
+    Places far above are taken to their nearest points, and again from above these: none is lower
+    than the one before, and they end on the tops. Raises InputError for a surface that does not
+    rise.
+    """
+    if isinstance(surface, TriangulatedSurface):
+        return float(surface.points[:, 2].max())
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    size = float((high - low).max())
+    x, y = np.meshgrid(*np.linspace(low, high, 21).T)
+    points = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    arms, known, top = np.full(len(points), 10 * size), np.zeros(len(points), bool), -np.inf
+    for iteration in range(1000):
+        above = points + arms[:, None] * [0, 0, 1]
+        gap, normal, _ = surface.evaluate(above)
+        found = above - gap[:, None] * normal
+        within = (abs(2 * found[:, :2] - low - high) <= high - low + 1e-6 * size).all(1)
+        points[within], known = found[within], known | within
+        arms[~within] /= 2  # nothing is found from so far, or it is beyond the ply
+        before, top = top, points[known, 2].max(initial=-np.inf)
+        if iteration > 20 and top <= before + 1e-10 * size:
+            break
+    if not top > 1e-6 * size:
+        raise InputError(
+            f"surface {type(surface).__name__} of the punch does not rise over z = 0 beneath the "
+            "ply; allowed is one that rises from a flange there"
+        )
+    return float(top)
 
 
 def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import parser
+from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.scenarios.dome import DIMENSIONS
 
 SCENARIOS = ff.Tensile, ff.BiasExtension, ff.PictureFrame, ff.Forming
@@ -45,7 +46,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
             "depth is -1.0; allowed is a finite number, above 0",
         ),
         (ff.Forming, {"stroke": 1000, "nx": 4}, "`stroke` 1000 is deeper than the die"),
-        (ff.Forming, {"punch": ff.Sphere(5, (0, 0, -5)), "nx": 4}, "`stroke` is not given"),
+        (ff.Forming, {"punch": ff.Sphere(5, (0, 0, -5)), "nx": 4}, "does not rise over z = 0"),
     ],
 )
 def test_a_field_that_is_not_allowed(kind, fields, words):
@@ -78,6 +79,49 @@ def test_a_ply_over_ones_own_punch():
         assert result.summary["converged"]
         found.append([row["reaction_N"] for row in result.rows])
     assert found[0] == pytest.approx(found[1], rel=1e-9) and found[0][-1] > 0
+
+
+class Own(ff.Surface):
+    """Another surface, of which nothing else is known."""
+
+    def __init__(self, other):
+        self.other, self.radii = other, other.radii
+
+    def nearest(self, points, reach):
+        return self.other.nearest(points, reach)
+
+
+def test_a_punch_of_ones_own_forms_part_of_the_way():
+    """As the dome does that it is, whose top is 0.0003 mm below its nominal depth."""
+    coarse, found = {"nx": 6, "penalty": 680.0}, []
+    for punch in (ff.DoubleDome(), Own(ff.DoubleDome()), ff.TriangulatedSurface(*double_dome())):
+        ply = ff.Forming(punch=punch, stroke=10, **coarse)
+        told = ply.job(steps=4).run().summary["quantities"]
+        assert not ply.closes and told["wrinkles"] is None
+        found.append((told["punch_force_N"], told["draw_in"]["largest_mm"]))
+    assert found[1] == pytest.approx(found[0], rel=1e-3)
+    assert found[2] == pytest.approx(found[0], rel=0.02)
+
+
+def test_the_whole_way_of_a_punch_of_ones_own_is_found():
+    """And is the one that is asked for, if this is a rounded number."""
+    sizes = {"length": 300, "width": 200, "nx": 8}
+    whole = ff.Forming(punch=Bump(25.0, 80.0), **sizes)
+    assert whole.closes and whole.stroke == pytest.approx(25.0, abs=1e-7)
+    assert not ff.Forming(punch=Bump(25.0, 80.0), stroke=24.9, **sizes).closes
+    rounded = ff.Forming(punch=Bump(25.001, 80.0), stroke=25.0, **sizes)
+    assert rounded.closes and rounded.stroke == 25.0
+    words = "`stroke` 26 is deeper than the die; allowed is up to 25 mm"
+    with pytest.raises(ff.InputError, match=words):
+        ff.Forming(punch=Bump(25.0, 80.0), stroke=26, **sizes)
+
+
+def test_a_punch_whose_normals_point_down_is_turned_round():
+    points, triangles = double_dome(size=20, turn=15)
+    surface = ff.TriangulatedSurface(points, triangles[:, ::-1])
+    ply = ff.Forming(punch=surface, stroke=5, nx=4)
+    assert ply.punch_tool.surface.evaluate([[0, 0, 80.0]]).gap[0] > 0
+    assert any("turned round" in text for text in ply.warnings)
 
 
 def test_a_dome_is_given_by_itself_or_by_its_dimensions():

@@ -9,14 +9,18 @@ from mpi4py import MPI
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.tools import (
+    DoubleDome,
+    Offset,
     Plane,
     Sphere,
     Tool,
+    Torus,
     TriangulatedSurface,
     check_motion,
     check_punch,
     check_start,
     check_triangles,
+    height,
 )
 
 POINTS, CELLS = double_dome(size=20, turn=15)
@@ -179,3 +183,23 @@ def test_a_tool_that_the_sheet_is_in_at_the_start(surface, deep, place):
         check_start(Tool(surface, name="ball"), places, 0.4, MPI.COMM_SELF)
     lowered = Tool(surface, lambda load: (0, 0, 0.2 - deep), name="ball")  # up to its middle
     check_start(lowered, places, 0.4, MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("low", [(0, 0), (-150, -100)])
+@pytest.mark.parametrize(
+    "surface, top",
+    [
+        (Offset(Sphere(40, (37.3, 11.1, -25)), 2), 17),
+        (Sphere(1e4, (30, 20, 7 - 1e4)), 7),
+        (Torus((20, 10, 3), (0, 0, 1), 60, 8), 11),
+        (DoubleDome(), 59.999732),  # its edges' rounding takes the rest
+    ],
+)
+def test_height(surface, top, low):
+    assert height(surface, low, (150, 100)) == pytest.approx(top, abs=1e-6)
+
+
+def test_what_does_not_rise_has_no_height():
+    for surface in (Sphere(5, (0, 0, -5)), Sphere(50, (400, 0, 0))):
+        with pytest.raises(InputError, match="Sphere of the punch does not rise over z = 0"):
+            height(surface, (-50, -50), (50, 50))

@@ -1,0 +1,78 @@
+"""What a result tells of a scene of one's own."""
+
+import numpy as np
+import pytest
+from builders import COMM, Elastic, sheet
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.results.fields import FieldSeries
+from fabric_fenicsx.results.result import Result
+
+SIZES = np.array([45.0, 40.0, 0.0])
+SHRINK = np.array([0.02, 0.1, 0.0])  # along x and y
+QUARTER = [ff.Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
+
+
+def shrunk(folder, blank, supports, about, terms=None):
+    """The `Result` of a blank that shrinks by `SHRINK` about a place."""
+    scene = ff.Scene(blank, terms or [Elastic()], supports)
+    blank.u.x.array[:] = (-SHRINK * (blank.coordinates() - about)).ravel()
+    COMM.barrier()
+    folder.mkdir(exist_ok=True)
+    FieldSeries(folder, scene).write(1.0)
+    return Result({}, [], {}, folder, scene)
+
+
+def ply(**options):
+    return ff.Blank.rectangle(*SIZES[:2], nx=6, ny=6, spatial=True, **options)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "supports, centred, share, about",
+    [
+        (QUARTER, False, 1.0, 0 * SIZES),
+        (ff.clamped_ends(), False, 0.5, SIZES / 2),
+        (ff.rolling_ends(), False, 0.5, SIZES / 2),
+        ((), True, 0.5, 0 * SIZES),
+        (QUARTER[:1], False, np.array([1.0, 0.5]), SIZES * [0, 0.5, 0]),
+    ],
+)
+def test_draw_in_of_a_scene_of_ones_own(folder, supports, centred, share, about):
+    """Of a whole sheet that lies anywhere, a half or a quarter: clamps at x = 0 are no plane of
+    symmetry, whose edge does not count."""
+    found = shrunk(folder, ply(centred=centred), supports, about).draw_in()
+    x, y = share * (SHRINK * SIZES)[:2]
+    long, short = (y, x) if (share * SIZES[:2]).argmax() == 0 else (x, y)
+    corner = (x + y) / np.sqrt(2)
+    assert found == pytest.approx(
+        {
+            "middle_of_long_side_mm": long,
+            "middle_of_short_side_mm": short,
+            "corner_mm": corner,
+            "largest_mm": max(x, y, corner),
+        },
+        abs=1e-5,  # files have single precision
+    )
+
+
+@pytest.mark.mpi
+def test_draw_in_of_a_sheet_of_a_stack(folder):
+    plies = [(ply(centred=True), 1.0, name) for name in ("lower", "upper")]
+    terms = [ff.Membrane(ff.load("komeili")).on(name) for _, _, name in plies]
+    result = shrunk(folder, ff.Stack(plies), (), 0 * SIZES, terms)
+    assert result.draw_in("upper")["middle_of_long_side_mm"] == pytest.approx(2.0, abs=1e-5)
+    with pytest.raises(ff.InputError, match="allowed is one of its sheets: lower, upper"):
+        result.draw_in()
+    with pytest.raises(ff.InputError, match="has no part 'middle'"):
+        result.draw_in("middle")
+
+
+@pytest.mark.mpi
+def test_draw_in_of_a_sheet_that_is_not_flat_is_refused(folder):
+    def shape(x):
+        return x + x[:, :1] * [0, 0, 0.01]
+
+    scene = ff.Scene(sheet(45, 40, 3, 3, shape=shape, spatial=True), [Elastic()])
+    with pytest.raises(ff.InputError, match="0.45 mm apart along z; allowed is a sheet that"):
+        Result({}, [], {}, folder, scene).draw_in()
