@@ -170,6 +170,8 @@ class Job:
             measured = measure(scene, accepted.load)
             with timing.phase("output"):
                 history.add(accepted, *measured, scene.history)
+                if len(history.rows) == 1:
+                    scene.summary()  # so that names given twice are refused now, not at the end
             output.warn(viscous_words(history.rows, accepted.load))
             bar.update(accepted.load - bar.n)
             step, energy = accepted.progress.step, sum(accepted.energies.values())

@@ -13,7 +13,7 @@ from .errors import InputError
 from .material.laws import Law
 from .material.laws.base import Material
 from .mechanics.assembly import Assembly
-from .mechanics.term import Term, columns_of
+from .mechanics.term import Term, told_by
 from .mechanics.work import Work
 from .sheets.blank import Blank
 from .sheets.parts import Part
@@ -351,28 +351,21 @@ class Scene:
         return sum((term.tool_force(tool) for term in self.terms), np.zeros(3))
 
     def history(self, taken: Collection[str] = ()) -> dict[str, Any]:
-        """What the terms add to the present state's row of history.csv, see `columns_of`."""
-        return columns_of(self.terms, taken)
+        """What the terms add to the present state's row of history.csv, see `told_by`."""
+        return told_by(self.terms, "add_history", taken)
 
     def summary(self) -> dict[str, Any]:
         """What the terms say of themselves and the present state in summary.json."""
         facts: dict[str, Any] = {"terms": [term.name for term in self.terms]}
-        for term in self.terms:
-            term.add_summary(facts)
-        return facts
+        return facts | told_by(self.terms, "add_summary", facts)
 
     def cell_fields(self) -> dict[str, np.ndarray]:
         """Fields of the present state on this rank's owned cells, {name: array (cells, ...)}."""
-        fields: dict[str, np.ndarray] = {}
-        for term in self.terms:
-            term.add_cell_fields(fields)
-        return fields
+        return told_by(self.terms, "add_cell_fields")
 
     def nodal_fields(self) -> dict[str, np.ndarray]:
         """Fields of the present state at this rank's nodes, ghosts too, {name: (nodes, ...)}."""
-        fields: dict[str, np.ndarray] = {}
-        for term in self.terms:
-            term.add_nodal_fields(fields)
+        fields = told_by(self.terms, "add_nodal_fields")
         return {name: self.blank.with_ghosts(values) for name, values in fields.items()}
 
     def units(self) -> dict[str, str]:

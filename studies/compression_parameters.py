@@ -32,7 +32,7 @@ def formed(study, values):
     except SolverFailure as failure:
         if not failure.result:
             raise
-        result, reason = failure.result, str(failure)
+        result, reason = failure.result, failure.result.summary["reason"]
     grid = contrast = None
     if study.comm.rank == 0:
         grid = parameters.with_lost_ellipticity(result.grid)
@@ -47,8 +47,8 @@ def main(study):
         if key not in runs:
             runs[key] = formed(study, values)
         summary, grid, contrast, reason = runs[key]
-        grids.setdefault(name, {})[f"{name} = {value:g}"] = grid
         rows.append(parameters.row(name, value, summary, contrast, reason))
+        grids.setdefault(name, {})[parameters.title(rows[-1])] = grid
         lost = f"{rows[-1]['cells_that_lost_ellipticity']} cells lost ellipticity"
         study.say(
             f"{name} = {value:g}: contrast of the shear angle {contrast:.3g} deg, "

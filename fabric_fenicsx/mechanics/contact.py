@@ -297,6 +297,7 @@ class Contact(PressingTerm):
         to the nearest tool [mm]."""
         traction = fields.get("contact_traction", 0) + self.tractions()
         fields["contact_traction"] = traction
+        fields.get("contact_pressure")  # that of all contacts takes its place
         fields["contact_pressure"] = np.linalg.norm(traction, axis=1)
         fields["contact_gap"] = np.minimum(fields.get("contact_gap", np.inf), self.gap())
 

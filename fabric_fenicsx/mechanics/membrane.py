@@ -327,6 +327,7 @@ class Membrane(Term):
         found["stability_convexity"] = stable.convexity.min(1)
         found["stability_ellipticity"] = stable.ellipticity.min(1)
         for name, values in found.items():
+            fields.get(name)  # of several membranes on a sheet the last one's take its place
             self.part.put(fields, name, values)
 
     def _invariants_at_points(self):
@@ -351,12 +352,12 @@ class Membrane(Term):
     def add_summary(self, summary: dict[str, Any]) -> None:
         """Add what the sheet is made of and how it is integrated, and the kernel's mismatch."""
         mismatch = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
-        summary["integration"] = self.integration
-        couplings = sorted(self.fabric.couplings)
-        if self.part.is_whole:
-            summary |= {"couplings": couplings, "material": self.fabric.name}
-        else:
-            known = {"couplings": couplings, "material": self.fabric.name}
+        known = {"couplings": sorted(self.fabric.couplings), "material": self.fabric.name}
+        facts = {"integration": self.integration} | (known if self.part.is_whole else {})
+        for name in facts:
+            summary.get(name)  # of several membranes the last one's take its place
+        summary |= facts
+        if not self.part.is_whole:
             summary.setdefault("parts", {})[self.part.name] = known
         summary["kernel_mismatch"] = max(mismatch, summary.get("kernel_mismatch", 0.0))
 

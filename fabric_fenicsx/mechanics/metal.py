@@ -204,6 +204,8 @@ class SheetMetal(Term):
         """Add the metal's name and the number of points, of a stack by sheet."""
         known = {"metal": self.metal.name, "points_through_metal": len(self._places)}
         if self.part.is_whole:
+            for name in known:
+                summary.get(name)  # of several metals the last one's take its place
             summary |= known
         else:
             summary.setdefault("metals", {})[self.part.name] = known
@@ -221,6 +223,7 @@ class SheetMetal(Term):
             "von_mises_bottom": stress[:, 0],
         }
         for name, values in found.items():
+            fields.get(name)  # of several metals on a sheet the last one's take its place
             self.part.put(fields, name, values)
 
     def thickness(self) -> np.ndarray:

@@ -23,6 +23,13 @@ Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns and values
 EMPTY = np.empty(0)
 # of what every run tells beside the energies of terms
 OF_A_RUN = "viscous", "external_work"
+# what a method of terms gives, where that is told, and the method's argument
+TOLD = {
+    "add_history": ("column", "history.csv", "row"),
+    "add_summary": ("entry", "summary.json", "summary"),
+    "add_cell_fields": ("field", "the sheet", "fields"),
+    "add_nodal_fields": ("field", "the sheet", "fields"),
+}
 NO_TANGENT: Triplets = (np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), EMPTY)
 
 
@@ -247,13 +254,16 @@ class Term:
         `row[name] = max(value, row.get(name, 0.0))` does; otherwise the run ends in InputError."""
 
     def add_summary(self, summary: dict[str, Any]) -> None:
-        """Add facts, of all ranks, to summary.json (what JSON can hold)."""
+        """Add facts, of all ranks, to summary.json (what JSON can hold), also of the state at load
+        0; their names as in `add_history`."""
 
     def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
-        """Add arrays (owned cells, ...) to the fields of the terms before it."""
+        """Add arrays (owned cells, ...) to the fields of the terms before it; their names as in
+        `add_history`."""
 
     def add_nodal_fields(self, fields: dict[str, np.ndarray]) -> None:
-        """Add arrays (owned nodes,) or (owned nodes, k) to the fields of the terms before it."""
+        """Add arrays (owned nodes,) or (owned nodes, k) to the fields of the terms before it;
+        their names as in `add_history`."""
 
     def tools(self) -> "tuple[Tool, ...]":
         """Tools whose surface the sheet may touch."""
@@ -282,8 +292,8 @@ class Term:
         return []
 
 
-class _Row(dict[str, Any]):
-    """What one term gives to a row of history.csv; what terms before it gave can be read in it."""
+class _Told(dict[str, Any]):
+    """What one term tells; what terms before it told can be read in it by name."""
 
     def __init__(self, before: Mapping[str, Any]) -> None:
         self.before, self.read = before, set[str]()
@@ -299,24 +309,32 @@ class _Row(dict[str, Any]):
     def get(self, name: str, default: Any = None) -> Any:
         return self[name] if name in self else default
 
+    def setdefault(self, name: str, default: Any = None) -> Any:
+        self[name] = self.get(name, default)
+        return self[name]
 
-def columns_of(terms: Iterable[Term], taken: Collection[str] = ()) -> dict[str, Any]:
-    """What `terms` add to a row of history.csv that has the columns `taken` already. Raises
-    InputError for a term that gives one of these, or one of another term without reading it."""
-    row: dict[str, Any] = {}
-    givers: dict[str, str] = dict.fromkeys(taken, "history.csv has")
+
+def told_by(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dict[str, Any]:
+    """What `terms` add by their `method`, one of `TOLD`, where the names `taken` are already.
+    Raises InputError for a term that gives one of these, or one of another term without reading
+    it."""
+    noun, place, argument = TOLD[method]
+    told: dict[str, Any] = {}
+    givers: dict[str, str] = dict.fromkeys(taken, f"{place} has")
     for term in terms:
-        mine = _Row(row)
-        term.add_history(mine)
+        mine = _Told(told)
+        getattr(term, method)(mine)
         for name in mine:
             if name in givers and name not in mine.read:
                 instead = (
-                    ", or to read it in `row` and give one value for both" if name in row else ""
+                    f", or to read it in `{argument}` and give one value for both"
+                    if name in told
+                    else ""
                 )
                 raise InputError(
-                    f"`add_history` of term {term.name} gives the column {name}, which "
+                    f"`{method}` of term {term.name} gives the {noun} {name}, which "
                     f"{givers[name]} already; allowed is another name{instead}"
                 )
-        row |= mine
+        told |= mine
         givers |= dict.fromkeys(mine, f"term {term.name} gives")
-    return row
+    return told

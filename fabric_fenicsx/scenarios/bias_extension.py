@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
+from mpi4py import MPI
 
 from ..errors import InputError
 from ..job import Result
@@ -240,10 +241,13 @@ class BiasExtension(StripTest):
 
     def along_the_axis(self, result: Result) -> np.ndarray | None:
         """Position [mm] and magnitude of the shear angle [deg] of the cells along the strip's axis,
-        (n, 2) on rank 0."""
+        (n, 2) on rank 0: those with their middle within a twentieth of the width, or, of a mesh
+        too coarse for that, those nearest to it."""
         width = (self.high - self.low)[1]
         x, y = self.blank.midpoints() - self.low[:, None]
-        near = np.abs(y - width / 2) <= width / 20
+        off = np.abs(y - width / 2)
+        nearest = self.comm.allreduce(off.min(initial=np.inf), MPI.MIN)
+        near = off <= max(width / 20, nearest * (1 + 1e-6))
         gamma = np.degrees(np.abs(result.fields["shear_angle"]))
         parts = self.comm.gather(np.column_stack([x, y, gamma])[near])
         if parts is None:

@@ -65,7 +65,8 @@ class Part:
 
     def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
         """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values
-        stay. Cells without any get NaN, in whole numbers 0."""
+        stay, and of two terms on one part the last one's. Cells without any get NaN, in whole
+        numbers 0."""
         if self.is_whole:
             fields[name] = values
             return

@@ -1,6 +1,7 @@
 """Which compression parameters Figs 12 to 14 of Schäfer et al. vary, and a formed ply in one
 row."""
 
+import textwrap
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -61,3 +62,13 @@ def row(
         "punch_force_N": q["punch_force_N"],
         "reason": reason,
     }
+
+
+def title(row: Mapping[str, Any]) -> str:
+    """What stands above the map of a ply: its parameter and, if it was not formed to the end, how
+    far it was and why not."""
+    words = f"{row['parameter']} = {row['value']:g}"
+    if row["reason"]:
+        words += f": ends at load {row['stroke_reached']:.2f}\n"
+        words += textwrap.fill(row["reason"].split(";")[0], 55)
+    return words

@@ -11,11 +11,13 @@ from mpi4py import MPI
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.job import Job
+from fabric_fenicsx.material.metal import load_metal
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.bending import Bending, plate_stiffness
 from fabric_fenicsx.mechanics.contact import Contact
 from fabric_fenicsx.mechanics.friction import Friction
 from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.metal import SheetMetal
 from fabric_fenicsx.mechanics.pressure_law import default_penalty
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.results.history import COLUMNS
@@ -285,6 +287,76 @@ def test_terms_that_read_a_column_may_share_it(ask):
     terms = [Membrane(KOMEILI), Mine(K), Mine(K), Mine(K)]
     row = Scene(sheet(20.0, 10.0, 2, 1), terms, clamped_ends(0.1)).history()
     assert list(row) == ["min_stability", "hits"] and row["hits"] == 3
+
+
+FIELDS = {"add_cell_fields": "field hits", "add_nodal_fields": "field hits"}
+TOLD = FIELDS | {"add_summary": "entry hits"}
+
+
+def telling(method, ask=lambda told: 0):
+    """A class of terms that give `hits` by `method`."""
+
+    def tell(self, told):
+        size = self.blank.whole.cells.size if "cell" in method else len(self.blank.whole.nodes)
+        told["hits"] = ask(told) + (1 if method == "add_summary" else np.ones(size))
+
+    silent = {"add_history": Term.add_history, "add_nodal_fields": Term.add_nodal_fields}
+    return type("Mine", (Bedding,), silent | {"name": "mine", "energy_kind": "mine", method: tell})
+
+
+@pytest.mark.parametrize("method", TOLD)
+def test_a_field_or_an_entry_that_two_terms_give(method):
+    """At load 0, not when a long run ends."""
+    mine, other, loads = telling(method)(K), telling(method)(K), []
+    other.name, other.at = "other", loads.append
+    scene = Scene(sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), mine, other], clamped_ends(0.1))
+    given = "summary" if method == "add_summary" else "fields"
+    with pytest.raises(InputError) as error:
+        Job(scene, steps=1).run()
+    assert set(loads) <= {0.0}
+    assert str(error.value) == (
+        f"`{method}` of term other gives the {TOLD[method]}, which term mine gives already; "
+        f"allowed is another name, or to read it in `{given}` and give one value for both"
+    )
+
+
+@pytest.mark.parametrize("name", ["terms", "material", "integration"])
+def test_an_entry_of_the_summary_that_is_there_already(name):
+    class Mine(Bedding):
+        def add_summary(self, summary):
+            summary[name] = "mine"
+
+    words = f"gives the entry {name}, which .* already; allowed is another name"
+    with pytest.raises(InputError, match=words):
+        Scene(sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), Mine(K)], clamped_ends(1.0)).summary()
+
+
+@pytest.mark.parametrize("method", TOLD)
+@pytest.mark.parametrize(
+    "ask", [lambda told: told.get("hits", 0), lambda told: told.setdefault("hits", 0)]
+)
+def test_terms_that_read_a_field_or_an_entry_may_share_it(method, ask):
+    Mine = telling(method, ask)
+    terms = [Membrane(KOMEILI), Mine(K), Mine(K), Mine(K)]
+    scene = Scene(sheet(20.0, 10.0, 2, 1), terms, clamped_ends(0.1))
+    told = getattr(scene, method.removeprefix("add_"))()
+    assert np.all(told["hits"] == 3)
+
+
+def test_terms_of_the_package_may_be_twice_on_a_sheet():
+    blank = sheet(20.0, 10.0, 2, 1, spatial=True)
+    terms = [Membrane(KOMEILI), Membrane(KOMEILI.without("biaxial"))]
+    tools = [Tool(Sphere(8.0, (x, 5, -9)), name=f"ball {x}") for x in (5, 15)]
+    terms += [Contact(tool) for tool in tools]
+    held = [Support("all", everywhere, (0, 1, 2))]
+    scene = Scene(blank, terms, held)
+    assert scene.summary()["couplings"] == ["compression_shear", "tension_shear"]
+    assert "eps_a" in scene.cell_fields()
+    nearest = blank.with_ghosts(np.minimum(*(term.gap() for term in terms[2:])))
+    assert scene.nodal_fields()["contact_gap"] == pytest.approx(nearest)
+    blank = sheet(20.0, 10.0, 2, 1, spatial=True)
+    metal = Scene(blank, [SheetMetal(load_metal("dc04")) for _ in "ab"], held)
+    assert metal.summary()["metal"] == "dc04" and "metal_thickness" in metal.cell_fields()
 
 
 @pytest.mark.parametrize("kind", ["viscous", "external_work"])

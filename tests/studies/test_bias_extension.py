@@ -51,6 +51,17 @@ def test_three_zones_and_both_models(launch):
         assert gamma[near].mean() == pytest.approx(theory, abs=1.2), place
 
 
+@pytest.mark.parametrize("options", [(), ("--pattern", "left"), ("--element", "Q1")])
+def test_the_axis_of_a_mesh_without_cells_near_it(launch, options):
+    """The nearest ones stand for it, in each column one of both sides."""
+    mesh = "--element", "P1", "--nx", 8, "--ny", 2, *options
+    done = launch("bias_extension", *mesh, "--strain", 0.02, "--no-error")
+    assert done.status == 0, done.err
+    x, gamma = np.loadtxt(done.folder / "axis.csv", delimiter=",", skiprows=1).T
+    assert (np.histogram(x, 8, (0, 200))[0] == 2).all() and gamma.max() > 1
+    assert (done.folder / "axis.png").stat().st_size > 10_000
+
+
 @pytest.mark.parametrize("study, scene", [("tensile", "tensile"), ("bias_extension", "bias10")])
 def test_the_defaults_give_the_curve_to_a_permille(launch, study, scene):
     done = launch(study, *PLAIN)

@@ -6,8 +6,10 @@ import json
 import numpy as np
 import pytest
 
+from fabric_fenicsx.results import pictures
 from fabric_fenicsx.results.fields import read_last
 from fabric_fenicsx.scenarios.forming import Forming
+from fabric_fenicsx.verification import compression_parameters
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
 
@@ -170,3 +172,25 @@ def test_compression_parameters(launch, monkeypatch):
     assert set(json.loads((done.folder / "summary.json").read_text())["quantities"]) == {
         f"s_C = {v}" for v in (10, 100, 1000)
     }
+
+
+def test_plies_that_end_early_are_drawn_with_the_reason(launch, monkeypatch):
+    """Without a floor of the biaxial coupling yarns have no stiffness left beside squeezed ones."""
+    monkeypatch.setattr(Forming, "pictures", lambda *_: None)
+    monkeypatch.setitem(compression_parameters.VARIED, "p_min", (0.0, 0.75))
+    drawn = {}
+    monkeypatch.setattr(
+        pictures, "maps", lambda path, plies, *_, **__: drawn.update({path.name: plies})
+    )
+    done = launch("compression_parameters", "--quick", "--vary", "p_min")
+    assert done.status == 3 and "1 of 2 plies were not formed to the end" in done.err
+    with open(done.folder / "parameters.csv") as file:
+        ended, formed = csv.DictReader(file)
+    words, load = "yarns are stretched by more than 10 % in ", float(ended["stroke_reached"])
+    assert words in ended["reason"] and "(--max-strain)" in ended["reason"]
+    assert 0.2 < load < 0.5 and not formed["reason"] and float(formed["stroke_reached"]) == 1
+    because = ended["reason"].split(";")[0]
+    assert [title.replace("\n", " ") for title in drawn["p_min.png"]] == [
+        f"p_min = 0: ends at load {load:.2f} {because}",
+        "p_min = 0.75",
+    ]
