@@ -45,6 +45,9 @@ class SheetContact(Term):
 
     - penalty [N/mm^3]: by default `stack_penalty` of both sheets, and of all metal of the scene,
       with its tightest tool
+    - smoothing, layer [mm]: the law's s, by default as on tools, and how far before the faces meet
+      pressure begins, by default 0. A thick soft layer lets sheets that are pressed lightly, or lie
+      beside stiff ones, find their places of contact in a third of the iterations
     - symmetric: as in `Bending`
 
     settled: force by which the lower sheet presses the upper one, and the sum of normal forces, in
@@ -64,13 +67,17 @@ class SheetContact(Term):
         penalty: float | None = None,
         points: int = 3,
         lag: float = LAG,
+        smoothing: float | None = None,
+        layer: float = 0.0,
         symmetric: Where | Sequence[Where] = (),
     ) -> None:
         self.sheets = lower, upper
         self.name = f"contact of {lower} and {upper}"
-        for name, value in (("penalty", penalty), ("lag", lag)):
+        for name, value in (("penalty", penalty), ("lag", lag), ("smoothing", smoothing)):
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InputError(f"{self.name} has {name} {value}; allowed is a number above 0")
+        if not (np.isfinite(layer) and layer >= 0):
+            raise InputError(f"{self.name} has layer {layer}; allowed is a number from 0")
         if points not in POINTS:
             raise InputError(
                 f"{self.name} has {points} points in a cell; allowed are "
@@ -79,6 +86,7 @@ class SheetContact(Term):
         if lower == upper:
             raise InputError(f"{self.name} is of one sheet; allowed are two different ones")
         self._given, self.lag, self._rule = penalty, lag, POINTS[points]
+        self._smoothing, self._layer = smoothing, layer
         self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -86,7 +94,7 @@ class SheetContact(Term):
         blank, comm = scene.blank, scene.blank.mesh.comm
         parts = [blank.part(name) for name in self.sheets]
         thickness = [self._thickness(part) for part in parts]
-        self.distance, self.thickness = sum(thickness) / 2, min(thickness)
+        self.distance, self.thickness = sum(thickness) / 2 + self._layer, min(thickness)
         sizes = [
             comm.allreduce(blank.areas()[part.cells].sum()) / comm.allreduce(len(part.cells))
             for part in parts
@@ -109,7 +117,8 @@ class SheetContact(Term):
         self.areas = (areas[:, None] * weights / weights.sum()).ravel()
         self.count = len(self.areas)
         penalty = self._given or self._default_penalty(scene, parts)
-        self._law = PressureLaw(penalty, SMOOTHING * PERMITTED * self.thickness)
+        usual = SMOOTHING * PERMITTED * self.thickness
+        self._law = PressureLaw(penalty, self._smoothing or usual)
         self._nodes = Nodes(blank)
         self._below = np.full(self.count, -1)  # what was found last
         self._depth = np.zeros(self.count)  # greatest in accepted states
@@ -149,7 +158,7 @@ class SheetContact(Term):
                 f"{self.name} finds no place of one over the other; allowed are sheets that lie on "
                 "one another"
             )
-        deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN)
+        deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN) - self._layer
         if deepest > self.thickness / 4:
             raise InputError(
                 f"{self.name} begins with sheets that overlap by {deepest:.3g} mm; allowed are "
@@ -206,7 +215,7 @@ class SheetContact(Term):
         self._accepted, self._accepted_place = now, self.blank.u.x.array.copy()
         self._take(self._accepted)
         at = self._accepted.points
-        self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap)
+        self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap - self._layer)
 
     def update_lagged(self) -> bool:
         """Take the faces as they are, if that changes forces by more than `lag` of their sum; where
@@ -312,8 +321,8 @@ class SheetContact(Term):
         return values.reshape((self.count, wide) if wide > 1 else self.count)
 
     def depth_under(self, pressure: float) -> float:
-        """Overlap of the faces [mm] under a pressure [MPa]."""
-        return float(self._law.depth(np.array(pressure)))
+        """Overlap of the faces [mm] under a pressure [MPa]; below 0 where they do not meet."""
+        return float(self._law.depth(np.array(pressure))) - self._layer
 
     def covered(self, above: np.ndarray | None = None) -> np.ndarray:
         """Areas of the lower sheet over which the upper one lies, at this rank's owned nodes (n,)

@@ -17,20 +17,21 @@ from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from .plies import Ply
 
-LOOSE = 0.02  # of the least thickness, between plies as they are laid
+# of the least thickness: where pressure between plies begins, and its law's `smoothing`
+LAYER, SOFT = 0.07, 0.4
 
 
 def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
     """The `Stack` of plies, the lowest first; `make` gives the blank of each.
 
-    Its upper face is half of all thicknesses over z = 0, where the die lies. Plies lie a little
-    loose, so that it is known which places touch. Raises InputError without any.
+    Its upper face is half of all thicknesses over z = 0, where the die lies. Plies lie as far
+    apart as their contact begins. Raises InputError without any.
     """
     if not plies:
         raise InputError("`stack` has no ply; allowed are one or more")
     sheets = [(make(ply), ply.thickness_used, ply.name) for ply in plies]
     thicknesses = [thickness for _, thickness, _ in sheets]
-    play = LOOSE * min(thicknesses)
+    play = LAYER * min(thicknesses)
     return Stack(sheets, -sum(thicknesses) / 2 - play * (len(sheets) - 1), play)
 
 
@@ -50,9 +51,11 @@ def between(
     """Contact and friction of each ply with the next, and of two plies with a smaller one between
     them. planes: of symmetry; slip, lag: as in `SheetFriction`."""
     terms: list[Term] = []
+    t = min(sheet.thickness for sheet in stack.sheets)
+    options = {"lag": lag, "smoothing": SOFT * t, "layer": LAYER * t}
     for lower, upper in _facing(stack, plies):
         names = lower.name, upper.name
-        terms.append(SheetContact(*names, lag=lag, symmetric=planes))
+        terms.append(SheetContact(*names, symmetric=planes, **options))
         if mu := lower.friction_to(upper):
             terms.append(SheetFriction(*names, mu, slip, lag))
     return terms

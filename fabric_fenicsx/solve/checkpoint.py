@@ -20,9 +20,9 @@ from ..sheets.blank import Blank
 from .stepping import Progress, Viscosity
 
 # of the file; the first told a slit's lips apart by chance, those after it had other names
-FORMAT = 4
-SCALARS = ("load", "step", "last_step", "work", "solver", "accepted", "rejected", "iterations")
+FORMAT = 5
 COUNTS = ("accepted", "rejected", "iterations")
+SCALARS = ("load", "step", "last_step", "work", "stored", "solver", *COUNTS)
 NODAL = ("x", "around", "u", "previous")
 MEMORY = "memory "  # before the names of the terms' arrays
 CELLS = MEMORY + OF_CELLS  # and of those of cells

@@ -57,7 +57,8 @@ class Viscosity:
 class Progress:
     """Where a march stands: load factor, size of the next step and of the last one (None before the
     first), work of supports, loads and tools [N mm], displacement and the one before it (PETSc
-    vectors, of the march itself), the memories of scene and solver, and what it cost so far."""
+    vectors, of the march itself), the memories of scene and solver, what it cost so far, and the sum
+    of energies [N mm] as the last state was accepted."""
 
     load: float
     step: float
@@ -71,6 +72,7 @@ class Progress:
     accepted: int = 0
     rejected: int = 0
     iterations: int = 0
+    stored: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,8 @@ def march(
     if not progress.memory:
         scene.support_work.accept(progress.load, scene.held_forces(), progress.x.array[scene.held])
     cuts, steps_at_rest, clock = 0, 0, time.perf_counter()
-    stored = sum(_energies(scene, progress).values())
+    if start is None:
+        progress.stored = sum(_energies(scene, progress).values())
     settled = start is not None or newton.is_at_rest(progress.x)
     if on_accept and start is None and settled:
         on_accept(
@@ -214,7 +217,7 @@ def march(
             )
             # work of the first step is a trapezoid's, which halving does not mend
             judged = settled and progress.last_step and taken > 1.5 * max_step / FINEST
-            missing = _missing(work, sum(energies.values()), stored) if judged else 0.0
+            missing = _missing(work, sum(energies.values()), progress.stored) if judged else 0.0
             if balance and missing > balance:
                 report.converged = False
                 report.reason = f"{100 * missing:.3g} % of the step's work is not in the energies"
@@ -255,7 +258,7 @@ def march(
         progress.accepted += settled  # equilibrium at load 0 is no step
         if not settled:
             settled, progress.work = True, sum(energies.values())
-        stored = sum(energies.values())
+        progress.stored = sum(energies.values())
         progress.load = load
         progress.last_step = taken or progress.last_step
         if accuracy and error:

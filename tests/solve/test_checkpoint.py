@@ -55,6 +55,7 @@ def progress(blank, **changes):
         "step": 0.1,
         "last_step": 0.1,
         "work": 2.5,
+        "stored": 2.0,
         "memory": memory,
         "solver": {"shift": 0.5},
     }
@@ -195,10 +196,10 @@ BROKEN = {
     "meta data that are no JSON": (array("meta", lambda _: np.array("{load:")), "cannot be read"),
     "meta data that are a list": (
         array("meta", lambda _: np.array("[1]")),
-        "is of format None; allowed is 4",
+        "is of format None; allowed is 5",
     ),
-    "earlier version": (meta(format=None), "is of format 1; allowed is 4"),
-    "later version": (meta(format=5), "is of format 5; allowed is 4"),
+    "earlier version": (meta(format=None), "is of format 1; allowed is 5"),
+    "later version": (meta(format=6), "is of format 6; allowed is 5"),
     "no displacement": (lambda arrays: arrays.pop("u"), "u is missing"),
     "no place": (lambda arrays: arrays.pop("around"), "around is missing"),
     "short displacement": (
