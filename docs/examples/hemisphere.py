@@ -20,7 +20,7 @@ round_ = {"dome_distance": 1e-3, "dome_radius": 50.0, "waist": 50.0, "wall_angle
 dome = ff.DoubleDome(depth=60.0, top_radius=49.9, entry_radius=10.0, saddle_depth=0.0, **round_)
 size = {"length": 200.0, "width": 200.0, "nx": nx, "dome": dome, "stroke": 40.0}
 press = ff.Forming(fabric, **size, friction=friction, holder_pressure=0.05, bending_modulus=20.0)
-job = press.job(steps=10, balance=None, path_tolerance=1e-3)
+job = press.job(steps=16, balance=None, path_tolerance=1e-3)
 grid = job.run("results/hemisphere", overwrite=True).grid
 
 radius = dome.top_radius + fabric.thickness / 2  # of the middle of the ply

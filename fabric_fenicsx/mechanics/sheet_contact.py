@@ -46,8 +46,7 @@ class SheetContact(Term):
     - penalty [N/mm^3]: by default `stack_penalty` of both sheets, and of all metal of the scene,
       with its tightest tool
     - smoothing, layer [mm]: the law's s, by default as on tools, and how far before the faces meet
-      pressure begins, by default 0. A thick soft layer lets sheets that are pressed lightly, or lie
-      beside stiff ones, find their places of contact in a third of the iterations
+      pressure begins, by default 0. With both larger, sheets find where they touch sooner
     - symmetric: as in `Bending`
 
     settled: force by which the lower sheet presses the upper one, and the sum of normal forces, in

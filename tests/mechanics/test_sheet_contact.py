@@ -201,6 +201,25 @@ def test_states_that_alternate_are_met_half_way():
 
 
 @pytest.mark.mpi
+def test_a_soft_layer_presses_before_the_faces_meet():
+    """By the law, with the depth in the layer; what is told is how far the faces overlap."""
+    layer, s, k, z = 0.2, 0.5, 7.0, 0.05
+    scene = ff.Scene(
+        laid(0.0),
+        [*membranes("ab"), ff.SheetContact("a", "b", penalty=k, smoothing=s, layer=layer)],
+    )
+    contact = scene.terms[-1]
+    upper = scene.blank.part("b").nodes
+    for gap in (0.3, 0.1, -z):
+        scene.blank.u.x.array.reshape(-1, 3)[: len(upper)][upper, 2] = gap
+        scene.blank.u.x.scatter_forward()
+        scene.accept()
+        pressure = k * max(0.0, layer - gap) ** 2 / (2 * s)
+        assert contact.force()[2] == pytest.approx(pressure * 20 * 10, abs=1e-9)
+    assert contact.deepest() == pytest.approx(z)
+    assert contact.depth_under(k * layer**2 / (2 * s)) == pytest.approx(0, abs=1e-12)
+
+
 def test_sheets_apart_bear_nothing():
     scene, pair = two(**STATES["open"])
     forces, _ = nodal_forces(scene, pair)
@@ -265,6 +284,8 @@ def test_default_penalty_is_that_of_the_softer_fabric():
         ({"penalty": 0.0}, "contact of a and b has penalty 0.0; allowed is a number above 0"),
         ({"penalty": math.nan}, "contact of a and b has penalty nan; allowed is a number above 0"),
         ({"lag": -1.0}, "contact of a and b has lag -1.0; allowed is a number above 0"),
+        ({"smoothing": 0.0}, "contact of a and b has smoothing 0.0; allowed is a number above 0"),
+        ({"layer": -0.1}, "contact of a and b has layer -0.1; allowed is a number from 0"),
         ({"points": 2}, "contact of a and b has 2 points in a cell; allowed are 1, 3, 6"),
         ({"upper": "a"}, "contact of a and a is of one sheet; allowed are two different ones"),
     ],
