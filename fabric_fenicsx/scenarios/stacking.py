@@ -52,10 +52,11 @@ def between(
     them. planes: of symmetry; slip, lag: as in `SheetFriction`."""
     terms: list[Term] = []
     t = min(sheet.thickness for sheet in stack.sheets)
-    options = {"lag": lag, "smoothing": SOFT * t, "layer": LAYER * t}
     for lower, upper in _facing(stack, plies):
         names = lower.name, upper.name
-        terms.append(SheetContact(*names, symmetric=planes, **options))
+        terms.append(
+            SheetContact(*names, lag=lag, smoothing=SOFT * t, layer=LAYER * t, symmetric=planes)
+        )
         if mu := lower.friction_to(upper):
             terms.append(SheetFriction(*names, mu, slip, lag))
     return terms

@@ -57,8 +57,8 @@ class Viscosity:
 class Progress:
     """Where a march stands: load factor, size of the next step and of the last one (None before the
     first), work of supports, loads and tools [N mm], displacement and the one before it (PETSc
-    vectors, of the march itself), the memories of scene and solver, what it cost so far, and the sum
-    of energies [N mm] as the last state was accepted."""
+    vectors, of the march itself), the memories of scene and solver, what it cost so far, and the
+    sum of energies [N mm] as the last state was accepted."""
 
     load: float
     step: float
