@@ -17,21 +17,24 @@ from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from .plies import Ply
 
-# of the least thickness: where pressure between plies begins, and its law's `smoothing`
-LAYER, SOFT = 0.07, 0.4
+# of the least thickness: where pressure between plies of fabric begins, and its law's `smoothing`
+LAYER, SOFT = 0.05, 0.11
+# likewise between the plies of a stack with metal: at the metal's edges a layer is pressed out
+LOOSE = 0.02
 
 
 def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
     """The `Stack` of plies, the lowest first; `make` gives the blank of each.
 
-    Its upper face is half of all thicknesses over z = 0, where the die lies. Plies lie as far
-    apart as their contact begins. Raises InputError without any.
+    Its upper face is half of all thicknesses over z = 0, where the die lies. Plies of fabric lie
+    as far apart as their contact begins; with metal a little loose, so that it is known which
+    places touch. Raises InputError without any.
     """
     if not plies:
         raise InputError("`stack` has no ply; allowed are one or more")
     sheets = [(make(ply), ply.thickness_used, ply.name) for ply in plies]
     thicknesses = [thickness for _, thickness, _ in sheets]
-    play = LAYER * min(thicknesses)
+    play = (LOOSE if any(ply.metal for ply in plies) else LAYER) * min(thicknesses)
     return Stack(sheets, -sum(thicknesses) / 2 - play * (len(sheets) - 1), play)
 
 
@@ -52,10 +55,12 @@ def between(
     them. planes: of symmetry; slip, lag: as in `SheetFriction`."""
     terms: list[Term] = []
     t = min(sheet.thickness for sheet in stack.sheets)
+    sharp = any(ply.metal for ply in plies)
+    smoothing, layer = (None, 0.0) if sharp else (SOFT * t, LAYER * t)
     for lower, upper in _facing(stack, plies):
         names = lower.name, upper.name
         terms.append(
-            SheetContact(*names, lag=lag, smoothing=SOFT * t, layer=LAYER * t, symmetric=planes)
+            SheetContact(*names, lag=lag, smoothing=smoothing, layer=layer, symmetric=planes)
         )
         if mu := lower.friction_to(upper):
             terms.append(SheetFriction(*names, mu, slip, lag))

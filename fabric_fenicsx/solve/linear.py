@@ -8,12 +8,7 @@ from petsc4py import PETSc
 
 PREFIX = "fabric_"  # of PETSc's options
 LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
-    "mumps-cholesky": {
-        "ksp_type": "preonly",
-        "pc_type": "cholesky",
-        "mat_mumps_icntl_24": 1,
-        "mat_mumps_icntl_7": 4,  # PORD: at some 10 000 unknowns in 0.6 of the time of Metis
-    },
+    "mumps-cholesky": {"ksp_type": "preonly", "pc_type": "cholesky", "mat_mumps_icntl_24": 1},
     "mumps-lu": {"ksp_type": "preonly", "pc_type": "lu"},
     # flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times
     # stiffer than shear
@@ -50,7 +45,7 @@ def configure(snes: PETSc.SNES, name: str) -> None:
     snes.ksp.setFromOptions()
     for key in given:
         # read only when the factor is made; read here too, as PETSc reports unused options
-        if key.startswith("mat_mumps"):
+        if key == "mat_mumps_icntl_24":
             options.getInt(key)
         else:
             options.delValue(key)

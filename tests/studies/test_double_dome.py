@@ -125,7 +125,7 @@ def test_a_run_goes_on_from_its_checkpoint(launch):
     [
         (("--dome", "depth=-3"), ["depth", "-3", "above 0"]),
         (("--dome", "height=60"), ["--dome", "height", "entry_radius"]),
-        (("--dome", "depth"), ["--dome depth", "NAME=VALUE"]),
+        (("--dome", "depth"), ["--dome NAME=VALUE", "depth is ''", "above 0"]),
         (("--stroke", 70), ["--stroke 70", "up to 60"]),
         (("--clearance", 0.5), ["--clearance 0.5", "from 1 mm"]),
         (("--penalty", 0), ["--penalty", "above 0"]),
