@@ -16,7 +16,7 @@ def main(study: Study):
     q, theory = result.summary["quantities"], "no theory"
     for line in measured_lines(result):
         study.say(line)
-    if bias.measured:
+    if "measured_rms_N_per_mm" in q:
         rms, relative = q["measured_rms_N_per_mm"], 100 * q["measured_rms_relative"]
         study.say(
             f"normalised shear forces differ by {rms:.3g} N/mm r.m.s. ({relative:.3g} % of each)"

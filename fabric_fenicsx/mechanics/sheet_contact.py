@@ -45,8 +45,9 @@ class SheetContact(Term):
 
     - penalty [N/mm^3]: by default `stack_penalty` of both sheets, and of all metal of the scene,
       with its tightest tool
-    - smoothing, layer [mm]: the law's s, by default as on tools, and how far before the faces meet
-      pressure begins, by default 0. With both larger, sheets find where they touch sooner
+    - smoothing [mm]: s of the law, by default as on tools
+    - layer [mm]: distance of the faces at which pressure begins, by default 0. With a layer and a
+      larger s the solver needs fewer iterations
     - symmetric: as in `Bending`
 
     settled: force by which the lower sheet presses the upper one, and the sum of normal forces, in
@@ -116,8 +117,7 @@ class SheetContact(Term):
         self.areas = (areas[:, None] * weights / weights.sum()).ravel()
         self.count = len(self.areas)
         penalty = self._given or self._default_penalty(scene, parts)
-        usual = SMOOTHING * PERMITTED * self.thickness
-        self._law = PressureLaw(penalty, self._smoothing or usual)
+        self._law = PressureLaw(penalty, self._smoothing or SMOOTHING * PERMITTED * self.thickness)
         self._nodes = Nodes(blank)
         self._below = np.full(self.count, -1)  # what was found last
         self._depth = np.zeros(self.count)  # greatest in accepted states

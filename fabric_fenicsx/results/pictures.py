@@ -14,9 +14,8 @@ import pyvista
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap
 
-# field -> label, factor to the unit shown, colour map
-# label, factor, colours of fields; no label has an index 1 or 2, which beside axes x and y looks
-# like theirs
+# field -> label, factor to the unit shown, colour map; no label has an index 1 or 2, which beside
+# axes x and y looks like theirs
 SHOWN = {
     "log_eps_11": ("log strain\nalong yarns a / %", 100.0, "viridis"),
     "log_eps_22": ("log strain\nalong yarns b / %", 100.0, "viridis"),
