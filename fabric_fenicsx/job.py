@@ -14,6 +14,7 @@ from tqdm import tqdm
 from . import dolfinx_compat as compat
 from . import timing
 from .errors import InputError, Interrupted, SolverFailure
+from .given import of_scene
 from .mechanics import mesh_warnings
 from .mechanics.self_crossing import self_crossings
 from .results.curve import Curves, Measure, default_measure
@@ -93,7 +94,8 @@ class Job:
 
         out: the folder, None to keep no files; part: subfolder. resume: go on from the checkpoint
         there, on any number of ranks; overwrite: lose the results there. problem: what a
-        checkpoint must agree in to be gone on from.
+        checkpoint must agree in to be gone on from, besides the numbers of terms and supports.
+        Functions and large arrays that terms hold, and the code of own ones, are not compared.
 
         Raises InputError for input that can't be run or written, SolverFailure, after all is
         written, if the full load was not reached or the result is beyond the limits, and
@@ -125,10 +127,9 @@ class Job:
         from .results.fields import FieldSeries  # pyvista takes longer to import than a coarse run
 
         scene, comm = self.scene, self.scene.comm
-        terms = ", ".join(term.name for term in scene.terms)
-        plain = {"study": self.name, "terms": terms, "material": _material(scene)}
-        problem = dict(problem or plain)
-        checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, problem)
+        problem = dict(problem or {"study": self.name, "material": _material(scene)})
+        known_by = problem | of_scene(scene)
+        checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
         start, notes = None, dict[str, Any](rows=[], states=[])
         # a part of several that was not begun yet has no checkpoint
@@ -304,14 +305,17 @@ class Job:
         }
 
     def _energy(self, rows):
-        """Energies of the last state by kind, and the work done [N mm]."""
-        energies = self.scene.energies() | {"viscous": rows[-1]["viscous_energy_Nmm"]}
+        """Energies of the last state by kind, and the work done [N mm]: those of its row, as terms
+        have since taken anew what they held in its solve."""
+        kinds = {**dict.fromkeys(ENERGIES), **self.scene.energies()}
         work = {"external_work": rows[-1]["external_work_Nmm"]}
-        return dict.fromkeys(ENERGIES, 0.0) | energies | work
+        return {kind: rows[-1][f"{kind}_energy_Nmm"] for kind in kinds} | work
 
     def _unbelievable(self, output, result, energy):
         """What is wrong with the run as a whole, a sentence each; warns of what may be."""
-        if not (any(energy.values()) or self.scene.u.norm()):
+        untouched = mesh_warnings.untouched_warning(self.scene)
+        output.warn(untouched)
+        if not (untouched or any(energy.values()) or self.scene.u.norm()):
             output.warn(
                 "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
                 "that moves would, as `clamped_ends(stroke)`"
@@ -322,11 +326,15 @@ class Job:
                 f"the path branches at load {branches}: the equilibrium there was a saddle, and "
                 "one of the ways down was taken; others may lead to other results"
             )
+        below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
         if balance["energy_imbalance"] > UNBALANCED:
+            cause = "take smaller steps (`max_step`), unless the sheet snapped"
+            if below:
+                told = " and ".join(f"{kind} {energy[kind]:.3g} N mm" for kind in below)
+                cause = f"what should resist drives the sheet, as energies are below 0: {told}"
             output.warn(
                 "work of supports and tools and stored energy differ by "
-                f"{100 * balance['energy_imbalance']:.3g} %; take smaller steps (`max_step`), "
-                "unless the sheet snapped"
+                f"{100 * balance['energy_imbalance']:.3g} %; {cause}"
             )
         # of stretching; kinds that only some terms have are its too, as of metal
         kept = energy["strain"] + sum(

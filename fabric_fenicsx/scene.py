@@ -13,7 +13,8 @@ from .errors import InputError
 from .material.laws import Law
 from .material.laws.base import Material
 from .mechanics.assembly import Assembly
-from .mechanics.term import Term, told_by
+from .mechanics.term import Term
+from .mechanics.told import told_by
 from .mechanics.work import Work
 from .sheets.blank import Blank
 from .sheets.parts import Part

@@ -150,7 +150,7 @@ def check_held(scene: "Scene") -> str:
         raise InputError(
             f"the supports ({names}) leave {blank.name} free to {free}"
             + (", which contact without friction does not resist" if smooth else "")
-            + "; allowed are supports that hold it against every rigid motion"
+            + "; allowed are supports, or a term's `resists`, that hold every rigid motion"
             + (", or `Friction`" if smooth else "")
         )
     return ""

@@ -5,10 +5,13 @@ import json
 import logging
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import ufl
 from builders import COARSE, COMM
+from dolfinx import fem
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.console import Console
@@ -64,6 +67,75 @@ def test_a_checkpoint_of_another_fabric_is_refused(folder):
     other = ff.load("komeili").replace(b=600.0)
     with pytest.raises(ff.InputError, match="was made with material ="):
         ff.Tensile(other, **COARSE).job(steps=2).run(folder, resume=True)
+
+
+def loaded(stroke=0.5, k=0.01, pressure=1e-3, modulus=100.0, radius=30.0, height=-31.0, turn=0.0):
+    """A sheet with an own term and terms of the package, in a few cells."""
+
+    class Bedding(ff.Term):
+        name = energy_kind = "bedding"
+
+        def __init__(self, k):
+            self.k = k
+
+        def set_up(self, scene):
+            u = scene.blank.u
+            self.energy = fem.Constant(scene.blank.mesh, self.k) * ufl.inner(u, u) * self.part.dx(2)
+
+    ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True, fibre_angle=turn)
+    ball = ff.Tool(ff.Sphere(radius), path=lambda load: (10, 5, height + 0.01 * load))
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=modulus), Bedding(k)]
+    terms += [ff.DeadPressure(pressure, (0, 0, -1)), ff.Contact(ball)]
+    return ff.Job(ff.Scene(ply, terms, ff.clamped_ends(stroke)), steps=2)
+
+
+OTHER = {
+    "k": (1.0, "k of term 3, bedding = 0.01, now it is 1.0"),
+    "pressure": (2e-3, "pressure of term 4, dead pressure = 0.001, now it is 0.002"),
+    "modulus": (50.0, "modulus of term 2, bending = 100.0, now it is 50.0"),
+    "radius": (31.0, "tool of term 5, contact = .*'radius': 30.0"),
+    "height": (-32.0, "tool of term 5, contact = .*'path': .*-30.99"),
+    "stroke": (0.6, r"largest displacement of supports \[mm\] = 0.5, now it is 0.6"),
+    "turn": (45.0, "directions of the yarns = "),
+}
+
+
+def test_an_energy_below_0_is_told_as_the_cause_of_an_imbalance():
+    """Smaller steps do not mend it."""
+    try:
+        result = loaded(k=-1e-3, stroke=0.0, height=-50.0).run()
+    except ff.SolverFailure as failure:
+        result = failure.result
+    (words,) = [text for text in result.summary["warnings"] if "stored energy differ by" in text]
+    assert "drives the sheet, as energies are below 0: bedding -" in words and "step" not in words
+
+
+@pytest.mark.mpi
+def test_a_checkpoint_of_other_numbers_of_terms_is_refused(folder):
+    first = loaded().run(folder, pictures=False)
+    again = loaded().run(folder, resume=True, pictures=False)
+    assert again.summary["energy"] == first.summary["energy"]
+    last = first.rows[-1]  # also of bending, whose normals were taken anew after it
+    assert first.summary["energy"]["bending"] == last["bending_energy_Nmm"] > 0
+    for name, (value, words) in OTHER.items():
+        with pytest.raises(ff.InputError, match=f"was made with {words}.*allowed is the same"):
+            loaded(**{name: value}).run(folder, resume=True, pictures=False)
+
+
+def test_a_picture_of_a_field_that_the_finished_run_did_not_keep(tmp_path):
+    class Marked(ff.Membrane):
+        def add_nodal_fields(self, fields):
+            fields["mark"] = np.ones(len(self.part.nodes))
+
+    def job(membrane):
+        ply = ff.Blank.rectangle(20, 10, nx=4)
+        return ff.Job(ff.Scene(ply, [membrane(ff.load("komeili"))], ff.clamped_ends(0.1)), steps=1)
+
+    job(ff.Membrane).run(tmp_path / "out", pictures=False)
+    later = job(Marked).run(tmp_path / "out", resume=True, pictures=False)
+    words = "a picture of mark is asked for; allowed are the fields of the run I10, .*shear_angle"
+    with pytest.raises(ff.InputError, match=words):
+        later.plot("mark", tmp_path / "mark.png")
 
 
 def test_the_force_and_travel_of_a_moving_support_are_measured():
@@ -126,6 +198,63 @@ def test_a_tool_that_the_sheet_is_in_is_told_before_anything_runs(folder, surfac
     assert not folder.exists()
 
 
+def ball_under_a_sheet(path, surface=None):
+    """A job on a clamped sheet over a ball of 30 mm on that path, and the ball."""
+    ply = ff.Blank.rectangle(100, 100, nx=8, spatial=True, centred=True)
+    ball = ff.Tool(surface or ff.Sphere(30), path, name="ball")
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=100.0), ff.Contact(ball)]
+    scene = ff.Scene(ply, terms, supports=ff.clamped_ends())
+    return ff.Job(scene, steps=1, limits=ff.Limits(imbalance=9)), ball
+
+
+def test_a_tool_that_equilibrium_frees_is_not_judged_by_where_it_began():
+    job, ball = ball_under_a_sheet(lambda load: (0, 0, -30.3 + 0.1 * load))
+    result = job.run()  # 0.2 mm deep at first
+    (contact,) = (term for term in job.scene.terms if isinstance(term, ff.Contact))
+    assert 0 < contact.deepest() < 0.001 and result.force(ball)[2] > 0
+
+
+def test_a_path_that_ends_nowhere_is_told_before_anything_runs():
+    job, _ = ball_under_a_sheet(lambda load: (0, 0, -30.5 if load < 0.5 else math.nan))
+    with pytest.raises(ff.InputError, match="path of ball at load 1 is .* allowed are three fin"):
+        job.run()
+
+
+def test_a_surface_that_gives_no_number_on_the_way_is_named():
+    class Cut(ff.Sphere):
+        def nearest(self, points, reach):
+            found = super().nearest(points, reach)
+            found.gap[abs(points[:, 2] - 29.5) < 0.1] = np.nan
+            return found
+
+    job, _ = ball_under_a_sheet(lambda load: (0, 0, -32 + 4 * load), Cut(30))
+    with pytest.raises(ff.SolverFailure, match="gave up") as failure:
+        replace(job, viscosity=False).run()
+    warnings = failure.value.result.summary["warnings"]
+    assert any("the surface Cut of ball gives no number at (" in text for text in warnings)
+
+
+@pytest.mark.mpi
+def test_a_force_is_asked_by_tool_or_by_name():
+    job, ball = ball_under_a_sheet(lambda load: (0, 0, -30.5 + load))
+    result = job.run()
+    assert result.force(ball)[2] > 0
+    assert (result.force("ball") == result.force(ball)).all()
+    for other in ("bowl", ff.Tool(ball.surface, ball.path, name="ball")):
+        with pytest.raises(ff.InputError, match="force of 'b.*' is asked, which no tools of the"):
+            result.force(other)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("start", [-60, -30.5])
+def test_a_tool_that_never_touches_the_sheet_is_told_of(start):
+    job, _ = ball_under_a_sheet(lambda load: (0, 0, start + 5 * load))
+    words = "a tool never touched the sheet: ball moved by 5 mm, and is still 24.5 mm off"
+    told = job.run().summary["warnings"]
+    assert any(text.startswith(words) for text in told) == (start == -60)
+    assert not any("nothing moves" in text for text in told)
+
+
 @pytest.mark.mpi
 def test_a_run_in_which_nothing_moves_says_so():
     ply = ff.Blank.rectangle(20, 10, nx=4)
@@ -142,6 +271,20 @@ def test_a_sheet_that_only_shapes_of_tools_may_hold_is_told_of(monkeypatch):
     job = ff.Tensile(**COARSE).job(steps=2)
     monkeypatch.setattr(job.scene, "check_held", lambda: "held by shapes")
     assert "held by shapes" in job.run().summary["warnings"]
+
+
+@pytest.mark.mpi
+def test_edges_and_fields_at_a_place_are_asked():
+    result = ff.Tensile(**COARSE).job(steps=2).run()
+    edges = result.outline()
+    if COMM.rank == 0:
+        (edge,) = edges
+        assert np.ptp(edge.formed[:, 0]) > np.ptp(edge.undeformed[:, 0]) == pytest.approx(200)
+    least, largest = result.summary["quantities"]["log_eps_11"]
+    assert least <= result.at((100, 25), "log_eps_11") <= largest
+    for place, name in (((300, 25), "log_eps_11"), ((100, 25), "nothing")):
+        with pytest.raises(ff.InputError, match=f"field {name} is asked for.*; allowed "):
+            result.at(place, name)
 
 
 def test_a_field_that_cannot_be_drawn(tmp_path):

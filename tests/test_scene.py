@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import ufl
 from builders import sheet
 from mpi4py import MPI
 
@@ -14,6 +15,7 @@ from fabric_fenicsx.mechanics.contact import Contact
 from fabric_fenicsx.mechanics.friction import Friction
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
@@ -136,6 +138,24 @@ def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned, nx):
         assert "bear middle 4 N, as sheet" in scene.warnings()[0]
 
 
+def test_a_dead_pressure_is_a_force_beside_which_locating_supports_bear_nothing():
+    """On a bedding that alone bears it."""
+
+    class Bedding(Term):
+        name, energy_kind, resists = "bedding", "bedding", ("move", "turn")
+
+        def set_up(self, scene):
+            u = scene.blank.u
+            self.energy = 0.005 * ufl.inner(u, u) * self.part.dx(2)
+
+    blank = sheet(40, 20, 8, 4, spatial=True)
+    corner = Support("corner", lambda x: np.abs(x[:2]).max(0) < 1e-6, (0, 1), locates=True)
+    terms = [Membrane(load("komeili")), Bedding(), DeadPressure(1e-3, (0, 0, -1))]
+    scene = Scene(blank, terms, [corner])
+    assert not march(Newton(scene), 1).reason
+    assert scene.outer_forces()[""] == pytest.approx(0.8) and scene.warnings() == []
+
+
 def test_forces_that_cancel_at_a_locating_support_are_told():
     blank = sheet(40, 20, 8, 4)
     ends = Support("ends", lambda x: np.minimum(x[0], 40 - x[0]) < 1e-6, (0, 1), locates=True)
@@ -164,7 +184,12 @@ LEFT = "left", lambda x: x[0] < 1e-6
             0,
             r"\(left\) leave blank free to (move along its length|turn about its normal), which",
         ),
-        (lambda: [Friction(BALLS[0], 0.0)], [], 0, "every rigid motion, or `Friction`$"),
+        (
+            lambda: [Friction(BALLS[0], 0.0)],
+            [],
+            0,
+            "`resists`, that hold every rigid motion, or `Friction`$",
+        ),
         (lambda: [], [Support(*LEFT, (0, 1))], 0, ""),
         (lambda: [Friction(BALLS[0], 0.2)], [], 0, ""),
         (lambda: [Contact(BALLS[1])], [], 0, "free to turn about its normal, which contact"),

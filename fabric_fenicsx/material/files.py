@@ -1,5 +1,6 @@
 """TOML files of materials: numbers with units in, whole files out."""
 
+import difflib
 import os
 import tomllib
 from collections.abc import Callable, Mapping
@@ -8,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import InputError
-from .units import check_unit, power_of_key
+from .units import check_unit, power_of_key, suffixes
 from .validation import Rule, above_zero, check_number, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
@@ -82,7 +83,7 @@ def read_numbers(
     found: dict[str, float] = {}
     spelled: dict[str, str] = {}
     for key, value in table.items():
-        name = key if key in rules else next((n for n in rules if key.startswith(f"{n}_")), None)
+        name = _name_of(key, rules)
         if name is None:
             raise unknown_key(key, (*rules, *also), where + key)
         if name in found:
@@ -92,6 +93,18 @@ def read_numbers(
         found[name] = check_number(rules[name], float(number), where + key)
         spelled[name] = key
     return found
+
+
+def _name_of(key, rules):
+    """Which of the names in `rules` a key has, with a unit or without; None if it is none or, with
+    no known unit, rather another one misspelt."""
+    begun = [name for name in rules if key == name or key.startswith(f"{name}_")]
+    longest = max(begun, key=len, default=None)
+    for name in sorted(begun, key=len, reverse=True):
+        if key == name or key.removeprefix(f"{name}_") in suffixes(rules[name].kind):
+            return name
+    near = difflib.get_close_matches(key, list(rules), n=1)
+    return longest if near in ([], [longest]) else None
 
 
 def read_sheet_numbers(

@@ -4,7 +4,7 @@ Against Abaqus' VUMAT interface:
 
 | VUMAT | here |
 |---|---|
-| `nblock` | n, any leading shape of the input |
+| `nblock` | n: the points of any leading shape of the input, in one row in what is given back |
 | `stretchNew` | `stretch`, U in the plane of the membrane, (n, 2, 2) |
 | `defgradNew` | `gradient`, F, (n, 2, 2), or (n, 3, 2) from tangent plane to space |
 | `props` | `fabric`, a `Law` |
@@ -28,15 +28,7 @@ from .strains import check_weave_angle, nominal_strain, shear_angle
 
 class State(NamedTuple):
     """Result of `evaluate` at n points; tensors are in the orthonormal basis in which C, U or F
-    was given.
-
-    - invariants (n, 4): I4, I6, I8 [-] and I10 = gamma [rad], signed; eqs (5)-(8)
-    - energy (n,): W_tot [MPa]; energy_parts (n, 3): along a, along b, shear with its couplings
-    - S (n, 2, 2): second Piola-Kirchhoff stress, eq. (12) [MPa]
-    - cauchy (n, 2, 2), or (n, 3, 3) from a gradient into space: eq. (4) [MPa]
-    - strain_state (n,): 1 both in tension, 2 b compressed, 3 a compressed, 4 both; eq. (13)
-    - tangent (n, 3, 3): dS/dE on (11, 22, 12) with E in Voigt's (E11, E22, 2 E12) [MPa]
-    """
+    was given."""
 
     invariants: np.ndarray
     energy: np.ndarray
@@ -45,6 +37,15 @@ class State(NamedTuple):
     cauchy: np.ndarray
     strain_state: np.ndarray
     tangent: np.ndarray | None
+
+
+State.invariants.__doc__ = "(n, 4): I4, I6, I8 [-] and I10 = gamma [rad], signed; eqs (5)-(8)"
+State.energy.__doc__ = "(n,): W_tot [MPa]"
+State.energy_parts.__doc__ = "(n, 3): along a, along b, shear with its couplings [MPa]"
+State.S.__doc__ = "(n, 2, 2): second Piola-Kirchhoff stress, eq. (12) [MPa]"
+State.cauchy.__doc__ = "(n, 2, 2), or (n, 3, 3) from a gradient into space: eq. (4) [MPa]"
+State.strain_state.__doc__ = "(n,): 1 both in tension, 2 b compressed, 3 a, 4 both; eq. (13)"
+State.tangent.__doc__ = "(n, 3, 3): dS/dE on (11, 22, 12), E in Voigt's (E11, E22, 2 E12) [MPa]"
 
 
 def evaluate(
@@ -60,9 +61,10 @@ def evaluate(
     """Evaluate the law of `fabric` from one of U `stretch`, F `gradient` or C `cauchy_green`.
 
     stretch, cauchy_green: (..., 2, 2), symmetric; gradient: (..., 2, 2) or (..., 3, 2); any memory
-    layout. fibres: pair of unit vectors a0, b0, each (2,) or (..., 2), not parallel; default the
-    two base vectors. tangent: whether to return it, too. weave_angle: angle between the yarns from
-    which gamma counts [rad], by default the initial one as in eq. (8).
+    layout; n is the product of the leading shape. fibres: pair of unit vectors a0, b0, each (2,) or
+    (..., 2), not parallel; default the two base vectors. tangent: whether to return it, too.
+    weave_angle: angle between the yarns from which gamma counts [rad], by default the initial one
+    as in eq. (8).
     Raises InputError if not exactly one measure is given, if it is of another shape, not finite,
     inverted or not symmetric at a point, for fibres that are no unit vectors or parallel, and as
     `check_weave_angle` does.

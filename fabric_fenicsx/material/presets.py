@@ -70,8 +70,19 @@ def read_laws(path: str | os.PathLike[str]) -> None:
         raise InputError(f"law file {path} has no class of a law; allowed are one or more")
 
 
+def checked_fabric(name: str, fabric: Any) -> Law:
+    """`fabric` if it is one; InputError, which calls it `name`, for all else, as a preset's
+    name."""
+    if not isinstance(fabric, Law):
+        raise InputError(
+            f'{name} is {shown(fabric)}; allowed is a fabric, as `load("komeili")` gives one'
+        )
+    return fabric
+
+
 def _law(document: dict[str, Any]) -> type[Law]:
     name = document.get("law", "tabulated" if document.get("model") == "fabric" else "coupled")
     if not isinstance(name, str) or name not in LAWS:
-        raise unknown_key(name, LAWS, f"law {shown(name)}")
+        known = unknown_key(name, LAWS, f"law {shown(name)}")
+        raise InputError(f"{known}, and own ones that were imported before, or by `--law-file`")
     return LAWS[name]

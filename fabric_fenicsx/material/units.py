@@ -31,6 +31,11 @@ def check_unit(kind: str, unit: object) -> None:
         raise unknown_key(str(unit), UNITS[kind], f"units.{kind} {unit!r}")
 
 
+def suffixes(kind: str) -> dict[str, int]:
+    """Powers of ten of a kind's units, as they stand at the end of a key: g_per_cm3 for g/cm3."""
+    return {unit.replace("/", "_per_"): power for unit, power in UNITS.get(kind, {}).items()}
+
+
 def power_of_key(name: str, kind: str, key: str, units: Mapping[str, str], label: str) -> int:
     """Power of ten from the unit of a `key` in a file to the package's own.
 
@@ -43,13 +48,13 @@ def power_of_key(name: str, kind: str, key: str, units: Mapping[str, str], label
                 f"{label} has a unit, but {name} is a pure number; allowed is the key {name}"
             )
         return 0
-    suffixes = {unit.replace("/", "_per_"): power for unit, power in UNITS[kind].items()}
+    known = suffixes(kind)
     if key != name:
         unit = key.removeprefix(f"{name}_")
-        if unit not in suffixes:
-            raise unknown_key(unit, suffixes, f"{label}: {kind} unit {unit!r}")
-        return suffixes[unit]
+        if unit not in known:
+            raise unknown_key(unit, known, f"{label}: {kind} unit {unit!r}")
+        return known[unit]
     if kind not in units:
-        keys = " or ".join(f"{name}_{unit}" for unit in suffixes)
+        keys = " or ".join(f"{name}_{unit}" for unit in known)
         raise InputError(f"{label} has no unit; allowed is {keys}, or {kind} in [units]")
     return UNITS[kind][units[kind]]

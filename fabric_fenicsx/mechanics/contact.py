@@ -10,7 +10,7 @@ from ..errors import InputError
 from ..material.laws.base import Material
 from ..tools import Tool, check_start
 from .nodes import Nodes, PressingTerm, TangentialForces
-from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, default_penalty
+from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, chord, default_penalty
 from .term import SceneFacts, Triplets
 from .work import Work
 
@@ -93,6 +93,7 @@ class Contact(PressingTerm):
         self._accepted_travel = self.tool.travel
         # deepest penetration of each node in accepted states
         self._depth = np.zeros(self.nodes.count)
+        self._lost = ""  # where the tool's surface gave no number
         self.accept()
 
     def _of_material(
@@ -110,7 +111,9 @@ class Contact(PressingTerm):
     # -- what a scene calls
 
     def check_start(self) -> None:
-        """As in `Term`: for a tool whose body the sheet's nodes are in."""
+        """As in `Term`: for a tool whose body the sheet's nodes are in, and one whose path or
+        surface can't be."""
+        self.tool.at(1.0)
         self.tool.at(0.0)
         x = (self.nodes.places + self.nodes.displacement())[self.part.nodes]
         check_start(self.tool, x, float(np.max(self.thickness)), self.nodes.comm)
@@ -142,7 +145,8 @@ class Contact(PressingTerm):
         self.state()
         self._accepted_travel, self._accepted_shift = self.tool.travel, self._shift
         self._work.accept(self._load, self.force(), self.tool.displacement)
-        self._depth = np.fmax(self._depth, -self.state().gap)
+        # at load 0 the last state counts: those before it were not in equilibrium
+        self._depth = np.fmax(self._depth if self._load else 0.0, -self.state().gap)
 
     def work(self) -> float:
         """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
@@ -202,10 +206,10 @@ class Contact(PressingTerm):
         balancing = np.clip(balancing, 0.0, MORE * p)
         law = self._law.at(pressed)
         slope = law(law.depth(p))[2]
-        chord = law.chord(p, balancing)
+        slope_between = chord(law, p, balancing)
         blocks = now.blocks.copy()
         blocks[pressed] += (
-            (areas * (chord - slope))[:, None, None] * normal[:, :, None] * normal[:, None]
+            (areas * (slope_between - slope))[:, None, None] * normal[:, :, None] * normal[:, None]
         )
         self._found = self.nodes.displacement(), now._replace(blocks=blocks)
 
@@ -287,8 +291,9 @@ class Contact(PressingTerm):
         where it is in."""
         x = self.nodes.places + self.nodes.displacement()
         gap = self.tool.evaluate(x).gap
-        lost = np.isnan(gap)  # so far off that no nearest point is found: a lower bound will do
-        gap[lost] = self.tool.evaluate(x[lost], reach=0.0).gap
+        for reach in (0.0, float(np.max(self.thickness))):
+            lost = np.isnan(gap)  # so far off that no nearest point is found: a bound will do
+            gap[lost] = self.tool.evaluate(x[lost], reach).gap
         gap[self.nodes.others] = np.inf
         return gap - self.thickness / 2
 
@@ -300,6 +305,19 @@ class Contact(PressingTerm):
         fields.get("contact_pressure")  # that of all contacts takes its place
         fields["contact_pressure"] = np.linalg.norm(traction, axis=1)
         fields["contact_gap"] = np.minimum(fields.get("contact_gap", np.inf), self.gap())
+
+    def warnings(self) -> list[str]:
+        """As in `Term`: if the tool's surface gave no number, which may be why steps failed."""
+        lost = next(filter(None, self.nodes.comm.allgather(self._lost)), "")
+        surface = type(self.tool.surface).__name__
+        return (
+            []
+            if not lost
+            else [
+                f"the surface {surface} of {self.tool.name} gives no number at {lost}; "
+                "`check_derivatives` tells what is wrong with a surface of your own"
+            ]
+        )
 
     # --
 
@@ -316,6 +334,9 @@ class Contact(PressingTerm):
 
     def _state_at(self, x):
         nearest = self.tool.evaluate(x, reach=float(np.max(self.thickness)))
+        lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
+        if len(lost):
+            self._lost = f"({', '.join(f'{each:.4g}' for each in x[lost[0]])}) mm"
         law, areas = self._law, self.nodes.areas
         gap = nearest.gap - self.thickness / 2
         gap[self.nodes.others] = np.inf

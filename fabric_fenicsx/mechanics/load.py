@@ -80,6 +80,7 @@ class EdgeTension(Term):
         direction: ArrayLike,
         edge: Callable[[np.ndarray], np.ndarray],
     ) -> None:
+        self._given = {"tension": tension}
         self._tension: Callable[[float], float] = (
             tension if callable(tension) else lambda load: tension
         )

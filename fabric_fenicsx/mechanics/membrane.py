@@ -14,6 +14,7 @@ from ..errors import InputError
 from ..material import kernel, stability
 from ..material.expression import derivatives, energy_density
 from ..material.laws import Law
+from ..material.presets import checked_fabric
 from ..material.strains import nominal_strain, shear_angle
 from .mesh_warnings import band_warning, locking_warning
 from .term import SceneFacts, Term
@@ -64,7 +65,8 @@ class Membrane(Term):
     blank has stress as it lies.
 
     Raises InputError for a weave_angle that is not above 0 and below pi, and in a scene for an
-    element that is not listed in `QUADRATURE_DEGREE`, or that `reduced` is not for.
+    element that is not listed in `QUADRATURE_DEGREE`, or that `reduced` is not for, and for a law
+    with energy or stress at rest.
     """
 
     name, energy_kind = "membrane", "strain"
@@ -82,7 +84,7 @@ class Membrane(Term):
             raise InputError(
                 f"integration is {integration!r}; allowed are {', '.join(INTEGRATION)}"
             )
-        self.fabric, self.integration = fabric, integration
+        self.fabric, self.integration = checked_fabric("fabric of a membrane", fabric), integration
         self.weave_angle = None if weave_angle is None else kernel.check_weave_angle(weave_angle)
         self.prestressed = weave_angle is not None
         self._quadrature_degree = quadrature_degree
@@ -93,6 +95,7 @@ class Membrane(Term):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         blank, mesh = scene.blank, scene.blank.mesh
+        self.fabric.check_rest()
         cell = compat.cell_name(mesh)
         if (cell, blank.degree) not in QUADRATURE_DEGREE:
             allowed = ", ".join(f"{degree} on {kind}s" for kind, degree in QUADRATURE_DEGREE)
@@ -134,11 +137,10 @@ class Membrane(Term):
         """Energy density of the gradients of strains and shear angle, as stiffness times their
         variance in the cell."""
         mesh, (law, fa, fb, _, rest) = self.blank.mesh, self._ufl
-        pulled = (1 + STRAIN) * np.eye(3)[:, :2]
-        state = kernel.evaluate(
-            self.fabric.decoupled(), gradient=[pulled], fibres=np.eye(2)[:, None]
-        )
-        yarns = GRADIENTS * state.energy_parts[0, :2] / STRAIN**2
+        # each yarn's alone, so without couplings
+        eps_a, eps_b, gamma = STRAIN * np.eye(3)[:, :2]
+        alone = self.fabric.derivatives(eps_a, eps_b, gamma, second=False)
+        yarns = GRADIENTS * alone.parts[[0, 1], [0, 1]] / STRAIN**2
         stiffness = fem.Constant(mesh, [*yarns, self.fabric.shear_stiffness / 2])
         curved = ufl.grad(ufl.grad(self.blank.displacement))
         i, j, k = ufl.indices(3)
@@ -256,7 +258,7 @@ class Membrane(Term):
         rank.
 
         Mismatch: largest |S_UFL - S_kernel| over max(|S_kernel|, s1), the smallest stiffness of the
-        law.
+        law, or 1 MPa if it does not resist shear.
         """
         F, b, S_ufl = self.at_points()
         cells, points = F.shape[:2]
@@ -269,9 +271,8 @@ class Membrane(Term):
         )
         S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
         difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
-        mismatch = (
-            difference / np.maximum(np.linalg.norm(S, axis=1), self.fabric.shear_stiffness)
-        ).max(initial=0.0)
+        least = self.fabric.shear_stiffness or 1.0
+        mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
         shaped = state._replace(
             **{
                 k: v.reshape(cells, points, *v.shape[1:])

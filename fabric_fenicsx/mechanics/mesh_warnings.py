@@ -1,5 +1,5 @@
 """What speaks against a result though nothing failed: the sheet's size, cells that lock, cells too
-large for the tools."""
+large for the tools, tools that touch nothing."""
 
 import math
 from collections.abc import Iterable
@@ -14,8 +14,10 @@ from ..material import kernel
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
 from ..tools import Tool
+from .contact import Contact
 
 if TYPE_CHECKING:
+    from ..scene import Scene
     from .membrane import Membrane
 
 SMALL, LARGE = 20.0, 10_000.0  # mm: a few yarns, more than looms weave
@@ -101,12 +103,15 @@ def locking_warning(membrane: "Membrane") -> str:
     if blank.mesh.geometry.dim == 2:
         effect = "a bias test's force is then 5 to 30 % too high"
         cure = 'P2 with `integration="reduced"`, P3 or `pattern="yarns"`'
+        cure = 'P2 with `integration="reduced"` or P3' if blank.from_file else cure
     else:
         effect = (
             "yarn strains of single cells mean little, and forces may be some per cent too high"
         )
         cure = '`pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
-        if membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
+        if blank.from_file:  # patterns are of rectangles that the program meshes
+            cure = "a mesh with edges along both yarns, or finer cells"
+        elif membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
             cure = f'`pattern="along"`, {cure}'
     return (
         f"{100 * off:.0f} % of the linear cells have no edges along both yarns at their corners, "
@@ -205,3 +210,19 @@ def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
         f"of which one spans {turn:.0f} deg: forces may be some per cent and angles some deg off; "
         f"take cells below {math.radians(TURN) * least:.3g} mm"
     )
+
+
+def untouched_warning(scene: "Scene") -> str:
+    """A sentence that names the tools on paths which have moved, and in no accepted state touched
+    the sheet, else ""."""
+    told = []
+    for tool in scene.tools():
+        its = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
+        moved = float(np.linalg.norm(np.subtract(tool.path(1.0), tool.path(0.0))))
+        if its and moved and not any(contact.deepest() for contact in its):
+            gap = min(float(contact.gap().min(initial=math.inf)) for contact in its)
+            gap = scene.comm.allreduce(gap, MPI.MIN)
+            told.append(f"{tool.name} moved by {moved:.3g} mm, and is still {gap:.3g} mm off")
+    if not told:
+        return ""
+    return f"a tool never touched the sheet: {'; '.join(told)}; check its path and its surface"

@@ -46,6 +46,7 @@ class BlankHolderPressure(PressingTerm):
         against: Sequence[SheetContact] = (),
     ) -> None:
         self.under, self.lag, self._against = under, lag, list(against)
+        self._given = {"pressure": pressure}
         self._pressure = pressure if callable(pressure) else lambda load: pressure
         self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
         self.tool = tool or Tool(Plane((0, 0, 0), self.direction), name=self.name)

@@ -13,6 +13,7 @@ STRAIN = 0.02  # along all directions; its pull over the tightest radius sets th
 FLAT_RADIUS = 10.0  # thicknesses: what counts as the least radius of a tool that is flat
 PERMITTED = 0.0125  # of the thickness, the penetration under it
 SMOOTHING = 0.3  # of the permitted penetration
+INVERSIONS = 8  # of Newton's method for the depth beyond a soft layer; three or four do
 
 
 def default_penalty(material: Material, radius: float, permitted: float | None = None) -> float:
@@ -71,14 +72,47 @@ class PressureLaw(NamedTuple):
         energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
         return energy, k * (soft**2 / (2 * s) + beyond), k * soft / s
 
-    def chord(self, p: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """Slope between two pressures (n,) [N/mm^3]."""
-        depths = self.depth(p), self.depth(other)
-        changes = abs(other - p) > 1e-6 * p
-        slope = self(depths[0])[2]
-        return np.where(changes, (other - p) / np.where(changes, depths[1] - depths[0], 1.0), slope)
-
     def depth(self, p: np.ndarray) -> np.ndarray:
         """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]."""
         k, s = self
         return np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)
+
+
+class LayeredLaw(NamedTuple):
+    """Pressure p = p_L (e / L)^2 at depths e in a soft layer; beyond it that of the `face` below is
+    added, at the depth e - L. layer L [mm], pressing p_L [MPa]: what presses the layer out."""
+
+    layer: float
+    pressing: float
+    face: PressureLaw
+
+    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As of `PressureLaw`."""
+        L, p_L, face = self
+        energy, pressure, slope = face(np.maximum(e - L, 0.0))
+        share = e / L
+        return (
+            energy + p_L * share**2 * e / 3,
+            pressure + p_L * share**2,
+            slope + 2 * p_L * share / L,
+        )
+
+    def depth(self, p: np.ndarray) -> np.ndarray:
+        """As of `PressureLaw`."""
+        L, p_L, face = self
+        e, beyond = np.asarray(L * np.sqrt(np.minimum(p, p_L) / p_L)), p > p_L
+        p = np.asarray(p)[beyond]
+        deep = L + face.depth(p - p_L)
+        for _ in range(INVERSIONS):  # the law is convex, so each comes nearer from one side
+            _, now, slope = self(deep)
+            deep = deep - (now - p) / slope
+        e[beyond] = deep
+        return e
+
+
+def chord(law: PressureLaw | LayeredLaw, p: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Slope of a law between two pressures (n,) [N/mm^3]."""
+    depths = law.depth(p), law.depth(other)
+    changes = abs(other - p) > 1e-6 * p
+    slope = law(depths[0])[2]
+    return np.where(changes, (other - p) / np.where(changes, depths[1] - depths[0], 1.0), slope)

@@ -12,18 +12,19 @@ from scipy import sparse
 from ..errors import InputError
 from ..material.metal import Metal
 from ..tools import Tool
+from .aitken import Aitken
 from .contact import MORE
 from .faces import Face
 from .facing import Facing
 from .morley import Where
 from .nodes import Nodes
 from .pairs import Pairs
-from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, stack_penalty
+from .pressure_law import PERMITTED, SMOOTHING, LayeredLaw, PressureLaw, chord, stack_penalty
 from .term import SceneFacts, Term, Triplets
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
-SLOW = 0.6  # share of the last change of forces: if the next is larger, faces are taken half-way
+PRESSING = 5.0  # MPa, at which a soft layer is pressed out
 REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
 
 
@@ -45,9 +46,8 @@ class SheetContact(Term):
 
     - penalty [N/mm^3]: by default `stack_penalty` of both sheets, and of all metal of the scene,
       with its tightest tool
-    - smoothing [mm]: s of the law, by default as on tools
-    - layer [mm]: distance of the faces at which pressure begins, by default 0. With a layer and a
-      larger s the solver needs fewer iterations
+    - layer [mm]: distance of the faces at which pressure begins, by default 0
+    - pressing [MPa]: what presses the layer out, see `LayeredLaw`
     - symmetric: as in `Bending`
 
     settled: force by which the lower sheet presses the upper one, and the sum of normal forces, in
@@ -67,26 +67,24 @@ class SheetContact(Term):
         penalty: float | None = None,
         points: int = 3,
         lag: float = LAG,
-        smoothing: float | None = None,
         layer: float = 0.0,
+        pressing: float = PRESSING,
         symmetric: Where | Sequence[Where] = (),
     ) -> None:
         self.sheets = lower, upper
         self.name = f"contact of {lower} and {upper}"
-        for name, value in (("penalty", penalty), ("lag", lag), ("smoothing", smoothing)):
+        for name, value in (("penalty", penalty), ("lag", lag), ("pressing", pressing)):
             if value is not None and not (np.isfinite(value) and value > 0):
                 raise InputError(f"{self.name} has {name} {value}; allowed is a number above 0")
         if not (np.isfinite(layer) and layer >= 0):
             raise InputError(f"{self.name} has layer {layer}; allowed is a number from 0")
         if points not in POINTS:
-            raise InputError(
-                f"{self.name} has {points} points in a cell; allowed are "
-                f"{', '.join(map(str, POINTS))}"
-            )
+            allowed = ", ".join(map(str, POINTS))
+            raise InputError(f"{self.name} has {points} points in a cell; allowed are {allowed}")
         if lower == upper:
             raise InputError(f"{self.name} is of one sheet; allowed are two different ones")
         self._given, self.lag, self._rule = penalty, lag, POINTS[points]
-        self._smoothing, self._layer = smoothing, layer
+        self.layer, self._pressing = layer, pressing
         self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -94,7 +92,7 @@ class SheetContact(Term):
         blank, comm = scene.blank, scene.blank.mesh.comm
         parts = [blank.part(name) for name in self.sheets]
         thickness = [self._thickness(part) for part in parts]
-        self.distance, self.thickness = sum(thickness) / 2 + self._layer, min(thickness)
+        self.distance, self.thickness = sum(thickness) / 2 + self.layer, min(thickness)
         sizes = [
             comm.allreduce(blank.areas()[part.cells].sum()) / comm.allreduce(len(part.cells))
             for part in parts
@@ -117,15 +115,15 @@ class SheetContact(Term):
         self.areas = (areas[:, None] * weights / weights.sum()).ravel()
         self.count = len(self.areas)
         penalty = self._given or self._default_penalty(scene, parts)
-        self._law = PressureLaw(penalty, self._smoothing or SMOOTHING * PERMITTED * self.thickness)
+        face = PressureLaw(penalty, SMOOTHING * PERMITTED * self.thickness)
+        self._law = LayeredLaw(self.layer, self._pressing, face) if self.layer else face
         self._nodes = Nodes(blank)
         self._below = np.full(self.count, -1)  # what was found last
         self._depth = np.zeros(self.count)  # greatest in accepted states
         self._cached: tuple[np.ndarray, Any] | None = None
         self._found: tuple[np.ndarray, Facing] | None = None
-        # where faces were taken last, and how much that changed forces [N]
-        self._place = self._accepted_place = self.blank.u.x.array.copy()
-        self._changed = np.inf
+        self._load, self._accepted_place = 0.0, self.blank.u.x.array.copy()
+        self._relaxed = Aitken(comm, 3 * self._nodes.count, self._accepted_place)
         self._accepted = self._now = self.facing()
         self.settled = self._totals()
         self._check_start()
@@ -157,7 +155,7 @@ class SheetContact(Term):
                 f"{self.name} finds no place of one over the other; allowed are sheets that lie on "
                 "one another"
             )
-        deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN) - self._layer
+        deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN) - self.layer
         if deepest > self.thickness / 4:
             raise InputError(
                 f"{self.name} begins with sheets that overlap by {deepest:.3g} mm; allowed are "
@@ -203,7 +201,8 @@ class SheetContact(Term):
 
     def at(self, load: float) -> None:
         """Go back to the faces of the last accepted state."""
-        self._changed, self._place = np.inf, self._accepted_place
+        self._load = load
+        self._relaxed.start(self._accepted_place)
         self._take(self._accepted)
 
     def accept(self) -> None:
@@ -214,11 +213,12 @@ class SheetContact(Term):
         self._accepted, self._accepted_place = now, self.blank.u.x.array.copy()
         self._take(self._accepted)
         at = self._accepted.points
-        self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap - self._layer)
+        self._depth *= self._load > 0  # states before the last one at load 0 are not in equilibrium
+        self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap - self.layer)
 
     def update_lagged(self) -> bool:
-        """Take the faces as they are, if that changes forces by more than `lag` of their sum; where
-        changes hardly fall, as between states that alternate, half-way to where they are."""
+        """Take the faces as they are, or part of the way there, if that changes forces by more than
+        `lag` of their sum."""
         before, taken = self._forces_of_all(), (self._now, self.pattern)
         self._take(self.facing())
         after = self._forces_of_all()
@@ -231,11 +231,11 @@ class SheetContact(Term):
             (self._now, self.pattern), self._cached = taken, None
             return False
         u = self.blank.u.x.array
-        place = u.copy()
-        if changed > SLOW * self._changed:
-            u[:] = (self._place + place) / 2
+        found, place = u.copy(), self._relaxed.next(u)
+        if self._relaxed.share < 1:
+            u[:] = place
             self._take(self.facing())
-        self._changed, self._place, u[:] = changed, u.copy(), place
+            u[:] = found
         return True
 
     def _take(self, facing):
@@ -280,7 +280,7 @@ class SheetContact(Term):
         p, areas = pressure[at], self._now.areas[at]
         balancing = np.clip(p + 0.5 * (apart[at] * normal).sum(1), 0.0, MORE * p)
         slope = self._law(self._law.depth(p))[2]
-        change = areas * (self._law.chord(p, balancing) - slope)
+        change = areas * (chord(self._law, p, balancing) - slope)
         blocks = blocks.copy()
         blocks[at] += change[:, None, None] * normal[:, :, None] * normal[:, None]
         self._cached = self.blank.u.x.array.copy(), (pressure, forces, blocks, energy)
@@ -321,14 +321,14 @@ class SheetContact(Term):
 
     def depth_under(self, pressure: float) -> float:
         """Overlap of the faces [mm] under a pressure [MPa]; below 0 where they do not meet."""
-        return float(self._law.depth(np.array(pressure))) - self._layer
+        return float(self._law.depth(np.array(pressure))) - self.layer
 
     def covered(self, above: np.ndarray | None = None) -> np.ndarray:
         """Areas of the lower sheet over which the upper one lies, at this rank's owned nodes (n,)
         [mm^2]. above (n,): such areas of the upper sheet, if only those count."""
         now, nodes = self.facing(), self._nodes
-        lower, upper = (self.blank.part(name).nodes for name in self.sheets)
         areas, forces = now.areas, np.zeros(3 * nodes.count)
+        lower, upper = (self.blank.part(name).nodes for name in self.sheets)
         if above is not None:
             share = np.where(upper, above / nodes.areas, 0.0)
             areas = areas * abs(now.flat.apart(np.tile(share[:, None], 3)))[:, 0]
@@ -351,8 +351,8 @@ class SheetContact(Term):
         """Force by which the lower sheet presses the upper one, and sum of normal forces, (4,)."""
         pressure, forces, _, _ = self._state()
         sign = 1.0 if self._part.name == self.sheets[1] else -1.0
-        normal = float(pressure @ self._now.areas)
-        return self.blank.mesh.comm.allreduce(np.array([*sign * forces.sum(0), normal]))
+        found = np.array([*sign * forces.sum(0), pressure @ self._now.areas])
+        return self.blank.mesh.comm.allreduce(found)
 
     def deepest(self) -> float:
         """Largest overlap of the faces in accepted states, of all ranks [mm]."""

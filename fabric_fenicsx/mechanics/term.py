@@ -1,16 +1,22 @@
 """What a term of a scene may do: a base class whose methods do nothing."""
 
 import weakref
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from reprlib import repr as shown
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
+from ufl.constantvalue import ScalarValue, Zero
 from ufl.core.expr import Expr
+from ufl.corealg.traversal import unique_pre_traversal
 
+from .. import dolfinx_compat as compat
 from ..errors import InputError
+from ..given import of_term
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..sheets.blank import Blank
@@ -23,13 +29,6 @@ Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns and values
 EMPTY = np.empty(0)
 # of what every run tells beside the energies of terms
 OF_A_RUN = "viscous", "external_work"
-# what a method of terms gives, where that is told, and the method's argument
-TOLD = {
-    "add_history": ("column", "history.csv", "row"),
-    "add_summary": ("entry", "summary.json", "summary"),
-    "add_cell_fields": ("field", "the sheet", "fields"),
-    "add_nodal_fields": ("field", "the sheet", "fields"),
-}
 NO_TANGENT: Triplets = (np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), EMPTY)
 
 
@@ -66,21 +65,22 @@ class Term:
     of `blank.u`: components along the axes of the blank's frame.
 
     - name: what summaries and errors call it
-    - energy_kind: under which its energy is added up: a column of history.csv, and of `energy` in
-      summary.json; None of loads. Of terms with the same kind only the sum is told, as "strain" of
-      several membranes; so an own term has a kind of its own, unless its energy is to be counted
-      among that of others. The package's own kinds are strain, bending, contact and friction,
-      and of metal metal and plastic
+    - energy_kind: under which its energy is added up: KIND_energy_Nmm in history.csv, KIND in the
+      `energy` of summary.json; None of loads. Of terms with the same kind only the sum is told, as
+      "strain" of several membranes; so an own term has a kind of its own, unless its energy is to
+      be counted among that of others. The package's own kinds are strain, bending, contact and
+      friction, and of metal metal and plastic
     - resists: rigid motions of the sheet that it may resist: "move" and "turn", or only those out
       of its plane, "lift", or within it, "slide"; "stretch" if it alone can hold the sheet
-      together, though it is no form
+      together, though it is no form. Motions that neither supports nor terms hold are refused
     - fabric: what the sheet is made of, if this is the term that knows
     - units: of the arrays that it adds to fields, {name: unit}
     - prestressed: whether the sheet has stress as it lies, before load
     - energy: a UFL form in `blank.u` over the sheet, integrated by `self.part.dx(degree)` [N mm],
       minus the work of a load; None of terms that are no form, which have `stored`, `add_forces`
       and `tangent` instead
-    - blank: the sheet, from `set_up` on; part: what of it the term is on
+    - blank: the sheet, from `set_up` on; part: what of it the term is on; given: what the
+      attributes were before, as plain data, in which a checkpoint must agree
     - part_name: of the blank's part that it is restricted to, see `on`
     - pattern: a number that changes when the places of `tangent` do
     - rough: tolerance of solves as long as `update_lagged` still takes something anew; 0: that
@@ -96,14 +96,21 @@ class Term:
     energy: ufl.Form | None = None
     blank: Blank
     part: Part
+    given: dict[str, Any]
     pattern = 0
     rough = 0.0
     part_name: str = ""
     # weak, as circles of solver objects end at another time on each rank
     _scene: weakref.ref | None = None
+    _of_load: Any = None  # first variation, compiled
 
     def on(self, part: str) -> Self:
-        """Restrict the term to a part of the blank: a sheet of a stack, or a patch; itself."""
+        """Restrict the term to a part of the blank: a sheet of a stack, or a patch; itself.
+        InputError for what is no name, and where it is on a part already."""
+        if self.part_name or not (isinstance(part, str) and part):
+            raise InputError(
+                f"term {self.name} is put on {part!r}; allowed is the name of one part, once"
+            )
         self.part_name = part
         self.name = f"{self.name} of {part}"
         return self
@@ -111,8 +118,8 @@ class Term:
     def bind(self, scene: SceneFacts) -> None:
         """Tell the term its scene, once; `set_up` then does the rest.
 
-        Raises InputError for a term that is in another scene, for a part that the blank does not
-        have, and what `set_up` raises.
+        Raises InputError for a term that is in another scene or twice in this one, for a part that
+        the blank does not have, and what `set_up` raises.
         """
         known = self._scene
         if known is not None:
@@ -122,19 +129,42 @@ class Term:
                     "allowed is a term in one scene, so each scene needs its own"
                 )
             return
+        kind = self.energy_kind
+        for what, text in (("name", self.name), ("energy_kind", "x" if kind is None else kind)):
+            if not (isinstance(text, str) and text.strip()):
+                raise InputError(
+                    f"`{what}` of a term of class {type(self).__name__} is {text!r}; allowed is "
+                    "a text that is not empty"
+                )
         if self.energy_kind in OF_A_RUN:
             raise InputError(
                 f"`energy_kind` of term {self.name} is {self.energy_kind}, which every run has for "
                 "something else; allowed is another name"
             )
+        if sum(term is self for term in scene.terms) > 1:
+            raise InputError(
+                f"term {self.name} is in the scene twice; allowed is a term once, so two that act "
+                "alike are two objects"
+            )
+        self.given = of_term(self)
         self._scene, self.blank = weakref.ref(scene), scene.blank
         self.part = scene.blank.part(self.part_name)
-        self.set_up(scene)
+        try:
+            self.set_up(scene)
+        except Exception as error:
+            gdim = scene.blank.mesh.geometry.dim
+            if gdim == 3 or "out of bounds" not in str(error) and "out of range" not in str(error):
+                raise
+            raise InputError(
+                f"term {self.name} asks for more than the {gdim} components that vectors have on "
+                "a sheet in its plane; allowed are these, or a blank made with `spatial=True`"
+            ) from error
         if not (self.energy is None or isinstance(self.energy, ufl.Form)):
             raise InputError(
                 f"energy of term {self.name} is {shown(self.energy)}, which is not integrated; "
                 "allowed is a form, as `W * self.part.dx(degree)`"
             )
+        self._check_numbers()
         if self.part_name and self.energy is not None:
             everywhere = [i for i in self.energy.integrals() if i.subdomain_id() == "everywhere"]
             if everywhere:
@@ -155,6 +185,22 @@ class Term:
                 f"term {self.name} stores an energy that has no name; allowed is an `energy_kind`, "
                 "its column in history.csv, or `work`, and `potential` for `stored`, of a load"
             )
+
+    def _check_numbers(self):
+        """InputError for a form of numbers that are not finite, or that make it 0."""
+        held = (
+            "allowed is a finite number, held by `fem.Constant(self.blank.mesh, k)` if it may be 0"
+        )
+        if self.energy is None:
+            return
+        if all(isinstance(each.integrand(), Zero) for each in self.energy.integrals()):
+            raise InputError(f"energy of term {self.name} is 0, as one of its numbers is; {held}")
+        for integral in self.energy.integrals():
+            for node in unique_pre_traversal(integral.integrand()):
+                if isinstance(node, (fem.Constant, ScalarValue)):
+                    number = node.value if isinstance(node, fem.Constant) else node._value
+                    if not np.isfinite(number).all():
+                        raise InputError(f"energy of term {self.name} holds {number}; {held}")
 
     def set_up(self, scene: SceneFacts) -> None:
         """Make what needs the sheet; `blank` is known."""
@@ -201,8 +247,16 @@ class Term:
         return None
 
     def applied_forces(self) -> np.ndarray:
-        """Forces (owned dofs,), beside which a residual is to be small."""
-        return EMPTY
+        """Forces (owned dofs,), beside which a residual is to be small: those of a load that is a
+        form, if a term does not tell others [N]."""
+        if self.energy is None or self.energy_kind is not None:
+            return EMPTY
+        if self._of_load is None:
+            v, w = ufl.TestFunction(self.blank.V), ufl.TrialFunction(self.blank.V)
+            self._of_load = compat.form(self.variations(v, w)[0])
+        f = fem_petsc.assemble_vector(self._of_load)
+        f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        return -f.array
 
     # -- load steps
 
@@ -290,51 +344,3 @@ class Term:
     def warnings(self) -> list[str]:
         """What speaks against the present state though nothing failed, in words."""
         return []
-
-
-class _Told(dict[str, Any]):
-    """What one term tells; what terms before it told can be read in it by name."""
-
-    def __init__(self, before: Mapping[str, Any]) -> None:
-        self.before, self.read = before, set[str]()
-
-    def __missing__(self, name: str) -> Any:
-        value = self.before[name]
-        self.read.add(name)
-        return value
-
-    def __contains__(self, name: object) -> bool:
-        return super().__contains__(name) or name in self.before
-
-    def get(self, name: str, default: Any = None) -> Any:
-        return self[name] if name in self else default
-
-    def setdefault(self, name: str, default: Any = None) -> Any:
-        self[name] = self.get(name, default)
-        return self[name]
-
-
-def told_by(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dict[str, Any]:
-    """What `terms` add by their `method`, one of `TOLD`, where the names `taken` are already.
-    Raises InputError for a term that gives one of these, or one of another term without reading
-    it."""
-    noun, place, argument = TOLD[method]
-    told: dict[str, Any] = {}
-    givers: dict[str, str] = dict.fromkeys(taken, f"{place} has")
-    for term in terms:
-        mine = _Told(told)
-        getattr(term, method)(mine)
-        for name in mine:
-            if name in givers and name not in mine.read:
-                instead = (
-                    f", or to read it in `{argument}` and give one value for both"
-                    if name in told
-                    else ""
-                )
-                raise InputError(
-                    f"`{method}` of term {term.name} gives the {noun} {name}, which "
-                    f"{givers[name]} already; allowed is another name{instead}"
-                )
-        told |= mine
-        givers |= dict.fromkeys(mine, f"term {term.name} gives")
-    return told

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from matplotlib.tri import LinearTriInterpolator, Triangulation
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from ..tools import Tool
@@ -83,6 +84,22 @@ def along_paths(
         )  # no point just before the one at the edge
         paths[angle] = Path(s[k], length[k], *(np.asarray(v(*places[k].T)) for v in values))
     return paths
+
+
+def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
+    """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat ply.
+    Raises InputError for a place beside it and for a field that it does not have."""
+    ply = ply_of(grid)
+    known = sorted(each for each, values in ply.fields.items() if values.ndim == 1)
+    if name not in known:
+        raise InputError(f"field {name} is asked for; allowed are {', '.join(known)}")
+    x, y = np.asarray(place, dtype=float)
+    cell = int(Triangulation(*ply.x[:, :2].T, ply.triangles).get_trifinder()(x, y))
+    if cell < 0:
+        raise InputError(
+            f"field {name} is asked for at ({x:g}, {y:g}) mm; allowed is a place on the flat ply"
+        )
+    return float(ply.fields[name][cell])
 
 
 def _edges(triangles):

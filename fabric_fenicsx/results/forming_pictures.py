@@ -85,11 +85,15 @@ def paths_picture(
         label: line for ax in axes[:, 0] for line, label in zip(*ax.get_legend_handles_labels())
     }
     labels, handles = list(legend), list(legend.values())
-    if len(labels) > 1:
-        figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.35 / figure.get_figheight()))
-        figure.legend(handles, labels, loc="upper center", ncol=len(labels), frameon=False)
+    if len(labels) > 1 or (labels and marks):
+        _legend_above(figure, handles, labels)
     figure.savefig(path, dpi=130)
     plt.close(figure)
+
+
+def _legend_above(figure, handles, labels):
+    figure.get_layout_engine().set(rect=(0, 0, 1, 1 - 0.35 / figure.get_figheight()))
+    figure.legend(handles, labels, loc="upper center", ncol=len(labels), frameon=False)
 
 
 def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
@@ -105,12 +109,14 @@ def outline_picture(path: File, runs: Mapping[str, Grid]) -> None:
                     lw=1.2,
                     label=None if n else "flat",
                 )
-            ax.plot(*edge.formed[:, :2].T, color=f"C{k}", lw=1.6, label=None if n else label)
+            ax.plot(
+                *edge.formed[:, :2].T, color=f"C{k}", lw=1.6, label=None if n else label or "formed"
+            )
     ax.set_aspect("equal")
     ax.set_xlabel("x / mm")
     ax.set_ylabel("y / mm")
     ax.grid(alpha=0.25)
-    ax.legend(loc="center", frameon=False)
+    _legend_above(figure, *ax.get_legend_handles_labels())
     figure.savefig(path, dpi=130)
     plt.close(figure)
 

@@ -60,7 +60,7 @@ class History:
     ) -> None:
         """Append an `Accepted` state at which the grips moved by `displacement` [mm] under
         `reaction` [N]; further: function of the columns that are taken to those that the terms
-        add, `Scene.history`."""
+        add, `Scene.history`. Raises InputError if these are others than before."""
         report = accepted.report
         stored = sum(accepted.energies.values())
         imbalance = abs(accepted.external_work - stored) / max(abs(stored), 1e-300)
@@ -84,6 +84,12 @@ class History:
         }
         row |= {f"{kind}_energy_Nmm": energy for kind, energy in accepted.energies.items()}
         row |= further(row.keys() - set(OF_TERMS))
+        if self.rows and (other := row.keys() ^ self.rows[0].keys()):
+            some = "no longer" if other & self.rows[0].keys() else "now"
+            raise InputError(
+                f"at load {accepted.load:.6g} the terms {some} give history.csv the column "
+                f"{sorted(other)[0]}; allowed are the same columns in `add_history` each time"
+            )
         self.rows.append(row)
         self._write(row)
 

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from ..mechanics.nodes import PressingTerm
 from ..scene import Scene
 from . import measures
 from .curve import Curves
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     import pyvista
 
     from ..tools import Tool
+    from .forming import Outline
 
 LAST_PICTURE = "maps.png"  # where it is, all pictures of a run are
 MAPS = "log_eps_11", "log_eps_22", "shear_angle"  # what one looks at first
@@ -24,8 +27,17 @@ OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's sc
 
 @dataclass
 class Result:
-    """A run's `summary` (as in summary.json), `rows` of its history, cell `fields` (this rank's
-    cells) and `folder` (None if nothing was kept), with the `scene` in its last state."""
+    """What a run gives back.
+
+    - summary: as in summary.json; in its `energy` are the energies of the last state by kind
+      (strain, bending, contact, friction, of metal metal and plastic, and those of own terms),
+      viscous, what regularisation took, and external_work [N mm]
+    - rows: the history, {column of history.csv: value} for each accepted step
+    - fields: {name: array (cells, ...)} of this rank's cells; angles in rad, lengths in mm,
+      stresses in MPa, strains as numbers
+    - folder: where all is kept, None if nothing was
+    - scene: in its last state
+    """
 
     summary: dict[str, Any]
     rows: list[dict[str, Any]]
@@ -36,7 +48,8 @@ class Result:
 
     @property
     def grid(self) -> "pyvista.UnstructuredGrid":
-        """The last state of the whole sheet with its fields, on rank 0 only."""
+        """The whole sheet as it lay at first, with the displacement `u` [mm] to its last state and
+        the fields of that state, on rank 0 only: `grid.warp_by_vector("u")` is the formed one."""
         if self._grid is None:
             from .fields import read_last
 
@@ -71,9 +84,22 @@ class Result:
         text = format(round(scale * value, 12) + 0.0, form)
         return text + (f" +- {abs(scale) * errors[name]:.2g}" if name in errors else "")
 
-    def force(self, tool: "Tool") -> np.ndarray:
-        """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
-        return self.scene.tool_force(tool)
+    def force(self, tool: "Tool | str") -> np.ndarray:
+        """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,
+        (3,) [N]. Raises InputError for a tool or a name that the scene does not have once."""
+        scene = self.scene
+        pressing = [term.tool for term in scene.terms if isinstance(term, PressingTerm)]
+        tools = dict.fromkeys([*scene.tools(), *pressing])
+        asked = [each for each in tools if tool in (each, each.name)]
+        force = np.zeros(3) if isinstance(tool, str) else scene.tool_force(tool)
+        if len(asked) != 1 and not force.any():
+            name = tool if isinstance(tool, str) else tool.name
+            raise InputError(
+                f"force of {name!r} is asked, which {len(asked) or 'no'} tools of the scene are; "
+                "allowed is one of its own tools, or the name of one alone: "
+                f"{', '.join(each.name for each in tools) or 'it has none'}"
+            )
+        return scene.tool_force(asked[0]) if asked else force
 
     def draw_in(self, sheet: str = "") -> dict[str, float]:
         """How far the edge of the sheet, or of the one of this name in a stack, went inwards in
@@ -83,13 +109,7 @@ class Result:
         Raises InputError for a name that is none, for a stack without one, and for a sheet that was
         not flat in a plane z = const at first.
         """
-        blank = self.scene.blank
-        part = blank.part(sheet)
-        if part.is_whole and any(each.thickness for each in blank.parts.values()):
-            raise InputError(
-                f"draw-in of the stack {blank.name} is asked; allowed is one of its sheets: "
-                f"{', '.join(blank.parts)}"
-            )
+        part, blank = self._sheet("draw-in", sheet), self.scene.blank
         z = blank.coordinates()[: len(part.nodes), 2][part.nodes]
         low, high = measures.extremes(self.scene.comm, z)
         if high - low > measures.SAME:
@@ -103,6 +123,47 @@ class Result:
 
             found = forming.draw_in(self.grids[sheet] if sheet else self.grid, planes)
         return self.scene.comm.bcast(found)
+
+    def _sheet(self, asked, name):
+        """The part of that name, of which something is `asked`."""
+        blank = self.scene.blank
+        part = blank.part(name)
+        if part.is_whole and any(each.thickness for each in blank.parts.values()):
+            raise InputError(
+                f"{asked} of {blank.name} is asked; allowed is one of its sheets: "
+                f"{', '.join(blank.parts)}"
+            )
+        return part
+
+    def outline(self, sheet: str = "") -> "list[Outline]":
+        """The free edges of the sheet, or of the one of this name in a stack, flat and formed, as
+        `forming.outline`; on rank 0, elsewhere none. Raises InputError for a name that is none and
+        for a stack without one."""
+        part = self._sheet("outline", sheet)
+        planes = measures.planes_of_symmetry(self.scene, part)
+        if self.scene.comm.rank:
+            return []
+        from . import forming
+
+        return forming.outline(self.grids[sheet] if sheet else self.grid, planes)
+
+    def at(self, place: ArrayLike, name: str, sheet: str = "") -> float:
+        """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat sheet,
+        or of the one of this name in a stack, on all ranks. Raises InputError for a place beside it
+        and for a field that it does not have."""
+        self._sheet(f"field {name}", sheet)
+        found: Any = None
+        if self.scene.comm.rank == 0:
+            from . import forming
+
+            try:
+                found = forming.value_at(self.grids[sheet] if sheet else self.grid, place, name)
+            except InputError as error:
+                found = str(error)
+        found = self.scene.comm.bcast(found)
+        if isinstance(found, str):
+            raise InputError(found)
+        return found
 
     def forget_grid(self) -> None:
         """Read the last state anew when it is asked for, as it was written anew."""
@@ -122,9 +183,12 @@ class Result:
         drawn = sorted(
             each for each, values in {**self.fields, **nodal}.items() if values.ndim == 1
         )
-        if name not in drawn:
+        grid, comm = (self.grid if self.scene.comm.rank == 0 else None), self.scene.comm
+        kept = comm.bcast(grid and {*grid.cell_data, *grid.point_data})
+        if name not in drawn or name not in kept:
             raise InputError(
-                f"a picture of {name} is asked for; allowed are the fields {', '.join(drawn)}"
+                f"a picture of {name} is asked for; allowed are the fields of the run "
+                f"{', '.join(each for each in drawn if each in kept)}"
             )
         if self.scene.comm.rank == 0:
             from . import pictures

@@ -33,20 +33,21 @@ from ..tools import (
     Reversed,
     Surface,
     Tool,
-    TriangulatedSurface,
     check_motion,
-    check_punch,
-    height,
 )
 from . import holding, measuring, stacking
 from .dome import DIMENSIONS, dome_of
-from .numbers import FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
+from .numbers import COUNT, FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
 from .plies import TOOL_METAL_FRICTION, Ply, read_plies
+from .punch import clearance_of, punch_of
 from .scenario import ELEMENTS, FITS, Scenario, halved
 
 if TYPE_CHECKING:
     import pyvista
 
+# above which a run warns: coefficients of friction and pressures
+COEFFICIENT = 2.0, "25 % is 0.25"
+PRESSURE = 100.0, "pressures are in MPa (Pa over 1e6)"
 HOLDERS = ("pressure", "force", "gap", "grippers")
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
 UP = np.array([0.0, 0.0, 1.0])
@@ -57,6 +58,9 @@ PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quar
 class Forming(Scenario):
     """A ply of `fabric` between punch, die and blank holder; a quarter of it unless `full`.
 
+    A quarter has `nx` rectangles along half of the length, so with the same `nx` its cells are half
+    as long as those of the whole ply.
+
     The flat ply lies in z = 0 with its centre at the origin, under the die's flange. The punch
     comes from below: its top begins just below the ply and rises by `stroke`. punch: a surface with
     its flange at z = 0, or a file of one, in place of the double dome; `dome`: that, its dimensions
@@ -64,7 +68,7 @@ class Forming(Scenario):
     """
 
     NAME: ClassVar[str] = "double_dome"
-    HEADLINES = ("punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm")
+    HEADLINES = "punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm"
     FULL = {"nx": 47, "steps": 40}
     QUICK = {"nx": 12, "steps": 12}
     SOLVER = {"path_tolerance": 1e-6, "balance": 0.02, "every": 10}
@@ -73,6 +77,9 @@ class Forming(Scenario):
 
     element: str = choice(
         "P1", ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree", "mesh"
+    )
+    nx: int = number(
+        None, COUNT, "rectangles along the length that is modelled: half, unless `full`", "mesh"
     )
     length: float = number(
         None, POSITIVE, "of the whole ply, along x (470, or the mesh's) [mm]", "ply"
@@ -116,9 +123,15 @@ class Forming(Scenario):
     clearance: float = number(
         None, POSITIVE, "distance of punch and die when closed (1.2 thicknesses) [mm]", "tools"
     )
-    friction: float = number(0.25, FROM_ZERO, "coefficient between ply and tools", "tools")
+    friction: float = number(
+        0.25, FROM_ZERO, "coefficient between ply and tools", "tools", COEFFICIENT
+    )
     metal_friction: float = number(
-        TOOL_METAL_FRICTION, FROM_ZERO, "coefficient between a stack's metal and tools", "tools"
+        TOOL_METAL_FRICTION,
+        FROM_ZERO,
+        "coefficient between a stack's metal and tools",
+        "tools",
+        COEFFICIENT,
     )
     slip: float = number(0.1, POSITIVE, "how far a sticking ply may slip [mm]", "tools")
     lag: float = number(
@@ -138,7 +151,7 @@ class Forming(Scenario):
     )
     holder: str = choice("pressure", HOLDERS, "what holds the rim of the ply", "blank holder")
     holder_pressure: float = number(
-        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", "blank holder"
+        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", "blank holder", PRESSURE
     )
     holder_force: float = number(1e5, FROM_ZERO, "force on the whole ply [N]", "blank holder")
     holder_gap: float = number(
@@ -167,20 +180,14 @@ class Forming(Scenario):
             self._check_quarter(*self._extent)
         # of all that lies between the tools
         t = self.thickness = sum(ply.thickness_used for ply in self.plies)
-        surface = self._surface()
-        depth = self._depth(surface)
+        surface, depth = self._punch()
         self.stroke = self.stroke or depth
         self.closes = self.stroke > (1 - 1e-9) * depth
         if self.stroke > depth:
             raise InputError(
                 f"`stroke` {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm"
             )
-        self.clearance = self.clearance or 1.2 * t
-        if self.clearance < t:
-            raise InputError(
-                f"`clearance` {self.clearance:g} is less than the thickness of ply or stack; "
-                f"allowed is from {t:g} mm"
-            )
+        self.clearance = clearance_of(self.clearance, t, surface)
         lift = t / 2 - self.clearance  # so that the punch ends `clearance` from the die all over
         start, stroke = lift - depth, self.stroke
         self.punch_tool = Tool(
@@ -226,6 +233,11 @@ class Forming(Scenario):
                 f"{', '.join(given)} is given beside `stack`; allowed is to say it of each ply"
             )
         plies = read_plies(self.stack) if isinstance(self.stack, (str, os.PathLike)) else self.stack
+        other = next((each for each in plies if not isinstance(each, Ply)), None)
+        if other is not None:
+            raise InputError(
+                f"`stack` holds {other!r}; allowed are plies, as `Ply(fibre_angle=45)`"
+            )
         return [ply.completed(self.fabric, f"ply {k + 1}") for k, ply in enumerate(plies)]
 
     def _blank(self) -> Blank:
@@ -258,28 +270,16 @@ class Forming(Scenario):
                     "x, y >= 0; allowed is `full`, or a quarter"
                 )
 
-    def _depth(self, surface):
-        """Greatest stroke of a punch with this surface [mm]."""
-        if isinstance(surface, DoubleDome):
-            return surface.depth
-        found = height(surface, *(corner[:2] for corner in self._extent))
-        asked = self.stroke or found  # which may be rounded
-        return asked if abs(asked - found) < 0.01 * self.thickness else found
-
-    def _surface(self):
-        """The punch's surface, checked."""
+    def _punch(self):
+        """The punch's surface, checked, and its greatest stroke [mm]."""
         if not self.punch:
-            return self.dome if isinstance(self.dome, DoubleDome) else dome_of(self.dome)
-        low, high = self.blank.extent()
-        half = np.maximum(abs(low), abs(high))[:2]
-        surface, name = self.punch, "`punch`"
-        if not isinstance(surface, Surface):
-            surface = TriangulatedSurface.read(surface, self.chord, comm=self.comm)
-            name += f" {self.punch}"
-        warn = self.warnings.append
-        if isinstance(surface, TriangulatedSurface):
-            surface = check_punch(surface, name, half, self.thickness, warn)
-        return surface
+            dome = self.dome if isinstance(self.dome, DoubleDome) else dome_of(self.dome)
+            return dome, dome.depth
+        known = self._extent, self.thickness, self.full, self.comm, self.warnings.append
+        surface, found = punch_of(self.punch, self.chord, *known)
+        asked = self.stroke or found  # which may be rounded
+        rounded = abs(asked - found) < 0.01 * self.thickness
+        return surface, asked if rounded and not isinstance(surface, DoubleDome) else found
 
     def terms(self) -> list[Term]:
         """Bending, contact with the tools, blank holder, friction."""

@@ -37,10 +37,18 @@ BETWEEN_YARNS = Rule("an angle above 0 and below 180 deg", lambda v: 0 < v < 180
 FINITE = Rule("a finite number", lambda v: True)
 
 
-def number(default: float | None, rule: Rule, text: str, group: str = "test") -> Any:
+def number(
+    default: float | None,
+    rule: Rule,
+    text: str,
+    group: str = "test",
+    doubt: tuple[float, str] | None = None,
+) -> Any:
     """A field of a scenario: a number by `rule`; text: what it is, group: of options. None stands
-    for a default that depends on other fields, which the text then tells."""
-    return field(default=default, metadata={"rule": rule, "help": text, "group": group})
+    for a default that depends on other fields, which the text then tells. doubt: a value above
+    which a run warns, and a hint at the unit."""
+    meta = {"rule": rule, "help": text, "group": group, "doubt": doubt}
+    return field(default=default, metadata=meta)
 
 
 def choice(default: str | None, allowed: tuple[str, ...], text: str, group: str = "test") -> Any:

@@ -15,7 +15,7 @@ from ..material.files import read_toml
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal, load_metal
-from ..material.presets import load
+from ..material.presets import checked_fabric, load
 from ..material.validation import shown, unknown_key
 from ..sheets.blank import Blank, layout
 from .numbers import BETWEEN_YARNS, COUNT, FINITE, FROM_ZERO, POSITIVE, number
@@ -54,6 +54,8 @@ class Ply:
             if "rule" in each.metadata and value is not None:
                 where = f"{each.name} of {self.name or 'a ply'}"
                 setattr(self, each.name, each.metadata["rule"].check(where, value))
+        if self.fabric is not None:
+            checked_fabric(f"fabric of {self.name or 'a ply'}", self.fabric)
         given = [key for key in ("length", "width", "nx") if getattr(self, key) is not None]
         if self.mesh and given:
             raise InputError(

@@ -14,7 +14,8 @@ from .. import timing
 from ..errors import InputError
 from ..job import Job, Result
 from ..material.laws import Law
-from ..material.presets import load
+from ..material.presets import checked_fabric, load
+from ..material.validation import unknown_key
 from ..mechanics import mesh_warnings
 from ..mechanics.membrane import INTEGRATION, Membrane
 from ..mechanics.term import Term
@@ -82,12 +83,24 @@ class Scenario:
     comm: MPI.Comm = field(default_factory=lambda: MPI.COMM_WORLD, repr=False)
     warnings: list[str] = field(init=False, default_factory=list, repr=False)
 
+    def __new__(cls, *_: Any, **given: Any) -> Self:
+        """As of any class; InputError, with the nearest name, for a field that there is none."""
+        known = [each.name for each in dataclasses.fields(cls) if each.init]
+        for name in given:
+            if name not in known:
+                raise unknown_key(name, known, f"field `{name}` of {cls.__name__}")
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
+        checked_fabric("`fabric`", self.fabric)
         for each in dataclasses.fields(self):
             value, meta = getattr(self, each.name), each.metadata
             if "rule" in meta and value is not None:
                 value = meta["rule"].check(f"`{each.name}`", value)
                 setattr(self, each.name, value)
+                most, hint = meta["doubt"] or (math.inf, "")
+                if value > most:
+                    self.warnings.append(f"`{each.name}` is {value:g}, which is much: {hint}")
             if value not in meta.get("choices", (value,)) and value is not None:
                 allowed = ", ".join(meta["choices"])
                 raise InputError(f"`{each.name}` is {value!r}; allowed is one of {allowed}")

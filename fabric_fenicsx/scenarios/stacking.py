@@ -17,24 +17,20 @@ from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from .plies import Ply
 
-# of the least thickness: where pressure between plies of fabric begins, and its law's `smoothing`
-LAYER, SOFT = 0.05, 0.11
-# likewise between the plies of a stack with metal: at the metal's edges a layer is pressed out
-LOOSE = 0.02
+LAYER = 0.1  # of the least thickness: distance at which the pressure of a ply of fabric begins
 
 
 def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
     """The `Stack` of plies, the lowest first; `make` gives the blank of each.
 
-    Its upper face is half of all thicknesses over z = 0, where the die lies. Plies of fabric lie
-    as far apart as their contact begins; with metal a little loose, so that it is known which
-    places touch. Raises InputError without any.
+    Its upper face is half of all thicknesses over z = 0, where the die lies. Plies lie as far
+    apart as the contact of fabric begins. Raises InputError without any.
     """
     if not plies:
         raise InputError("`stack` has no ply; allowed are one or more")
     sheets = [(make(ply), ply.thickness_used, ply.name) for ply in plies]
     thicknesses = [thickness for _, thickness, _ in sheets]
-    play = (LOOSE if any(ply.metal for ply in plies) else LAYER) * min(thicknesses)
+    play = LAYER * min(thicknesses)
     return Stack(sheets, -sum(thicknesses) / 2 - play * (len(sheets) - 1), play)
 
 
@@ -54,14 +50,10 @@ def between(
     """Contact and friction of each ply with the next, and of two plies with a smaller one between
     them. planes: of symmetry; slip, lag: as in `SheetFriction`."""
     terms: list[Term] = []
-    t = min(sheet.thickness for sheet in stack.sheets)
-    sharp = any(ply.metal for ply in plies)
-    smoothing, layer = (None, 0.0) if sharp else (SOFT * t, LAYER * t)
     for lower, upper in _facing(stack, plies):
         names = lower.name, upper.name
-        terms.append(
-            SheetContact(*names, lag=lag, smoothing=smoothing, layer=layer, symmetric=planes)
-        )
+        layer = 0.0 if lower.metal and upper.metal else stack.play
+        terms.append(SheetContact(*names, lag=lag, layer=layer, symmetric=planes))
         if mu := lower.friction_to(upper):
             terms.append(SheetFriction(*names, mu, slip, lag))
     return terms
@@ -114,6 +106,8 @@ def press(
         at = stack.parts[sheet.name].nodes
         u[at, 2] = share[at] * (rise + depths[at]) + play
         if k:
-            rise += pairs[k - 1].depth_under(pressure) + (0.0 if stiff else stack.play)
-            play += stack.play if stiff else 0.0
+            pair = pairs[k - 1]
+            loose = stack.play - pair.layer
+            rise += pair.layer + pair.depth_under(pressure) + (0.0 if stiff else loose)
+            play += loose if stiff else 0.0
     stack.u.x.scatter_forward()

@@ -51,6 +51,7 @@ class Blank:
         gdim = mesh.geometry.dim
         self.mesh, self.name = mesh, name
         self.warnings: list[str] = []
+        self.from_file = False  # whether its cells are a user's
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
         self.V = compat.vector_space(mesh, "Lagrange", degree, gdim)
         self.whole = Part(self, orthogonal=b is None)
@@ -297,9 +298,10 @@ class Blank:
                 "a path"
             )
         points, cells, kind, _ = _on_root(comm, lambda: MeshArrays(*_read(Path(path)), []))
-        return cls.from_arrays(
-            comm, points, cells, kind, source=str(path), spatial=spatial, **options
-        )
+        source = str(path)
+        blank = cls.from_arrays(comm, points, cells, kind, source, spatial, **options)
+        blank.from_file = True
+        return blank
 
 
 def axes_of(turned: float) -> np.ndarray:
@@ -312,6 +314,8 @@ def layout(
 ) -> dict[str, Any]:
     """Options of a `Blank` for an element's name, angles of its yarns [deg] and a sheet `turned` in
     its plane [rad]."""
+    if not abs(fibre_angle) <= 360:
+        raise InputError(f"fibre angle is {fibre_angle:g} deg; allowed is from -360 to 360 deg")
     a = math.radians(fibre_angle) + turned
     options: dict[str, Any] = {"a": a, "degree": int(element[1])}
     if turned:

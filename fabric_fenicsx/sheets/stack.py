@@ -57,6 +57,7 @@ class Stack(Blank):
         a, b, number = np.split(known, [3, 6], axis=1)
         super().__init__(mesh, lambda x: a.T, lambda x: b.T, name=name)
         self.number = number[:, 0].astype(np.int32)
+        self.from_file = any(sheet.blank.from_file for sheet in self.sheets)
         self.warnings = [text for sheet in self.sheets for text in sheet.blank.warnings]
         for k, sheet in enumerate(self.sheets):
             at = np.flatnonzero(self.number == k)

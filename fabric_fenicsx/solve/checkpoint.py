@@ -19,8 +19,9 @@ from ..scene import OF_CELLS
 from ..sheets.blank import Blank
 from .stepping import Progress, Viscosity
 
-# of the file; the first told a slit's lips apart by chance, those after it had other names
-FORMAT = 5
+# of the file; the first told a slit's lips apart by chance, those after it had other names, and
+# none of the first five the numbers of terms
+FORMAT = 6
 COUNTS = ("accepted", "rejected", "iterations")
 SCALARS = ("load", "step", "last_step", "work", "stored", "solver", *COUNTS)
 NODAL = ("x", "around", "u", "previous")

@@ -12,7 +12,13 @@ def _limit(default: float, text: str) -> float:
 
 @dataclass(frozen=True)
 class Limits:
-    """Largest values of a result that is believed."""
+    """Largest values of a result that is believed, all as shares: 0.05 is 5 %.
+
+    - imbalance: difference between external work and energies, over these
+    - viscous: energy that regularisation took, over the strain energy
+    - penetration: of tools into the sheet in any state in equilibrium, over its thickness
+    - strain: nominal strain of yarns in tension, in all but `EDGES` of the area
+    """
 
     imbalance: float = _limit(0.05, "difference between external work and energies, over these")
     viscous: float = _limit(0.05, "energy that regularisation took, over the strain energy")
@@ -25,14 +31,18 @@ class Limits:
         """What is wrong with a result, one sentence for each limit that is exceeded; found: values
         under the names above, without strain."""
         words = {
-            "imbalance": "work of supports and tools differs from the energies "
-            "by {:.3g} % of these",
-            "viscous": "regularisation took {:.3g} % of the strain energy",
-            "penetration": "the sheet is penetrated by {:.3g} % of its thickness",
+            "imbalance": "work of supports and tools differs from the energies by {} % of these",
+            "viscous": "regularisation took {} % of the strain energy",
+            "penetration": "the sheet is penetrated by {} % of its thickness",
         }
+
+        def told(name, value):
+            limit = 100 * getattr(self, name)
+            # as many digits as tell the two apart
+            texts = [(f"{100 * value:.{n}g}", f"{limit:.{n}g}") for n in (3, 6, 17)]
+            mine, allowed = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
+            return f"{words[name].format(mine)}; allowed is {allowed} % (`Limits.{name}`)"
+
         return [
-            f"{words[name].format(100 * value)}; allowed is "
-            f"{100 * getattr(self, name):.3g} % (`Limits.{name}`)"
-            for name, value in found.items()
-            if not value <= getattr(self, name)
+            told(name, value) for name, value in found.items() if not value <= getattr(self, name)
         ]

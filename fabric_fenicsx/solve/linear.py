@@ -1,5 +1,6 @@
 """Linear solvers by name: their options, MUMPS' room and the inertia it tells."""
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,6 +23,9 @@ LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
     "cg-hypre": {"ksp_type": "fcg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
 }
 MUMPS_ROOM = 14  # its option for how much more than estimated it may take [%]
+ORDER, AMD = "mat_mumps_icntl_7", 0  # the order in which it eliminates: approximate minimum degree
+# unknowns up to which AMD's factors cost least; with more, nested dissection's, MUMPS' own choice
+FEW_UNKNOWNS = 20_000
 NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness across itself
     getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name)
     for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
@@ -35,7 +39,11 @@ def is_there(name: str) -> bool:
 
 def configure(snes: PETSc.SNES, name: str) -> None:
     """Give `snes` the linear solver `name`, one of `LINEAR_SOLVERS`."""
-    options, given = PETSc.Options(PREFIX), LINEAR_SOLVERS[name]
+    options, given = PETSc.Options(PREFIX), dict(LINEAR_SOLVERS[name])
+    if name.startswith("mumps") and not _order_is_given():
+        options.delValue(ORDER)  # of a solver of another size
+        if snes.getJacobian()[0].size[0] <= FEW_UNKNOWNS:
+            given[ORDER] = AMD
     for key, value in given.items():
         options[key] = value
     if name.startswith("mumps"):
@@ -45,10 +53,16 @@ def configure(snes: PETSc.SNES, name: str) -> None:
     snes.ksp.setFromOptions()
     for key in given:
         # read only when the factor is made; read here too, as PETSc reports unused options
-        if key == "mat_mumps_icntl_24":
+        if key.startswith("mat_mumps"):
             options.getInt(key)
         else:
             options.delValue(key)
+
+
+@functools.cache
+def _order_is_given():
+    """Whether the user gave `ORDER` to PETSc; asked before it is set here."""
+    return PETSc.Options(PREFIX).hasName(ORDER)
 
 
 def factorisation_had_room(pc: PETSc.PC) -> bool:

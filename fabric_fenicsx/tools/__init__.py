@@ -5,7 +5,7 @@ A surface bounds a body; its normal points out of it, and the gap (signed distan
 outside. `Surface` and `ImplicitSurface` are the bases of own surfaces.
 """
 
-from .checks import check_motion, check_punch, check_start, check_triangles, height
+from .checks import check_motion, check_own_punch, check_punch, check_start, check_triangles, height
 from .double_dome import DoubleDome
 from .primitives import Cylinder, Plane, Plate, Sphere, Torus
 from .surfaces import Flipped, ImplicitSurface, Nearest, Offset, Reversed, Surface
@@ -29,6 +29,7 @@ __all__ = [
     "Torus",
     "TriangulatedSurface",
     "check_motion",
+    "check_own_punch",
     "check_punch",
     "check_start",
     "check_triangles",

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from .surfaces import Surface
+from .surfaces import Flipped, ImplicitSurface, Offset, Reversed, Surface
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 
@@ -15,6 +15,10 @@ COARSE = 20.0  # deg, by which neighbouring facets turn on a surface that is to 
 UNITS = {"metres": 1000.0, "inches": 25.4}
 # of the thickness: how far a flange may be off its plane, and how deep a tool may be at the start
 FLANGE = 0.05
+MIRRORED = 0.25  # of the thickness, by which a punch and its mirror image may differ
+EQUATION = 50  # points at which an equation's derivatives are compared with differences
+STEP = 1e-3  # mm, of these
+WRONG = 0.01, 0.1  # share by which derivatives are wrong, and of the points at which they may be
 
 
 def _at(place):
@@ -89,17 +93,15 @@ def check_punch(
             f"{name} is {size:.4g} mm large; allowed is a surface in mm, up to 50 times as large "
             f"as {ply}"
         )
-    side = np.linspace(-1, 1, 21)
-    outline = np.vstack([np.column_stack([side, 0 * side + s]) for s in (-1, 1)])
-    outline = np.vstack([outline, outline[:, ::-1]]) * end
-    found = surface.evaluate(np.column_stack([outline, np.zeros(len(outline))]))
+    outline = _outline(end)
+    found = surface.evaluate(outline)
     off = np.where(
         abs(found.normal[:, 2]) > 0.99, abs(found.gap), np.maximum(abs(found.gap), thickness)
     )
     worst = int(off.argmax())
     if off[worst] > FLANGE * thickness:
         raise InputError(
-            f"{name} has no flange in z = 0 under the ply's edge at {_at(outline[worst])}: the "
+            f"{name} has no flange in z = 0 under the ply's edge at {_at(outline[worst, :2])}: the "
             "nearest surface lies "
             f"{abs(found.gap[worst]):.3g} mm off; allowed is a punch with a flange there that "
             f"reaches beyond {ply}"
@@ -117,6 +119,63 @@ def check_punch(
         warn(f"{name}: the normals of its flange point down, so it was turned round")
         return surface.turned_round()
     return surface
+
+
+def _outline(half):
+    """Points (n, 3) on the edge of a ply in z = 0 that reaches to +-half (2,) [mm]."""
+    side = np.linspace(-1, 1, 21)
+    edges = np.vstack([np.column_stack([side, 0 * side + s]) for s in (-1, 1)])
+    edges = np.vstack([edges, edges[:, ::-1]]) * half
+    return np.column_stack([edges, np.zeros(len(edges))])
+
+
+def check_own_punch(surface: Surface, low: ArrayLike, high: ArrayLike, thickness: float) -> float:
+    """How high [mm] a punch's surface, of no triangles, rises over z = 0 beneath a ply from low to
+    high (2,) [mm].
+
+    Raises InputError for one that gives no number, does not rise, has its body above it, or has no
+    flange beneath any of the ply's edge.
+    """
+    name, end = f"surface {type(surface).__name__} of the punch", np.maximum(np.abs(low), high)
+    outline = _outline(end)
+    gap, normal, _ = surface.evaluate(np.vstack([outline, outline / 2, 0 * outline[:1]]), thickness)
+    if np.isnan(gap).any():
+        raise InputError(f"the gap of {name} is not a number in z = 0; allowed is a finite one")
+    top = height(surface, low, high)
+    flange = abs(gap[: len(outline)]) <= FLANGE * thickness
+    if not flange.any():
+        raise InputError(
+            f"{name} has no flange in z = 0 beneath the ply's edge; allowed is one that rises from "
+            "a flange there"
+        )
+    if normal[: len(outline)][flange, 2].mean() < 0:
+        raise InputError(
+            f"{name} has a flange whose normals point down; allowed are normals up to the ply, so "
+            "of an equation F < 0 below (`Reversed` turns a surface round)"
+        )
+    return top
+
+
+def mirror_warning(
+    surface: Surface, name: str, half: ArrayLike, top: float, thickness: float
+) -> str:
+    """A sentence if a punch that rises to z = `top` beneath a ply which reaches to +-half (2,) [mm]
+    is not its own mirror image in x = 0 and y = 0, to `MIRRORED` of the thickness, else ""."""
+    side, end = np.linspace(0.02, 0.98, 10), np.asarray(half, dtype=float)
+    x, y = np.meshgrid(side * end[0], side * end[1])
+    points = np.column_stack([x.ravel(), y.ravel(), top + 0 * x.ravel()])
+    gap, normal, _ = surface.evaluate(points)
+    points = points - gap[:, None] * normal
+    points = points[np.isfinite(gap) & (abs(points[:, :2]) <= end).all(1)]
+    for mirror in ((-1, 1, 1), (1, -1, 1), (-1, -1, 1)):
+        off = np.nan_to_num(abs(surface.evaluate(points * mirror).gap))
+        if len(off) and off.max() > MIRRORED * thickness:
+            worst = points[off.argmax()]
+            return (
+                f"{name} is not its own mirror image: it is at {_at(worst)}, but {off.max():.3g} "
+                f"mm off {_at(worst * mirror)}; so the quarter stands for four mirrored ones"
+            )
+    return ""
 
 
 def height(surface: Surface, low: ArrayLike, high: ArrayLike) -> float:
@@ -152,9 +211,50 @@ def height(surface: Surface, low: ArrayLike, high: ArrayLike) -> float:
     return float(top)
 
 
+def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
+    """Raise InputError on all ranks if gradient or Hessian of a tool's `ImplicitSurface` are not
+    the derivatives of its F, at points about those `places` (n, 3) [mm] of all ranks, the nearest
+    to the surface as far as its `bound` tells."""
+    low, high = (
+        getattr(np, least)(comm.allgather(getattr(places, least)(0, initial=start)), axis=0)
+        for least, start in (("min", np.inf), ("max", -np.inf))
+    )
+    room = 0.02 * (high - low).max()
+    x = np.random.default_rng(0).uniform(low - room, high + room, (20 * EQUATION, 3))
+    x, surface = x - tool.displacement, tool.surface
+    while isinstance(surface, (Flipped, Offset, Reversed)):
+        x = x * (1, 1, -1) if isinstance(surface, Flipped) else x
+        surface = surface.surface
+    if not isinstance(surface, ImplicitSurface):
+        return
+
+    def slopes(of):
+        steps = STEP * np.eye(3)[:, :, None]
+        return np.stack([of(x + step) - of(x - step) for step in steps], -2) / (2 * STEP)
+
+    with np.errstate(all="ignore"):
+        x = x[np.argsort(surface.bound(surface.value(x.T), x.T), kind="stable")[:EQUATION]].T
+        _, gradient, hessian = surface.derivatives(x)
+        of_F, of_gradient = slopes(surface.value), slopes(lambda x: surface.derivatives(x)[1])
+    least = np.nanmax(abs(of_F), initial=0.0)
+    for name, given, found, floor in (
+        ("gradient", gradient, of_F, 1e-6 * least),
+        ("Hessian", hessian, of_gradient, 1e-4 * least),
+    ):
+        off, size = (abs(each).reshape(-1, x.shape[1]).max(0) for each in (given - found, found))
+        wrong = off > WRONG[0] * (size + floor)
+        if wrong.mean() > WRONG[1]:
+            raise InputError(
+                f"the {name} of surface {type(surface).__name__} of {tool.name} is not that of its "
+                f"F, as at {_at(x[:, wrong][:, 0])}; allowed are exact derivatives, which "
+                "`check_derivatives` compares with differences"
+            )
+
+
 def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
     """Raise InputError on all ranks for a tool so deep in a sheet, whose nodes of this rank are at
     places (n, 3) [mm], that these are in the tool themselves."""
+    check_equation(tool, places, comm)
     nearest, place = _least_gap(tool, places, thickness, comm)
     if nearest < -(0.5 + 1e-6) * thickness:
         raise InputError(
@@ -165,8 +265,15 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
 
 
 def _least_gap(tool, places, thickness, comm):
-    """The least gap [mm] of all ranks between the tool and the sheet's face, and its place."""
+    """The least gap [mm] of all ranks between the tool and the sheet's face, and its place.
+    Raises InputError, on all ranks, where the tool's surface gives no number."""
     gap = tool.evaluate(places, reach=thickness).gap
+    lost = places[np.isnan(gap)][:1].tolist()
+    if lost := sum(comm.allgather(lost), []):
+        raise InputError(
+            f"the gap of surface {type(tool.surface).__name__} of {tool.name} is not a number at "
+            f"{_at(lost[0])}, where the sheet is before anything moves; allowed is a finite one"
+        )
     deep = gap < -thickness / 2  # may be a bound
     exact = tool.evaluate(places[deep]).gap
     gap[deep] = np.where(np.isnan(exact), gap[deep], exact)
@@ -184,6 +291,7 @@ def check_motion(
     this rank are at places (n, 3) [mm], or that has not reached it at load 1; the tools are left at
     load 0."""
     for tool in tools:
+        check_equation(tool, places, comm)
         for load in (0.0, 1.0):
             tool.at(load)
             nearest, place = _least_gap(tool, places, thickness, comm)

@@ -16,6 +16,10 @@ from numpy.typing import ArrayLike
 from ..errors import InputError
 from .values import checked_number, checked_points
 
+# unit vectors (26, 3), one of which is less than 30 deg from any direction
+AROUND = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]]), -1).reshape(-1, 3)
+AROUND = AROUND[AROUND.any(1)] / np.linalg.norm(AROUND[AROUND.any(1)], axis=1, keepdims=True)
+
 
 class Nearest(NamedTuple):
     """Surface seen from n points: gap (n,) [mm], its gradient normal (n, 3) and Hessian curvature
@@ -175,13 +179,14 @@ class ImplicitSurface(Surface):
                 return abs(F) / 1.02  # by the gradient's largest length
 
     Gap, normal and curvature are exact at the point found, whose distance from the surface and from
-    the foot of the normal is below 1e-11 mm. Rows are NaN where none is found, which can happen
-    only further away than `radii`; there it can also be a point that is not the nearest of all.
+    the foot of the normal is below 1e-11 mm. None may be found further away than `radii`, where it
+    can also be a point that is not the nearest of all. Rows are then NaN, unless F has one sign all
+    around at twice the reach: the surface is beyond it.
     """
 
     def value(self, x: np.ndarray) -> np.ndarray:
         """F (n,) at x (3, n) [mm]."""
-        return self._derivatives(x)[0]
+        return self.derivatives(x)[0]
 
     def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (3, n) [mm]."""
@@ -209,9 +214,21 @@ class ImplicitSurface(Surface):
         # blocks that stay in the cache
         for part in np.array_split(near, max(1, len(near) // 4096)):
             self._project(x[:, part], part, found)
+        lost = near[np.isnan(found.gap[near])]
+        if len(lost) and 0 < reach < math.inf:
+            self._tell_far(x[:, lost], F[lost], lost, reach, found)
         return found
 
-    def _derivatives(self, x):
+    def _tell_far(self, x, F, rows, reach, found):
+        """Put a gap beyond the reach into those `rows` of `found`, of points x (3, n) where no
+        nearest point was found, around which F does not change its sign."""
+        around = (x[:, :, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
+        far = (self.value(around).reshape(len(rows), -1) * F[:, None] > 0).all(1)
+        at = rows[far]
+        found.gap[at] = np.copysign(1.01 * reach, F[far])
+        found.normal[at], found.curvature[at] = (0.0, 0.0, 1.0), 0.0
+
+    def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
         """What `implicit` gives at x (3, n); InputError if it is not what it must be."""
         given, n = self.implicit(x), x.shape[1]
         if not (isinstance(given, (tuple, list)) and len(given) == 3):
@@ -243,7 +260,7 @@ class ImplicitSurface(Surface):
         """Put what belongs to the nearest points of x (3, n) into `rows` of `found`."""
         for target in found:
             target[rows] = np.nan
-        F, gradient, _ = self._derivatives(x)
+        F, gradient, _ = self.derivatives(x)
         base, step = x, -F * gradient / (gradient * gradient).sum(0)
         factor, merit = np.ones(len(rows)), np.full(len(rows), np.inf)
         tolerance = 1e-11 + 1e-14 * abs(x).max(0, initial=0)
@@ -251,7 +268,7 @@ class ImplicitSurface(Surface):
             if not len(rows):
                 return
             trial = base + factor * step
-            F, gradient, hessian = self._derivatives(trial)
+            F, gradient, hessian = self.derivatives(trial)
             size = np.sqrt((gradient * gradient).sum(0))
             normal = gradient / size
             tangents = tangent_vectors(normal)
@@ -301,10 +318,9 @@ class Offset(Surface):
     def __init__(self, surface: Surface, distance: float) -> None:
         inside, outside = radii_of(surface)
         allowed = f"above {-inside:g} and below {outside:g}, the radii of the surface"
-        self.surface, self.distance = (
-            surface,
-            checked_number("distance", distance, allowed, -inside, outside),
-        )
+        name = f"distance of the offset of surface {type(surface).__name__}"
+        self.surface = surface
+        self.distance = checked_number(name, distance, allowed, -inside, outside)
         self.radii = (inside + self.distance, outside - self.distance)
 
     def from_behind(self) -> Surface:

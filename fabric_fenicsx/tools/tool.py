@@ -35,6 +35,12 @@ class Tool:
         force: OfLoad | ArrayLike | None = None,
         name: str = "tool",
     ) -> None:
+        if not isinstance(surface, Surface):
+            kind = surface.__name__ if isinstance(surface, type) else type(surface).__name__
+            raise InputError(
+                f"surface of {name} is {'the class' if isinstance(surface, type) else 'a'} {kind}; "
+                "allowed is a surface, as `Sphere(30)`"
+            )
         self.name, self.surface = name, surface
         radii_of(surface)
         self.path: OfLoad = _growing(f"path of {name}", path)

@@ -34,9 +34,13 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
     shape or not finite.
     """
     x, cells = np.asarray(points, dtype=float), np.asarray(triangles)
-    if x.ndim != 2 or x.shape[1] != 3 or not np.isfinite(x).all():
+    if x.ndim != 2 or x.shape[1] != 3:
+        raise InputError(f"points of the surface have the shape {x.shape}; allowed is (n, 3)")
+    if not (finite := np.isfinite(x).all(1)).all():
+        first = int(finite.argmin())
         raise InputError(
-            f"points of the surface have the shape {x.shape}; allowed is (n, 3), all finite"
+            f"points of the surface: {len(x) - finite.sum()} of {len(x)} are not finite, as number "
+            f"{first}, {x[first].tolist()}; allowed are finite ones"
         )
     if cells.ndim != 2 or cells.shape[1] != 3 or cells.dtype.kind not in "iu":
         raise InputError(f"triangles have the shape {cells.shape}; allowed is (m, 3), of integers")

@@ -47,27 +47,28 @@ def check_derivatives(
     """Compare the derivatives that `thing` gives with differences; a table in words.
 
     - A law: stresses with differences of its energy, tangents with those of its stresses, at random
-      strains; whether it is free of stress at rest, whether its energy is least there, and without
-      a jump on the way. `at`: other states (n, 3) of eps_a, eps_b [-] and gamma [rad]. The table
-      also tells if the sign of gamma matters to the energy.
+      strains; whether it is free of energy and stress at rest, whether its energy is least there,
+      and without a jump on the way. `at`: other states (n, 3) of eps_a, eps_b [-] and gamma [rad].
+      The table also tells if the sign of gamma matters to the energy, and if shear takes none.
     - A surface: normal and curvature with differences of the gap at the points `at` (n, 3) [mm],
       which should be near it; whether the gap leads to it, so is a distance; whether it is curved
       more than `radii` says; and of an `ImplicitSurface` whether `bound` exceeds the distance.
     - A term: forces with differences of its energy, and tangent with those of its forces, in the
       scene `at`, at the load factor `load`, where the sheet is and displaced by about `size` [mm]
-      (default: 1/1000 of a cell). The term is then at load 0, the sheet where it was.
+      (default: 1/1000 of a cell). The table also tells if an energy is below 0 there. The term is
+      then at load 0, the sheet where it was.
 
     Raises InputError, with the table, if one is off by more than `ALLOWED`; of laws and surfaces
     `KINKS` of the states may be. Raises it also where an energy or a gap is not a number.
     """
-    remark = ""
+    remarks: list[str] = []
     if isinstance(thing, Law):
         name, rows = f"law {thing.law}", [*_of_law(thing, at)]
-        remark = _skewed(thing, at)
+        remarks = _of_shear(thing, at)
     elif isinstance(thing, Surface):
         name, rows = f"surface {type(thing).__name__}", [*_of_surface(thing, at)]
     elif isinstance(at, Scene) and thing in at.terms:
-        name, rows = f"term {thing.name}", [*_of_term(thing, at, load, size)]
+        name, rows = f"term {thing.name}", [*_of_term(thing, at, load, size, remarks)]
     else:
         raise InputError(
             f"derivatives of {thing!r} are asked for with {at!r}; allowed are a law, a surface "
@@ -77,7 +78,7 @@ def check_derivatives(
     for row in rows:  # the first, as what follows from it is off, too
         if not row.off <= ALLOWED:
             raise InputError(f"{name}: {row.differ()}; allowed is {ALLOWED:g}\n{table}")
-    return f"{name}: derivatives agree with differences\n{table}{remark}"
+    return "\n".join([f"{name}: derivatives agree with differences\n{table}", *remarks])
 
 
 def _place(point: np.ndarray) -> str:
@@ -128,6 +129,9 @@ def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
     scales = np.nanmax(abs(here.first), 1)  # each stress by its own: shear is by far the least
     scales = np.maximum(scales, max(1e-12 * scales.max(), 1e-300))
     off = float((abs(rest.first[:, 0]) / scales).max()) if np.isfinite(at_rest).all() else np.nan
+    W = energy(np.vstack([np.zeros(3), x]))
+    left = float(abs(W[0]) / max(abs(W - W[0]).max(), 1e-300))
+    yield Row("energy at rest and none", left, "at (0, 0, 0)")
     yield Row("stresses at rest and none", off, "at (0, 0, 0)")
     yield _row("energies of kernel and law", here.parts.sum(1), energy(x), x)
     slopes = _central(energy, x, 1e-6)
@@ -180,17 +184,20 @@ def _jumps(law: Law, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (abs(parts(two) - parts(one)) / largest).max(1), two
 
 
-def _skewed(law: Law, at: ArrayLike | None) -> str:
-    """A line that tells by how much the energy at gamma and -gamma differs, "" if it does not."""
+def _of_shear(law: Law, at: ArrayLike | None) -> list[str]:
+    """Lines that tell that shear takes no energy, or by how much the energy at gamma and -gamma
+    differs."""
     x = _states(at)
+    if np.array_equal(_energy(law, x), _energy(law, x * (1, 1, 0))):
+        return ["shear takes no energy: nothing in the law holds a sheet's cells against shear"]
     off = np.nan_to_num(abs(_energy(law, x) - _energy(law, x * (1, 1, -1))))
     i, shear = int(off.argmax()), abs(law.parts(*x.T)[2] + np.zeros(len(x))).max()
     if off[i] <= ALLOWED * shear:
-        return ""
-    return (
-        f"\nthe sign of gamma matters: energies at gamma and -gamma differ by "
+        return []
+    return [
+        f"the sign of gamma matters: energies at gamma and -gamma differ by "
         f"{off[i] / max(shear, 1e-300):.2g} of the largest in shear {_place(x[i])}"
-    )
+    ]
 
 
 def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
@@ -234,7 +241,9 @@ def _of_radii(surface: Surface, feet: np.ndarray) -> Row:
     return Row("radii of curvature and least `radii`", off, where)
 
 
-def _of_term(term: Term, scene: Scene, load: float, size: float | None) -> Iterator[Row]:
+def _of_term(
+    term: Term, scene: Scene, load: float, size: float | None, remarks: list[str]
+) -> Iterator[Row]:
     blank, comm = scene.blank, scene.comm
     total = comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]), MPI.SUM)
     size = size or 1e-3 * float(np.sqrt(total[0] / total[1]))
@@ -305,6 +314,12 @@ def _of_term(term: Term, scene: Scene, load: float, size: float | None) -> Itera
         )
         what = "tangent and differences of forces"
         yield _row(what, whole(Kd), whole(change), whole(places), 0.0)
+        stored = energy(0 * d)
+        if term.energy_kind and stored < -1e-6 * size * abs(whole(f)).sum():
+            remarks.append(
+                f"the energy of the displaced sheet is {stored:.3g} N mm: below 0 it drives the "
+                "sheet in place of resisting it"
+            )
     finally:
         scene.set(before)
         term.at(0.0)

@@ -250,3 +250,8 @@ def test_stress_free_state():
 def test_bad_input_is_named(arguments, words):
     with pytest.raises(InputError, match=words):
         kernel.evaluate(PRESETS["komeili"], **arguments)
+
+
+def test_each_field_of_a_state_says_its_shape():
+    for name in kernel.State._fields:
+        assert getattr(kernel.State, name).__doc__.startswith("(n")

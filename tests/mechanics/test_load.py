@@ -96,6 +96,12 @@ def test_dead_pressure_on_a_tilted_patch():
     scene.residual(scene.u.duplicate())
     assert scene.reaction("all") == pytest.approx([0, 0, -0.05 * LENGTH * WIDTH], abs=1e-9)
     assert scene.energies() == pytest.approx({"strain": 0.0}, abs=1e-12)
+    # beside which a support that only locates the sheet and a residual are judged
+    total = 0.05 * LENGTH * WIDTH
+    given = scene.comm.allreduce(load_.applied_forces().reshape(-1, 3).sum(0))
+    assert given == pytest.approx([0, 0, total]) and scene.outer_forces()[""] == pytest.approx(
+        total
+    )
 
 
 @pytest.mark.parametrize(

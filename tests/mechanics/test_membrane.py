@@ -1,6 +1,7 @@
 """The membrane in a scene: rest, homogeneous states, rotations in space."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
+from fabric_fenicsx.material.laws import LAWS, Law
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
@@ -84,6 +86,24 @@ def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
             COMM.allreduce(fields["stability_ellipticity"].min(initial=np.inf), MPI.MIN), rel=1e-6
         )
     assert np.abs(P).max() > 0.01
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_law_without_shear_is_compared_with_its_kernel():
+    @dataclass(frozen=True)
+    class Slack(Law):
+        law = "slack"
+
+        def energy(self, eps_a, eps_b, gamma):
+            return 500 * eps_a**2, 500 * eps_b**2, 0.0 * gamma
+
+        def derivatives(self, eps_a, eps_b, gamma, second=True):
+            found = super().derivatives(eps_a, eps_b, gamma, second)
+            return found._replace(first=found.first + [[0.0], [0.0], [1e-3]])
+
+    del LAWS["slack"]
+    scene = Scene(sheet(10, 10, 2, 2), [Membrane(Slack())])
+    assert scene.summary()["kernel_mismatch"] == pytest.approx(1e-3, rel=0.1)
 
 
 def test_weave_angles_that_are_none():

@@ -130,7 +130,9 @@ def test_locking_is_told_where_it_happens(pattern, cell, angle, strain, error):
     assert bool(warning) == bool(error)
     if error:
         assert warning.startswith("100 % of the linear cells")
-        assert '`integration="reduced"`' in warning
+        assert '`integration="reduced"`' in warning and "pattern=" in warning
+        membrane.blank.from_file = True  # whose cells no pattern changes
+        assert "pattern=" not in locking_warning(membrane)
 
 
 def test_cells_off_the_yarns_that_do_not_lock_are_not_doubted():

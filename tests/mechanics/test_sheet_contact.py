@@ -181,12 +181,14 @@ def test_derivatives_where_points_slide_over_edges(taken):
 
 
 @pytest.mark.mpi
-def test_states_that_alternate_are_met_half_way():
+def test_states_that_alternate_are_met_half_way(by_position):
     """Where the faces were taken to and fro, they are taken between both places."""
     shift = np.array([1.1, 0.5, 0.0])
     found = []
-    for places in ((1.0, 0.0, 1.0), (0.5,)):
+    for places in ((1.0, 0.0), (0.5,)):
         scene, pair = two(**STATES["pressed"])
+        scene.accept()
+        scene.at(0.0)
         u, on_upper = scene.u.array, scene.blank.part("upper").nodes
         rest = u.copy()
         for share in places:
@@ -196,28 +198,45 @@ def test_states_that_alternate_are_met_half_way():
             assert scene.update_lagged()
         u[:] = rest
         scene.set(scene.u.copy())
-        found.append(nodal_forces(scene, pair)[0])
+        forces = nodal_forces(scene, pair)[0]
+        found.append(by_position(COMM, scene.blank.coordinates()[: len(forces)], forces)[1])
     assert found[0] == pytest.approx(found[1], abs=1e-9 * abs(found[1]).max())
 
 
 @pytest.mark.mpi
 def test_a_soft_layer_presses_before_the_faces_meet():
-    """By the law, with the depth in the layer; what is told is how far the faces overlap."""
-    layer, s, k, z = 0.2, 0.5, 7.0, 0.05
+    """As its square, up to `pressing`; the face's law is added beyond. What is told is how far the
+    faces overlap."""
+    layer, pressing, k, z = 0.2, 3.0, 7.0, 0.05
     scene = ff.Scene(
         laid(0.0),
-        [*membranes("ab"), ff.SheetContact("a", "b", penalty=k, smoothing=s, layer=layer)],
+        [*membranes("ab"), ff.SheetContact("a", "b", penalty=k, pressing=pressing, layer=layer)],
     )
-    contact = scene.terms[-1]
+    contact, face = scene.terms[-1], PressureLaw(k, SMOOTHING * PERMITTED * T)
     upper = scene.blank.part("b").nodes
     for gap in (0.3, 0.1, -z):
         scene.blank.u.x.array.reshape(-1, 3)[: len(upper)][upper, 2] = gap
         scene.blank.u.x.scatter_forward()
         scene.accept()
-        pressure = k * max(0.0, layer - gap) ** 2 / (2 * s)
+        pressure = pressing * (max(0.0, layer - gap) / layer) ** 2
+        pressure += float(face(np.array(max(0.0, -gap)))[1])
         assert contact.force()[2] == pytest.approx(pressure * 20 * 10, abs=1e-9)
+        if pressure:
+            assert contact.depth_under(pressure) == pytest.approx(-gap, abs=1e-12)
     assert contact.deepest() == pytest.approx(z)
-    assert contact.depth_under(k * layer**2 / (2 * s)) == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.mpi
+def test_depth_counts_in_equilibrium_alone():
+    """At load 0 the last state counts, later each."""
+    scene = ff.Scene(laid(0.0), [*membranes("ab"), ff.SheetContact("a", "b", penalty=7.0)])
+    contact, upper = scene.terms[-1], scene.blank.part("b").nodes
+    for load, gap, deepest in ((0.0, -0.05, 0.05), (0.0, -0.01, 0.01), (1.0, 0.1, 0.01)):
+        scene.blank.u.x.array.reshape(-1, 3)[: len(upper)][upper, 2] = gap
+        scene.blank.u.x.scatter_forward()
+        scene.at(load)
+        scene.accept()
+        assert contact.deepest() == pytest.approx(deepest)
 
 
 def test_sheets_apart_bear_nothing():
@@ -284,7 +303,7 @@ def test_default_penalty_is_that_of_the_softer_fabric():
         ({"penalty": 0.0}, "contact of a and b has penalty 0.0; allowed is a number above 0"),
         ({"penalty": math.nan}, "contact of a and b has penalty nan; allowed is a number above 0"),
         ({"lag": -1.0}, "contact of a and b has lag -1.0; allowed is a number above 0"),
-        ({"smoothing": 0.0}, "contact of a and b has smoothing 0.0; allowed is a number above 0"),
+        ({"pressing": 0.0}, "contact of a and b has pressing 0.0; allowed is a number above 0"),
         ({"layer": -0.1}, "contact of a and b has layer -0.1; allowed is a number from 0"),
         ({"points": 2}, "contact of a and b has 2 points in a cell; allowed are 1, 3, 6"),
         ({"upper": "a"}, "contact of a and a is of one sheet; allowed are two different ones"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import ufl
 from builders import Elastic, alone, displacement, everywhere, sheet
+from dolfinx import fem
 from mpi4py import MPI
 
 from fabric_fenicsx.errors import InputError
@@ -117,6 +118,14 @@ def test_a_term_is_in_one_scene():
     Scene(blanks[0], [membrane])
     with pytest.raises(InputError, match="term membrane is in another scene already; allowed is"):
         Scene(blanks[1], [membrane])
+
+
+def test_a_term_is_once_in_a_scene():
+    """Its forces would count twice."""
+    bedding = Bedding(K)
+    words = "term bedding is in the scene twice; allowed is a term once"
+    with pytest.raises(InputError, match=words):
+        Scene(sheet(20.0, 10.0, 4, 2), [Membrane(KOMEILI), bedding, bedding])
 
 
 def test_what_the_scene_knows_is_not_asked_twice():
@@ -240,6 +249,56 @@ def test_an_own_energy_that_is_not_integrated_is_named():
         alone(sheet(10, 10, 4, 2), Spring())
 
 
+@pytest.mark.parametrize("k", [np.nan, np.inf, 0.0, fem.Constant])
+def test_a_number_that_makes_no_energy(k):
+    class Bedding(Term):
+        name = energy_kind = "bedding"
+
+        def __init__(self, k):
+            self.k = k
+
+        def set_up(self, scene):
+            self.energy = self.k * ufl.inner(scene.blank.u, scene.blank.u) * self.part.dx(2)
+
+    blank = sheet(10, 10, 2, 1)
+    k = fem.Constant(blank.mesh, np.nan) if k is fem.Constant else k
+    words = r"energy of term bedding (is 0, as|holds (nan|inf)).*; allowed is .* `fem.Constant\("
+    with pytest.raises(InputError, match=words):
+        alone(blank, Bedding(k))
+    alone(blank, Bedding(fem.Constant(blank.mesh, 0.0)))
+
+
+def test_a_component_that_a_plane_sheet_lacks():
+    class Lifting(Term):
+        name = energy_kind = "lifting"
+
+        def set_up(self, scene):
+            self.energy = scene.blank.u[2] ** 2 * self.part.dx(2)
+
+    words = "term lifting asks for more than the 2 components .*; allowed .*`spatial=True`"
+    with pytest.raises(InputError, match=words):
+        alone(sheet(10, 10, 2, 1), Lifting())
+
+
+@pytest.mark.parametrize(
+    "name, value", [("name", None), ("name", ""), ("energy_kind", " "), ("energy_kind", 3)]
+)
+def test_names_that_are_none(name, value):
+    term = Bedding(K)
+    setattr(term, name, value)
+    words = f"`{name}` of a term of class Bedding is {value!r}; allowed is a text"
+    with pytest.raises(InputError, match=words):
+        alone(sheet(10, 10, 2, 1), term)
+
+
+@pytest.mark.parametrize("parts", [[None], [""], [3], ["a", "b"]])
+def test_parts_that_are_none(parts):
+    term = Bedding(K)
+    with pytest.raises(InputError, match="term bedding.* is put on .*; allowed is the name of one"):
+        for part in parts:
+            term.on(part)
+
+
 @pytest.mark.parametrize("name", ["load", "step", "negative_pivots", "strain_energy_Nmm"])
 def test_a_column_of_history_that_is_there_already(name):
     class Mine(Bedding):
@@ -276,6 +335,41 @@ def test_a_column_of_history_that_two_terms_give(name, write):
         f"`add_history` of term {last} gives the column {name}, which term {first} gives already; "
         "allowed is another name, or to read it in `row` and give one value for both"
     )
+
+
+@pytest.mark.parametrize("when", [0.0, 1.0])
+def test_a_column_of_history_that_comes_or_goes(when):
+    class Mine(Bedding):
+        load = 0.0
+
+        def at(self, load):
+            self.load = load
+
+        def add_history(self, row):
+            if self.load == when:
+                row["late"] = 1.0
+
+    scene = Scene(sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), Mine(K)], clamped_ends(0.1))
+    words = f"at load 1 the terms {'now' if when else 'no longer'} give history.csv the column late"
+    with pytest.raises(InputError, match=f"{words}; allowed are the same columns"):
+        Job(scene, steps=1).run()
+
+
+@pytest.mark.parametrize("method", ["add_cell_fields", "add_nodal_fields"])
+def test_a_field_of_another_size(method):
+    """On one rank alone, too."""
+    mine = telling(method)(K)
+    right, wrong = getattr(mine, method), COMM.rank == COMM.size - 1
+
+    def tell(told):
+        right(told)
+        told["hits"] = told["hits"][: -1 if wrong else None]
+
+    setattr(mine, method, tell)
+    scene = Scene(sheet(20.0, 10.0, 4, 2), [Membrane(KOMEILI), mine], clamped_ends(0.1))
+    words = rf"`{method}` of term mine gives the field hits with shape \(\d+,\); allowed is \("
+    with pytest.raises(InputError, match=words):
+        Job(scene, steps=1).run()
 
 
 @pytest.mark.parametrize("ask", [lambda row: row.get("hits", 0), lambda row: row["hits"]])

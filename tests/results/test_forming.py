@@ -139,6 +139,18 @@ def test_axes_of_paths_end_with_the_ply(tmp_path, monkeypatch):
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {"one", "tool", "other"}
 
 
+def test_what_is_drawn_of_one_ply_is_named(tmp_path, monkeypatch):
+    drawn, grid = [], formed(SHEARED)
+    monkeypatch.setattr(forming_pictures.plt, "close", drawn.append)
+    paths = {"": forming.along_paths(grid)}
+    forming_pictures.paths_picture(tmp_path / "p.png", paths, {"outline of the punch": 90})
+    forming_pictures.outline_picture(tmp_path / "o.png", {"": grid})
+    named = [
+        [text.get_text() for text in each.legends[0].get_texts()] for each in drawn if each != "all"
+    ]
+    assert named == [["outline of the punch"], ["flat", "formed"]]
+
+
 def test_a_path_over_a_cylinder_is_its_arc():
     grid = formed(
         lambda x, y: np.column_stack([50 * np.sin(x / 50), y, 50 * np.cos(x / 50)]),

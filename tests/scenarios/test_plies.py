@@ -233,6 +233,16 @@ def test_thickness_and_penalty_are_those_of_the_metal(laid):
     assert max(depths) < 0.01
 
 
+def test_a_holder_begins_with_sheets_pressed_as_it_presses(laid):
+    """Not as if the soft layers between them were pressed out."""
+    laid.start()
+    scene = laid.scene
+    scene.accept()
+    whole = laid.holder_pressure * laid.length * laid.width / 4
+    for pair in (term for term in scene.terms if isinstance(term, ff.SheetContact)):
+        assert 0.1 * whole < pair.force()[2] < whole
+
+
 def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
     friction = next(t for t in laid.scene.terms if isinstance(t, ff.Friction))
     part = laid.blank.part("sheet").nodes

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from builders import COMM
 from mpi4py import MPI
+from scipy.spatial import Delaunay
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import parser
@@ -28,6 +29,33 @@ def test_options_are_the_fields_with_their_defaults(kind):
     "kind, fields, words",
     [
         (ff.Tensile, {"nx": 0}, "`nx` is 0; allowed is a whole number of 1 or more"),
+        (
+            ff.Tensile,
+            {"fabric": "komeili"},
+            "`fabric` is 'komeili'; allowed is a fabric, as `load(",
+        ),
+        (ff.Ply, {"fabric": "komeili", "name": "top"}, "fabric of top is 'komeili'; allowed is a "),
+        (
+            ff.Membrane,
+            {"fabric": "komeili"},
+            "fabric of a membrane is 'komeili'; allowed is a fabr",
+        ),
+        (ff.Forming, {"stack": [0, 45], "nx": 4}, "`stack` holds 0; allowed are plies, as `Ply(fi"),
+        (
+            ff.Tensile,
+            {"fibre_angle": 400},
+            "fibre angle is 400 deg; allowed is from -360 to 360",
+        ),
+        (
+            ff.Forming,
+            {"holder_presure": 1},
+            "field `holder_presure` of Forming is unknown (did you ",
+        ),
+        (
+            ff.Tensile,
+            {"fiber_angle": 1},
+            "(did you mean fibre_angle?); allowed are fabric, mesh, nx",
+        ),
         (ff.Tensile, {"nx": 2.5}, "`nx` is 2.5; allowed is a whole number of 1 or more"),
         (ff.Tensile, {"strain": float("nan")}, "`strain` is nan; allowed is a fraction"),
         (ff.Tensile, {"width": "wide"}, "`width` is wide; allowed is a number above 0"),
@@ -47,6 +75,23 @@ def test_options_are_the_fields_with_their_defaults(kind):
         ),
         (ff.Forming, {"stroke": 1000, "nx": 4}, "`stroke` 1000 is deeper than the die"),
         (ff.Forming, {"punch": ff.Sphere(5, (0, 0, -5)), "nx": 4}, "does not rise over z = 0"),
+        (ff.Forming, {"punch": ff.Sphere(30), "nx": 4}, "Sphere of the punch has no flange in z"),
+        (ff.Forming, {"punch": ff.Sphere, "nx": 4}, "`punch` is the class Sphere; allowed is a su"),
+        (
+            ff.Forming,
+            {"punch": ff.Tool(ff.Sphere(30)), "nx": 4},
+            "`punch` is a Tool; allowed is a surface, as `DoubleDome()`, or a file's name",
+        ),
+        (
+            ff.Forming,
+            {"clearance": 30, "nx": 4},
+            "`clearance` 30 leaves the die no radius where the punch is hollow; allowed is from ",
+        ),
+        (
+            ff.Forming,
+            {"fabric": ff.load("komeili").replace(thickness=40), "nx": 4},
+            "`clearance` 48, 1.2 thicknesses, leaves the die no radius",
+        ),
     ],
 )
 def test_a_field_that_is_not_allowed(kind, fields, words):
@@ -137,6 +182,22 @@ def test_a_whole_ply_has_a_node_at_its_centre():
     ]
 
 
+@pytest.mark.parametrize(
+    "fields, words",
+    [
+        ({"friction": 25}, ["`friction` is 25, which is much: 25 % is 0.25"]),
+        (
+            {"holder_pressure": 5e4},
+            ["`holder_pressure` is 50000, which is much: pressures"],
+        ),
+        ({"metal_friction": 0.1}, []),
+    ],
+)
+def test_numbers_that_speak_of_another_unit_are_doubted(fields, words):
+    told = ff.Forming(nx=4, **fields).warnings
+    assert len(told) == len(words) and all(map(str.startswith, told, words))
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("cells", [{"nx": 12}, {"nx": 11}, {"nx": 6, "pattern": "unstructured"}])
 def test_a_whole_ply_is_held_in_the_nodes_nearest_to_centre_and_end(cells):
@@ -189,6 +250,46 @@ class Bump(ff.ImplicitSurface):
 
     def bound(self, F, x):
         return abs(F) / np.hypot(1, 1.72 * self.height / self.radius)
+
+
+class Changed(Bump):
+    """A bump of 25 mm that rises from x = `at` [mm], with F, gradient and Hessian times `by`."""
+
+    def __init__(self, at=0.0, by=1.0):
+        super().__init__(25.0, 80.0)
+        self.at, self.by = np.array([[at], [0], [0]]), by
+
+    def implicit(self, x):
+        return tuple(self.by * each for each in super().implicit(x - self.at))
+
+
+@pytest.mark.parametrize(
+    "changed, words",
+    [
+        ({"by": np.nan}, "gap of surface Changed of the punch is not a number in z = 0; allowed"),
+        ({"by": -1}, "Changed of the punch has a flange whose normals point down; allowed are nor"),
+    ],
+)
+def test_a_punch_of_ones_own_that_can_be_none(changed, words):
+    with pytest.raises(ff.InputError, match=words):
+        ff.Forming(punch=Changed(**changed), length=300, width=200, nx=8)
+
+
+@pytest.mark.parametrize(
+    "at, full, said", [(20, False, True), (20, True, False), (0, False, False)]
+)
+@pytest.mark.parametrize("triangles", [False, True])
+def test_a_punch_that_is_not_its_own_mirror_image_is_warned_of(at, full, said, triangles):
+    punch = Changed(at)
+    if triangles:
+        x, y = np.meshgrid(np.linspace(-200, 200, 41), np.linspace(-150, 150, 31))
+        z = 25 * np.maximum(0, 1 - ((x - at) ** 2 + y**2) / 80**2) ** 3
+        plan = np.column_stack([x.ravel(), y.ravel()])
+        triangles = Delaunay(plan).simplices.astype(np.int64)
+        punch = ff.TriangulatedSurface(np.column_stack([plan, z.ravel()]), triangles)
+    ply = ff.Forming(punch=punch, length=300, width=200, nx=8, full=full)
+    words = "`punch` is not its own mirror image: it is at ("
+    assert any(words in text for text in ply.warnings) == said
 
 
 def test_a_ply_over_a_surface_of_ones_own_is_drawn(tmp_path):

@@ -196,10 +196,10 @@ BROKEN = {
     "meta data that are no JSON": (array("meta", lambda _: np.array("{load:")), "cannot be read"),
     "meta data that are a list": (
         array("meta", lambda _: np.array("[1]")),
-        "is of format None; allowed is 5",
+        "is of format None; allowed is 6",
     ),
-    "earlier version": (meta(format=None), "is of format 1; allowed is 5"),
-    "later version": (meta(format=6), "is of format 6; allowed is 5"),
+    "earlier version": (meta(format=None), "is of format 1; allowed is 6"),
+    "later version": (meta(format=7), "is of format 7; allowed is 6"),
     "no displacement": (lambda arrays: arrays.pop("u"), "u is missing"),
     "no place": (lambda arrays: arrays.pop("around"), "around is missing"),
     "short displacement": (

@@ -18,6 +18,7 @@ from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import Viscosity, march
@@ -49,6 +50,17 @@ def negative_pivots(newton):
     newton.snes.ksp.setOperators(newton.A)
     newton.snes.ksp.setUp()
     return newton.snes.ksp.pc.getFactorMatrix().getInertia()[0]
+
+
+def test_few_unknowns_are_ordered_by_minimum_degree(monkeypatch):
+    """Also after a larger scene, which leaves the choice to MUMPS."""
+    found = []
+    for few in (20_000, 10, 20_000):
+        monkeypatch.setattr(linear, "FEW_UNKNOWNS", few)
+        newton = Newton(strip(nx=4))
+        march(newton, steps=1)
+        found.append(newton.snes.ksp.pc.getFactorMatrix().getMumpsIcntl(7))
+    assert found[0] == found[2] == 0 != found[1]
 
 
 # the angle is a matter of points; one will do to see that ranks find the minimum

@@ -1,6 +1,7 @@
 """What is checked of tools before anything runs: each flaw its sentence."""
 
 import re
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -10,6 +11,8 @@ from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.tools import (
     DoubleDome,
+    Flipped,
+    ImplicitSurface,
     Offset,
     Plane,
     Sphere,
@@ -183,6 +186,45 @@ def test_a_tool_that_the_sheet_is_in_at_the_start(surface, deep, place):
         check_start(Tool(surface, name="ball"), places, 0.4, MPI.COMM_SELF)
     lowered = Tool(surface, lambda load: (0, 0, 0.2 - deep), name="ball")  # up to its middle
     check_start(lowered, places, 0.4, MPI.COMM_SELF)
+
+
+class Egg(ImplicitSurface):
+    """(x/40)^2 + (y/20)^2 + (z/20)^2 = 1, with something else for F, gradient and Hessian."""
+
+    radii = (10.0, np.inf)
+
+    def __init__(self, changed):
+        self.changed = changed
+
+    def implicit(self, x):
+        weights = 2 / np.array([[40.0], [20], [20]]) ** 2
+        F = (weights * x * x).sum(0) / 2 - 1
+        return self.changed(x, F, weights * x, np.eye(3)[:, :, None] * weights)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "changed, words",
+    [
+        (lambda x, F, g, H: (F, g, H), ""),
+        (lambda x, F, g, H: (F, g * [[2], [1], [1]], H), "the gradient of surface Egg of egg is "),
+        (
+            lambda x, F, g, H: (F, g, 2 * H),
+            "the Hessian of surface Egg of egg is not that of its F",
+        ),
+        (lambda x, F, g, H: (F + np.where(abs(x[0]) < 9, np.nan, 0), g, H), "the gap of surface "),
+    ],
+)
+@pytest.mark.parametrize("beneath", [True, False])
+def test_an_equation_whose_derivatives_are_wrong_is_named(changed, words, beneath):
+    comm = MPI.COMM_WORLD
+    x, y = np.meshgrid(np.arange(-40.0, 41, 4), np.arange(-30.0, 31, 4))
+    places = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])[comm.rank :: comm.size]
+    surface = Egg(changed) if beneath else Flipped(Offset(Egg(changed), 1))
+    tool = Tool(surface, (0, 0, 5), name="egg")
+    tool.at(-4.1 if beneath else 4.3)
+    with pytest.raises(InputError, match=words) if words else nullcontext():
+        check_start(tool, places, 0.4, comm)
 
 
 @pytest.mark.parametrize("low", [(0, 0), (-150, -100)])

@@ -240,6 +240,30 @@ def test_an_equation_may_give_what_is_the_same_all_over_once():
     assert Slope().evaluate([[0, 0, 1.0], [2, 0, 1]]).gap == pytest.approx([0.5**0.5, -(0.5**0.5)])
 
 
+class Dent(ImplicitSurface):
+    """A bump of 25 mm without a bound, far from which the projection finds nothing."""
+
+    radii = (15.0, 15.0)
+
+    def implicit(self, x):
+        ax, ay = 2 / 75**2, 2 / 55**2
+        q = 1 - np.minimum(ax / 2 * x[0] ** 2 + ay / 2 * x[1] ** 2, 1.0)
+        d, dd, sx, sy = -75 * q**2, 150 * q, ax * x[0], ay * x[1]
+        hessian = np.zeros((3, 3, len(q)))
+        hessian[0, 0], hessian[1, 1] = -(dd * sx * sx + d * ax), -(dd * sy * sy + d * ay)
+        hessian[0, 1] = hessian[1, 0] = -dd * sx * sy
+        return x[2] - 25 * q**3, np.array([-d * sx, -d * sy, 0 * q + 1]), hessian
+
+
+def test_where_no_nearest_point_is_found_the_surface_is_told_to_be_far():
+    far = np.array([[10.759631695, -51.810639783, 33.652719063], [2.820369e-6, 7e-18, 0.7712783]])
+    assert np.isnan(Dent().evaluate(far).gap).any()
+    found = Dent().evaluate(far, reach=1.0)
+    assert (found.gap * (1, -1) > 1).all() and all(np.isfinite(each).all() for each in found)
+    no_number = Given(lambda F, g, H: (F * np.nan, g, H))
+    assert np.isnan(no_number.evaluate(far, reach=1.0).gap).all()
+
+
 def test_a_surface_without_its_function_is_named():
     for kind, name in ((Surface, "nearest"), (ImplicitSurface, "implicit")):
         with pytest.raises(InputError, match=f"surface Mine has no `{name}`; allowed is one that"):
@@ -511,7 +535,8 @@ def test_modifiers():
         (
             lambda: Offset(Sphere(10, [0, 0, 0]), -10),
             (
-                "distance is -10; allowed is a finite number, above -10 and below inf, "
+                "distance of the offset of surface Sphere is -10; allowed is a finite number, "
+                "above -10 and below inf, "
                 "the radii of the surface"
             ),
         ),
@@ -543,6 +568,11 @@ def test_modifiers():
             lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], np.ones((3, 3))),
             "normals have the shape (3, 3); allowed is (1, 3, 3)",
         ),
+        (
+            lambda: Tool(Sphere, name="ball"),
+            "surface of ball is the class Sphere; allowed is a su",
+        ),
+        (lambda: Tool(Tool(Sphere(3))), "surface of tool is a Tool; allowed is a surface, as "),
         (
             lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], crease=0),
             "crease is 0; allowed is a finite number",

@@ -303,6 +303,12 @@ def test_beyond_the_rim_there_is_no_body():
         assert die.evaluate(points).gap == pytest.approx([far, far, 5, 2])
 
 
+def test_points_that_are_not_finite_are_told():
+    points = np.vstack([np.eye(3), [[0, np.nan, 0]]])
+    with pytest.raises(InputError, match=r"1 of 4 are not finite, as number 3, \[0.0, nan"):
+        TriangulatedSurface(points, [[0, 1, 2]])
+
+
 def test_surfaces_that_are_none():
     p, t = refined_sphere(2)
     fork = TriangulatedSurface(np.vstack([p, [[3, 3, 3]]]), np.vstack([t, [[*t[0][:2], len(p)]]]))

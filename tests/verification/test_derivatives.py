@@ -18,7 +18,7 @@ NEAR = np.random.default_rng(0).uniform(20, 22, (200, 3)) * [1, -1, 1]
 
 def test_the_papers_law():
     table = ff.check_derivatives(KOMEILI)
-    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 13
+    assert table.startswith("law coupled: derivatives agree") and table.count("\n") == 14
 
 
 def test_a_law_whose_stresses_are_not_its_energys():
@@ -94,6 +94,18 @@ def test_a_skewed_law_with_a_kink_is_allowed_and_told():
     kinked = _of_shear(lambda g: 0.015 * g**2 + where(g > 0.3, 0.01 * (g - 0.3), 0.0))
     told = ff.check_derivatives(kinked)
     assert "the sign of gamma matters: energies at gamma and -gamma differ by 0.3" in told
+
+
+def test_a_law_with_energy_at_rest():
+    with pytest.raises(
+        ff.InputError, match=r"soft: energy at rest and none differ by .* \(0, 0, 0\)"
+    ):
+        ff.check_derivatives(_of_shear(lambda g: 0.015 * g**2 + 1.0))
+
+
+def test_a_law_without_shear_is_told():
+    assert "shear takes no energy: nothing" in ff.check_derivatives(_of_shear(lambda g: 0.0 * g))
+    assert "shear takes no energy" not in ff.check_derivatives(KOMEILI)
 
 
 @pytest.mark.parametrize("surface", [BALL, ff.Plane((0, 0, 1), (0, 1, 1)), ff.Offset(BALL, 1.0)])
@@ -212,6 +224,23 @@ def test_terms(wrong, words):
     else:
         assert "agree" in ff.check_derivatives(springs, scene, size=0.1)
     assert np.array_equal(scene.u.array, before)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("sign, told", [(1, False), (-1, True)])
+def test_a_term_that_drives_the_sheet_is_told(sign, told):
+    class Driving(Springs):
+        def stored(self):
+            return sign * super().stored()
+
+        def tangent(self):
+            dofs, _, values = super().tangent()
+            return dofs, dofs, sign * values
+
+    springs = Driving(force=sign)
+    scene = ff.Scene(sheet(20.0, 10.0, 6, 3), [Elastic(), springs], ff.clamped_ends(1.0))
+    table = ff.check_derivatives(springs, scene, size=0.1)
+    assert ("N mm: below 0 it drives the sheet" in table) == told
 
 
 @pytest.mark.mpi

@@ -20,6 +20,22 @@ from ..validation import Rule, check_complete, check_number, shown, unknown_key
 
 COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
 LAWS: "dict[str, type[Law]]" = {}  # by their names in material files
+# what fabrics have, widely taken; beyond it a unit is probably wrong
+PLAUSIBLE = {
+    "thickness": (0.01, 20.0, "mm"),
+    "density": (0.05, 10.0, "g/cm3"),
+    "b": (1.0, 1e5, "MPa"),
+    "s1": (1e-4, 10.0, "MPa"),
+    "stiffness along a": (2.0, 2e5, "MPa"),
+    "stiffness along b": (2.0, 2e5, "MPa"),
+    "stiffness in shear": (1e-4, 10.0, "MPa"),
+}
+# strains at which a coupling alone gives the energy mixed derivatives
+PROBES = {
+    "biaxial": [(0.02, 0.03, 0.0), (-0.02, 0.03, 0.0), (0.02, -0.03, 0.0)],
+    "tension_shear": [(0.02, 0.03, 0.3)],
+    "compression_shear": [(-0.02, -0.03, 0.3)],
+}
 
 
 def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
@@ -224,17 +240,58 @@ class Law(Material):
         return frozenset()
 
     def without(self, *names: str) -> Self:
-        """A copy with these couplings off; InputError for an unknown name."""
-        check_couplings(names, "without")
+        """A copy with these couplings off; InputError for an unknown name, and for a coupling that
+        the energy has: a law that can switch it off overrides this and `couplings`."""
+        off = check_couplings(names, "without")
+        if kept := [name for name in COUPLINGS if name in off and self._couples(name)]:
+            raise InputError(
+                f"without: the energy of law {self.law} has the coupling {', '.join(kept)}, and "
+                "the law cannot switch it off; allowed is a class that has a method for it"
+            )
         return self
+
+    def _couples(self, name):
+        """Whether the energy depends on two strains together where this coupling acts."""
+        second = Law.derivatives(self, *np.transpose(PROBES[name])).second
+        assert second is not None
+        mixed = second[1:2] if name == "biaxial" else second[3:5]
+        return bool(abs(mixed).max() > 1e-9 * abs(second).max())
+
+    def check_rest(self) -> None:
+        """InputError where the fabric as it lies, without strain, has energy or stress."""
+        found = Law.derivatives(self, *np.transpose([(0.0, 0.0, 0.0), (0.01, 0.01, 0.1)]))
+        assert found.second is not None
+        stiffness = np.nanmax(abs(found.second[[0, 2, 5]]), 1, initial=0.0)
+        words = f"of law {self.law} is %.3g MPa in fabric as it lies, without strain; allowed is 0"
+        if abs(W := found.parts[0].sum()) > 1e-9 * stiffness.max():
+            raise InputError(f"the energy {words % W}: take off what it is there")
+        for name, stress, scale in zip(("sigma_a", "sigma_b", "tau"), found.first[:, 0], stiffness):
+            if abs(stress) > 1e-5 * scale:
+                raise InputError(f"the stress {name} {words % stress}")
 
     def decoupled(self) -> Self:
         """A copy with every coupling off: three independent curves, like Abaqus' FABRIC."""
         return self.without(*COUPLINGS)
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on values that may be in a wrong unit."""
-        return []
+        """Sentences on values outside of `PLAUSIBLE`, which may be in a wrong unit: of yarns the
+        stiffness at 1 % strain."""
+        second = self.derivatives(*np.array([[0.01], [0.01], [0.0]])).second
+        assert second is not None
+        values = [("stiffness along a", second[0, 0]), ("stiffness along b", second[2, 0])]
+        return self._implausible([*values, ("stiffness in shear", self.shear_stiffness)])
+
+    def _implausible(self, values):
+        """A sentence on each of these (name, value), thickness and density that is so."""
+        found = []
+        for name, value in (*values, ("thickness", self.thickness), ("density", self.density)):
+            low, high, unit = PLAUSIBLE[name]
+            if not low <= value <= high:
+                found.append(
+                    f"{name} of material {self.name or self.law} is {value:g} {unit}, "
+                    f"fabrics have {low:g} to {high:g}; look at its unit"
+                )
+        return found
 
     @property
     def parameters(self) -> tuple[str, ...]:

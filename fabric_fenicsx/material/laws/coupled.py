@@ -38,13 +38,6 @@ SHEAR: dict[str, Rule] = {
     "s2": of_either_sign("stress"),
     "s3": not_negative("stress"),
 }
-# what fabrics have, widely taken; beyond it a unit is probably wrong
-PLAUSIBLE = {
-    "b": (1.0, 1e5, "MPa"),
-    "s1": (1e-4, 10.0, "MPa"),
-    "thickness": (0.01, 20.0, "mm"),
-    "density": (0.05, 10.0, "g/cm3"),
-}
 
 
 @dataclass(frozen=True)
@@ -272,19 +265,10 @@ class WovenFabric(Law):
         return k, k1 * k, (6 * y.s_C * (m * slope**2 + m2) + k1**2) * k
 
     def plausibility_warnings(self) -> list[str]:
-        """Sentences on values outside of `PLAUSIBLE`, which may be in a wrong unit."""
-        values = [("b", self.warp.b), ("s1", self.s1), ("thickness", self.thickness)]
-        values += [("density", self.density)]
+        """As in `Law`, of the parameters b and s1."""
+        values = [("b", self.warp.b), ("s1", self.s1)]
         values += [("b", self.weft.b)] if self.weft.b != self.warp.b else []
-        found = []
-        for name, value in values:
-            low, high, unit = PLAUSIBLE[name]
-            if not low <= value <= high:
-                found.append(
-                    f"{name} of material {self.name} is {value:g} {unit}, "
-                    f"fabrics have {low:g} to {high:g}; look at its unit"
-                )
-        return found
+        return self._implausible(values)
 
     def without(self, *names: str) -> Self:
         """A copy with these couplings off; InputError for an unknown name."""

@@ -1,5 +1,6 @@
 """What every law has: found by its file, a kernel from its energy alone, a material file."""
 
+import math
 import re
 from dataclasses import dataclass
 
@@ -7,15 +8,19 @@ import mpmath
 import numpy as np
 import pytest
 import ufl
+from builders import sheet
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.expression import energy_density
+from fabric_fenicsx.material.functions import exp, negative, positive
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS, load
 from fabric_fenicsx.material.validation import above_zero
+from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.scene import Scene
 
 LAW58 = LAWS["law58"](
     E_a=1335.0,
@@ -166,7 +171,7 @@ def test_a_material_file_names_its_law(tmp_path):
         (
             '"law58"',
             '"law85"',
-            "law 'law85' is unknown (did you mean law58?); allowed are coupled, law58, tabulated",
+            "law 'law85' is unknown (did you mean law58?); allowed are coupled, law58, tabulated, ",
         ),
         ("E_a = 1335.0", "", "missing E_a; allowed is to give all, at the top of the file"),
         ("flex = 0.001", "flex = 2", "flex is 2; allowed is a finite number, from 0 to 1"),
@@ -180,6 +185,10 @@ def test_a_material_file_names_its_law(tmp_path):
         path.write_text(text.replace(old, new))
         with pytest.raises(InputError, match=re.escape(f"{path}: {sentence}")):
             load(path)
+    path.write_text(text.replace("law58", "law85"))
+    # behind the laws that other tests have made
+    with pytest.raises(InputError, match="and own ones that were imported before, or by `--law-f"):
+        load(path)
     PRESETS["komeili"].to_toml(path)
     path.write_text('law = "coupled"\n' + path.read_text())
     assert load(path) == PRESETS["komeili"]
@@ -244,6 +253,87 @@ def test_a_part_of_an_energy_may_be_a_number():
 def test_a_law_that_is_no_dataclass():
     with pytest.raises(InputError, match="law own has no number E; allowed is a class with @data"):
         own_law(lambda a, b, g: (a, b, g), decorated=False)(E=3.0)
+
+
+@pytest.mark.parametrize(
+    "lines, words",
+    [
+        ("E_C_MPa = 1\nE_MPa = 500", ""),
+        ("E_kPa = 500e3\nE_C_kPa = 1e3", ""),
+        ("E_C_MPa = 1", "missing E; allowed is to give all"),
+        ("E_MPa = 500\nE_c = 1", "E_c is unknown .did you mean E_C..; allowed are"),
+        ("E_C_MPa = 1\nE_xPa = 1", "E_xPa: stress unit 'xPa' is unknown"),
+        ("E_MPa = 1\nE_kPa = 1", "E_kPa repeats E_MPa; allowed is E once"),
+    ],
+)
+def test_a_number_whose_name_begins_as_anothers(tmp_path, lines, words):
+    @dataclass(frozen=True)
+    class Two(Law):
+        law = "two"
+        rules = {"E": above_zero("stress"), "E_C": above_zero("stress")}
+        E: float
+        E_C: float
+
+    del LAWS["two"]
+    path = tmp_path / "two.toml"
+    path.write_text(f"thickness_mm = 1\ndensity_g_per_cm3 = 1\n{lines}\n")
+    if words:
+        with pytest.raises(InputError, match=words):
+            Two.from_toml(path)
+    else:
+        assert Two.from_toml(path) == Two(500.0, 1.0, density=1.0)
+
+
+@pytest.mark.parametrize(
+    "E, thickness, words",
+    [
+        (300.0, 0.5, []),
+        (300e6, 0.5, ["stiffness along a of material own is 6e+08 MPa", "stiffness along b"]),
+        (300.0, 500.0, ["thickness of material own is 500 mm, fabrics have 0.01 to 20; look at"]),
+    ],
+)
+def test_numbers_of_an_own_law_in_a_wrong_unit(E, thickness, words):
+    law = own_law(lambda a, b, g: (E * a**2, E * b**2, 0.01 * g**2))(E=E, thickness=thickness)
+    found = law.plausibility_warnings()
+    assert len(found) == len(words)
+    assert all(text.startswith(start) for text, start in zip(found, words))
+    assert LAW58.plausibility_warnings() == TABLE.plausibility_warnings() == []
+
+
+@pytest.mark.parametrize(
+    "name, shear",
+    [
+        ("biaxial", lambda a, b, g: a * b + g**2),
+        ("tension_shear", lambda a, b, g: g**2 * (1 + positive(a))),
+        ("compression_shear", lambda a, b, g: g**2 * exp(negative(b))),
+    ],
+)
+def test_a_coupling_that_a_law_cannot_switch_off(name, shear):
+    """Silently variants would all be the same."""
+    law = own_law(lambda a, b, g: (a**2, b**2, shear(a, b, g)))(E=3.0)
+    words = f"without: the energy of law own has the coupling {name}, and the law cannot switch it"
+    for switched in (lambda: law.without(name), law.decoupled, lambda: coupling_variants(law)):
+        with pytest.raises(InputError, match=words):
+            switched()
+    others = [each for each in COUPLINGS if each != name]
+    assert law.without(*others) is law
+
+
+@pytest.mark.parametrize(
+    "energy, words",
+    [
+        (lambda a, b, g: (exp(a * a), b**2, g**2), "the energy of law own is 1 MPa in fabric as"),
+        (lambda a, b, g: (a**2, b**2 + 0.1 * b, g**2), "stress sigma_b of law own is 0.1 MPa in f"),
+        (lambda a, b, g: (1e3 * a**2, 1e3 * b**2, 0.01 * g**2 + 1e-4 * g), "stress tau of law own"),
+        (lambda a, b, g: (math.exp(a * a) - 1, b**2, g**2), "fails .TypeError: must be real num"),
+    ],
+)
+def test_a_fabric_is_at_rest_without_strain(energy, words, caplog):
+    """Otherwise a run would tell to take smaller steps."""
+    blank, law = sheet(10, 10, 2, 2), own_law(energy)(E=3.0)
+    with pytest.raises(InputError, match=words):
+        Scene(blank, [Membrane(law)])
+    assert not caplog.records
 
 
 @pytest.mark.parametrize(
