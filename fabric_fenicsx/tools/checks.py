@@ -13,7 +13,8 @@ from .triangulated import TriangulatedSurface
 
 COARSE = 20.0  # deg, by which neighbouring facets turn on a surface that is to be smooth
 UNITS = {"metres": 1000.0, "inches": 25.4}
-# of the thickness: how far a flange may be off its plane, and how deep a tool may be at the start
+# of the thickness: how far a flange may be off its plane, how deep a tool may be at the start, and
+# how far it may be off at the end
 FLANGE = 0.05
 MIRRORED = 0.25  # of the thickness, by which a punch and its mirror image may differ
 EQUATION = 50  # points at which an equation's derivatives are compared with differences
@@ -22,7 +23,7 @@ WRONG = 0.01, 0.1  # share by which derivatives are wrong, and of the points at 
 
 
 def _at(place):
-    return "(" + ", ".join(f"{each:.4g}" for each in place) + ")"
+    return "(" + ", ".join(f"{round(each, 9) + 0.0:.4g}" for each in place) + ")"
 
 
 def check_triangles(
@@ -213,8 +214,8 @@ def height(surface: Surface, low: ArrayLike, high: ArrayLike) -> float:
 
 def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
     """Raise InputError on all ranks if gradient or Hessian of a tool's `ImplicitSurface` are not
-    the derivatives of its F, at points about those `places` (n, 3) [mm] of all ranks, the nearest
-    to the surface as far as its `bound` tells."""
+    the derivatives of its F, or its `bound` exceeds the distance, at points about those `places`
+    (n, 3) [mm] of all ranks, the nearest to the surface as far as its `bound` tells."""
     low, high = (
         getattr(np, least)(comm.allgather(getattr(places, least)(0, initial=start)), axis=0)
         for least, start in (("min", np.inf), ("max", -np.inf))
@@ -234,8 +235,15 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
 
     with np.errstate(all="ignore"):
         x = x[np.argsort(surface.bound(surface.value(x.T), x.T), kind="stable")[:EQUATION]].T
-        _, gradient, hessian = surface.derivatives(x)
+        F, gradient, hessian = surface.derivatives(x)
         of_F, of_gradient = slopes(surface.value), slopes(lambda x: surface.derivatives(x)[1])
+        gap, bound = abs(surface.evaluate(x.T).gap), surface.bound(surface.value(x), x)
+    lost = ~np.isfinite(F)
+    if lost.mean() > 0.5:
+        raise InputError(
+            f"F of surface {type(surface).__name__} of {tool.name} is not a number at "
+            f"{_at(x[:, lost][:, 0])}; allowed is a finite one"
+        )
     least = np.nanmax(abs(of_F), initial=0.0)
     for name, given, found, floor in (
         ("gradient", gradient, of_F, 1e-6 * least),
@@ -249,6 +257,14 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
                 f"F, as at {_at(x[:, wrong][:, 0])}; allowed are exact derivatives, which "
                 "`check_derivatives` compares with differences"
             )
+    beyond = bound > (1 + WRONG[0]) * gap + STEP
+    if beyond.any():
+        worst = int(np.where(beyond, bound - gap, 0.0).argmax())
+        raise InputError(
+            f"`bound` of surface {type(surface).__name__} of {tool.name} is {bound[worst]:.3g} mm "
+            f"at {_at(x[:, worst])}, which is {gap[worst]:.3g} mm off the surface; allowed is up "
+            "to the distance, or no `bound`"
+        )
 
 
 def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm) -> None:
@@ -259,8 +275,9 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     if nearest < -(0.5 + 1e-6) * thickness:
         raise InputError(
             f"{tool.name} is {-nearest:.3g} mm deep in the sheet's face at {_at(place)} before "
-            f"anything moves; allowed is up to {thickness / 2:g} mm, half the thickness, and a "
-            "tool whose normals point to the sheet (`Reversed` turns a surface round)"
+            f"anything moves; allowed is up to {thickness / 2:g} mm, half the thickness: begin its "
+            "path further off, or turn it round with `Reversed` if its normals point away from the "
+            "sheet"
         )
 
 
@@ -288,8 +305,8 @@ def check_motion(
     tools: Sequence[Tool], places: np.ndarray, thickness: float, comm: MPI.Comm
 ) -> None:
     """Raise InputError on all ranks for a tool that is in the flat blank at load 0, whose nodes of
-    this rank are at places (n, 3) [mm], or that has not reached it at load 1; the tools are left at
-    load 0."""
+    this rank are at places (n, 3) [mm], or that at load 1 is further off than `FLANGE` allows; the
+    tools are left at load 0."""
     for tool in tools:
         check_equation(tool, places, comm)
         for load in (0.0, 1.0):
@@ -301,7 +318,7 @@ def check_motion(
                     "anything moves; allowed is "
                     f"up to {FLANGE * thickness:g} mm"
                 )
-            if load == 1 and nearest > 0:
+            if load == 1 and nearest > FLANGE * thickness:
                 raise InputError(
                     f"{tool.name} never reaches the blank: at the end of its stroke it is still "
                     f"{nearest:.3g} mm off or more; "

@@ -149,6 +149,7 @@ def test_motion():
         assert tool.displacement[2] == start
 
     moved(Sphere(10, [3, 4, -10]), -0.5, 2)
+    moved(Sphere(10, [3, 4, -10]), -5, -0.54)  # as near as a flange has to be
     for start, end, words in (
         (
             -0.1,
@@ -180,9 +181,9 @@ def test_motion():
 )
 def test_a_tool_that_the_sheet_is_in_at_the_start(surface, deep, place):
     x, y = np.meshgrid(np.arange(7.0), np.arange(9.0))
-    places = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    places = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel() - 1e-16])
     words = f"ball is {deep} mm deep in the sheet's face at {place} before anything moves; allowed "
-    with pytest.raises(InputError, match=re.escape(words) + "is up to 0.2 mm"):
+    with pytest.raises(InputError, match=re.escape(words) + "is up to 0.2 mm, .*: begin its path"):
         check_start(Tool(surface, name="ball"), places, 0.4, MPI.COMM_SELF)
     lowered = Tool(surface, lambda load: (0, 0, 0.2 - deep), name="ball")  # up to its middle
     check_start(lowered, places, 0.4, MPI.COMM_SELF)
@@ -213,6 +214,10 @@ class Egg(ImplicitSurface):
             "the Hessian of surface Egg of egg is not that of its F",
         ),
         (lambda x, F, g, H: (F + np.where(abs(x[0]) < 9, np.nan, 0), g, H), "the gap of surface "),
+        (
+            lambda x, F, g, H: (F + np.where(x[0] < 9, np.nan, 0), g, H),
+            "F of surface Egg of egg is not a number at",
+        ),
     ],
 )
 @pytest.mark.parametrize("beneath", [True, False])
@@ -223,6 +228,27 @@ def test_an_equation_whose_derivatives_are_wrong_is_named(changed, words, beneat
     surface = Egg(changed) if beneath else Flipped(Offset(Egg(changed), 1))
     tool = Tool(surface, (0, 0, 5), name="egg")
     tool.at(-4.1 if beneath else 4.3)
+    with pytest.raises(InputError, match=words) if words else nullcontext():
+        check_start(tool, places, 0.4, comm)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("times, words", [(0.99, ""), (1.5, "`bound` of surface Bounded of egg is ")])
+def test_a_bound_beyond_the_distance_is_named(times, words):
+    class Bounded(Egg):
+        def bound(self, F, x):
+            return times * abs(np.linalg.norm(x, axis=0) - 20)
+
+        def implicit(self, x):  # a ball
+            r = np.linalg.norm(x, axis=0)
+            slope = x / r
+            return r - 20, slope, (np.eye(3)[:, :, None] - slope[:, None] * slope) / r
+
+    comm = MPI.COMM_WORLD
+    x, y = np.meshgrid(np.arange(-10.0, 11, 4), np.arange(-10.0, 11, 4))
+    places = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])[comm.rank :: comm.size]
+    tool = Tool(Bounded(None), (0, 0, -21), name="egg")
+    tool.at(1.0)
     with pytest.raises(InputError, match=words) if words else nullcontext():
         check_start(tool, places, 0.4, comm)
 
