@@ -144,6 +144,8 @@ class Job:
             output.warn(warning)
         output.warn(scene.check_held())
         output.warn(mesh_warnings.cell_size_warning(scene.blank, scene.tools()))
+        for warning in mesh_warnings.tool_warnings(scene):
+            output.warn(warning)
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one

@@ -9,6 +9,7 @@ from mpi4py import MPI
 from ..errors import InputError
 from ..material.laws.base import Material
 from ..tools import Tool, check_start
+from ..tools.tool import checked_tool
 from .nodes import Nodes, PressingTerm, TangentialForces
 from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, chord, default_penalty
 from .term import SceneFacts, Triplets
@@ -62,7 +63,7 @@ class Contact(PressingTerm):
         smoothing: float | None = None,
         permitted: float | None = None,
     ) -> None:
-        self.tool = tool
+        self.tool = checked_tool("contact", tool)
         given = {"thickness": thickness, "penalty": penalty, "smoothing": smoothing}
         for name, value in (given | {"permitted penetration": permitted}).items():
             if value is not None and not (np.isfinite(value) and value > 0):
@@ -78,7 +79,10 @@ class Contact(PressingTerm):
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
-        given = self._given
+        given, on = self._given, (self.tool, self.part_name)
+        same = [t for t in scene.terms if isinstance(t, Contact) and (t.tool, t.part_name) == on]
+        if len(same) > 1:
+            raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         radius = min(self.tool.surface.radii)
         self.thickness = given["thickness"] or self._of_material(
             scene, "thickness", lambda material: material.thickness

@@ -6,6 +6,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..tools import Tool
+from ..tools.tool import checked_tool
 from .nodes import PressingTerm
 from .slipping import elastic, potential, stiffness, tangent, traction, turned
 from .term import SceneFacts, Term, Triplets
@@ -37,6 +38,7 @@ class Friction(Term):
         slip: float = 0.1,
         lag: float | None = None,
     ) -> None:
+        checked_tool("friction", tool)
         each = mu.values() if isinstance(mu, Mapping) else [mu]
         checks = (
             *(("coefficient", value, value >= 0) for value in each),
@@ -53,6 +55,12 @@ class Friction(Term):
         self.resists = ("slide",) if any(each) else ()
         self.mu: float | np.ndarray = 0.0 if isinstance(mu, Mapping) else mu  # or one for each node
 
+    @property
+    def largest(self) -> float:
+        """The largest coefficient that it was given."""
+        each = self._given.values() if isinstance(self._given, Mapping) else [self._given]
+        return max(each, default=0.0)
+
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         pressing = [
@@ -61,9 +69,10 @@ class Friction(Term):
             if isinstance(term, PressingTerm) and term.tool is self.tool
         ]
         if len(pressing) != 1:
+            found = "no term" if not pressing else f"{len(pressing)} terms"
             raise InputError(
-                f"friction on {self.tool.name} finds {len(pressing)} terms of its scene that press "
-                "with this tool; allowed is one, a contact or a blank holder's pressure"
+                f"friction on {self.tool.name} finds {found} of its scene that press with this "
+                "tool; allowed is one, as `Contact(tool)` with the same tool, or the blank holder's"
             )
         (self._pressing,) = pressing
         self._pressing.bind(scene)  # before this one, in whatever order they are given

@@ -45,8 +45,7 @@ from .scenario import ELEMENTS, FITS, Scenario, halved
 if TYPE_CHECKING:
     import pyvista
 
-# above which a run warns: coefficients of friction and pressures
-COEFFICIENT = 2.0, "25 % is 0.25"
+# above which a run warns
 PRESSURE = 100.0, "pressures are in MPa (Pa over 1e6)"
 HOLDERS = ("pressure", "force", "gap", "grippers")
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
@@ -123,15 +122,12 @@ class Forming(Scenario):
     clearance: float = number(
         None, POSITIVE, "distance of punch and die when closed (1.2 thicknesses) [mm]", "tools"
     )
-    friction: float = number(
-        0.25, FROM_ZERO, "coefficient between ply and tools", "tools", COEFFICIENT
-    )
+    friction: float = number(0.25, FROM_ZERO, "coefficient between ply and tools", "tools")
     metal_friction: float = number(
         TOOL_METAL_FRICTION,
         FROM_ZERO,
         "coefficient between a stack's metal and tools",
         "tools",
-        COEFFICIENT,
     )
     slip: float = number(0.1, POSITIVE, "how far a sticking ply may slip [mm]", "tools")
     lag: float = number(

@@ -22,8 +22,9 @@ STEP = 1e-3  # mm, of these
 WRONG = 0.01, 0.1  # share by which derivatives are wrong, and of the points at which they may be
 
 
-def _at(place):
-    return "(" + ", ".join(f"{round(each, 9) + 0.0:.4g}" for each in place) + ")"
+def at(place: ArrayLike) -> str:
+    """A point in words, to four digits."""
+    return "(" + ", ".join(f"{round(each, 9) + 0.0:.4g}" for each in np.asarray(place)) + ")"
 
 
 def check_triangles(
@@ -35,7 +36,7 @@ def check_triangles(
     if len(surface.forks):
         raise InputError(
             f"{name} has {len(surface.forks)} edges with more than two triangles, one at "
-            f"{_at(x[surface.forks[0]].mean(0))}; "
+            f"{at(x[surface.forks[0]].mean(0))}; "
             "allowed are at most two at an edge"
         )
     if not surface.one_sided:
@@ -53,7 +54,7 @@ def check_triangles(
         raise InputError(
             f"{name} has facets that are {off[worst]:.3g} mm off the curved surface through their "
             "corners, at "
-            f"{_at(x[surface.triangles[worst]].mean(0))}; allowed is up to the ply's thickness "
+            f"{at(x[surface.triangles[worst]].mean(0))}; allowed is up to the ply's thickness "
             f"{thickness:g} mm"
         )
     edges, turn = surface.turns
@@ -61,7 +62,7 @@ def check_triangles(
         worst = int(turn.argmax())
         warn(
             f"{name} is coarse: its facets turn by {np.degrees(turn[worst]):.0f} deg at "
-            f"{_at(x[edges[worst]].mean(0))} where "
+            f"{at(x[edges[worst]].mean(0))} where "
             f"it is to be smooth; beyond {COARSE:g} deg its curvature is a guess"
         )
 
@@ -102,7 +103,7 @@ def check_punch(
     worst = int(off.argmax())
     if off[worst] > FLANGE * thickness:
         raise InputError(
-            f"{name} has no flange in z = 0 under the ply's edge at {_at(outline[worst, :2])}: the "
+            f"{name} has no flange in z = 0 under the ply's edge at {at(outline[worst, :2])}: the "
             "nearest surface lies "
             f"{abs(found.gap[worst]):.3g} mm off; allowed is a punch with a flange there that "
             f"reaches beyond {ply}"
@@ -112,7 +113,7 @@ def check_punch(
     within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
     if within.any():
         raise InputError(
-            f"{name} is open at {_at(middle[within][0])}, beneath the ply; allowed is a surface "
+            f"{name} is open at {at(middle[within][0])}, beneath the ply; allowed is a surface "
             "without holes that reaches "
             f"beyond {ply}"
         )
@@ -173,8 +174,8 @@ def mirror_warning(
         if len(off) and off.max() > MIRRORED * thickness:
             worst = points[off.argmax()]
             return (
-                f"{name} is not its own mirror image: it is at {_at(worst)}, but {off.max():.3g} "
-                f"mm off {_at(worst * mirror)}; so the quarter stands for four mirrored ones"
+                f"{name} is not its own mirror image: it is at {at(worst)}, but {off.max():.3g} "
+                f"mm off {at(worst * mirror)}; so the quarter stands for four mirrored ones"
             )
     return ""
 
@@ -242,7 +243,7 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
     if lost.mean() > 0.5:
         raise InputError(
             f"F of surface {type(surface).__name__} of {tool.name} is not a number at "
-            f"{_at(x[:, lost][:, 0])}; allowed is a finite one"
+            f"{at(x[:, lost][:, 0])}; allowed is a finite one"
         )
     least = np.nanmax(abs(of_F), initial=0.0)
     for name, given, found, floor in (
@@ -254,7 +255,7 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
         if wrong.mean() > WRONG[1]:
             raise InputError(
                 f"the {name} of surface {type(surface).__name__} of {tool.name} is not that of its "
-                f"F, as at {_at(x[:, wrong][:, 0])}; allowed are exact derivatives, which "
+                f"F, as at {at(x[:, wrong][:, 0])}; allowed are exact derivatives, which "
                 "`check_derivatives` compares with differences"
             )
     beyond = bound > (1 + WRONG[0]) * gap + STEP
@@ -262,7 +263,7 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
         worst = int(np.where(beyond, bound - gap, 0.0).argmax())
         raise InputError(
             f"`bound` of surface {type(surface).__name__} of {tool.name} is {bound[worst]:.3g} mm "
-            f"at {_at(x[:, worst])}, which is {gap[worst]:.3g} mm off the surface; allowed is up "
+            f"at {at(x[:, worst])}, which is {gap[worst]:.3g} mm off the surface; allowed is up "
             "to the distance, or no `bound`"
         )
 
@@ -274,7 +275,7 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     nearest, place = _least_gap(tool, places, thickness, comm)
     if nearest < -(0.5 + 1e-6) * thickness:
         raise InputError(
-            f"{tool.name} is {-nearest:.3g} mm deep in the sheet's face at {_at(place)} before "
+            f"{tool.name} is {-nearest:.3g} mm deep in the sheet's face at {at(place)} before "
             f"anything moves; allowed is up to {thickness / 2:g} mm, half the thickness: begin its "
             "path further off, or turn it round with `Reversed` if its normals point away from the "
             "sheet"
@@ -289,7 +290,7 @@ def _least_gap(tool, places, thickness, comm):
     if lost := sum(comm.allgather(lost), []):
         raise InputError(
             f"the gap of surface {type(tool.surface).__name__} of {tool.name} is not a number at "
-            f"{_at(lost[0])}, where the sheet is before anything moves; allowed is a finite one"
+            f"{at(lost[0])}, where the sheet is before anything moves; allowed is a finite one"
         )
     deep = gap < -thickness / 2  # may be a bound
     exact = tool.evaluate(places[deep]).gap
@@ -314,7 +315,7 @@ def check_motion(
             nearest, place = _least_gap(tool, places, thickness, comm)
             if load == 0 and nearest < -FLANGE * thickness:
                 raise InputError(
-                    f"{tool.name} cuts into the blank by {-nearest:.3g} mm at {_at(place)} before "
+                    f"{tool.name} cuts into the blank by {-nearest:.3g} mm at {at(place)} before "
                     "anything moves; allowed is "
                     f"up to {FLANGE * thickness:g} mm"
                 )

@@ -79,6 +79,15 @@ class Tool:
         return self.surface.evaluate(checked_points(points) - self.displacement, reach)
 
 
+def checked_tool(name: str, value: object) -> Tool:
+    """`value` itself; raises InputError if it is no tool."""
+    if isinstance(value, Tool):
+        return value
+    raise InputError(
+        f"{name} is given {type(value).__name__}; allowed is a tool, as `Tool(surface, path)`"
+    )
+
+
 def _growing(name: str, value: OfLoad | ArrayLike) -> OfLoad:
     """`value` itself if it is a function of the load, else one that grows to that vector."""
     if callable(value):

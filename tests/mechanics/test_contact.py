@@ -440,6 +440,22 @@ def test_bad_contact_is_refused(options, words):
 
 
 @pytest.mark.mpi
+def test_contact_without_a_tool_and_twice_with_one_are_refused():
+    for made in (Contact, lambda given: Friction(given, 0.25)):
+        with pytest.raises(InputError, match="is given Plane; allowed is a tool, as `Tool"):
+            made(PLANE)
+    table = Tool(PLANE, name="table")
+    with pytest.raises(InputError, match="2 contacts with table given; allowed is one"):
+        Scene(sheet(10, 10, 2, 2), [Contact(table, T, K), Contact(table, T, K)])
+
+
+@pytest.mark.mpi
+def test_friction_on_a_tool_that_presses_nothing_is_refused():
+    with pytest.raises(InputError, match="on table finds no term .* allowed is one, as `Contact"):
+        Scene(sheet(10, 10, 2, 2), [Friction(Tool(PLANE, name="table"), 0.25)])
+
+
+@pytest.mark.mpi
 def test_contact_in_a_plane_is_refused():
     blank = Blank.from_arrays(COMM, *(specimen(10, 10, 2, 2) if COMM.rank == 0 else (None,) * 3))
     with pytest.raises(

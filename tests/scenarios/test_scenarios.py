@@ -185,7 +185,6 @@ def test_a_whole_ply_has_a_node_at_its_centre():
 @pytest.mark.parametrize(
     "fields, words",
     [
-        ({"friction": 25}, ["`friction` is 25, which is much: 25 % is 0.25"]),
         (
             {"holder_pressure": 5e4},
             ["`holder_pressure` is 50000, which is much: pressures"],

@@ -233,7 +233,9 @@ def test_an_equation_whose_derivatives_are_wrong_is_named(changed, words, beneat
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("times, words", [(0.99, ""), (1.5, "`bound` of surface Bounded of egg is ")])
+@pytest.mark.parametrize(
+    "times, words", [(0.99, ""), (1.5, "`bound` of surface Bounded of egg is ")]
+)
 def test_a_bound_beyond_the_distance_is_named(times, words):
     class Bounded(Egg):
         def bound(self, F, x):

@@ -1,0 +1,85 @@
+"""What can be doubted of a tool's surface before anything runs, a sentence each."""
+
+import numpy as np
+from mpi4py import MPI
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from .checks import UNITS, at
+from .surfaces import Flipped, Offset, Reversed, Surface
+from .tool import Tool
+from .triangulated import TriangulatedSurface
+
+HOLE = 0.1  # of a surface's extent, below which an opening is a hole and not a die's
+PROBED = 1000  # nodes of a rank whose nearest points tell how a surface is curved
+CURVED = 1.05  # times as much as `radii` say, from which they are wrong
+KINKS = 0.02  # of the points, at which it may be curved more
+
+
+def _innermost(surface: Surface) -> Surface:
+    while isinstance(surface, (Flipped, Offset, Reversed)):
+        surface = surface.surface
+    return surface
+
+
+def size_doubt(tool: Tool, sheet: float) -> str:
+    """A sentence if a tool of triangles is as small beside a sheet of this length [mm] as if it
+    were in metres or inches, else ""."""
+    surface = _innermost(tool.surface)
+    if not isinstance(surface, TriangulatedSurface):
+        return ""
+    size = float(np.ptp(surface.points, axis=0).max())
+    for unit, factor in UNITS.items():
+        if size < 0.02 * sheet and 0.1 < size * factor / sheet < 10:
+            return (
+                f"the surface of {tool.name} is {size:.3g} mm large, which speaks of {unit}; "
+                "lengths are in mm"
+            )
+    return ""
+
+
+def hole_doubt(tool: Tool) -> str:
+    """A sentence if triangles of a tool leave an opening below `HOLE` of their extent, else ""."""
+    surface = _innermost(tool.surface)
+    if not isinstance(surface, TriangulatedSurface) or not len(surface.rim):
+        return ""
+    x, (p, q) = surface.points, surface.rim.T
+    edges = coo_matrix((np.ones(len(p)), (p, q)), shape=(len(x), len(x)))
+    loop = connected_components(edges, directed=False)[1][p]
+    for number in np.unique(loop):
+        around = x[surface.rim[loop == number]].reshape(-1, 3)
+        width = float(np.ptp(around, axis=0).max())
+        if width < HOLE * np.ptp(x, axis=0).max():
+            return (
+                f"the surface of {tool.name} has a hole {width:.3g} mm wide at "
+                f"{at(around.mean(0))} of its own, where nothing stops the sheet"
+            )
+    return ""
+
+
+def radii_doubt(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> str:
+    """A sentence if an own surface is curved more than its `radii` say at the points nearest to the
+    places (n, 3) [mm] of all ranks when the tool is at the end of its path, else ""."""
+    surface = tool.surface
+    if isinstance(_innermost(surface), TriangulatedSurface):  # which finds them itself
+        return ""
+    x = places[:: max(1, len(places) // PROBED)] - np.asarray(tool.path(1.0), dtype=float)
+    gap, normal, _ = surface.evaluate(x)
+    feet = (x - gap[:, None] * normal)[np.isfinite(gap)]
+    curvature = surface.evaluate(feet).curvature
+    known = np.isfinite(curvature).all((1, 2))
+    feet = np.vstack(comm.allgather(feet[known]))
+    bent = np.linalg.eigvalsh(np.concatenate(comm.allgather(curvature[known])))
+    if not len(feet):
+        return ""
+    inside, outside = 1 / np.asarray(surface.radii, dtype=float)
+    over = np.fmax(bent[:, 2] - CURVED * inside, -bent[:, 0] - CURVED * outside)
+    i = np.argsort(over)[int((1 - KINKS) * (len(over) - 1))]
+    if over[i] <= 1e-6:
+        return ""
+    told = ", ".join(f"{radius:g}" for radius in surface.radii)
+    return (
+        f"surface {type(surface).__name__} of {tool.name} is curved with a radius of "
+        f"{1 / abs(bent[i]).max():.3g} mm at {at(feet[i])} of its own, but its `radii` "
+        f"are ({told}): penalty and check of the cells rest on them"
+    )
