@@ -1,5 +1,6 @@
 """What a scene was given, as plain data that tells it from one with other numbers."""
 
+import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -48,6 +49,23 @@ def plain(value: Any) -> Any:
     return kind
 
 
+def entries(value: Any, path: str) -> dict[str, Any]:
+    """Plain data by the dotted path of each entry, also of those in material files' texts:
+    {"material.yarns.b": 667.5}."""
+    if isinstance(value, str) and "\n" in value:
+        try:
+            value = tomllib.loads(value)
+        except tomllib.TOMLDecodeError:  # texts of several materials
+            return {path: value}
+    if isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
+        value = dict(enumerate(value, 1))
+    if not isinstance(value, Mapping):
+        return {path: value}
+    return {
+        k: v for name, each in value.items() for k, v in entries(each, f"{path}.{name}").items()
+    }
+
+
 def of_term(term: "Term") -> dict[str, Any]:
     """What the constructor of a term, or who set its attributes since, left in it."""
     found: dict[str, Any] = {}
@@ -61,7 +79,8 @@ def of_scene(scene: "Scene") -> dict[str, Any]:
     same on any number of ranks: a checkpoint must agree in it."""
     found: dict[str, Any] = {"terms": ", ".join(term.name for term in scene.terms)}
     for i, term in enumerate(scene.terms, 1):
-        found |= {f"{name} of term {i}, {term.name}": v for name, v in term.given.items()}
+        given = {k: v for name, each in term.given.items() for k, v in entries(each, name).items()}
+        found |= {f"{name} of term {i}, {term.name}": v for name, v in given.items()}
     found["supports"] = ", ".join(support.name for support in scene.supports)
     farthest = scene.comm.allreduce(abs(scene.held_values(1.0)).max(initial=0.0), MPI.MAX)
     found["largest displacement of supports [mm]"] = plain(float(farthest))

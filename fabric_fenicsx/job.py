@@ -14,7 +14,7 @@ from tqdm import tqdm
 from . import dolfinx_compat as compat
 from . import timing
 from .errors import InputError, Interrupted, SolverFailure
-from .given import of_scene
+from .given import entries, of_scene
 from .mechanics import mesh_warnings
 from .mechanics.self_crossing import self_crossings
 from .results.curve import Curves, Measure, default_measure
@@ -128,7 +128,8 @@ class Job:
 
         scene, comm = self.scene, self.scene.comm
         problem = dict(problem or {"study": self.name, "material": _material(scene)})
-        known_by = problem | of_scene(scene)
+        parts = [entries(value, name) for name, value in problem.items()]  # which are told first
+        known_by = {k: v for part in parts for k, v in part.items()} | problem | of_scene(scene)
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
         start, notes = None, dict[str, Any](rows=[], states=[])

@@ -66,11 +66,13 @@ def test_a_job_goes_on_from_its_checkpoint(folder):
 def test_a_checkpoint_of_another_fabric_is_refused(folder):
     ff.Tensile(**COARSE).job(steps=2).run(folder, pictures=False)
     other = ff.load("komeili").replace(b=600.0)
-    with pytest.raises(ff.InputError, match="was made with material ="):
+    with pytest.raises(ff.InputError, match="made with material.yarns.b = 667.5, now it is 600.0"):
         ff.Tensile(other, **COARSE).job(steps=2).run(folder, resume=True)
 
 
-def loaded(stroke=0.5, k=0.01, pressure=1e-3, modulus=100.0, radius=30.0, height=-31.0, turn=0.0):
+def loaded(
+    stroke=0.5, k=0.01, pressure=1e-3, modulus=100.0, radius=30.0, height=-31.0, turn=0.0, mu=0.25
+):
     """A sheet with an own term and terms of the package, in a few cells."""
 
     class Bedding(ff.Term):
@@ -87,15 +89,17 @@ def loaded(stroke=0.5, k=0.01, pressure=1e-3, modulus=100.0, radius=30.0, height
     ball = ff.Tool(ff.Sphere(radius), path=lambda load: (10, 5, height + 0.01 * load))
     terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=modulus), Bedding(k)]
     terms += [ff.DeadPressure(pressure, (0, 0, -1)), ff.Contact(ball)]
+    terms.append(ff.Friction(ball, mu))
     return ff.Job(ff.Scene(ply, terms, ff.clamped_ends(stroke)), steps=2)
 
 
 OTHER = {
     "k": (1.0, "k of term 3, bedding = 0.01, now it is 1.0"),
     "pressure": (2e-3, "pressure of term 4, dead pressure = 0.001, now it is 0.002"),
+    "mu": (0.3, "coefficient of term 6, friction = 0.25, now it is 0.3"),
     "modulus": (50.0, "modulus of term 2, bending = 100.0, now it is 50.0"),
-    "radius": (31.0, "tool of term 5, contact = .*'radius': 30.0"),
-    "height": (-32.0, "tool of term 5, contact = .*'path': .*-30.99"),
+    "radius": (31.0, "tool.surface.radius of term 5, contact = 30.0, now it is 31.0"),
+    "height": (-32.0, "tool.path of term 5, contact = .*-30.99"),
     "stroke": (0.6, r"largest displacement of supports \[mm\] = 0.5, now it is 0.6"),
     "turn": (45.0, "directions of the yarns = "),
 }

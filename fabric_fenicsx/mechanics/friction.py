@@ -51,14 +51,18 @@ class Friction(Term):
                 raise InputError(
                     f"friction on {tool.name} has {name} {value}; allowed is a number {allowed}"
                 )
-        self.tool, self._given, self.slip, self.lag = tool, mu, slip, lag
+        self.tool, self._coefficient, self.slip, self.lag = tool, mu, slip, lag
         self.resists = ("slide",) if any(each) else ()
         self.mu: float | np.ndarray = 0.0 if isinstance(mu, Mapping) else mu  # or one for each node
 
     @property
     def largest(self) -> float:
         """The largest coefficient that it was given."""
-        each = self._given.values() if isinstance(self._given, Mapping) else [self._given]
+        each = (
+            self._coefficient.values()
+            if isinstance(self._coefficient, Mapping)
+            else [self._coefficient]
+        )
         return max(each, default=0.0)
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -77,9 +81,9 @@ class Friction(Term):
         (self._pressing,) = pressing
         self._pressing.bind(scene)  # before this one, in whatever order they are given
         self.nodes = self._pressing.nodes
-        if isinstance(self._given, Mapping):
+        if isinstance(self._coefficient, Mapping):
             self.mu = np.zeros(self.nodes.count)
-            for name, mu in self._given.items():
+            for name, mu in self._coefficient.items():
                 self.mu[scene.blank.part(name).nodes] = mu
         if self.tool.force:
             self._pressing.add_friction(self)
