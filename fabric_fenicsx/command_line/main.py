@@ -8,6 +8,7 @@ import textwrap
 from pathlib import Path
 
 from ..errors import InputError
+from ..material.validation import unknown_key
 from . import info
 from .options import STUDIES, Parser, exit_status
 
@@ -45,8 +46,7 @@ def main(argv: list[str] | None = None) -> int:
         given = parser.parse_args(argv)
         command = given.command
         if command not in COMMANDS:
-            allowed = ", ".join([*COMMANDS, *scripts])
-            raise InputError(f"command is {command}; allowed is one of {allowed}")
+            raise unknown_key(command, [*COMMANDS, *scripts], f"command {command}")
         if len(given.files) != (2 if command == "export" else 0):
             words = "a folder of results and a file" if command == "export" else "nothing"
             raise InputError(f"after {command} stands {given.files}; allowed is {words}")
@@ -86,7 +86,7 @@ def _listed(scripts):
         words = " ".join((ast.get_docstring(ast.parse(path.read_text())) or "").split())
         lines += textwrap.wrap(f"{path.stem:24}{words}", 100, subsequent_indent=24 * " ")
     examples = sorted([*STUDIES.glob("data/*/sheet.toml"), *STUDIES.glob("stacks/*.toml")])
-    lines.append(f"\nexample data, from any folder, as they are in {STUDIES}:")
+    lines.append(f"\nexample data: these names work in any folder; the files are in {STUDIES}")
     for path in examples:
         example = path.parent if path.name == "sheet.toml" else path
         lines.append(f"  studies/{example.relative_to(STUDIES)}")

@@ -1,6 +1,7 @@
 """Options, and how a program ends: what scripts share that need no DOLFINx."""
 
 import argparse
+import difflib
 import re
 import shlex
 import sys
@@ -107,7 +108,13 @@ class Parser(argparse.ArgumentParser):
         return self.PARAMETER.sub(option, text)
 
     def error(self, message: str) -> NoReturn:
-        """Raise InputError with argparse's message."""
+        """Raise InputError with argparse's message, and the option that is nearest to an unknown
+        one."""
+        if message.startswith(unknown := "unrecognized arguments: "):
+            word = message.removeprefix(unknown).split("=")[0].split()[0].replace("_", "-")
+            near = difflib.get_close_matches(word, self._option_string_actions, n=1)
+            message += f" (did you mean {near[0]}?)" if near else ""
+            message += "; allowed are those that --help tells"
         raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
 
 

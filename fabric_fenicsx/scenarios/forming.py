@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
 # above which a run warns
 PRESSURE = 100.0, "pressures are in MPa (Pa over 1e6)"
-HOLDERS = ("pressure", "force", "gap", "grippers")
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
 UP = np.array([0.0, 0.0, 1.0])
 PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quarter
@@ -145,7 +144,9 @@ class Forming(Scenario):
     permitted: float | None = number(
         None, POSITIVE, "largest penetration, kept by augmented contact (any) [mm]", "tools"
     )
-    holder: str = choice("pressure", HOLDERS, "what holds the rim of the ply", "blank holder")
+    holder: str = choice(
+        "pressure", tuple(holding.HOLDERS), "what holds the rim of the ply", "blank holder"
+    )
     holder_pressure: float = number(
         2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", "blank holder", PRESSURE
     )
@@ -159,6 +160,7 @@ class Forming(Scenario):
 
     def prepare(self) -> None:
         """Make blank, membrane and tools."""
+        holding.check_holder(self)
         self.plies = self._plies()
         if not self.full:
             self.warnings += [
@@ -271,6 +273,8 @@ class Forming(Scenario):
         if not self.punch:
             dome = self.dome if isinstance(self.dome, DoubleDome) else dome_of(self.dome)
             return dome, dome.depth
+        if self.dome:
+            raise InputError("`dome` is given beside `punch`; allowed is one of them")
         known = self._extent, self.thickness, self.full, self.comm, self.warnings.append
         surface, found = punch_of(self.punch, self.chord, *known)
         asked = self.stroke or found  # which may be rounded

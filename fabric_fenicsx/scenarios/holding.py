@@ -1,18 +1,40 @@
 """How a ply is held: under the die's flange, by grippers at its edges, in single nodes."""
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
+from ..errors import InputError
 from ..mechanics.load import EdgeTension
 from ..mechanics.term import Term
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
 from ..tools import Tool
 
+# what holds the rim, and the field that only this way uses
+HOLDERS = {
+    "pressure": "holder_pressure",
+    "force": "holder_force",
+    "gap": "holder_gap",
+    "grippers": "gripper_tension",
+}
 RINGS = 2.0, 4.0, 6.0  # mm about a place, in which the die must be flat for it to be held
+
+
+def check_holder(scenario: Any) -> None:
+    """Raise InputError if a scenario is given a field of `HOLDERS` that its `holder` does not
+    use."""
+    usual = {each.name: each.default for each in dataclasses.fields(scenario)}
+    for holder, name in HOLDERS.items():
+        if holder != scenario.holder and getattr(scenario, name) != usual[name]:
+            raise InputError(
+                f"`{name}` is given, but `holder` is {scenario.holder}; allowed is it with "
+                f'`holder="{holder}"`'
+            )
 
 
 def on_flange(die: Tool, thickness: float) -> Callable[[np.ndarray], np.ndarray]:

@@ -38,7 +38,7 @@ class Laminate(Forming):
 
     def prepare(self) -> None:
         """Make the plies, unless they are given as `stack`; the rest as `Forming` does."""
-        if not isinstance(self.dome, DoubleDome):
+        if not (self.punch or isinstance(self.dome, DoubleDome)):
             self.dome = dome_of(self.dome, entry_radius=ENTRY_RADIUS)
         if self.stack is None:
             self.stack = self._laminate()

@@ -156,9 +156,8 @@ def _plies(document: Mapping[str, Any], folder: Path) -> list[Ply]:
         if key not in ("ply", "unit"):
             raise unknown_key(key, ("ply", "unit"), f"key {shown(key)}")
     if document.get("unit") != "mm":
-        raise InputError(
-            f'unit is {shown(document.get("unit"))}; allowed is "mm", which all lengths are in'
-        )
+        found = shown(document["unit"]) if "unit" in document else "missing"
+        raise InputError(f'unit is {found}; allowed is a line `unit = "mm"`, as all lengths are')
     tables = document.get("ply")
     if not isinstance(tables, list) or not tables or not all(isinstance(t, dict) for t in tables):
         raise InputError("there is no ply; allowed is a table [[ply]] for each")

@@ -50,5 +50,6 @@ def test_studies_and_data_are_listed(capsys):
 def test_another_command_is_not_allowed(capsys):
     assert main.main(["tensil"]) == 2
     assert (
-        "command is tensil; allowed is one of info, list, export, bias" in capsys.readouterr().err
+        "command tensil is unknown (did you mean tensile?); allowed are info, list, export, bias"
+        in capsys.readouterr().err
     )

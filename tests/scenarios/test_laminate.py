@@ -30,6 +30,8 @@ def test_the_die_is_not_sharper_than_the_metal_bears(laid):
     assert min(laid.die.surface.radii) > 10
     own = Laminate(**COARSE, dome={"entry_radius": 20.0})
     assert own.punch_tool.surface.entry_radius == 20.0
+    punch = own.punch_tool.surface
+    assert Laminate(**COARSE, punch=punch).punch_tool.surface is punch
 
 
 def test_roundings_begin_and_end_where_the_dome_is_flat(laid):

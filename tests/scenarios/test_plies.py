@@ -83,8 +83,8 @@ def table(words, unit='unit = "mm"'):
 @pytest.mark.parametrize(
     "text, words",
     [
-        (table("", ""), 'unit is None; allowed is "mm"'),
-        (table("", 'unit = "cm"'), "unit is 'cm'; allowed is \"mm\""),
+        (table("", ""), 'unit is missing; allowed is a line `unit = "mm"`'),
+        (table("", 'unit = "cm"'), "unit is 'cm'; allowed is a line"),
         ('unit = "mm"', "there is no ply; allowed is a table [[ply]] for each"),
         ('unit = "mm"\nply = []', "there is no ply; allowed is a table [[ply]] for each"),
         ('unit = "mm"\nply = 3', "there is no ply; allowed is a table [[ply]] for each"),

@@ -197,6 +197,19 @@ def test_numbers_that_speak_of_another_unit_are_doubted(fields, words):
     assert len(told) == len(words) and all(map(str.startswith, told, words))
 
 
+@pytest.mark.parametrize(
+    "fields, words",
+    [
+        ({"holder_force": 5e4}, '`holder_force` .* `holder` is pressure; .* `holder="force"`'),
+        ({"holder": "gap", "holder_pressure": 1.0}, "`holder_pressure` .* `holder` is gap"),
+        ({"punch": "punch.stl", "dome": {"depth": 50}}, "`dome` is given beside `punch`"),
+    ],
+)
+def test_fields_that_nothing_would_use_are_refused(fields, words):
+    with pytest.raises(ff.InputError, match=words):
+        ff.Forming(nx=4, **fields)
+
+
 @pytest.mark.mpi
 @pytest.mark.parametrize("cells", [{"nx": 12}, {"nx": 11}, {"nx": 6, "pattern": "unstructured"}])
 def test_a_whole_ply_is_held_in_the_nodes_nearest_to_centre_and_end(cells):
