@@ -139,7 +139,7 @@ def test_a_formed_ply(launch, monkeypatch):
     assert f"punch force {force:.5g} +- {error['punch_force_N']:.2g} N" in done.out + done.err
     assert (done.folder / "error.png").stat().st_size > 10_000
     page = (done.folder / "report.html").read_text()
-    assert "Estimated absolute errors" in page and "shear angle rms deg" in page
+    assert "Estimated absolute errors" in page and "shear angle rms [deg]" in page
 
 
 def test_a_stack():

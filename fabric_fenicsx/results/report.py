@@ -13,7 +13,8 @@ import jinja2
 CAPTIONS = {
     "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where "
     "the angle from yarns a to b grows), on the deformed sheet",
-    "curve": "Reaction over displacement (a band: its estimated error; squares: measured)",
+    "curve": "Reaction over displacement; a band is its estimated error, squares are measured, if "
+    "they are there",
     "error": "Estimated errors of strains and shear angle, from a mesh twice as coarse",
     "axis": "Magnitude of the shear angle along the strip's axis",
     "measured": "Normalised shear force, simulated and measured",
@@ -24,6 +25,33 @@ CAPTIONS = {
     "paths": "Strains and shear angle along paths from the centre",
     "outline": "Outline of the formed ply over the flat one",
     "front": "Error over cost; the line joins the runs that none beats in both",
+}
+# the end of a name -> the unit that it tells
+UNITS = {
+    "N_per_mm3": "N/mm^3",
+    "N_per_mm": "N/mm",
+    "Nmm": "N mm",
+    "MPa": "MPa",
+    "MiB": "MiB",
+    "deg": "deg",
+    "mm": "mm",
+    "N": "N",
+}
+# the beginning of a name -> its words, where these are not the name's own
+WORDS = {
+    "log_eps_11": "logarithmic strain along yarns a",
+    "log_eps_22": "logarithmic strain along yarns b",
+    "eps_a": "nominal strain along yarns a",
+    "eps_b": "nominal strain along yarns b",
+    "punch_force_N": "punch force of what is modelled N",
+    "penetration_mm": "penetration of tools in the last state mm",
+    "penetration_largest_mm": "penetration of tools, largest of the run mm",
+    "penetration_of_thickness": "penetration of tools, largest of the run, over the thickness",
+    "sticking_slip_mm": "slip of what sticks, at most mm",
+    "viscous_of_strain_energy": "viscous energy over strain energy",
+    "stability_ellipticity_min": "least ellipticity of the law (negative: it allows bands)",
+    "cells_that_lost_ellipticity": "cells in which the law allows bands",
+    "share_of_state_1_to_4": "area shares: both yarns in tension, a alone, b alone, none",
 }
 MISMATCH = 1e-10  # of UFL and kernel, up to which it is rounding
 SHARED = "study", "converged", "command", "options", "wall_s", "versions"
@@ -42,7 +70,7 @@ def page(
     description: of the study; ending: how it ended, in words; log: path of a text.
     """
     environment = jinja2.Environment(loader=jinja2.PackageLoader(__package__, "."), autoescape=True)
-    environment.filters |= {"number": _number, "words": lambda name: name.replace("_", " ")}
+    environment.filters |= {"number": _number, "words": label}
     environment.tests |= {
         "rows": _are_rows,
         "grid": lambda value: len(value) > 1 and _are_rows(list(value.values())),
@@ -59,6 +87,19 @@ def page(
         log=log.read_text() if log and log.is_file() else "",
         now=f"{datetime.now():%Y-%m-%d %H:%M}",
     )
+
+
+def label(name: str) -> str:
+    """The name of a number as a reader would write it: "punch force [N]"."""
+    begins = [known for known in WORDS if name.startswith(known)]
+    longest = max(begins, key=len, default="")
+    text = WORDS.get(longest, "") + name.removeprefix(longest)
+    text = text.replace("_98_percent", ", without 1 % of the area at either end")
+    for end, unit in UNITS.items():
+        for mark in "_ ":
+            if text.endswith(mark + end):
+                return f"{text.removesuffix(mark + end).replace('_', ' ')} [{unit}]"
+    return text.replace("_", " ")
 
 
 def _shown(name, summary, pictures):
@@ -91,6 +132,8 @@ def _number(value):
         return {True: "yes", False: "no", None: "-"}[value]
     if isinstance(value, float):
         return f"{value:.5g}"
+    if isinstance(value, list) and [type(each) for each in value] == [float, float]:
+        return " to ".join(map(_number, value))
     if isinstance(value, list):
         return ", ".join(map(_number, value)) or "-"
     return str(value)

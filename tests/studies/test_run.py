@@ -407,7 +407,7 @@ def test_report(launch):
         "s_T = 1467.6",
         "petsc4py",
         "Newton iterations",
-        "centre shear angle deg",
+        "centre shear angle [deg]",
     ):
         assert word in text, word
     assert text.count("data:image/png;base64,") == len(list(done.folder.glob("*.png"))) >= 3
