@@ -1,8 +1,10 @@
 """What `import fabric_fenicsx as ff` offers."""
 
 import ast
+import inspect
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,16 @@ import fabric_fenicsx as ff
 def test_each_name_is_there(name):
     assert getattr(ff, name).__module__.startswith("fabric_fenicsx")
     assert name in dir(ff)
+
+
+@pytest.mark.parametrize("name", ff.__all__)
+def test_signatures_are_short_enough_to_be_read(name):
+    """As `help` shows them: NumPy's ArrayLike alone would be six lines."""
+    thing = getattr(ff, name)
+    members = inspect.getmembers(thing, callable) if inspect.isclass(thing) else []
+    for each in (thing, *(member for key, member in members if not key.startswith("_"))):
+        with suppress(TypeError, ValueError):  # of C, or no function
+            assert "_SupportsArray" not in str(inspect.signature(each))
 
 
 def test_another_name_is_not():

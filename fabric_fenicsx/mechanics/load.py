@@ -1,5 +1,7 @@
 """Dead loads on a blank."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 
 import dolfinx

@@ -1,5 +1,7 @@
 """The pressure of a blank holder, without contact."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
 
 import numpy as np

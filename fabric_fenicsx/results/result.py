@@ -1,5 +1,7 @@
 """What a run gives back: its summary, history and fields, to be asked and drawn."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -44,10 +46,10 @@ class Result:
     fields: dict[str, np.ndarray]
     folder: Path | None
     scene: Scene
-    _grid: "pyvista.UnstructuredGrid | None" = field(default=None, repr=False)
+    _grid: pyvista.UnstructuredGrid | None = field(default=None, repr=False)
 
     @property
-    def grid(self) -> "pyvista.UnstructuredGrid":
+    def grid(self) -> pyvista.UnstructuredGrid:
         """The whole sheet as it lay at first, with the displacement `u` [mm] to its last state and
         the fields of that state, on rank 0 only: `grid.warp_by_vector("u")` is the formed one."""
         if self._grid is None:
@@ -58,7 +60,7 @@ class Result:
         return self._grid
 
     @property
-    def grids(self) -> "dict[str, pyvista.UnstructuredGrid]":
+    def grids(self) -> dict[str, pyvista.UnstructuredGrid]:
         """The last state of each sheet of a stack {name: grid}, or of the one {"": grid}, on rank 0
         only."""
         from .fields import sheets_of
@@ -84,7 +86,7 @@ class Result:
         text = format(round(scale * value, 12) + 0.0, form)
         return text + (f" +- {abs(scale) * errors[name]:.2g}" if name in errors else "")
 
-    def force(self, tool: "Tool | str") -> np.ndarray:
+    def force(self, tool: Tool | str) -> np.ndarray:
         """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,
         (3,) [N]. Raises InputError for a tool or a name that the scene does not have once."""
         scene = self.scene
@@ -135,7 +137,7 @@ class Result:
             )
         return part
 
-    def outline(self, sheet: str = "") -> "list[Outline]":
+    def outline(self, sheet: str = "") -> list[Outline]:
         """The free edges of the sheet, or of the one of this name in a stack, flat and formed, as
         `forming.outline`; on rank 0, elsewhere none. Raises InputError for a name that is none and
         for a stack without one."""
@@ -214,8 +216,8 @@ class Result:
 
 
 def of_fabric(
-    grids: "Mapping[str, pyvista.UnstructuredGrid]",
-) -> "dict[str, pyvista.UnstructuredGrid]":
+    grids: Mapping[str, pyvista.UnstructuredGrid],
+) -> dict[str, pyvista.UnstructuredGrid]:
     """Those {name: grid} that have yarns."""
     return {name: grid for name, grid in grids.items() if "shear_angle" in grid.cell_data}
 

@@ -1,5 +1,7 @@
 """The sheet: its mesh, yarn directions and displacement."""
 
+from __future__ import annotations
+
 import math
 import os
 from collections.abc import Callable, Mapping

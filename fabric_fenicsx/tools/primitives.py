@@ -1,5 +1,7 @@
 """Plane, ball, bar, torus and plate with an opening, in closed form."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -5,6 +5,8 @@ A surface bounds a body; its normal points out of it, and the gap (signed distan
 outside.
 """
 
+from __future__ import annotations
+
 import math
 from copy import copy
 from reprlib import repr as shown
@@ -101,7 +103,7 @@ class Surface:
         triangles[turned] = triangles[turned, ::-1]
         return points, normals, triangles
 
-    def from_behind(self) -> "Surface":
+    def from_behind(self) -> Surface:
         """Itself as `Reversed` wants it: an open surface is open from both sides."""
         return self
 

@@ -1,5 +1,7 @@
 """The rigid bodies that move: a surface on a path, or on a line by force."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from typing import Literal

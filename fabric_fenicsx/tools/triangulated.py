@@ -1,5 +1,7 @@
 """A surface through triangles, curved where they are to be curved."""
 
+from __future__ import annotations
+
 import math
 from copy import copy
 from pathlib import Path
@@ -105,7 +107,7 @@ class TriangulatedSurface(Surface):
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
 
-    def turned_round(self) -> "TriangulatedSurface":
+    def turned_round(self) -> TriangulatedSurface:
         """The same surface with the body on its other side, the normals reversed."""
         vertices = self.curved.vertices
         own = vertices.normals[vertices.name][:, [0, 2, 1]]
@@ -133,7 +135,7 @@ class TriangulatedSurface(Surface):
         points[vertices.name] = self.points[self.triangles]
         return points, vertices.normals, vertices.name
 
-    def from_behind(self) -> "TriangulatedSurface":
+    def from_behind(self) -> TriangulatedSurface:
         """As in `Surface`: the gap beyond the rim has the other sign."""
         seen = copy(self)
         seen._search = self._search.from_behind()
