@@ -7,7 +7,7 @@ from ..errors import InputError
 from ..material import identification
 from .options import HelpFormatter, Parser, program
 
-DATA = "folder with sheet.toml and a CSV file a test; see fabric_fenicsx/material/curves"
+DATA = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"
 OUT = "the material; report and pictures go beside it"
 TESTS = "paper: what the paper had, which leaves 3 of 10 parameters assumed"
 COVERAGE = (

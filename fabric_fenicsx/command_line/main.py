@@ -71,7 +71,10 @@ def _export(folder, file):
     from ..results import structural
 
     try:
-        structural.export(structural.read_grids(folder), file)
+        grids = structural.read_grids(folder)
+        structural.export(grids, file)
+        plies = ", ".join(f"{name or 'ply'} with {grid.n_cells}" for name, grid in grids.items())
+        print(f"{file}: cells of {plies}")
     except OSError as error:
         raise InputError(
             f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder "

@@ -89,7 +89,7 @@ def checked(path: Path | str) -> Path:
     """The path of a file to write; InputError if its ending is none of those known."""
     path = Path(path)
     if path.suffix not in (".vtu", ".inp"):
-        raise InputError(f"file {path} is to be written; allowed are the endings .vtu and .inp")
+        raise InputError(f"the ending of {path} is unknown; allowed are .vtu and .inp")
     return path
 
 

@@ -22,7 +22,9 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
 def _read_mesh(path):
     import meshio  # takes long to import
 
-    if path.suffix.lower() in meshio.extension_to_filetypes:
+    ending = path.suffix.lower()
+    of_vtk = ending == ".vtk" and b"POLYDATA" in path.read_bytes()[:1000]  # meshio reads others
+    if ending in meshio.extension_to_filetypes and not of_vtk:
         with redirect_stdout(None):  # its reader of .msh prints an empty line
             mesh = meshio.read(path)
         points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))

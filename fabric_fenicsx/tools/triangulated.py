@@ -183,9 +183,11 @@ def _read(path, chord):
     """What `read_triangles` finds, and what is wrong with the file in words."""
     if not path.is_file():
         return None, "does not exist or is not a file"
+    if not path.stat().st_size:
+        return None, "is empty"
     try:
         return read_triangles(path, chord), ""
     # the readers raise whatever their parsing stumbles on, or exit
     except (Exception, SystemExit) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        return None, f"cannot be read ({reason})"
+        reason = " ".join([f"{type(error).__name__}:", *str(error).split()]).removesuffix(":")
+        return None, f"cannot be read as {path.suffix or 'a surface'} ({reason})"

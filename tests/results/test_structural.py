@@ -119,8 +119,9 @@ def test_the_command(tmp_path, capsys):
     folder = formed(tmp_path / "run")
     assert main.main(["export", str(folder), str(tmp_path / "ply.inp")]) == 0
     assert "*ORIENTATION" in (tmp_path / "ply.inp").read_text()
+    assert capsys.readouterr().out == f"{tmp_path / 'ply.inp'}: cells of ply with 24\n"
     for words, told in (
-        ((str(folder), "ply.stl"), "file ply.stl is to be written; allowed are the endings .vtu"),
+        ((str(folder), "ply.stl"), "the ending of ply.stl is unknown; allowed are .vtu"),
         ((str(tmp_path), "ply.inp"), "has no fields.pvd; allowed is the folder of a run's results"),
         ((str(folder),), "allowed is a folder of results and a file"),
         ((str(folder), str(tmp_path / "no/ply.inp")), "can't be written"),

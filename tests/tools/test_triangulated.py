@@ -343,12 +343,15 @@ def test_round_trip(tmp_path, ending):
 
 def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
     import meshio
+    import pyvista
 
     points = np.array([[x, y, z] for z in (0.0, 1) for x, y in ((0, 0), (2, 0), (2, 2), (0, 2))])
     meshio.write(tmp_path / "quad.vtk", meshio.Mesh(points[4:], {"quad": [[0, 1, 2, 3]]}))
     assert TriangulatedSurface.read(tmp_path / "quad.vtk").evaluate(
         [[0.5, 1.5, 3]]
     ).gap == pytest.approx([2])
+    pyvista.Plane().triangulate().save(tmp_path / "plane.vtk")
+    assert TriangulatedSurface.read(tmp_path / "plane.vtk").evaluate([[0, 0, 2]]).gap == 2
     meshio.write(tmp_path / "solid.vtu", meshio.Mesh(points, {"hexahedron": [list(range(8))]}))
     with pytest.raises(InputError, match="solid.vtu: .*no triangle"):
         TriangulatedSurface.read(tmp_path / "solid.vtu")
@@ -438,9 +441,13 @@ def test_all_ranks_hold_the_triangles_of_one_read(shared_path):
     for points, triangles in comm.allgather((surface.points, surface.triangles)):
         np.testing.assert_array_equal(points, surface.points)
         np.testing.assert_array_equal(triangles, surface.triangles)
-    for name, words in (("none.step", "does not exist"), ("empty.step", "cannot be read")):
-        if comm.rank == 0 and name == "empty.step":
-            (shared_path / name).write_text("")
+    texts = {"none.step": None, "empty.step": "", "text.step": "no model", "text.stl": "solid"}
+    for name, words in zip(
+        texts,
+        ("does not exist", "is empty", "cannot be read as .step ", "cannot be read as .stl "),
+    ):
+        if comm.rank == 0 and texts[name] is not None:
+            (shared_path / name).write_text(texts[name])
         comm.barrier()
         with pytest.raises(InputError, match=words):
             TriangulatedSurface.read(shared_path / name, comm=comm)
