@@ -117,9 +117,9 @@ def locking_warning(membrane: "Membrane") -> str:
         elif membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
             cure = f'`pattern="along"`, {cure}'
     return (
-        f"{100 * off:.0f} % of the linear cells have no edges along both yarns at their corners, "
-        f"and lock: {100 * taken:.2g} % of the strain energy stretches yarns back and forth from "
-        f"cell to cell; {effect}; take {cure}"
+        f"{100 * off:.0f} % of the linear cells lock, as no edges at their corners run along both "
+        f"yarns: {100 * taken:.2g} % of the strain energy stretches yarns in one cell and "
+        f"compresses them in the next; {effect}; take {cure}"
     )
 
 

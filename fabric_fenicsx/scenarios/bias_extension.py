@@ -28,7 +28,8 @@ GRADED = 0.2  # nominal strain up to which the mesh is graded by default
 
 @dataclass(kw_only=True)
 class BiasExtension(StripTest):
-    """A strip of `fabric` with its yarns across the load, gripped at its ends."""
+    """A strip of `fabric` with its yarns across the load, gripped at its ends. `fabric
+    bias_extension --help` tells what each field is, and its unit."""
 
     NAME: ClassVar[str] = "bias_extension"
     CHEAP_FROM = 1000

@@ -55,6 +55,7 @@ PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quar
 @dataclass(kw_only=True)
 class Forming(Scenario):
     """A ply of `fabric` between punch, die and blank holder; a quarter of it unless `full`.
+    `fabric double_dome --help` tells what each field is, and its unit.
 
     A quarter has `nx` rectangles along half of the length, so with the same `nx` its cells are half
     as long as those of the whole ply.

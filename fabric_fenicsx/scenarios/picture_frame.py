@@ -24,7 +24,8 @@ STRETCHED = 0.1  # of the load, in which the yarns are stretched before shear be
 
 @dataclass(kw_only=True)
 class PictureFrame(Scenario):
-    """A square of `fabric` that a rigid frame shears to `angle`; its state is homogeneous."""
+    """A square of `fabric` that a rigid frame shears to `angle`; its state is homogeneous. `fabric
+    picture_frame --help` tells what each field is, and its unit."""
 
     NAME: ClassVar[str] = "picture_frame"
     CHEAP_FROM = 1000

@@ -17,7 +17,8 @@ from .strip import StripTest
 
 @dataclass(kw_only=True)
 class Tensile(StripTest):
-    """A strip of `fabric` gripped at its ends and pulled to `strain`."""
+    """A strip of `fabric` gripped at its ends and pulled to `strain`. `fabric tensile --help` tells
+    what each field is, and its unit."""
 
     NAME = "tensile"
     CHEAP_FROM = 1000

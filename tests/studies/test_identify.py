@@ -127,7 +127,7 @@ def test_a_weft_of_which_nothing_is_known_is_refused(launch, strip_data, tmp_pat
     assert done.status == 0, done.err
     assert load(tmp_path / "x.toml").weft.b == 300
     assert (
-        "# weft.b = 300 MPa is assumed (sheet.toml): no test excites it"
+        "# weft.b = 300 MPa is assumed (sheet.toml): no test depends on it"
         in (tmp_path / "x.toml").read_text()
     )
     assert "weft.b" in done.out and "assumed (sheet.toml)" in done.out

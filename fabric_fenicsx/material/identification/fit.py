@@ -41,7 +41,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     reason = {}
     for k, name in enumerate(names):
         if not math.isfinite(problem.natural[k]):
-            reason[k] = "no test excites it"
+            reason[k] = "no test depends on it"
         elif base(name) == "p_min" and not problem.has_contraction(name):
             reason[k] = (
                 "no test shows tension with a negative strain across; c is fitted for this value"

@@ -134,7 +134,7 @@ def test_directions_without_data_are_assumed():
         "sheet.toml",
     )
     assert result.assumed["weft.c"].source == "Table 1 of Schäfer et al."
-    assert result.assumed["weft.c"].reason == "no test excites it"
+    assert result.assumed["weft.c"].reason == "no test depends on it"
     assert result.fabric.weft.b == 300.0
 
 
