@@ -17,6 +17,7 @@ from .errors import InputError, Interrupted, SolverFailure
 from .given import entries, of_scene
 from .mechanics import mesh_warnings
 from .mechanics.self_crossing import self_crossings
+from .mechanics.tool_warnings import tool_warnings
 from .results.curve import Curves, Measure, default_measure
 from .results.history import ENERGIES, History, check_notes, energy_balance, viscous_words
 from .results.output import Output, read_converged
@@ -145,7 +146,7 @@ class Job:
             output.warn(warning)
         output.warn(scene.check_held())
         output.warn(mesh_warnings.cell_size_warning(scene.blank, scene.tools()))
-        for warning in mesh_warnings.tool_warnings(scene):
+        for warning in tool_warnings(scene):
             output.warn(warning)
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:

@@ -14,8 +14,8 @@ from builders import COARSE, COMM
 from dolfinx import fem
 
 import fabric_fenicsx as ff
+import fabric_fenicsx.job
 from fabric_fenicsx.command_line.console import Console
-from fabric_fenicsx.mechanics import mesh_warnings
 from fabric_fenicsx.results.output import finite
 from fabric_fenicsx.solve.limits import Limits
 
@@ -280,7 +280,7 @@ def test_a_sheet_that_only_shapes_of_tools_may_hold_is_told_of(monkeypatch):
 
 def test_what_is_doubted_of_tools_is_told(monkeypatch):
     job = ff.Tensile(**COARSE).job(steps=2)
-    monkeypatch.setattr(mesh_warnings, "tool_warnings", lambda scene: ["a hole in it"])
+    monkeypatch.setattr(fabric_fenicsx.job, "tool_warnings", lambda scene: ["a hole in it"])
     assert "a hole in it" in job.run().summary["warnings"]
 
 

@@ -14,9 +14,7 @@ from ..material import kernel
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
 from ..tools import Tool
-from ..tools.doubts import hole_doubt, radii_doubt, size_doubt
 from .contact import Contact
-from .friction import Friction
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -33,7 +31,6 @@ LOCKED = 2.5e-3
 # angle of the least radius that one cell spans [deg]: in the double dome the punch force is then
 # 1.5 % off; with 38 deg 0.3 %, with 149 deg 6 %
 TURN = 90.0
-COEFFICIENT = 2.0  # of friction, above which it may be in per cent
 
 
 def size_warning(blank: Blank, thickness: float, source: str) -> str:
@@ -213,26 +210,6 @@ def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
         "forces may be some per cent and angles some deg off; "
         f"take cells below {math.radians(TURN) * least:.3g} mm"
     )
-
-
-def tool_warnings(scene: "Scene") -> list[str]:
-    """Sentences on coefficients of friction above `COEFFICIENT`, tools in other units than mm or
-    with holes, and own surfaces that are curved more than their `radii` say."""
-    much: dict[float, list[str]] = {}
-    for term in scene.terms:
-        if isinstance(term, Friction) and (most := term.largest) > COEFFICIENT:
-            much.setdefault(most, []).append(term.tool.name)
-    told = [
-        f"friction on {', '.join(names)} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
-        for mu, names in much.items()
-    ]
-    blank = scene.blank
-    nodes = blank.coordinates()[: blank.V.dofmap.index_map.size_local]
-    low, high = blank.extent()
-    for tool in scene.tools():
-        told += [size_doubt(tool, float((high - low).max())), hole_doubt(tool)]
-        told += [radii_doubt(tool, nodes, scene.comm)]
-    return [each for each in told if each]
 
 
 def untouched_warning(scene: "Scene") -> str:

@@ -10,8 +10,6 @@ from mpi4py import MPI
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact import Contact
-from fabric_fenicsx.mechanics.friction import Friction
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.mechanics.mesh_warnings import (
     LOCKED,
@@ -21,7 +19,6 @@ from fabric_fenicsx.mechanics.mesh_warnings import (
     locking_warning,
     share_off_the_yarns,
     size_warning,
-    tool_warnings,
 )
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import Scene
@@ -29,15 +26,7 @@ from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.supports import clamped_ends
-from fabric_fenicsx.tools import (
-    ImplicitSurface,
-    Offset,
-    Plane,
-    Reversed,
-    Sphere,
-    Tool,
-    TriangulatedSurface,
-)
+from fabric_fenicsx.tools import Offset, Plane, Reversed, Sphere, Tool
 
 COMM = MPI.COMM_WORLD
 KOMEILI = load("komeili")
@@ -206,49 +195,3 @@ def test_where_the_law_allows_bands(share, words):
     membrane.blank.u.x.array[::2] = np.where(x < 80 * share, -0.02 * x, 0.001 * x - 1.68 * share)
     said = band_warning(membrane)
     assert said.startswith(words) and bool(said) == bool(share)
-
-
-class Bump(ImplicitSurface):
-    """z = 5 exp(-r^2 / 2 4^2), whose top has a radius of 3.2 mm."""
-
-    def __init__(self, *radii):
-        self.radii = radii
-
-    def implicit(self, x):
-        height, slope = 5 * np.exp(-(x[0] ** 2 + x[1] ** 2) / 32), -x[:2] / 16
-        hessian = np.zeros((3, 3, x.shape[1]))
-        hessian[:2, :2] = -height * (slope[:, None] * slope - np.eye(2)[:, :, None] / 16)
-        return x[2] - height, np.stack([*-height * slope, 0 * height + 1]), hessian
-
-
-def with_hole(width, unit=1.0):
-    """A plate of triangles of 2 mm with an opening in its middle; unit: a millimetre."""
-    side = np.arange(-30.0, 31, 2)
-    x = np.stack([*(each.ravel() for each in np.meshgrid(side, side)), np.zeros(31 * 31)], 1)
-    i = (31 * np.arange(30)[:, None] + np.arange(30)).ravel()
-    cells = np.vstack([np.stack([i, i + 1, i + 32], 1), np.stack([i, i + 32, i + 31], 1)])
-    return TriangulatedSurface(unit * x, cells[(abs(x[cells].mean(1)) > width / 2).any(1)])
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    "surface, mu, words",
-    [
-        (Sphere(30, (10, 10, -30.5)), 0.25, []),
-        (Sphere(30, (10, 10, -30.5)), 25.0, ["friction on tip has a coefficient of 25, which is"]),
-        (Bump(3.0, 5.0), 0.25, []),
-        (Bump(np.inf, np.inf), 0.25, ["surface Bump of tip is curved with a radius of 3."]),
-        (with_hole(0), 0.25, []),
-        (with_hole(4), 0.25, ["the surface of tip has a hole 4 mm wide at (0, 0, 0) of its own"]),
-        (Reversed(with_hole(4)), 0.25, ["the surface of tip has a hole 4 mm wide"]),
-        (with_hole(12), 0.25, []),  # as of a die
-        (with_hole(0, 1e-3), 0.25, ["the surface of tip is 0.06 mm large, which speaks of metres"]),
-    ],
-)
-def test_what_is_doubted_of_tools(surface, mu, words):
-    blank = sheet(20, 20, 16, 16, spatial=True)
-    way = (10, 10, -5.5) if isinstance(surface, Bump) else (0, 0, -1)
-    tool = Tool(surface, lambda load: way, name="tip")
-    terms = [Membrane(KOMEILI), Contact(tool), Friction(tool, mu)]
-    told = tool_warnings(Scene(blank, terms, clamped_ends()))
-    assert len(told) == len(words) and all(map(str.startswith, told, words))
