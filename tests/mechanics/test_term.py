@@ -158,7 +158,7 @@ def test_what_the_scene_knows_is_not_asked_twice():
 @pytest.mark.parametrize(
     "terms, words",
     [
-        (lambda ball: [Friction(ball, 0.2)], "friction on ball finds 0 terms .*; allowed is one"),
+        (lambda ball: [Friction(ball, 0.2)], "friction on ball finds no term .*; allowed is one"),
         (
             lambda ball: [Friction(ball, 0.2), Contact(ball, 1, 1), Contact(ball, 1, 1)],
             "finds 2 terms",

@@ -315,6 +315,7 @@ class WovenFabric(Law):
         numbers = {key: read_numbers(yarns[key], YARN, units, f"{key}.") for key in yarns}
         for direction in ("warp", "weft"):
             yarn = numbers["yarns"] | numbers[direction]
-            check_complete(yarn, YARN, f"{direction}.", f"in [yarns] or [{direction}]")
+            table = direction if numbers[direction] or not numbers["yarns"] else "yarns"
+            check_complete(yarn, YARN, f"{table}.", f"in [yarns] or [{direction}]")
             fields[direction] = Yarn(**yarn)
         return cls(**fields)

@@ -246,7 +246,7 @@ def test_units_and_layouts_give_the_same_fabric(tmp_path, text):
         ),
         ("a = 4130", "a = '1'", "yarns.a is '1'; allowed is a finite number"),
         ("a = 4130", "a = true", "yarns.a is True; allowed is a finite number"),
-        ("a = 4130", "", "missing warp.a; allowed is to give all, in [yarns] or [warp]"),
+        ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
         ("[yarns]", "[warp]", "missing weft.a, weft.b, weft.d"),
         (
             "p_min =",
