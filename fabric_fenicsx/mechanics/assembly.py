@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
@@ -12,6 +11,7 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
 from .term import Term
+from .term_checks import add_forces, same_values, triplets
 from .triplets import TripletMatrix
 
 
@@ -46,7 +46,7 @@ class Assembly:
             fem_petsc.assemble_vector(f, form)
         with f.localForm() as local:
             for term in self._terms:
-                term.add_forces(local.array)
+                add_forces(term, local.array)
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
     def create_matrix(self) -> PETSc.Mat:
@@ -54,9 +54,8 @@ class Assembly:
         PETSc.garbage_cleanup(self._comm)  # matrices and scatters of other places
         A = fem_petsc.create_matrix(self._places)
         self._pattern, self._extra = self._patterns(), None
-        rows, cols, values = (
-            np.concatenate(part) for part in zip(*(term.tangent() for term in self._terms))
-        )
+        rows, cols, values = triplets(self._terms, A.size[0], self._comm)
+        self._places_of_extra = len(rows)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
             names, numbers = A.getLGMap()
             self._extra = TripletMatrix(A, rows, cols)
@@ -79,7 +78,7 @@ class Assembly:
         A.zeroEntries()
         self._assemble(A, bcs)
         if self._extra is not None:
-            self._extra.fill(np.concatenate([term.tangent()[2] for term in self._terms]))
+            self._extra.fill(same_values(self._terms, self._places_of_extra, self._comm))
             if free is not None:
                 self._extra.matrix.diagonalScale(free, free)
             A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)

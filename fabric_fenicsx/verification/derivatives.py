@@ -15,6 +15,7 @@ from .. import dolfinx_compat as compat
 from ..errors import InputError
 from ..material.laws import Law
 from ..mechanics.term import Term
+from ..mechanics.term_checks import add_forces, one_number, triplets
 from ..mechanics.triplets import TripletMatrix
 from ..scene import Scene
 from ..tools import ImplicitSurface, Surface
@@ -262,10 +263,15 @@ def _of_term(
         x.array[:] = before.array + size * moved + by
         scene.set(x)
 
+    def energy_here() -> float:
+        form = fem.assemble_scalar(forms[0]) if forms else 0.0
+        return comm.allreduce(
+            form + one_number(term, "stored") + one_number(term, "potential"), MPI.SUM
+        )
+
     def energy(by: np.ndarray) -> float:
         move(by)
-        form = fem.assemble_scalar(forms[0]) if forms else 0.0
-        return comm.allreduce(form + term.stored() + term.potential(), MPI.SUM)
+        return energy_here()
 
     def forces(by: float | np.ndarray) -> np.ndarray:
         move(by)
@@ -275,14 +281,23 @@ def _of_term(
         if forms:
             fem_petsc.assemble_vector(f, forms[1])
         with f.localForm() as local:
-            term.add_forces(local.array)
+            add_forces(term, local.array)
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return f.array.copy()
+
+    def replaced() -> bool:
+        """Whether what was in the array before is lost."""
+        alone, scale = np.zeros_like(blank.u.x.array), 1.0 + abs(f).max(initial=0.0)
+        after = np.full_like(alone, scale)
+        add_forces(term, alone)
+        add_forces(term, after)
+        lost = abs(after - alone - scale).max(initial=0.0) > 1e-6 * scale
+        return comm.allreduce(bool(lost), MPI.LOR)
 
     def stiffness() -> np.ndarray:
         A, direction, found = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
         direction.array[:] = d
-        rows, cols, values = term.tangent()
+        rows, cols, values = triplets([term], A.size[0], comm)
         extra = TripletMatrix(A, rows, cols)
         extra.fill(values)
         A.zeroEntries()
@@ -299,9 +314,16 @@ def _of_term(
     def whole(values: np.ndarray) -> np.ndarray:
         return np.concatenate(comm.allgather(values.reshape(owned, -1)))
 
+    rest = energy_here()
     try:
+        pushed = abs(whole(forces(-size * moved))).max(initial=0.0)
         term.at(load)
         f = forces(0.0)
+        if replaced():
+            raise InputError(
+                f"`add_forces` of term {term.name} loses what other terms added; allowed is to add "
+                "to the array, as `f[dofs] += forces`"
+            )
         Kd, change = stiffness(), (forces(h * d) - forces(-h * d)) / (2 * h)
         # not d alone, along which forces may cancel
         e = d / 2 + f / max(abs(whole(f)).max(), 1e-300)
@@ -320,6 +342,14 @@ def _of_term(
                 f"the energy of the displaced sheet is {stored:.3g} N mm: below 0 it drives the "
                 "sheet in place of resisting it"
             )
+        still = term.energy_kind and not before.norm() and pushed <= 1e-9 * abs(whole(f)).max()
+        if still and rest > size * abs(whole(f)).sum():
+            remarks.append(
+                f"the energy of the sheet as it lies is {rest:.3g} N mm, without a force: take it "
+                "off, as the energy balance knows no work that has gone into it"
+            )
+        if not abs(whole(f)).any():
+            remarks.append("the term gives no forces here: nothing was compared")
     finally:
         scene.set(before)
         term.at(0.0)
