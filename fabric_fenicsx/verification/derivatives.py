@@ -25,6 +25,11 @@ ALLOWED = 1e-4  # difference, over the largest of its kind
 KINKS = 0.02  # of states or points, at which a derivative may jump between both sides
 RANGES = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.8, 0.8]])  # of eps_a, eps_b, gamma
 PANELS, HALVINGS = 50, 40  # of the way from rest to a state, where a jump of the energy is sought
+AGAINST_NONE = {
+    "energy at rest and none": "the energy at rest is",
+    "stresses at rest and none": "the stresses at rest are",
+    "energies below that at rest and none": "the energy is below that at rest by",
+}
 
 
 class Row(NamedTuple):
@@ -37,6 +42,8 @@ class Row(NamedTuple):
 
     def differ(self) -> str:
         """In words."""
+        if self.what in AGAINST_NONE and not np.isnan(self.off):
+            return f"{AGAINST_NONE[self.what]} {self.off:.2g} of the largest {self.where}"
         if np.isnan(self.off):
             return f"{self.what} are not numbers {self.where}"
         return f"{self.what} differ by {self.off:.2g} of the largest {self.where}"
@@ -116,6 +123,7 @@ def _energy(law: Law, x: np.ndarray) -> np.ndarray:
 
 def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
     x = _states(at)
+    law.check_shapes()
 
     def energy(x: np.ndarray) -> np.ndarray:
         return _energy(law, x)
