@@ -244,6 +244,11 @@ class Study(Output):
         if args.law_file:
             read_laws(args.law_file)
         fabric = load(args.material)
+        if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
+            raise InputError(
+                f"--law-file {args.law_file} is given, but the material {args.material} is of the "
+                f"law {fabric.law}; allowed is --material with a file of the law in it"
+            )
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(
             *args.without
         )
