@@ -22,20 +22,20 @@ class Assembly:
     def __init__(self, blank: Blank, terms: Sequence[Term]) -> None:
         self._blank, self._terms, self._comm = blank, terms, blank.mesh.comm
         v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
-        # one form is of one part, as parts share their number
-        on: dict[str, list[Term]] = {}
+        # one form is of one part and one edge, as these share their number
+        on: dict[tuple, list[Term]] = {}
         for term in terms:
             if term.energy is not None:
-                on.setdefault(term.part_name, []).append(term)
+                on.setdefault((term.part_name, *_marked(term.energy)), []).append(term)
         found = [[term.variations(v, w) for term in some] for some in on.values()]
         found = found or [[_nothing(blank, v, w)]]
         self._residuals, self._tangents = (
             [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in found]
             for i in (0, 1)
         )
-        # where any of the parts has entries
+        # where any of the parts and edges has entries
         whole = ufl.inner(v, w) * ufl.dx
-        self._places = compat.form(whole) if blank.parts else self._tangents[0]
+        self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
         self._extra: TripletMatrix | None = None  # stiffness of the terms that are no forms
 
     def residual(self, f: PETSc.Vec) -> None:
@@ -92,6 +92,12 @@ class Assembly:
 
     def _patterns(self):
         return [term.pattern for term in self._terms]
+
+
+def _marked(form):
+    """Which marked sides or cells a form is integrated over."""
+    marked = {integral.integral_type(): integral.subdomain_data() for integral in form.integrals()}
+    return sorted((kind, id(data)) for kind, data in marked.items() if data is not None)
 
 
 def _nothing(blank, v, w):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import ufl
-from builders import alone, sheet
+from builders import alone, near, sheet
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -230,3 +230,48 @@ def test_a_field_of_a_list():
 
 def test_a_warning_by_itself():
     assert "look here" in scene_with(with_own("warnings", lambda self: "look here")).warnings()
+
+
+class OnAnEdge(ff.Term):
+    """Springs k [N/mm^2] from an edge to a frame: k |u|^2 / 2."""
+
+    def __init__(self, name, k, edge):
+        self.name = self.energy_kind = name
+        self.k, self.edge = k, edge
+
+    def set_up(self, scene):
+        u, k = scene.blank.u, fem.Constant(scene.blank.mesh, self.k)
+        self.energy = 0.5 * k * ufl.inner(u, u) * self.part.ds(self.edge, 2)
+
+
+@pytest.mark.parametrize("last", [False, True])
+def test_energies_on_two_edges(last):
+    """UFL takes one set of marked edges in a form."""
+    left, top = OnAnEdge("left", 0.5, near(0, 0.0)), OnAnEdge("top", 3.0, near(1, 10.0))
+    membrane = ff.Membrane(KOMEILI)
+    blank = sheet(20.0, 10.0, 4, 2)
+    terms = [left, top, membrane] if last else [membrane, left, top]
+    scene = ff.Scene(blank, terms, ff.clamped_ends(0.1))
+    for term in (left, top):
+        assert "agree" in ff.check_derivatives(term, scene)
+    scene.u.set(0.2)
+    scene.set(scene.u.copy())
+    found = scene.energies()
+    assert found["left"] == pytest.approx(0.5 * 0.5 * 2 * 0.2**2 * 10, rel=1e-12)
+    assert found["top"] == pytest.approx(0.5 * 3.0 * 2 * 0.2**2 * 20, rel=1e-12)
+    scene.u.set(0.0)
+    assert ff.Job(scene, steps=4).run().summary["energy_imbalance"] < 0.01
+
+
+def test_an_edge_of_a_part():
+    blank = sheet(20.0, 10.0, 4, 2)
+    blank.divide({"left": lambda x: x[0] < 10}, rest="right")
+    term = OnAnEdge("springs", 2.0, near(1, 10.0)).on("left")
+    scene = ff.Scene(blank, [ff.Membrane(KOMEILI), term], ff.clamped_ends(0.1))
+    scene.u.set(1.0)
+    scene.set(scene.u.copy())
+    assert scene.energies()["springs"] == pytest.approx(0.5 * 2.0 * 2 * 10, rel=1e-12)
+    with pytest.raises(
+        ff.InputError, match="edge marks no side of left, part of blank; allowed is"
+    ):
+        blank.part("left").ds(near(0, 20.0))
