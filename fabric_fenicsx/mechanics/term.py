@@ -71,9 +71,9 @@ class Term:
     - fabric: what the sheet is made of, if this is the term that knows
     - units: of the arrays that it adds to fields, {name: unit}
     - prestressed: whether the sheet has stress as it lies, before load
-    - energy: a UFL form in `blank.u` over the sheet, integrated by `self.part.dx(degree)` [N mm],
-      minus the work of a load; None of terms that are no form, which have `stored`, `add_forces`
-      and `tangent` instead
+    - energy: a UFL form in `blank.u`, integrated over the sheet by `self.part.dx(degree)` or over
+      an edge by `self.part.ds(edge, degree)` [N mm], minus the work of a load; None of terms that
+      are no form, which have `stored`, `add_forces` and `tangent` instead
     - blank: the sheet, from `set_up` on; part: what of it the term is on; given: what the
       attributes were before, as plain data, in which a checkpoint must agree
     - part_name: of the blank's part that it is restricted to, see `on`
@@ -202,8 +202,8 @@ class Term:
         """Add the derivative of `stored` and `potential` to f (local dofs,), ghosts included."""
 
     def tangent(self) -> Triplets:
-        """Second derivative of `stored`: rows, columns (k,), GLOBAL degrees of freedom, the same
-        ones as long as `pattern` is the same, and values (k,), to be summed."""
+        """Second derivative of `stored` and `potential`: rows, columns (k,), GLOBAL degrees of
+        freedom, the same ones as long as `pattern` is the same, and values (k,), to be summed."""
         return NO_TANGENT
 
     def anticipate(self, f: np.ndarray) -> None:

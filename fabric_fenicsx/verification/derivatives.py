@@ -322,8 +322,9 @@ def _of_term(
     def whole(values: np.ndarray) -> np.ndarray:
         return np.concatenate(comm.allgather(values.reshape(owned, -1)))
 
-    rest = energy_here()
     try:
+        term.at(0.0)
+        rest = energy_here()
         pushed = abs(whole(forces(-size * moved))).max(initial=0.0)
         term.at(load)
         f = forces(0.0)
