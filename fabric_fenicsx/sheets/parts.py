@@ -3,10 +3,9 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-import dolfinx
 import numpy as np
 import ufl
-from dolfinx.mesh import meshtags
+from dolfinx.mesh import locate_entities_boundary, meshtags
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
@@ -76,7 +75,7 @@ class Part:
         InputError, on all ranks, if it marks none."""
         mesh = self.blank.mesh
         mesh.topology.create_connectivity(1, 2)
-        sides = np.unique(dolfinx.mesh.locate_entities_boundary(mesh, 1, edge)).astype(np.int32)
+        sides = np.unique(locate_entities_boundary(mesh, 1, edge)).astype(np.int32)
         cells = mesh.topology.connectivity(1, 2)
         of = np.array([cells.links(side)[0] for side in sides], dtype=np.int32)
         sides = sides[np.isin(of, self.cells)]
