@@ -12,7 +12,7 @@ from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
 from .term import Term
 from .term_checks import add_forces, same_values, triplets
-from .triplets import TripletMatrix
+from .triplets import TripletPlaces
 
 
 class Assembly:
@@ -36,7 +36,7 @@ class Assembly:
         # where any of the parts and edges has entries
         whole = ufl.inner(v, w) * ufl.dx
         self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
-        self._extra: TripletMatrix | None = None  # stiffness of the terms that are no forms
+        self._extra: TripletPlaces | None = None  # stiffness of the terms that are no forms
 
     def residual(self, f: PETSc.Vec) -> None:
         """Make f (local dofs,) the derivative of all energies [N]."""
@@ -58,10 +58,11 @@ class Assembly:
         self._places_of_extra = len(rows)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
             names, numbers = A.getLGMap()
-            self._extra = TripletMatrix(A, rows, cols)
-            self._extra.fill(values)
-            self._assemble(A, [])  # as unused places are given up
-            A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            self._extra = TripletPlaces(A, rows, cols)
+            self._assemble(A, [])
+            A.assemble()  # as unused places are given up
+            extra = self._extra.matrix(values)
+            A.axpy(1.0, extra, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             A.setLGMap(names, numbers)
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return A
@@ -78,17 +79,15 @@ class Assembly:
         A.zeroEntries()
         self._assemble(A, bcs)
         if self._extra is not None:
-            self._extra.fill(same_values(self._terms, self._places_of_extra, self._comm))
-            if free is not None:
-                self._extra.matrix.diagonalScale(free, free)
-            A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            values = same_values(self._terms, self._places_of_extra, self._comm)
+            self._extra.add(A, values, free)
+        A.assemble()
 
     def _assemble(self, A, bcs):
         for form in self._tangents:
             fem_petsc.assemble_matrix(A, form, bcs=list(bcs))
             # not the end, after which places that no form has used yet are given up
             A.assemble(PETSc.Mat.AssemblyType.FLUSH)
-        A.assemble()
 
     def _patterns(self):
         return [term.pattern for term in self._terms]

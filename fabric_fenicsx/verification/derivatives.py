@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..material.laws import Law
 from ..mechanics.term import Term
 from ..mechanics.term_checks import add_forces, one_number, triplets
-from ..mechanics.triplets import TripletMatrix
+from ..mechanics.triplets import TripletPlaces
 from ..scene import Scene
 from ..tools import ImplicitSurface, Surface
 from ..tools.surfaces import radii_of
@@ -306,13 +306,12 @@ def _of_term(
         A, direction, found = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
         direction.array[:] = d
         rows, cols, values = triplets([term], A.size[0], comm)
-        extra = TripletMatrix(A, rows, cols)
-        extra.fill(values)
+        extra = TripletPlaces(A, rows, cols).matrix(values)
         A.zeroEntries()
         if forms:
             fem_petsc.assemble_matrix(A, forms[2])
         A.assemble()
-        (A * direction + extra.matrix * direction).copy(found)
+        (A * direction + extra * direction).copy(found)
         if given := term.compliance():
             c, k = given[0], given[1]
             pushed = comm.allreduce(float(c @ d[: c.size]), MPI.SUM)
