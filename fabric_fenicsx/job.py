@@ -28,6 +28,7 @@ from .solve.checkpoint import Checkpoint
 from .solve.limits import EDGES, Limits
 from .solve.newton import Newton
 from .solve.stepping import Accepted, march
+from .together import all_or_none
 
 log = logging.getLogger(__package__)
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
@@ -113,7 +114,8 @@ class Job:
         if isinstance(out, Output):
             return self._run(out, out.folder(part), problem, pictures)
         comm, is_kept = self.scene.comm, out is not None
-        with nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory() as path:
+        temporary = nullcontext(out) if is_kept or comm.rank else tempfile.TemporaryDirectory()
+        with all_or_none(comm), temporary as path:  # studies see to that themselves
             output = Output(
                 self.name, Path(comm.bcast(path)), comm, resume=resume, overwrite=overwrite
             )

@@ -14,7 +14,8 @@ from .material.laws import Law
 from .material.laws.base import Material
 from .mechanics.assembly import Assembly
 from .mechanics.term import Term
-from .mechanics.told import told_by
+from .mechanics.term_checks import check_kind, one_number
+from .mechanics.told import OF_A_SHEET, OF_A_SUMMARY, check_arrays, told_by
 from .mechanics.work import Work
 from .sheets.blank import Blank
 from .sheets.parts import Part
@@ -44,6 +45,7 @@ class Scene:
         self.supports = list(supports(blank) if callable(supports) else supports)
         self.comm = blank.mesh.comm
         for term in self.terms:
+            check_kind(term)
             term.bind(self)
         self.u = compat.petsc_vector(blank.u)
         forms = [term for term in self.terms if term.energy is not None]
@@ -159,16 +161,17 @@ class Scene:
 
     def work(self) -> float:
         """Work of the terms' loads and tools since the last accepted state [N mm]."""
-        return self.comm.allreduce(sum(term.work() for term in self.terms))
+        return self.comm.allreduce(sum(one_number(term, "work") for term in self.terms))
 
     def memory(self) -> dict[str, np.ndarray]:
         """What accepted states left in terms and supports, {name: array (owned nodes, k)}, or
         (owned cells, k) where the name begins with `OF_CELLS`."""
         memory: dict[str, np.ndarray] = {}
         for i, term in enumerate(self.terms):
-            memory |= {f"{i} {key}": values for key, values in term.memory().items()}
-            cells = term.cell_memory().items()
-            memory |= {f"{OF_CELLS}{i} {key}": values for key, values in cells}
+            for method, of in (("memory", ""), ("cell_memory", OF_CELLS)):
+                given = getattr(term, method)()
+                check_arrays(term, method, given)
+                memory |= {f"{of}{i} {key}": values for key, values in given.items()}
         states = self.support_work.memory()
         # of each state: whether known, load, force and place
         nodal = np.zeros((self._f.local_size, len(states), 4))
@@ -223,7 +226,7 @@ class Scene:
         with phase("assemble"):
             parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
             parts += [part for term in self.terms for part in term.stored_by_kind().items()]
-            parts += [(None, term.potential()) for term in self.terms]
+            parts += [(None, one_number(term, "potential")) for term in self.terms]
         total = self.comm.allreduce(np.array([value for _, value in parts]), MPI.SUM)
         kinds = dict.fromkeys((kind for kind, _ in parts), 0.0)
         for (kind, _), value in zip(parts, total):
@@ -358,15 +361,15 @@ class Scene:
     def summary(self) -> dict[str, Any]:
         """What the terms say of themselves and the present state in summary.json."""
         facts: dict[str, Any] = {"terms": [term.name for term in self.terms]}
-        return facts | told_by(self.terms, "add_summary", facts)
+        return facts | told_by(self.terms, "add_summary", OF_A_SUMMARY)
 
     def cell_fields(self) -> dict[str, np.ndarray]:
         """Fields of the present state on this rank's owned cells, {name: array (cells, ...)}."""
-        return told_by(self.terms, "add_cell_fields")
+        return told_by(self.terms, "add_cell_fields", OF_A_SHEET)
 
     def nodal_fields(self) -> dict[str, np.ndarray]:
         """Fields of the present state at this rank's nodes, ghosts too, {name: (nodes, ...)}."""
-        fields = told_by(self.terms, "add_nodal_fields")
+        fields = told_by(self.terms, "add_nodal_fields", OF_A_SHEET)
         return {name: self.blank.with_ghosts(values) for name, values in fields.items()}
 
     def units(self) -> dict[str, str]:
@@ -387,5 +390,6 @@ class Scene:
 
     def warnings(self) -> list[str]:
         """What speaks against the present state though nothing failed, in words."""
-        found = [text for term in self.terms for text in term.warnings()]
+        given = [term.warnings() for term in self.terms]
+        found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
         return found + [text for text in [locating_warning(self)] if text]

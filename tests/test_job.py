@@ -4,7 +4,10 @@ import csv
 import json
 import logging
 import math
+import os
 import re
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +19,7 @@ from dolfinx import fem
 import fabric_fenicsx as ff
 import fabric_fenicsx.job
 from fabric_fenicsx.command_line.console import Console
+from fabric_fenicsx.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.results.output import finite
 from fabric_fenicsx.solve.limits import Limits
 
@@ -343,3 +347,30 @@ def test_numbers_that_json_does_not_know_are_null():
     assert finite({"a": [1.0, math.nan, {"b": (math.inf, "c", 2)}]}) == {
         "a": [1.0, None, {"b": [None, "c", 2]}]
     }
+
+
+FAILS_ALONE = """
+import fabric_fenicsx as ff
+
+class Mine(ff.Term):
+    name = energy_kind = "mine"
+
+    def add_forces(self, f):
+        if self.blank.mesh.comm.rank == 1:
+            raise IndexError("on one rank alone")
+
+blank = ff.Blank.rectangle(20, 10, nx=4)
+scene = ff.Scene(blank, [ff.Membrane(ff.load("komeili")), Mine()], ff.clamped_ends(0.1))
+ff.Job(scene, steps=1).run()
+"""
+
+
+def test_a_rank_that_fails_alone_ends_the_others(hang):
+    done = subprocess.run(
+        [*on_ranks(2), sys.executable, "-c", FAILS_ALONE],
+        capture_output=True,
+        text=True,
+        env=os.environ | RANKS_ENVIRONMENT,
+        timeout=hang,
+    )
+    assert done.returncode and "IndexError: on one rank alone" in done.stderr

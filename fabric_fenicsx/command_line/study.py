@@ -5,7 +5,6 @@ import logging
 import math
 import signal
 import sys
-import time
 import traceback
 from argparse import BooleanOptionalAction
 from collections.abc import Callable, Mapping
@@ -24,6 +23,7 @@ from ..scenarios.numbers import COUNT, POSITIVE, Rule
 from ..scenarios.scenario import Scenario
 from ..solve.limits import Limits
 from ..solve.linear import LINEAR_SOLVERS
+from ..together import is_alone
 from .console import Console
 from .options import (
     HelpFormatter,
@@ -244,6 +244,11 @@ class Study(Output):
         if args.law_file:
             read_laws(args.law_file)
         fabric = load(args.material)
+        if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
+            raise InputError(
+                f"--law-file {args.law_file} is given, but the material {args.material} is of the "
+                f"law {fabric.law}; allowed is --material with a file of the law in it"
+            )
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(
             *args.without
         )
@@ -372,11 +377,7 @@ def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
         traceback.print_exc()
         sys.stderr.flush()
         comm.Abort(1)
-    everyone = comm.Ibarrier()
-    patience = time.monotonic() + 10
-    while not everyone.Test() and time.monotonic() < patience:
-        time.sleep(0.01)
-    alone = time.monotonic() >= patience
+    alone = is_alone(comm)
     if comm.rank == 0 or alone:
         print(f"{program(name)}: {text}", file=sys.stderr, flush=True)
     if alone:

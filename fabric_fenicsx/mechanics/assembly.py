@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 
-import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
@@ -12,7 +11,8 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
 from .term import Term
-from .triplets import TripletMatrix
+from .term_checks import add_forces, same_values, triplets
+from .triplets import TripletPlaces
 
 
 class Assembly:
@@ -22,21 +22,21 @@ class Assembly:
     def __init__(self, blank: Blank, terms: Sequence[Term]) -> None:
         self._blank, self._terms, self._comm = blank, terms, blank.mesh.comm
         v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
-        # one form is of one part, as parts share their number
-        on: dict[str, list[Term]] = {}
+        # one form is of one part and one edge, as these share their number
+        on: dict[tuple, list[Term]] = {}
         for term in terms:
             if term.energy is not None:
-                on.setdefault(term.part_name, []).append(term)
+                on.setdefault((term.part_name, *_marked(term.energy)), []).append(term)
         found = [[term.variations(v, w) for term in some] for some in on.values()]
         found = found or [[_nothing(blank, v, w)]]
         self._residuals, self._tangents = (
             [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in found]
             for i in (0, 1)
         )
-        # where any of the parts has entries
+        # where any of the parts and edges has entries
         whole = ufl.inner(v, w) * ufl.dx
-        self._places = compat.form(whole) if blank.parts else self._tangents[0]
-        self._extra: TripletMatrix | None = None  # stiffness of the terms that are no forms
+        self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
+        self._extra: TripletPlaces | None = None  # stiffness of the terms that are no forms
 
     def residual(self, f: PETSc.Vec) -> None:
         """Make f (local dofs,) the derivative of all energies [N]."""
@@ -46,7 +46,7 @@ class Assembly:
             fem_petsc.assemble_vector(f, form)
         with f.localForm() as local:
             for term in self._terms:
-                term.add_forces(local.array)
+                add_forces(term, local.array)
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
     def create_matrix(self) -> PETSc.Mat:
@@ -54,15 +54,15 @@ class Assembly:
         PETSc.garbage_cleanup(self._comm)  # matrices and scatters of other places
         A = fem_petsc.create_matrix(self._places)
         self._pattern, self._extra = self._patterns(), None
-        rows, cols, values = (
-            np.concatenate(part) for part in zip(*(term.tangent() for term in self._terms))
-        )
+        rows, cols, values = triplets(self._terms, A.size[0], self._comm)
+        self._places_of_extra = len(rows)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
             names, numbers = A.getLGMap()
-            self._extra = TripletMatrix(A, rows, cols)
-            self._extra.fill(values)
-            self._assemble(A, [])  # as unused places are given up
-            A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            self._extra = TripletPlaces(A, rows, cols)
+            self._assemble(A, [])
+            A.assemble()  # as unused places are given up
+            extra = self._extra.matrix(values)
+            A.axpy(1.0, extra, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             A.setLGMap(names, numbers)
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return A
@@ -79,20 +79,24 @@ class Assembly:
         A.zeroEntries()
         self._assemble(A, bcs)
         if self._extra is not None:
-            self._extra.fill(np.concatenate([term.tangent()[2] for term in self._terms]))
-            if free is not None:
-                self._extra.matrix.diagonalScale(free, free)
-            A.axpy(1.0, self._extra.matrix, PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+            values = same_values(self._terms, self._places_of_extra, self._comm)
+            self._extra.add(A, values, free)
+        A.assemble()
 
     def _assemble(self, A, bcs):
         for form in self._tangents:
             fem_petsc.assemble_matrix(A, form, bcs=list(bcs))
             # not the end, after which places that no form has used yet are given up
             A.assemble(PETSc.Mat.AssemblyType.FLUSH)
-        A.assemble()
 
     def _patterns(self):
         return [term.pattern for term in self._terms]
+
+
+def _marked(form):
+    """Which marked sides or cells a form is integrated over."""
+    marked = {integral.integral_type(): integral.subdomain_data() for integral in form.integrals()}
+    return sorted((kind, id(data)) for kind, data in marked.items() if data is not None)
 
 
 def _nothing(blank, v, w):

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import dolfinx
 import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
-from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
@@ -90,28 +88,16 @@ class EdgeTension(Term):
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
-        blank, mesh = scene.blank, scene.blank.mesh
-        unit = _direction(f"{self.name} on {blank.name}", self._direction, mesh.geometry.dim)
-        mesh.topology.create_connectivity(1, 2)
-        sides = np.unique(dolfinx.mesh.locate_entities_boundary(mesh, 1, self._edge)).astype(
-            np.int32
-        )
-        cells = mesh.topology.connectivity(1, 2)
-        of = np.array([cells.links(side)[0] for side in sides], dtype=np.int32)
-        sides = sides[np.isin(of, self.part.cells)]
-        if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
-            where = f"{self.part.name}, part of {blank.name}" if self.part.name else blank.name
-            raise InputError(
-                f"edge tension marks no side of {where}; allowed is an edge that has some"
-            )
-        tags = dolfinx.mesh.meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
+        blank = scene.blank
+        unit = _direction(f"{self.name} on {blank.name}", self._direction, blank.mesh.geometry.dim)
         along = ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(unit.tolist()))
-        lengths = fem_petsc.assemble_vector(
-            compat.form(along * ufl.Measure("ds", mesh, subdomain_data=tags)(1))
-        )
+        try:
+            ds = self.part.ds(self._edge)
+        except InputError as error:
+            raise InputError(f"{self.name}: {error}") from error
+        lengths = fem_petsc.assemble_vector(compat.form(along * ds))
         lengths.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        # of the edge at each owned degree of freedom; no form, as UFL wants one set of marked edges
-        # for a whole scene
+        # of the edge at each owned degree of freedom
         self._lengths, self._u = lengths.array.copy(), blank.u
         self.at(0.0)
         self.accept()

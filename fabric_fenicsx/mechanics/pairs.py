@@ -1,16 +1,15 @@
 """Points of one sheet and the places on another one that lie below them."""
 
-from typing import Any
-
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
 from scipy import sparse
 
 from ..sheets.blank import Blank
 from .gathered import GatheredNodes
 
-TWICE = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # entries of a symmetric 3 x 3 matrix
+# the different entries of a symmetric 3 x 3 matrix, and where each of all nine is among them
+ENTRIES = np.triu_indices(3)
+SYMMETRIC = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 
 class Pairs:
@@ -24,22 +23,31 @@ class Pairs:
         known = nodes[used]
         self._gathered = GatheredNodes(blank, known)
         self._known = known
-        self._product: Any = None
+        self._shares: sparse.csr_matrix | None = None
 
     def _take_places(self):
-        """The places of weights^T factors weights, which PETSc keeps, so that values cost little;
-        not before a stiffness is asked for."""
+        """The places of weights^T blocks weights, and what each point adds to them; not before a
+        stiffness is asked for."""
         weights, known = self._relative, self._known
-        csr = weights.indptr.astype(PETSc.IntType), weights.indices.astype(PETSc.IntType)
-        self._left, self._right = (
-            PETSc.Mat().createAIJ(weights.shape, csr=(*csr, weights.data), comm=MPI.COMM_SELF)
-            for _ in range(2)
+        weights.sort_indices()
+        here = np.arange(weights.nnz)
+        # each entry with itself and those behind it in its row: one half of a symmetric matrix
+        behind = np.repeat(weights.indptr[1:], np.diff(weights.indptr)) - here
+        first = np.repeat(here, behind)
+        second = first + np.arange(len(first)) - np.repeat(behind.cumsum() - behind, behind)
+        nodes = weights.indices.astype(np.int64)
+        point = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))[first]
+        keys, place = np.unique(nodes[first] * len(known) + nodes[second], return_inverse=True)
+        shares = weights.data[first] * weights.data[second]
+        self._shares = sparse.csr_matrix((shares, (place, point)), (len(keys), weights.shape[0]))
+        i, j = np.divmod(keys, len(known))
+        self._mirrored = np.flatnonzero(i != j)
+        i, j = np.append(i, j[self._mirrored]), np.append(j, i[self._mirrored])
+        axis = np.arange(3)
+        rows, cols = (
+            (known[i] * 3)[:, None, None] + axis[:, None],
+            (known[j] * 3)[:, None, None] + axis,
         )
-        self._product = self._left.transposeMatMult(self._right)
-        starts, j, _ = self._product.getValuesCSR()
-        axis, i = np.arange(3), np.repeat(np.arange(len(known)), np.diff(starts))
-        rows = (known[i] * 3)[:, None, None] + axis[:, None]
-        cols = (known[j] * 3)[:, None, None] + axis
         self._rows, self._cols = (
             a.astype(PETSc.IntType).ravel() for a in np.broadcast_arrays(rows, cols)
         )
@@ -47,14 +55,14 @@ class Pairs:
     @property
     def rows(self) -> np.ndarray:
         """Global degrees of freedom (m,) of the rows of `values`."""
-        if self._product is None:
+        if self._shares is None:
             self._take_places()
         return self._rows
 
     @property
     def cols(self) -> np.ndarray:
         """Likewise of the columns."""
-        if self._product is None:
+        if self._shares is None:
             self._take_places()
         return self._cols
 
@@ -75,16 +83,9 @@ class Pairs:
     def values(self, blocks: np.ndarray) -> np.ndarray:
         """Stiffness (m,) [N/mm] at `rows` and `cols`. blocks (n, 3, 3), symmetric: by how much the
         force on each point grows as it moves."""
-        weights = self._relative
-        found = np.zeros((len(self.rows) // 9, 3, 3))
         if not blocks.any():
-            return found.ravel()
-        entries, starts = np.diff(weights.indptr), weights.indptr.astype(PETSc.IntType)
-        columns = weights.indices.astype(PETSc.IntType)
-        for i, j in TWICE:
-            scaled = weights.data * np.repeat(blocks[:, i, j], entries)
-            self._right.setValuesCSR(starts, columns, scaled)
-            self._right.assemble()
-            self._left.transposeMatMult(self._right, result=self._product)
-            found[:, i, j] = found[:, j, i] = self._product.getValuesCSR()[2]
-        return found.ravel()
+            return np.zeros(len(self.rows))
+        if self._shares is None:
+            self._take_places()
+        half = (self._shares @ blocks[:, ENTRIES[0], ENTRIES[1]])[:, SYMMETRIC]
+        return np.append(half, half[self._mirrored], axis=0).ravel()

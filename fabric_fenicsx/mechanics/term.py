@@ -2,17 +2,13 @@
 
 import weakref
 from collections.abc import Callable, Mapping, Sequence
-from reprlib import repr as shown
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from petsc4py import PETSc
-from ufl.constantvalue import ScalarValue, Zero
 from ufl.core.expr import Expr
-from ufl.corealg.traversal import unique_pre_traversal
 
 from .. import dolfinx_compat as compat
 from ..errors import InputError
@@ -21,14 +17,13 @@ from ..material.laws import Law
 from ..material.laws.base import Material
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
+from .term_checks import check_form, check_words, one_number
 
 if TYPE_CHECKING:
     from ..tools import Tool
 
 Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns and values of a sparse matrix
 EMPTY = np.empty(0)
-# of what every run tells beside the energies of terms
-OF_A_RUN = "viscous", "external_work"
 NO_TANGENT: Triplets = (np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), EMPTY)
 
 
@@ -76,9 +71,9 @@ class Term:
     - fabric: what the sheet is made of, if this is the term that knows
     - units: of the arrays that it adds to fields, {name: unit}
     - prestressed: whether the sheet has stress as it lies, before load
-    - energy: a UFL form in `blank.u` over the sheet, integrated by `self.part.dx(degree)` [N mm],
-      minus the work of a load; None of terms that are no form, which have `stored`, `add_forces`
-      and `tangent` instead
+    - energy: a UFL form in `blank.u`, integrated over the sheet by `self.part.dx(degree)` or over
+      an edge by `self.part.ds(edge, degree)` [N mm], minus the work of a load; None of terms that
+      are no form, which have `stored`, `add_forces` and `tangent` instead
     - blank: the sheet, from `set_up` on; part: what of it the term is on; given: what the
       attributes were before, as plain data, in which a checkpoint must agree
     - part_name: of the blank's part that it is restricted to, see `on`
@@ -129,18 +124,7 @@ class Term:
                     "allowed is a term in one scene, so each scene needs its own"
                 )
             return
-        kind = self.energy_kind
-        for what, text in (("name", self.name), ("energy_kind", "x" if kind is None else kind)):
-            if not (isinstance(text, str) and text.strip()):
-                raise InputError(
-                    f"`{what}` of a term of class {type(self).__name__} is {text!r}; allowed is "
-                    "a text that is not empty"
-                )
-        if self.energy_kind in OF_A_RUN:
-            raise InputError(
-                f"`energy_kind` of term {self.name} is {self.energy_kind}, which every run has for "
-                "something else; allowed is another name"
-            )
+        check_words(self)
         if sum(term is self for term in scene.terms) > 1:
             raise InputError(
                 f"term {self.name} is in the scene twice; allowed is a term once, so two that act "
@@ -153,18 +137,18 @@ class Term:
             self.set_up(scene)
         except Exception as error:
             gdim = scene.blank.mesh.geometry.dim
+            if "nsupported dtype" in str(error):  # DOLFINx's words
+                raise InputError(
+                    f"term {self.name} holds a number in `fem.Constant` that is no float; allowed "
+                    "is `fem.Constant(self.blank.mesh, float(k))`"
+                ) from error
             if gdim == 3 or "out of bounds" not in str(error) and "out of range" not in str(error):
                 raise
             raise InputError(
                 f"term {self.name} asks for more than the {gdim} components that vectors have on "
                 "a sheet in its plane; allowed are these, or a blank made with `spatial=True`"
             ) from error
-        if not (self.energy is None or isinstance(self.energy, ufl.Form)):
-            raise InputError(
-                f"energy of term {self.name} is {shown(self.energy)}, which is not integrated; "
-                "allowed is a form, as `W * self.part.dx(degree)`"
-            )
-        self._check_numbers()
+        check_form(self)
         if self.part_name and self.energy is not None:
             everywhere = [i for i in self.energy.integrals() if i.subdomain_id() == "everywhere"]
             if everywhere:
@@ -185,22 +169,6 @@ class Term:
                 f"term {self.name} stores an energy that has no name; allowed is an `energy_kind`, "
                 "its column in history.csv, or `work`, and `potential` for `stored`, of a load"
             )
-
-    def _check_numbers(self):
-        """InputError for a form of numbers that are not finite, or that make it 0."""
-        held = (
-            "allowed is a finite number, held by `fem.Constant(self.blank.mesh, k)` if it may be 0"
-        )
-        if self.energy is None:
-            return
-        if all(isinstance(each.integrand(), Zero) for each in self.energy.integrals()):
-            raise InputError(f"energy of term {self.name} is 0, as one of its numbers is; {held}")
-        for integral in self.energy.integrals():
-            for node in unique_pre_traversal(integral.integrand()):
-                if isinstance(node, (fem.Constant, ScalarValue)):
-                    number = node.value if isinstance(node, fem.Constant) else node._value
-                    if not np.isfinite(number).all():
-                        raise InputError(f"energy of term {self.name} holds {number}; {held}")
 
     def set_up(self, scene: SceneFacts) -> None:
         """Make what needs the sheet; `blank` is known."""
@@ -224,7 +192,7 @@ class Term:
     def stored_by_kind(self) -> dict[str, float]:
         """`stored` by kinds, the same ones on all ranks, {kind: N mm}: of `energy_kind` alone, if a
         term does not tell more."""
-        return {self.energy_kind: self.stored()} if self.energy_kind else {}
+        return {self.energy_kind: one_number(self, "stored")} if self.energy_kind else {}
 
     def potential(self) -> float:
         """Of loads that are no form: minus their work [N mm]."""
@@ -234,8 +202,8 @@ class Term:
         """Add the derivative of `stored` and `potential` to f (local dofs,), ghosts included."""
 
     def tangent(self) -> Triplets:
-        """Second derivative of `stored`: rows, columns (k,), GLOBAL degrees of freedom, the same
-        ones as long as `pattern` is the same, and values (k,), to be summed."""
+        """Second derivative of `stored` and `potential`: rows, columns (k,), GLOBAL degrees of
+        freedom, the same ones as long as `pattern` is the same, and values (k,), to be summed."""
         return NO_TANGENT
 
     def anticipate(self, f: np.ndarray) -> None:

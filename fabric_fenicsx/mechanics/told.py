@@ -1,5 +1,6 @@
 """What terms tell of a state: columns of history.csv, entries of the summary, fields."""
 
+import json
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
@@ -16,6 +17,15 @@ TOLD = {
     "add_cell_fields": ("field", "the sheet", "fields"),
     "add_nodal_fields": ("field", "the sheet", "fields"),
 }
+FIELDS = "add_cell_fields", "add_nodal_fields"
+# what every sheet and every summary has without terms
+OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
+OF_A_SUMMARY = (
+    *("study", "ranks", "converged", "stroke_reached", "reason", "element", "dofs", "cells"),
+    *("terms", "steps_accepted", "steps_rejected", "newton_iterations", "energy", "reaction_N"),
+    *("energy_imbalance", "energy_imbalance_largest", "branches", "quantities", "error"),
+    *("warnings", "wall_s", "peak_memory_mib", "versions"),
+)
 
 
 class _Told(dict[str, Any]):
@@ -49,8 +59,15 @@ def told_by(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> 
     givers: dict[str, str] = dict.fromkeys(taken, f"{place} has")
     for term in terms:
         mine = _Told(told)
-        getattr(term, method)(mine)
-        _check_sizes(term, method, mine)
+        if getattr(term, method)(mine) is not None:
+            raise InputError(
+                f"`{method}` of term {term.name} returns something; allowed is to add to the "
+                f"`{argument}` that it is given"
+            )
+        if method in FIELDS:
+            check_arrays(term, method, mine)
+        else:
+            _check_values(term, method, mine)
         for name in mine:
             if name in givers and name not in mine.read:
                 instead = (
@@ -67,20 +84,31 @@ def told_by(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> 
     return told
 
 
-def _check_sizes(term: Term, method: str, fields: Mapping[str, Any]) -> None:
-    blank = term.blank
-    sizes = {
-        "add_cell_fields": ("cells", blank.whole.cells.size),
-        "add_nodal_fields": ("nodes", blank.whole.nodes.size),
-    }
-    if method not in sizes:
-        return
-    what, size = sizes[method]
-    wrong = {name: np.shape(v) for name, v in fields.items() if np.shape(v)[:1] != (size,)}
-    text = "".join(
-        f"`{method}` of term {term.name} gives the field {name} with shape {shape}; allowed is "
-        f"({size},) or ({size}, k), of the {what} that the rank owns"
-        for name, shape in list(wrong.items())[:1]
-    )
-    if text := blank.mesh.comm.allreduce(text, MPI.MAX):
+def check_arrays(term: Term, method: str, arrays: dict[str, Any]) -> None:
+    """Make what a term's `method` gives arrays; InputError, on all ranks, for one of no numbers and
+    for one of another size than the rank's cells or nodes."""
+    whole, noun = term.blank.whole, "field" if method in FIELDS else "array"
+    what, size = ("cells", whole.cells.size) if "cell" in method else ("nodes", whole.nodes.size)
+    text = ""
+    for name, given in arrays.items():
+        values = arrays[name] = np.asarray(given)
+        if values.shape[:1] != (size,) or values.dtype.kind not in "biuf":
+            kind = f"shape {values.shape}" if values.dtype.kind in "biuf" else "no numbers"
+            text = text or (
+                f"`{method}` of term {term.name} gives the {noun} {name} with {kind}; allowed is "
+                f"({size},) or ({size}, k), of the {what} that the rank owns"
+            )
+    if text := term.blank.mesh.comm.allreduce(text, MPI.MAX):
         raise InputError(text)
+
+
+def _check_values(term, method, told):
+    noun, place, _ = TOLD[method]
+    for name, value in told.items():
+        try:
+            json.dumps(value)
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"`{method}` of term {term.name} gives the {noun} {name}, of type "
+                f"{type(value).__name__}; allowed is what JSON can hold, as float(value)"
+            ) from error

@@ -1,32 +1,53 @@
-"""A PETSc matrix that is filled from triplets many times."""
+"""Triplets of which the values are added to a PETSc matrix many times."""
 
 import numpy as np
+from mpi4py import MPI
 from petsc4py import PETSc
 
 
-class TripletMatrix:
-    """`matrix`, of the sizes of A: values summed at global `rows` and `cols` (k,). The rows may be
-    those of other ranks."""
+class TripletPlaces:
+    """Global `rows` and `cols` (k,) of triplets in matrices of the sizes of A; those at one place
+    are summed. The rows may be those of other ranks. All ranks make and use it together."""
 
     def __init__(self, A: PETSc.Mat, rows: np.ndarray, cols: np.ndarray) -> None:
-        size, (low, high) = A.size[0], A.getOwnershipRange()
+        self._sizes, self._comm, size = A.getSizes(), A.comm, A.size[0]
         keys, self._entry = np.unique(rows.astype(np.int64) * size + cols, return_inverse=True)
-        rows, cols = np.divmod(keys, size)
-        rows, counts = np.unique(rows, return_counts=True)
-        parts = rows, np.append(0, counts.cumsum()), cols
+        self._row, self._col = np.divmod(keys, size)
+        rows, counts = np.unique(self._row, return_counts=True)
+        parts = rows, np.append(0, counts.cumsum()), self._col
         self._csr = [part.astype(PETSc.IntType) for part in parts]
-        # as ranks add to others' rows
-        room = np.full(high - low, counts.max(initial=0), dtype=PETSc.IntType)
-        self.matrix = PETSc.Mat().create(A.comm)
-        self.matrix.setSizes(A.getSizes())
-        self.matrix.setType("aij")
-        self.matrix.setPreallocationNNZ((np.minimum(room, high - low), room))
-        self.matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        self._free: np.ndarray | None = None
 
-    def fill(self, values: np.ndarray) -> None:
-        """Replace the triplets' values by `values` (k,)."""
+    def matrix(self, values: np.ndarray) -> PETSc.Mat:
+        """A matrix of nothing but the triplets with these values (k,)."""
+        local = self._sizes[0][0]
+        # as ranks add to others' rows
+        room = np.full(local, np.diff(self._csr[1]).max(initial=0), dtype=PETSc.IntType)
+        made = PETSc.Mat().create(self._comm)
+        made.setSizes(self._sizes)
+        made.setType("aij")
+        made.setPreallocationNNZ((np.minimum(room, local), room))
+        made.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+        self.add(made, values)
+        made.assemble()
+        return made
+
+    def add(self, A: PETSc.Mat, values: np.ndarray, free: PETSc.Vec | None = None) -> None:
+        """Add triplets with these values (k,) to A, which is to be assembled then. free: 0 at rows
+        and columns that take none, 1 at others; the same at each call."""
         rows, starts, cols = self._csr
         summed = np.bincount(self._entry, values, len(cols))
-        self.matrix.zeroEntries()
-        self.matrix.setValuesIJV(starts, cols, summed, addv=PETSc.InsertMode.ADD, rowmap=rows)
-        self.matrix.assemble()
+        if free is not None:
+            if self._free is None:
+                self._free = self._of_entries(free)
+            summed *= self._free
+        A.setValuesIJV(starts, cols, summed, addv=PETSc.InsertMode.ADD, rowmap=rows)
+
+    def _of_entries(self, free):
+        """Product of `free` at the row and at the column of each entry."""
+        used, place = np.unique(np.append(self._row, self._col), return_inverse=True)
+        here = PETSc.Vec().createSeq(len(used), comm=MPI.COMM_SELF)
+        wanted = PETSc.IS().createGeneral(used.astype(PETSc.IntType), comm=MPI.COMM_SELF)
+        PETSc.Scatter().create(free, wanted, here, None).scatter(free, here)
+        row, col = here.array[place].reshape(2, -1)
+        return row * col

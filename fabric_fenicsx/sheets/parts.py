@@ -1,13 +1,15 @@
 """Parts of a blank, to which terms are restricted: sheets of a stack, patches of a sheet."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
-from dolfinx.mesh import meshtags
+from dolfinx.mesh import locate_entities_boundary, meshtags
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
+from ..errors import InputError
 
 if TYPE_CHECKING:
     from .blank import Blank
@@ -64,6 +66,28 @@ class Part:
         return ufl.Measure(
             "dx", self.blank.mesh, subdomain_data=self._tags, subdomain_id=1, metadata=metadata
         )
+
+    def ds(
+        self, edge: Callable[[np.ndarray], np.ndarray], degree: int | None = None
+    ) -> ufl.Measure:
+        """Integration over those sides at the part's outer edge that `edge` marks, a function of
+        points (3, n) [mm] to a mask (n,), true at both ends of a side; degree: as in `dx`.
+        InputError, on all ranks, if it marks none."""
+        mesh = self.blank.mesh
+        mesh.topology.create_connectivity(1, 2)
+        sides = np.unique(locate_entities_boundary(mesh, 1, edge)).astype(np.int32)
+        cells = mesh.topology.connectivity(1, 2)
+        of = np.array([cells.links(side)[0] for side in sides], dtype=np.int32)
+        sides = sides[np.isin(of, self.cells)]
+        if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
+            where = f"{self.name}, part of {self.blank.name}" if self.name else self.blank.name
+            raise InputError(
+                f"the edge marks no side of {where}; allowed is a function of points (3, n) that "
+                "is true at both ends of some sides"
+            )
+        tags = meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
+        metadata = {} if degree is None else {"quadrature_degree": degree}
+        return ufl.Measure("ds", mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)
 
     def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
         """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values

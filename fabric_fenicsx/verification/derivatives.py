@@ -15,7 +15,8 @@ from .. import dolfinx_compat as compat
 from ..errors import InputError
 from ..material.laws import Law
 from ..mechanics.term import Term
-from ..mechanics.triplets import TripletMatrix
+from ..mechanics.term_checks import add_forces, one_number, triplets
+from ..mechanics.triplets import TripletPlaces
 from ..scene import Scene
 from ..tools import ImplicitSurface, Surface
 from ..tools.surfaces import radii_of
@@ -24,6 +25,11 @@ ALLOWED = 1e-4  # difference, over the largest of its kind
 KINKS = 0.02  # of states or points, at which a derivative may jump between both sides
 RANGES = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.8, 0.8]])  # of eps_a, eps_b, gamma
 PANELS, HALVINGS = 50, 40  # of the way from rest to a state, where a jump of the energy is sought
+AGAINST_NONE = {
+    "energy at rest and none": "the energy at rest is",
+    "stresses at rest and none": "the stresses at rest are",
+    "energies below that at rest and none": "the energy is below that at rest by",
+}
 
 
 class Row(NamedTuple):
@@ -36,6 +42,8 @@ class Row(NamedTuple):
 
     def differ(self) -> str:
         """In words."""
+        if self.what in AGAINST_NONE and not np.isnan(self.off):
+            return f"{AGAINST_NONE[self.what]} {self.off:.2g} of the largest {self.where}"
         if np.isnan(self.off):
             return f"{self.what} are not numbers {self.where}"
         return f"{self.what} differ by {self.off:.2g} of the largest {self.where}"
@@ -115,6 +123,7 @@ def _energy(law: Law, x: np.ndarray) -> np.ndarray:
 
 def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
     x = _states(at)
+    law.check_shapes()
 
     def energy(x: np.ndarray) -> np.ndarray:
         return _energy(law, x)
@@ -262,10 +271,15 @@ def _of_term(
         x.array[:] = before.array + size * moved + by
         scene.set(x)
 
+    def energy_here() -> float:
+        form = fem.assemble_scalar(forms[0]) if forms else 0.0
+        return comm.allreduce(
+            form + one_number(term, "stored") + one_number(term, "potential"), MPI.SUM
+        )
+
     def energy(by: np.ndarray) -> float:
         move(by)
-        form = fem.assemble_scalar(forms[0]) if forms else 0.0
-        return comm.allreduce(form + term.stored() + term.potential(), MPI.SUM)
+        return energy_here()
 
     def forces(by: float | np.ndarray) -> np.ndarray:
         move(by)
@@ -275,21 +289,29 @@ def _of_term(
         if forms:
             fem_petsc.assemble_vector(f, forms[1])
         with f.localForm() as local:
-            term.add_forces(local.array)
+            add_forces(term, local.array)
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return f.array.copy()
+
+    def replaced() -> bool:
+        """Whether what was in the array before is lost."""
+        alone, scale = np.zeros_like(blank.u.x.array), 1.0 + abs(f).max(initial=0.0)
+        after = np.full_like(alone, scale)
+        add_forces(term, alone)
+        add_forces(term, after)
+        lost = abs(after - alone - scale).max(initial=0.0) > 1e-6 * scale
+        return comm.allreduce(bool(lost), MPI.LOR)
 
     def stiffness() -> np.ndarray:
         A, direction, found = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
         direction.array[:] = d
-        rows, cols, values = term.tangent()
-        extra = TripletMatrix(A, rows, cols)
-        extra.fill(values)
+        rows, cols, values = triplets([term], A.size[0], comm)
+        extra = TripletPlaces(A, rows, cols).matrix(values)
         A.zeroEntries()
         if forms:
             fem_petsc.assemble_matrix(A, forms[2])
         A.assemble()
-        (A * direction + extra.matrix * direction).copy(found)
+        (A * direction + extra * direction).copy(found)
         if given := term.compliance():
             c, k = given[0], given[1]
             pushed = comm.allreduce(float(c @ d[: c.size]), MPI.SUM)
@@ -300,8 +322,16 @@ def _of_term(
         return np.concatenate(comm.allgather(values.reshape(owned, -1)))
 
     try:
+        term.at(0.0)
+        rest = energy_here()
+        pushed = abs(whole(forces(-size * moved))).max(initial=0.0)
         term.at(load)
         f = forces(0.0)
+        if replaced():
+            raise InputError(
+                f"`add_forces` of term {term.name} loses what other terms added; allowed is to add "
+                "to the array, as `f[dofs] += forces`"
+            )
         Kd, change = stiffness(), (forces(h * d) - forces(-h * d)) / (2 * h)
         # not d alone, along which forces may cancel
         e = d / 2 + f / max(abs(whole(f)).max(), 1e-300)
@@ -320,6 +350,14 @@ def _of_term(
                 f"the energy of the displaced sheet is {stored:.3g} N mm: below 0 it drives the "
                 "sheet in place of resisting it"
             )
+        still = term.energy_kind and not before.norm() and pushed <= 1e-9 * abs(whole(f)).max()
+        if still and rest > size * abs(whole(f)).sum():
+            remarks.append(
+                f"the energy of the sheet as it lies is {rest:.3g} N mm, without a force: take it "
+                "off, as the energy balance knows no work that has gone into it"
+            )
+        if not abs(whole(f)).any():
+            remarks.append("the term gives no forces here: nothing was compared")
     finally:
         scene.set(before)
         term.at(0.0)

@@ -478,6 +478,17 @@ def test_a_law_in_a_file(launch, shared_path):
         LAWS.pop("straight", None)
 
 
+def test_a_law_file_whose_law_no_material_has(launch, tmp_path):
+    """Otherwise the run would be of komeili."""
+    (tmp_path / "law.py").write_text(LAW_FILE)
+    try:
+        done = launch("tensile", "--law-file", tmp_path / "law.py")
+    finally:
+        LAWS.pop("straight", None)
+    words = "is given, but the material komeili is of the law coupled; allowed is --material with"
+    assert done.status == 2 and words in done.err, done.err
+
+
 @pytest.mark.parametrize(
     "text, words",
     [

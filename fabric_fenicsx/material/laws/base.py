@@ -36,6 +36,7 @@ PROBES = {
     "tension_shear": [(0.02, 0.03, 0.3)],
     "compression_shear": [(-0.02, -0.03, 0.3)],
 }
+LITTLE = 1e-3, 1e-3, 1e-2  # strains eps_a, eps_b and gamma [-, -, rad]
 
 
 def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
@@ -54,11 +55,16 @@ def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
 
 
 class Derivatives(NamedTuple):
-    """The energy at n states and its derivatives in (eps_a, eps_b, gamma) [MPa]."""
+    """The energy at n states and its derivatives in (eps_a, eps_b, gamma) [MPa].
 
-    parts: np.ndarray  # (n, 3): along a, along b, shear with its couplings; W is their sum
-    first: np.ndarray  # (3, n): the conjugate stresses sigma_a, sigma_b, tau
-    second: np.ndarray | None  # (6, n): aa, ab, bb, ag, bg, gg
+    - parts: (n, 3): along a, along b, shear with its couplings; W is their sum
+    - first: (3, n): the conjugate stresses sigma_a, sigma_b, tau
+    - second: (6, n): the tangents aa, ab, bb, ag, bg, gg; None unless asked for
+    """
+
+    parts: np.ndarray
+    first: np.ndarray
+    second: np.ndarray | None
 
 
 @dataclass(frozen=True)
@@ -189,7 +195,9 @@ class Law(Material):
         either sign [rad]; UFL expressions, NumPy arrays or hyper-dual numbers. So the functions in
         it are those of `material.functions`.
         """
-        raise NotImplementedError
+        raise InputError(
+            f"law {self.law} has no energy; allowed is a method energy(self, eps_a, eps_b, gamma)"
+        )
 
     def parts(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
         """What `energy` gives; InputError if that fails or gives something else than three parts,
@@ -215,7 +223,8 @@ class Law(Material):
     def derivatives(
         self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
     ) -> Derivatives:
-        """Energy, stresses and, if asked for, tangents at states (n,), exact to rounding.
+        """Energy, stresses and, if asked for, tangents at states (n,), exact to rounding:
+        `Derivatives` of parts (n, 3), first (3, n) and second (6, n), None unless asked for [MPa].
 
         At a kink they are those of the side up to it: eps = 0 counts as compression.
         """
@@ -258,7 +267,9 @@ class Law(Material):
         return bool(abs(mixed).max() > 1e-9 * abs(second).max())
 
     def check_rest(self) -> None:
-        """InputError where the fabric as it lies, without strain, has energy or stress."""
+        """InputError where the fabric as it lies, without strain, has energy or stress, where a
+        little strain takes energy from it, and for `derivatives` of other shapes."""
+        self.check_shapes()
         found = Law.derivatives(self, *np.transpose([(0.0, 0.0, 0.0), (0.01, 0.01, 0.1)]))
         assert found.second is not None
         stiffness = np.nanmax(abs(found.second[[0, 2, 5]]), 1, initial=0.0)
@@ -266,8 +277,36 @@ class Law(Material):
         if abs(W := found.parts[0].sum()) > 1e-9 * stiffness.max():
             raise InputError(f"the energy {words % W}: take off what it is there")
         for name, stress, scale in zip(("sigma_a", "sigma_b", "tau"), found.first[:, 0], stiffness):
-            if abs(stress) > 1e-5 * scale:
+            if not abs(stress) <= 1e-5 * scale:
                 raise InputError(f"the stress {name} {words % stress}")
+        strains = np.array([s * e for e in np.diag(LITTLE) for s in (-1, 1)])
+        W = Law.derivatives(self, *strains.T).parts.sum(1)
+        if (lost := W < -1e-9 * abs(W).max()).any():
+            strain, name = strains[lost][0], ("eps_a", "eps_b", "gamma")[np.argmax(lost) // 2]
+            raise InputError(
+                f"the energy of law {self.law} is {W[lost][0]:.3g} MPa at {name} = "
+                f"{strain.sum():g}, below that without strain; allowed is one that strain raises: "
+                "look at its signs"
+            )
+
+    def check_shapes(self) -> None:
+        """InputError where closed forms of `derivatives` have not the shapes that it says."""
+        none, right = np.zeros(2), [(2, 3), (3, 2), (6, 2)]
+        for second in (True, False):
+            shapes: list[object] = []
+            try:
+                given: Any = self.derivatives(none, none, none, second)
+                shapes += [np.shape(each) for each in given]
+                fits = shapes[: 2 + second] == right[: 2 + second]
+                fits = fits and isinstance(given, Derivatives)
+            except TypeError as error:
+                fits, shapes = False, [error]
+            if not fits:
+                raise InputError(
+                    f"`derivatives` of law {self.law} gives {', '.join(map(str, shapes))} at n = 2 "
+                    f"states with second={second}; allowed is `Derivatives` of parts (n, 3), first "
+                    "(3, n) and second (6, n), None where `second` is False"
+                )
 
     def decoupled(self) -> Self:
         """A copy with every coupling off: three independent curves, like Abaqus' FABRIC."""
@@ -326,13 +365,19 @@ class Law(Material):
 
 def coupling_variants(fabric: Law) -> dict[str, Law]:
     """{label: fabric} with all couplings, without some, and the decoupled baseline, as Figs 10 and
-    16 of the paper compare them."""
-    return {
+    16 of the paper compare them. InputError for a fabric without couplings."""
+    variants = {
         "all couplings": fabric,
         "without biaxial": fabric.without("biaxial"),
         "without shear couplings": fabric.without("tension_shear", "compression_shear"),
         "FABRIC": fabric.decoupled(),
     }
+    if not fabric.couplings:
+        raise InputError(
+            f"variants of the couplings are asked for, and the fabric, of law {fabric.law}, has "
+            "none; allowed is a fabric with couplings, as komeili"
+        )
+    return variants
 
 
 def stresses_of_energy(

@@ -12,7 +12,7 @@ from builders import sheet
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.expression import energy_density
-from fabric_fenicsx.material.functions import exp, negative, positive
+from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
@@ -21,6 +21,7 @@ from fabric_fenicsx.material.presets import PRESETS, load
 from fabric_fenicsx.material.validation import above_zero
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.verification.derivatives import check_derivatives
 
 LAW58 = LAWS["law58"](
     E_a=1335.0,
@@ -105,7 +106,12 @@ def test_every_law_answers_what_is_asked_of_it(fabrics):
     for name, fabric in fabrics.items():
         assert LAWS[fabric.law] is type(fabric)
         assert fabric.without("biaxial").couplings <= fabric.couplings, name
-        assert fabric.decoupled().couplings == frozenset() and len(coupling_variants(fabric)) == 4
+        assert fabric.decoupled().couplings == frozenset()
+        if fabric.couplings:
+            assert len(coupling_variants(fabric)) == 4
+        else:  # they would all be the same
+            with pytest.raises(InputError, match=f"of law {fabric.law}, has none; allowed is a"):
+                coupling_variants(fabric)
         assert fabric.plausibility_warnings() == [] and fabric.shear_stiffness > 0
         with pytest.raises(InputError, match="'bi' is unknown"):
             fabric.without("bi")
@@ -325,6 +331,10 @@ def test_a_coupling_that_a_law_cannot_switch_off(name, shear):
         (lambda a, b, g: (exp(a * a), b**2, g**2), "the energy of law own is 1 MPa in fabric as"),
         (lambda a, b, g: (a**2, b**2 + 0.1 * b, g**2), "stress sigma_b of law own is 0.1 MPa in f"),
         (lambda a, b, g: (1e3 * a**2, 1e3 * b**2, 0.01 * g**2 + 1e-4 * g), "stress tau of law own"),
+        (lambda a, b, g: (sqrt(a * a), b**2, g**2), "stress sigma_a of law own is nan MPa in fab"),
+        (lambda a, b, g: (-a * a, b**2, g**2), "law own is -1e-06 MPa at eps_a = -0.001, below"),
+        (lambda a, b, g: (a * a, b * abs(b), g**2), "MPa at eps_b = -0.001, below that without"),
+        (lambda a, b, g: (1e3 * a * a, b * b, -1e-3 * g**2), "MPa at gamma = -0.01, below that wi"),
         (lambda a, b, g: (math.exp(a * a) - 1, b**2, g**2), "fails .TypeError: must be real num"),
     ],
 )
@@ -347,3 +357,28 @@ def test_a_fabric_is_at_rest_without_strain(energy, words, caplog):
 def test_a_rule_that_is_none(rules, words):
     with pytest.raises(InputError, match=words):
         own_law(lambda a, b, g: (a, b, g), rules)(E=3.0)
+
+
+def test_a_law_without_an_energy():
+    law = own_law(None)
+    law.energy = Law.energy
+    with pytest.raises(InputError, match="law own has no energy; allowed is a method energy.self"):
+        law(E=3.0).check_rest()
+
+
+@pytest.mark.parametrize(
+    "closed, words",
+    [
+        (lambda *given: Law.derivatives(*given).first, r"gives \(2,\), \(2,\), \(2,\) at n = 2"),
+        (lambda *given: tuple(Law.derivatives(*given)), r"gives \(2, 3\), \(3, 2\), \(6, 2\) at"),
+        (lambda self, a, b, g: Law.derivatives(self, a, b, g), "gives .* takes 4 positional arg"),
+        (lambda *given: Law.derivatives(*given)._replace(second=None), "gives .* second=True; al"),
+    ],
+)
+def test_closed_forms_of_another_shape(closed, words):
+    law = own_law(lambda a, b, g: (a * a, b * b, g * g))
+    law.derivatives = closed
+    with pytest.raises(InputError, match=f"`derivatives` of law own {words}"):
+        law(E=3.0).check_rest()
+    with pytest.raises(InputError, match=f"`derivatives` of law own {words}"):
+        check_derivatives(law(E=3.0))
