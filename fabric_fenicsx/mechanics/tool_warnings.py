@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mpi4py import MPI
 
-from ..tools.doubts import hole_doubt, radii_doubt, size_doubt
+from ..tools.surface_warnings import hole_warning, radii_warning, size_warning
 from .bending import Bending
 from .contact import Contact
 from .friction import Friction
@@ -35,8 +35,8 @@ def tool_warnings(scene: "Scene") -> list[str]:
     nodes = blank.coordinates()[: blank.V.dofmap.index_map.size_local]
     low, high = blank.extent()
     for tool in scene.tools():
-        told += [size_doubt(tool, float((high - low).max())), hole_doubt(tool)]
-        told += [radii_doubt(tool, nodes, scene.comm)]
+        told += [size_warning(tool, float((high - low).max())), hole_warning(tool)]
+        told += [radii_warning(tool, nodes, scene.comm)]
     return [each for each in [*told, _one_sided(scene, nodes)] if each]
 
 

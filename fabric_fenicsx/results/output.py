@@ -217,7 +217,8 @@ class Output:
             if found["problem"].get(name) != value:
                 raise InputError(
                     f"{path} was made with {name} = {found['problem'].get(name)}, now it is "
-                    f"{value}; allowed is the same problem"
+                    f"{value}; allowed is the same problem, or a run "
+                    "that begins anew (`overwrite`)"
                 )
         return found
 

@@ -164,7 +164,8 @@ class Checkpoint:
             if meta["problem"].get(key) != now:
                 return (
                     f"checkpoint {self.path} was made with {key} = {meta['problem'].get(key)}, "
-                    f"now it is {now}; allowed is the same problem"
+                    f"now it is {now}; allowed is the same problem, or a run "
+                    "that begins anew (`overwrite`)"
                 )
         return meta, arrays
 

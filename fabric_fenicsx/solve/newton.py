@@ -83,10 +83,11 @@ class Newton:
         self._make_matrix()
         configure(self.snes, linear_solver)
 
-    def solve_for(self, x: PETSc.Vec, tolerance: float | None = None) -> Report:
+    def solve_for(self, x: PETSc.Vec, tolerance: float = 0.0, minimum: bool = True) -> Report:
         """Solve from x, overwritten by the solution, to the solver's tolerance or a looser one;
-        returns a `Report`."""
-        self.report, self._allowed = Report(), max(self.tolerance, tolerance or 0.0)
+        returns a `Report`. minimum: whether the solution must not be a saddle."""
+        self.report, self._allowed = Report(), max(self.tolerance, tolerance)
+        self._minimum = minimum
         self._keep_matrix_fitting()
         self.snes.solve(None, x)
         reason = self.snes.getConvergedReason()
@@ -148,6 +149,8 @@ class Newton:
         scene.tangent(self.A)
         self.report = Report()
         try:
+            if not np.isfinite(self.A.getDiagonal().norm()):
+                raise IterationEnded(compat.DIVERGED_NAN)
             self._linear_solve(rhs, d)
         except IterationEnded:
             d.set(0)  # the supports alone move; the iterations that follow say what is wrong
@@ -203,7 +206,7 @@ class Newton:
                 ):
                     reason = Reason.CONVERGED_SNORM_RELATIVE
             if reason:
-                if not self._is_saddle(snes, x):
+                if not (self._minimum and self._is_saddle(snes, x)):
                     raise IterationEnded(reason)
                 if self._allowed > self.tolerance:  # a loose state tells nothing of what is near it
                     self._allowed = self.tolerance

@@ -220,7 +220,10 @@ def march(
             missing = _missing(work, sum(energies.values()), progress.stored) if judged else 0.0
             if balance and missing > balance:
                 report.converged = False
-                report.reason = f"{100 * missing:.3g} % of the step's work is not in the energies"
+                report.reason = (
+                    f"{100 * missing:.3g} % of the step's work is not in the energies; allowed is "
+                    f"{100 * balance:g} %"
+                )
         if not report.converged:
             progress.rejected += 1
             cuts += 1
@@ -242,10 +245,8 @@ def march(
             elif taken > 2 * min_step:
                 progress.step = CUT * taken
             else:
-                reason = (
-                    f"gave up at load factor {progress.load:.6g}: {report.reason}, even "
-                    f"with a step of {taken:.3g}"
-                )
+                even = f", even with a step of {taken:.3g}" if taken else ""
+                reason = f"gave up at load factor {progress.load:.6g}: {report.reason}{even}"
                 break
             continue
         progress.viscosity.energy += drained
@@ -295,7 +296,7 @@ def _solve_lagged(newton, x, allowed):
     allowed = max(allowed, newton.tolerance)
     tolerance = max(allowed, scene.rough)
     for _ in range(LAGGED_UPDATES + 1):
-        report = newton.solve_for(x, tolerance)
+        report = newton.solve_for(x, tolerance, minimum=tolerance == allowed)
         every.append(report.iterations)
         # a tighter tolerance must not lead to other steps
         hardest = max(hardest, report.iterations_to(EASY_TO if tolerance < EASY_TO else 0.0))

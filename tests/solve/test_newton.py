@@ -155,6 +155,8 @@ def test_a_start_on_a_saddle_is_left_or_refused():
     x, energy = scene.u.copy(), scene.energy()
     newton = Newton(scene)
     assert negative_pivots(newton) > 0
+    report = newton.solve_for(x, minimum=False)
+    assert report.converged and negative_pivots(newton) > 0
     report = newton.solve_for(x)
     if report.converged:
         assert negative_pivots(newton) == 0 and scene.energy() < energy
@@ -204,8 +206,8 @@ class Stubborn(Newton):
 
     limit = 0.06
 
-    def solve_for(self, x, tolerance=None):
-        report = super().solve_for(x, tolerance)
+    def solve_for(self, x, *given, **named):
+        report = super().solve_for(x, *given, **named)
         load = (
             self.scene.reaction("moving grip")[0]
             and x.array[self.scene.held].max(initial=0.0) / 6.0
@@ -295,8 +297,8 @@ class Brittle(Newton):
 
     gate = (0.3, 0.5)
 
-    def solve_for(self, x, tolerance=None):
-        report = super().solve_for(x, tolerance)
+    def solve_for(self, x, *given, **named):
+        report = super().solve_for(x, *given, **named)
         load = COMM.allreduce(x.array[self.scene.held].max(initial=0.0), MPI.MAX) / 6.0
         self.drags.append((load, self.scene.drag))
         if self.gate[0] < load < self.gate[1] and not self.scene.drag:
@@ -467,3 +469,24 @@ def test_kinks_of_forces_where_energies_tell_nothing():
     newton.x.array[:2] = 0.998, -1.09
     report = newton.solve_for(newton.x)
     assert report.converged and report.iterations <= 15
+
+
+class NoNumber(Term):
+    """Has a stiffness that is no number."""
+
+    name = energy_kind = "no number"
+
+    def stored(self):
+        return 0.0
+
+    def add_forces(self, f):
+        pass
+
+    def tangent(self):
+        place = np.zeros(1, dtype=np.int64)
+        return place, place, np.full(1, np.nan)
+
+
+def test_a_stiffness_that_is_no_number_ends_with_words():
+    outcome = march(Newton(strip(further=[NoNumber()])), steps=1)
+    assert outcome.accepted == 0 and "number" in outcome.reason

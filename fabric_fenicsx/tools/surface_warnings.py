@@ -1,4 +1,4 @@
-"""What can be doubted of a tool's surface before anything runs, a sentence each."""
+"""What speaks against a tool's surface before anything runs, a sentence each."""
 
 import numpy as np
 from mpi4py import MPI
@@ -22,7 +22,7 @@ def _innermost(surface: Surface) -> Surface:
     return surface
 
 
-def size_doubt(tool: Tool, sheet: float) -> str:
+def size_warning(tool: Tool, sheet: float) -> str:
     """A sentence if a tool of triangles is as small beside a sheet of this length [mm] as if it
     were in metres or inches, else ""."""
     surface = _innermost(tool.surface)
@@ -38,7 +38,7 @@ def size_doubt(tool: Tool, sheet: float) -> str:
     return ""
 
 
-def hole_doubt(tool: Tool) -> str:
+def hole_warning(tool: Tool) -> str:
     """A sentence if triangles of a tool leave an opening below `HOLE` of their extent, else ""."""
     surface = _innermost(tool.surface)
     if not isinstance(surface, TriangulatedSurface) or not len(surface.rim):
@@ -57,7 +57,7 @@ def hole_doubt(tool: Tool) -> str:
     return ""
 
 
-def radii_doubt(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> str:
+def radii_warning(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> str:
     """A sentence if an own surface is curved more than its `radii` say at the points nearest to the
     places (n, 3) [mm] of all ranks when the tool is at the end of its path, else ""."""
     surface = tool.surface
