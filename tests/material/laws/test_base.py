@@ -332,9 +332,12 @@ def test_a_coupling_that_a_law_cannot_switch_off(name, shear):
         (lambda a, b, g: (a**2, b**2 + 0.1 * b, g**2), "stress sigma_b of law own is 0.1 MPa in f"),
         (lambda a, b, g: (1e3 * a**2, 1e3 * b**2, 0.01 * g**2 + 1e-4 * g), "stress tau of law own"),
         (lambda a, b, g: (sqrt(a * a), b**2, g**2), "stress sigma_a of law own is nan MPa in fab"),
-        (lambda a, b, g: (-a * a, b**2, g**2), "law own is -1e-06 MPa at eps_a = -0.001, below"),
-        (lambda a, b, g: (a * a, b * abs(b), g**2), "MPa at eps_b = -0.001, below that without"),
-        (lambda a, b, g: (1e3 * a * a, b * b, -1e-3 * g**2), "MPa at gamma = -0.01, below that wi"),
+        (
+            lambda a, b, g: (-a * a, b**2, g**2),
+            "law own along eps_a is -2 MPa in fabric as it lies",
+        ),
+        (lambda a, b, g: (a * a, b * abs(b), g**2), "law own along eps_b is -2 MPa in fabric as"),
+        (lambda a, b, g: (1e3 * a * a, b * b, -1e-3 * g**2), "along gamma is -0.002 MPa in fab"),
         (lambda a, b, g: (math.exp(a * a) - 1, b**2, g**2), "fails .TypeError: must be real num"),
     ],
 )
