@@ -36,7 +36,7 @@ class TripletPlaces:
         """Add triplets with these values (k,) to A, which is to be assembled then. free: 0 at rows
         and columns that take none, 1 at others; the same at each call."""
         rows, starts, cols = self._csr
-        summed = np.bincount(self._entry, values, len(cols))
+        summed = np.bincount(self._entry, values, len(cols)).astype(float)  # whole numbers of none
         if free is not None:
             if self._free is None:
                 self._free = self._of_entries(free)
