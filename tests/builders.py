@@ -96,6 +96,30 @@ def alone(blank, *terms, fabric=None):
     return terms[0]
 
 
+class Springs(Term):
+    """A bedding that is no form: a spring of k [N/mm] at each component of each node."""
+
+    name = energy_kind = "springs"
+
+    def __init__(self, k=0.5):
+        self.k = k
+
+    def u(self):
+        gdim = self.blank.mesh.geometry.dim
+        return self.blank.u.x.array[: gdim * self.blank.V.dofmap.index_map.size_local]
+
+    def stored(self):
+        return 0.5 * self.k * float(self.u() @ self.u())
+
+    def add_forces(self, f):
+        f[: len(self.u())] += self.k * self.u()
+
+    def tangent(self):
+        first = self.blank.mesh.geometry.dim * self.blank.V.dofmap.index_map.local_range[0]
+        dofs = first + np.arange(len(self.u()), dtype=np.int32)
+        return dofs, dofs, np.full(len(dofs), self.k)
+
+
 class Elastic(Term):
     """An isotropic membrane of `stiffness` E h [N/mm], linear in Green's strain."""
 

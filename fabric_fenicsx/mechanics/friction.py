@@ -25,8 +25,8 @@ class Friction(Term):
     lag: how much of the normal forces may differ from those that friction was reckoned with, of
     their sum, before the state is solved for anew with these; None: any, as they follow a step
     behind. settled: force of the tool on the ply (3,) [N] in the last accepted state, before normal
-    forces were taken anew. Raises InputError for numbers out of range, and if not exactly one term
-    of the scene presses with the tool.
+    forces were taken anew. largest: of the coefficients. Raises InputError for numbers out of
+    range, and if not exactly one term of the scene presses with the tool.
     """
 
     name = energy_kind = "friction"
@@ -39,7 +39,7 @@ class Friction(Term):
         lag: float | None = None,
     ) -> None:
         checked_tool("friction", tool)
-        each = mu.values() if isinstance(mu, Mapping) else [mu]
+        each = list(mu.values()) if isinstance(mu, Mapping) else [mu]
         checks = (
             *(("coefficient", value, value >= 0) for value in each),
             ("slip", slip, slip > 0),
@@ -52,18 +52,9 @@ class Friction(Term):
                     f"friction on {tool.name} has {name} {value}; allowed is a number {allowed}"
                 )
         self.tool, self._coefficient, self.slip, self.lag = tool, mu, slip, lag
+        self.largest = max(each, default=0.0)
         self.resists = ("slide",) if any(each) else ()
         self.mu: float | np.ndarray = 0.0 if isinstance(mu, Mapping) else mu  # or one for each node
-
-    @property
-    def largest(self) -> float:
-        """The largest coefficient that it was given."""
-        each = (
-            self._coefficient.values()
-            if isinstance(self._coefficient, Mapping)
-            else [self._coefficient]
-        )
-        return max(each, default=0.0)
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 import ufl
-from builders import Elastic, alone, displacement, everywhere, sheet
+from builders import Elastic, Springs, alone, displacement, everywhere, sheet
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -78,27 +78,6 @@ def test_an_own_term_is_in_history_summary_fields_and_energy_balance(tmp_path, e
     grid = read_last(out)
     assert grid["bedding_traction"] == pytest.approx(-K * grid["u"][:, :2], abs=1e-12)
     assert "bedding_traction [MPa]" in grid.field_data["units"]
-
-
-class Springs(Term):
-    """A bedding that is no form: a spring of `k` [N/mm] at each node."""
-
-    name, energy_kind, k = "springs", "springs", 0.5
-
-    def u(self):
-        return self.blank.u.x.array[: 2 * self.blank.V.dofmap.index_map.size_local]
-
-    def stored(self):
-        return 0.5 * self.k * float(self.u() @ self.u())
-
-    def add_forces(self, f):
-        f[: len(self.u())] += self.k * self.u()
-
-    def tangent(self):
-        dofs = 2 * self.blank.V.dofmap.index_map.local_range[0] + np.arange(
-            len(self.u()), dtype=np.int32
-        )
-        return dofs, dofs, np.full(len(dofs), self.k)
 
 
 def test_a_term_that_is_no_form_is_solved_for_like_any():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import ufl
-from builders import alone, near, sheet
+from builders import Springs, alone, near, sheet
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -12,29 +12,6 @@ import fabric_fenicsx as ff
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")
 pytestmark = pytest.mark.mpi
-
-
-class Springs(ff.Term):
-    """A spring k [N/mm] at each component of each node."""
-
-    name = energy_kind = "springs"
-
-    def __init__(self, k=0.01):
-        self.k = k
-
-    def set_up(self, scene):
-        nodes, gdim = scene.blank.V.dofmap.index_map, scene.blank.mesh.geometry.dim
-        self.dofs = np.arange(gdim * nodes.size_local)
-        self.first = gdim * nodes.local_range[0]
-
-    def stored(self):
-        return self.k * (self.blank.u.x.array[self.dofs] ** 2).sum() / 2
-
-    def add_forces(self, f):
-        f[self.dofs] += self.k * self.blank.u.x.array[self.dofs]
-
-    def tangent(self):
-        return self.first + self.dofs, self.first + self.dofs, np.full(len(self.dofs), self.k)
 
 
 def scene_with(term):
@@ -106,7 +83,7 @@ def test_forces_in_place_of_others():
     """Alone in the array they are right."""
 
     def add_forces(self, f):
-        f[self.dofs] = self.k * self.blank.u.x.array[self.dofs]
+        f[: len(self.u())] = self.k * self.u()
 
     mine = with_own("add_forces", add_forces)
     with pytest.raises(ff.InputError, match="springs loses what other terms added; allowed is to"):
