@@ -95,6 +95,16 @@ def run_here(patch, script):
     return status, out.getvalue(), err.getvalue()
 
 
+@pytest.fixture(autouse=True)
+def messages_as_before():
+    """A study keeps messages from handlers of other programs, pytest's among them."""
+    log = logging.getLogger("fabric_fenicsx")
+    before = log.level, log.propagate, log.handlers[:]
+    yield
+    log.propagate, log.handlers[:] = before[1:]
+    log.setLevel(before[0])
+
+
 @pytest.fixture(scope="session")
 def hang():
     """Time limit [s] for whatever a test starts; for hangs alone, so no test sets one of its

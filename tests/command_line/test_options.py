@@ -1,7 +1,5 @@
 """Messages speak of parameters; a command line speaks of its options."""
 
-import logging
-
 import pytest
 
 import fabric_fenicsx as ff
@@ -27,7 +25,6 @@ def test_a_study_warns_and_sums_up_in_options(tmp_path):
     study = Study("tensile", parser(ff.Tensile, ""), ["--out", str(tmp_path)])
     study.warn("take smaller steps (`max_step`)")
     summary = study.summarise(None, reason="allowed is 1 % (`Limits.strain`)")
-    logging.getLogger("fabric_fenicsx").handlers.clear()
     assert summary["warnings"] == ["take smaller steps (--max-step)"]
     assert summary["reason"] == "allowed is 1 % (--max-strain)"
 
