@@ -324,6 +324,7 @@ class Forming(Scenario):
         t = self.thickness
         if self.holder == "pressure":
             under = holding.on_flange(self.die, t)
+            self.warnings += holding.loose_ends_warnings(under, stacking.least_corner(self.blank))
             pressure = BlankHolderPressure(
                 self.holder_pressure, UP, under, lag=self.lag, against=against
             )
@@ -351,11 +352,10 @@ class Forming(Scenario):
     def supports(self) -> list[Support]:
         """The planes of symmetry of a quarter; of a whole ply the nodes nearest to its centre and
         to the end of its axis, against motion and turning."""
-        near = 1e-6
         if not self.full:
             return [
-                Support("plane of symmetry x = 0", lambda x: x[0] < near, (0,)),
-                Support("plane of symmetry y = 0", lambda x: x[1] < near, (1,)),
+                Support("plane of symmetry x = 0", lambda x: x[0] < 1e-6, (0,)),
+                Support("plane of symmetry y = 0", lambda x: x[1] < 1e-6, (1,)),
             ]
         parts = list(self.blank.parts.values()) or [self.blank.whole]
         held = [holding.nearest_nodes(parts, at) for at in ((0.0, 0.0), (self.length / 2, 0.0))]

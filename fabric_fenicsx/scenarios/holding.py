@@ -22,6 +22,7 @@ HOLDERS = {
     "gap": "holder_gap",
     "grippers": "gripper_tension",
 }
+FAR = 200  # mm, over which the flange is sought
 RINGS = 2.0, 4.0, 6.0  # mm about a place, in which the die must be flat for it to be held
 
 
@@ -52,6 +53,23 @@ def on_flange(die: Tool, thickness: float) -> Callable[[np.ndarray], np.ndarray]
         return np.clip(2 * flat.reshape(len(shifts), -1).sum(0) / len(shifts) - 1, 0, 1)
 
     return share
+
+
+def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], corner: np.ndarray) -> list[str]:
+    """A warning if a sheet ends on the x or y axis over the die's opening, where no holder presses
+    it. under: as `on_flange` gives it; corner (2,): largest x and y of the sheet [mm]."""
+    loose = []
+    for name, axis, end in zip("xy", np.eye(3), corner):
+        held = np.flatnonzero(under((end + np.arange(FAR))[:, None] * axis))
+        if not len(held):
+            loose.append(f"at {name} = {end:.4g} mm, more than {FAR} mm from the flange")
+        elif held[0]:
+            loose.append(f"at {name} = {end:.4g} mm, {held[0]} mm from the flange")
+    return [
+        f"the smallest sheet ends over the die's opening {place}: the blank holder does not press "
+        "it there"
+        for place in loose
+    ]
 
 
 def gripped_edges(blank: Blank, tension: float, whole: bool) -> list[Term]:

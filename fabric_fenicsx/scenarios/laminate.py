@@ -27,6 +27,8 @@ class Laminate(Forming):
     with a dome of larger fillets (entry_radius 30 mm, unless `dome` says another)."""
 
     NAME: ClassVar[str] = "laminate"
+    # the metal reaches 20 mm and more onto the flange, so that the holder presses it
+    DEFAULT_SIZES = (640.0, 400.0)
     FULL = {"nx": 24, "steps": 40}
     QUICK = {"nx": 5, "steps": 2, "stroke": 2}
 

@@ -73,6 +73,12 @@ def rims(stack: Stack, plies: Sequence[Ply]) -> list[str]:
     return [ply.name for ply, reaches in zip(plies[1:], beyond) if reaches]
 
 
+def least_corner(blank: Blank) -> np.ndarray:
+    """Largest x and y that all sheets of a blank reach (2,) [mm]."""
+    sheets = [sheet.blank for sheet in blank.sheets] if isinstance(blank, Stack) else [blank]
+    return np.min([sheet.extent()[1][:2] for sheet in sheets], axis=0)
+
+
 def _facing(stack, plies):
     """Pairs of plies that may touch."""
     pairs = list(pairwise(plies))

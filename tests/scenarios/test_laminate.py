@@ -43,3 +43,13 @@ def test_roundings_begin_and_end_where_the_dome_is_flat(laid):
     for d, flat in ends:
         near = np.array([[edge + d, 0.0, dome.depth if d < 0 else 0.0]])
         assert (dome.evaluate(near).normal[0, 2] > 1 - 1e-9) == flat
+
+
+@pytest.mark.parametrize(
+    "sizes, loose", [((640, 400), ""), ((470, 400), "x = 192"), ((640, 170), "y = 69.5")]
+)
+def test_metal_that_ends_over_the_opening_is_told_of(sizes, loose):
+    made = Laminate(**COARSE, length=sizes[0], width=sizes[1])
+    made.job()
+    found = [words for words in made.warnings if "opening" in words]
+    assert len(found) == bool(loose) and all(loose in words for words in found)
