@@ -16,7 +16,7 @@ from . import timing
 from .errors import InputError, Interrupted, SolverFailure
 from .given import entries, of_scene
 from .mechanics import mesh_warnings
-from .mechanics.self_crossing import self_crossings
+from .mechanics.self_crossing import crossing_warning, self_crossings
 from .mechanics.tool_warnings import tool_warnings
 from .results.curve import Curves, Measure, default_measure
 from .results.history import ENERGIES, History, check_notes, energy_balance, viscous_words
@@ -321,6 +321,7 @@ class Job:
         """What is wrong with the run as a whole, a sentence each; warns of what may be."""
         untouched = mesh_warnings.untouched_warning(self.scene)
         output.warn(untouched)
+        output.warn(crossing_warning(self.scene.blank))
         if not (untouched or any(energy.values()) or self.scene.u.norm()):
             output.warn(
                 "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "

@@ -1,9 +1,10 @@
-"""Where a sheet passes through itself, which no term resists."""
+"""Where a sheet passes through itself, which no term resists, or through another one."""
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
+from ..sheets.blank import Blank
 from ..sheets.parts import Part
 
 HALVES = {"triangle": [(0, 1, 2)], "quadrilateral": [(0, 1, 2), (1, 3, 2)]}  # by corners
@@ -62,6 +63,20 @@ def self_crossings(part: Part) -> np.ndarray:
     numbers, places = (np.concatenate(each) for each in zip(*gathered))
     _, first, node = np.unique(numbers, return_index=True, return_inverse=True)
     return comm.bcast(crossings(places[first], node.reshape(-1, 3)))
+
+
+def crossing_warning(blank: Blank) -> str:
+    """A warning if parts of a blank, as sheets of a stack, have passed through one another, which
+    contact at points within cells lets corners do; otherwise ""."""
+    parts = list(blank.parts.values())
+    places = self_crossings(blank.whole)
+    if not len(places) or len(parts) < 2 or any(len(self_crossings(part)) for part in parts):
+        return ""
+    at = ", ".join(f"{x:.4g}" for x in places[0])
+    return (
+        f"{' and '.join(part.name for part in parts)} pass through one another at {len(places)} "
+        f"places, as at ({at}) mm: contact acts at points within cells, so take smaller cells"
+    )
 
 
 def _dot(a, b):

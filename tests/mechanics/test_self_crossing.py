@@ -6,7 +6,7 @@ from builders import COMM, Elastic, everywhere
 from builders import sheet as rectangle
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.self_crossing import crossings, self_crossings
+from fabric_fenicsx.mechanics.self_crossing import crossing_warning, crossings, self_crossings
 
 LENGTH, WIDTH, RADIUS = 40.0, 8.0, 5.0
 
@@ -71,3 +71,24 @@ def test_a_run_that_ends_so_is_not_believed():
     scene = ff.Scene(blank, [Elastic()], [ff.Support("all", everywhere, (0, 1, 2), led)])
     with pytest.raises(ff.SolverFailure, match="passes through itself at .* mm; allowed is none"):
         ff.Job(scene, steps=1).run()
+
+
+@pytest.mark.mpi
+def test_sheets_that_pass_through_one_another_are_told_of():
+    """The lower one, led to tilt, reaches through the upper one, that no contact keeps away."""
+    sheets = [
+        (rectangle(LENGTH, WIDTH, 4, 2, spatial=True), 1.0, name) for name in ("lower", "upper")
+    ]
+    stack = ff.Stack(sheets)
+    between = np.mean([end[2] for end in stack.extent()])
+
+    def led(x, load):
+        is_lower = x[2] < between
+        return load * np.array([0 * x[0], 0 * x[0], is_lower * 0.1 * (x[0] - LENGTH / 2)])
+
+    scene = ff.Scene(stack, [Elastic()], [ff.Support("all", everywhere, (0, 1, 2), led)])
+    assert crossing_warning(stack) == ""
+    result = ff.Job(scene, steps=1, limits=ff.Limits(imbalance=2.0)).run()
+    found = crossing_warning(stack)
+    assert found.startswith("lower and upper pass through one another at ")
+    assert COMM.rank > 0 or found in result.summary["warnings"]
