@@ -41,8 +41,3 @@ class Report:
     saddles: int = 0
     scale: float = 0.0
     residuals: list[float] = field(default_factory=list)
-
-    def iterations_to(self, tolerance: float) -> int:
-        """Iterations until the residual was at most `tolerance` of the scale, or all."""
-        allowed = tolerance * self.scale
-        return next((i for i, r in enumerate(self.residuals) if r <= allowed), self.iterations)

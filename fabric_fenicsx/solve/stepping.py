@@ -12,8 +12,6 @@ from ..errors import InputError
 from .newton import Newton
 from .report import Report
 
-EASY_ITERATIONS = 15  # iterations up to which the next step may grow
-EASY_TO = 1e-6  # tolerance to which these are counted, if they went on
 GROWTH, CUT = 1.5, 0.5
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
@@ -26,8 +24,8 @@ STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it 
 @dataclass
 class Viscosity:
     """Regularisation by a drag on every node [N/mm per step], measured by the mean `stiffness` of
-    one [N/mm]; energy taken by it [N mm]. It fades by one stage after `easy_steps_asked` easy steps
-    in a row, a number that each failure doubles."""
+    one [N/mm]; energy taken by it [N mm]. It fades by one stage after `easy_steps_asked` steps in
+    a row that passed uncut, a number that each failure doubles."""
 
     drag: float = 0.0
     energy: float = 0.0
@@ -46,7 +44,7 @@ class Viscosity:
 
     def note_accepted(self, easy: bool, at_rest: bool) -> None:
         """Note a step that passed. At rest, as the load does not change, the drag fades after each;
-        otherwise after `easy_steps_asked` easy ones."""
+        otherwise after `easy_steps_asked` that passed uncut."""
         self.easy_steps = self.easy_steps + 1 if easy else 0
         if at_rest or self.easy_steps >= self.easy_steps_asked:
             self.drag = self.drag / 4 if self.drag > WEAK * self.stiffness else 0.0
@@ -123,11 +121,11 @@ def march(
     brought to it there: what it then stores counts as work done.
 
     steps: the first step is 1/steps; max_step: largest step, default 1/steps; a failed step is
-    halved down to `min_step`, an easy one lets the next grow. on_accept(Accepted) is called at load
-    0 and at each accepted state, with the scene in that state, on_reject(load, Report) after each
-    failed step. stop() is asked after each step, failed ones too, on all ranks; a text that it
-    returns ends the march, with that reason. Work of supports and tools is summed by parabolas, see
-    `Work`. milestones: load factors to be hit exactly.
+    halved down to `min_step`, one that passes uncut lets the next grow. on_accept(Accepted) is
+    called at load 0 and at each accepted state, with the scene in that state, on_reject(load,
+    Report) after each failed step. stop() is asked after each step, failed ones too, on all ranks;
+    a text that it returns ends the march, with that reason. Work of supports and tools is summed by
+    parabolas, see `Work`. milestones: load factors to be hit exactly.
     viscosity: whether steps that halving does not mend get a drag on every node, strengthened until
     they pass; it fades in those that follow, at full load in steps without load, so the last state
     is in equilibrium without it. accuracy: for scenes that depend on the path, the largest distance
@@ -198,7 +196,7 @@ def march(
         x.copy(predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         allowed = None if load == goal or not settled else path_tolerance
-        report, iterations, hardest = _solve_lagged(newton, x, allowed or 0.0)
+        report, iterations = _solve_lagged(newton, x, allowed or 0.0)
         progress.iterations += iterations
         error = (
             (x - predicted).norm() / max(x.norm(), 1e-300)
@@ -249,6 +247,7 @@ def march(
                 reason = f"gave up at load factor {progress.load:.6g}: {report.reason}{even}"
                 break
             continue
+        at_once = cuts == 0  # not by iterations: these may differ by rounding
         progress.viscosity.energy += drained
         progress.previous, progress.x = progress.x, progress.previous
         x.copy(progress.x)
@@ -266,10 +265,10 @@ def march(
             progress.step = min(
                 max(taken * np.clip(np.sqrt(accuracy / error), CUT, GROWTH), 2 * min_step), max_step
             )
-        elif hardest <= EASY_ITERATIONS:
+        elif at_once:
             progress.step = min(GROWTH * progress.step, max_step)
         if progress.viscosity.drag:
-            progress.viscosity.note_accepted(hardest <= EASY_ITERATIONS, at_rest=not taken)
+            progress.viscosity.note_accepted(at_once, at_rest=not taken)
         now = time.perf_counter()
         if on_accept:
             on_accept(Accepted(load, energies, progress.work, report, cuts, now - clock, progress))
@@ -291,15 +290,13 @@ def march(
 def _solve_lagged(newton, x, allowed):
     """Solve for x, again and again until terms have nothing to take anew: at first to their `rough`
     tolerance, in the end to `allowed` or the solver's. The last `Report`, with the iterations of
-    the hardest solve; the iterations of all; and those of the hardest to `EASY_TO`."""
-    scene, every, hardest = newton.scene, [], 0
+    the hardest solve, and the iterations of all."""
+    scene, every = newton.scene, []
     allowed = max(allowed, newton.tolerance)
     tolerance = max(allowed, scene.rough)
     for _ in range(LAGGED_UPDATES + 1):
         report = newton.solve_for(x, tolerance, minimum=tolerance == allowed)
         every.append(report.iterations)
-        # a tighter tolerance must not lead to other steps
-        hardest = max(hardest, report.iterations_to(EASY_TO if tolerance < EASY_TO else 0.0))
         report.iterations = max(every)
         if not report.converged:
             break
@@ -310,7 +307,7 @@ def _solve_lagged(newton, x, allowed):
     else:
         report.converged = False
         report.reason = f"contact was not settled by {LAGGED_UPDATES} solutions"
-    return report, sum(every), hardest
+    return report, sum(every)
 
 
 def _missing(work, energy, stored):

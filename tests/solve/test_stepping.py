@@ -9,7 +9,6 @@ from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.stepping import FINEST, march
 from fabric_fenicsx.supports import clamped_ends
 
@@ -117,7 +116,19 @@ def test_only_states_on_the_way_are_looser(asked):
     assert asked == [1e-8, 1e-4, 1e-4, 1e-8]
 
 
-@pytest.mark.parametrize("tolerance, iterations", [(1e-1, 1), (1e-2, 2), (1e-9, 3)])
-def test_iterations_are_counted_to_a_tolerance(tolerance, iterations):
-    report = Report(iterations=3, scale=10.0, residuals=[5.0, 0.9, 0.1, 1e-6])
-    assert report.iterations_to(tolerance) == iterations
+@pytest.mark.parametrize("iterations", [1, 99])
+def test_steps_grow_once_one_passed_uncut_however_many_iterations_it_took(monkeypatch, iterations):
+    solve_for, failures = Newton.solve_for, iter([True])
+
+    def counted(self, *args, **options):
+        report = solve_for(self, *args, **options)
+        report.converged = report.converged and not next(failures, False)
+        report.iterations = iterations
+        return report
+
+    monkeypatch.setattr(Newton, "solve_for", counted)
+    loads = []
+    scene = Scene(Blank.rectangle(20, 10, nx=2), [builders.Elastic()], clamped_ends(0.2))
+    march(Newton(scene), steps=4, on_accept=lambda accepted: loads.append(accepted.load))
+    # the first is halved, so the second stays as it is
+    assert loads == pytest.approx([0, 0.125, 0.25, 0.4375, 0.6875, 0.9375, 1])
