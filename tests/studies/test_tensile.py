@@ -241,7 +241,7 @@ def test_resume_after_a_kill_on_other_ranks(launch):
 
 @pytest.mark.mpi
 def test_a_load_that_cannot_be_reached(launch):
-    options = "--element", "P1", "--strain", 0.9, "--max-strain", 10, "--no-pictures"
+    options = "--element", "P1", "--strain", 1, "--max-strain", 10, "--no-pictures"
     done = launch("bias_extension", "--quick", *options)
     assert done.status == 3, done.err
     (said,) = [
