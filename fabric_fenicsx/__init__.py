@@ -44,22 +44,11 @@ if TYPE_CHECKING:
     from .sheets.stack import Stack
     from .solve.limits import Limits
     from .supports import Support, clamped_ends, frame, rolling_ends
-    from .tools import (
-        Cylinder,
-        DoubleDome,
-        Flipped,
-        ImplicitSurface,
-        Nearest,
-        Offset,
-        Plane,
-        Plate,
-        Reversed,
-        Sphere,
-        Surface,
-        Tool,
-        Torus,
-        TriangulatedSurface,
-    )
+    from .tools.double_dome import DoubleDome
+    from .tools.primitives import Cylinder, Plane, Plate, Sphere, Torus
+    from .tools.surfaces import Flipped, ImplicitSurface, Nearest, Offset, Reversed, Surface
+    from .tools.tool import Tool
+    from .tools.triangulated import TriangulatedSurface
     from .verification.derivatives import check_derivatives
 
 # where each name lives
@@ -93,22 +82,11 @@ _HOMES = {
     "sheets.stack": ("Stack",),
     "solve.limits": ("Limits",),
     "supports": ("Support", "clamped_ends", "frame", "rolling_ends"),
-    "tools": (
-        "Cylinder",
-        "DoubleDome",
-        "Flipped",
-        "ImplicitSurface",
-        "Nearest",
-        "Offset",
-        "Plane",
-        "Plate",
-        "Reversed",
-        "Sphere",
-        "Surface",
-        "Tool",
-        "Torus",
-        "TriangulatedSurface",
-    ),
+    "tools.double_dome": ("DoubleDome",),
+    "tools.primitives": ("Cylinder", "Plane", "Plate", "Sphere", "Torus"),
+    "tools.surfaces": ("Flipped", "ImplicitSurface", "Nearest", "Offset", "Reversed", "Surface"),
+    "tools.tool": ("Tool",),
+    "tools.triangulated": ("TriangulatedSurface",),
     "verification.derivatives": ("check_derivatives",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

@@ -9,7 +9,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from .material.laws.base import Material
-from .tools import Surface, Tool, TriangulatedSurface
+from .tools.surfaces import Surface
+from .tools.tool import Tool
 
 if TYPE_CHECKING:
     from .mechanics.term import Term
@@ -41,11 +42,8 @@ def plain(value: Any) -> Any:
         ways = {"path": value.path} | ({"force": value.force} if value.force else {})
         at = {name: [np.asarray(way(load)) for load in (0.5, 1.0)] for name, way in ways.items()}
         return plain({"name": value.name, "surface": value.surface} | at)
-    if isinstance(value, TriangulatedSurface):  # of a CAD file it differs a little each time
-        return {"kind": kind, "crease": value.crease}
     if isinstance(value, Surface):
-        known = {name: each for name, each in vars(value).items() if not name.startswith("_")}
-        return {"kind": kind} | plain(known)
+        return {"kind": kind} | plain(value.given())
     return kind
 
 

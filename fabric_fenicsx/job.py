@@ -15,9 +15,7 @@ from . import dolfinx_compat as compat
 from . import timing
 from .errors import InputError, Interrupted, SolverFailure
 from .given import entries, of_scene
-from .mechanics import mesh_warnings
 from .mechanics.self_crossing import crossing_warning, self_crossings
-from .mechanics.tool_warnings import tool_warnings
 from .results.curve import Curves, Measure, default_measure
 from .results.history import ENERGIES, History, check_notes, energy_balance, viscous_words
 from .results.output import Output, read_converged
@@ -147,9 +145,11 @@ class Job:
         for warning in self.warnings:
             output.warn(warning)
         output.warn(scene.check_held())
-        output.warn(mesh_warnings.cell_size_warning(scene.blank, scene.tools()))
-        for warning in tool_warnings(scene):
-            output.warn(warning)
+        if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
+            from .mechanics.tool_warnings import tool_warnings
+
+            for warning in tool_warnings(scene):
+                output.warn(warning)
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
                 old.unlink(missing_ok=True)  # of an earlier run, not of this one
@@ -319,7 +319,11 @@ class Job:
 
     def _unbelievable(self, output, result, energy):
         """What is wrong with the run as a whole, a sentence each; warns of what may be."""
-        untouched = mesh_warnings.untouched_warning(self.scene)
+        untouched = ""
+        if self.scene.tools():
+            from .mechanics.tool_warnings import untouched_warning
+
+            untouched = untouched_warning(self.scene)
         output.warn(untouched)
         output.warn(crossing_warning(self.scene.blank))
         if not (untouched or any(energy.values()) or self.scene.u.norm()):

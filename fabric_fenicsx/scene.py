@@ -21,7 +21,7 @@ from .sheets.blank import Blank
 from .sheets.parts import Part
 from .supports import Supports, check_held, locating_warning
 from .timing import phase
-from .tools import Tool
+from .tools.tool import Tool
 
 OF_CELLS = "cells "  # before the names of what terms remember of cells
 

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.tools import DoubleDome
+from fabric_fenicsx.tools.double_dome import DoubleDome
 
 
 def double_dome(

@@ -282,10 +282,12 @@ def test_a_sheet_that_only_shapes_of_tools_may_hold_is_told_of(monkeypatch):
     assert "held by shapes" in job.run().summary["warnings"]
 
 
-def test_what_is_doubted_of_tools_is_told(monkeypatch):
-    job = ff.Tensile(**COARSE).job(steps=2)
-    monkeypatch.setattr(fabric_fenicsx.job, "tool_warnings", lambda scene: ["a hole in it"])
-    assert "a hole in it" in job.run().summary["warnings"]
+def test_what_is_doubted_of_tools_is_told():
+    blank = ff.Blank.rectangle(40, 20, nx=2, ny=1, spatial=True)
+    ball = ff.Tool(ff.Sphere(2, (20, 10, -2.5)), name="ball")
+    scene = ff.Scene(blank, [ff.Membrane(ff.load("komeili")), ff.Contact(ball)], ff.clamped_ends(1))
+    warnings = ff.Job(scene, steps=1).run().summary["warnings"]
+    assert any("where the ball has a radius of 2 mm" in text for text in warnings)
 
 
 @pytest.mark.mpi

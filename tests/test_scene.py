@@ -22,7 +22,8 @@ from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.supports import Support, clamped_ends
-from fabric_fenicsx.tools import Plane, Sphere, Tool
+from fabric_fenicsx.tools.primitives import Plane, Sphere
+from fabric_fenicsx.tools.tool import Tool
 
 COMM = MPI.COMM_WORLD
 D = 8.33  # [N mm]

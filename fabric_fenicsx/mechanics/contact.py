@@ -8,8 +8,8 @@ from mpi4py import MPI
 
 from ..errors import InputError
 from ..material.laws.base import Material
-from ..tools import Tool, check_start
-from ..tools.tool import checked_tool
+from ..tools.checks import check_start
+from ..tools.tool import Tool, checked_tool
 from .nodes import Nodes, PressingTerm, TangentialForces
 from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, chord, default_penalty
 from .term import SceneFacts, Triplets

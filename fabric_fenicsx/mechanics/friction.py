@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..errors import InputError
-from ..tools import Tool
-from ..tools.tool import checked_tool
+from ..tools.tool import Tool, checked_tool
 from .nodes import PressingTerm
 from .slipping import elastic, potential, stiffness, tangent, traction, turned
 from .term import SceneFacts, Term, Triplets

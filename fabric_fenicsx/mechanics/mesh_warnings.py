@@ -1,8 +1,6 @@
-"""What speaks against a result though nothing failed: the sheet's size, cells that lock, cells too
-large for the tools, tools that touch nothing."""
+"""What speaks against a result though nothing failed: the sheet's size, bands, cells that lock."""
 
 import math
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,11 +11,8 @@ from ..errors import InputError
 from ..material import kernel
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
-from ..tools import Tool
-from .contact import Contact
 
 if TYPE_CHECKING:
-    from ..scene import Scene
     from .membrane import Membrane
 
 SMALL, LARGE = 20.0, 10_000.0  # mm: a few yarns, more than looms weave
@@ -28,9 +23,6 @@ OFF = 0.5  # of all cells, from which the mesh is taken not to follow the yarns
 BANDS = 1e-2  # of the area
 # share of the strain energy in stretches that neighbouring cells undo; a reaction is then 5 % off
 LOCKED = 2.5e-3
-# angle of the least radius that one cell spans [deg]: in the double dome the punch force is then
-# 1.5 % off; with 38 deg 0.3 %, with 149 deg 6 %
-TURN = 90.0
 
 
 def size_warning(blank: Blank, thickness: float, source: str) -> str:
@@ -124,7 +116,7 @@ def share_off_the_yarns(part: Part) -> float:
     """Share of a part's cells at whose corners edges of the mesh do not run along both yarns; for
     linear displacements."""
     blank = part.blank
-    comm, nodes, corners = blank.mesh.comm, _nodes(blank)[part.cells], _round(blank)[part.cells]
+    comm, nodes, corners = blank.mesh.comm, _nodes(blank)[part.cells], around(blank)[part.cells]
     gdim = blank.mesh.geometry.dim
     edges = np.roll(corners, -1, 1) - corners
     edges /= np.linalg.norm(edges, axis=2, keepdims=True)
@@ -149,7 +141,7 @@ def alternating_energy(membrane: "Membrane") -> float:
     _, b, _ = membrane.at_points()
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
-    corners, nodes = _round(blank)[cells], _nodes(blank)[cells]
+    corners, nodes = around(blank)[cells], _nodes(blank)[cells]
     ends = (
         ((1, 0), (2, 0)) if nodes.shape[1] == 3 else ((2, 0), (3, 1))
     )  # two sides, or both diagonals
@@ -185,44 +177,9 @@ def _nodes(blank):
     return compat.dofmap(blank.V)[: blank.mesh.topology.index_map(2).size_local]
 
 
-def _round(blank):
+def around(blank):
     """Corners of the owned cells one after the other around each, (cells, 3 or 4, gdim) [mm]."""
     nodes = _nodes(blank)
     if nodes.shape[1] == 4:  # in tensor-product order
         nodes = nodes[:, [0, 1, 3, 2]]
     return blank.coordinates()[nodes][:, :, : blank.mesh.geometry.dim]
-
-
-def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
-    """A sentence if cells are too large to bend around the tools' least radius, else ""; for linear
-    displacements."""
-    radii = {tool.name: min(tool.surface.radii) for tool in tools}
-    least = min(radii.values(), default=math.inf)
-    corners = _round(blank)
-    longest = np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=2).max(1)
-    total, cells = blank.mesh.comm.allreduce(np.array([longest.sum(), len(longest)]), MPI.SUM)
-    turn = math.degrees(total / cells / least)
-    if turn <= TURN:
-        return ""
-    name = min(radii, key=lambda name: radii[name])
-    return (
-        f"cells are {total / cells:.3g} mm long where the {name} has a radius of {least:.3g} mm: "
-        "forces may be some per cent and angles some deg off; "
-        f"take cells below {math.radians(TURN) * least:.3g} mm"
-    )
-
-
-def untouched_warning(scene: "Scene") -> str:
-    """A sentence that names the tools on paths which have moved, and in no accepted state touched
-    the sheet, else ""."""
-    told = []
-    for tool in scene.tools():
-        its = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
-        moved = float(np.linalg.norm(np.subtract(tool.path(1.0), tool.path(0.0))))
-        if its and moved and not any(contact.deepest() for contact in its):
-            gap = min(float(contact.gap().min(initial=math.inf)) for contact in its)
-            gap = scene.comm.allreduce(gap, MPI.MIN)
-            told.append(f"{tool.name} moved by {moved:.3g} mm, and is still {gap:.3g} mm off")
-    if not told:
-        return ""
-    return f"a tool never touched the sheet: {'; '.join(told)}; check its path and its surface"

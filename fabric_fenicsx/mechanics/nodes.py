@@ -12,7 +12,7 @@ from .. import dolfinx_compat as compat
 from ..errors import InputError
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
-from ..tools import Tool
+from ..tools.tool import Tool
 from .term import Term
 
 

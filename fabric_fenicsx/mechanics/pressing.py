@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..tools import Plane, Tool
+from ..tools.primitives import Plane
+from ..tools.tool import Tool
 from ..tools.values import checked_vector
 from .nodes import Nodes, PressingTerm
 from .sheet_contact import SheetContact

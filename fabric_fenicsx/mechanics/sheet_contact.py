@@ -11,7 +11,7 @@ from scipy import sparse
 
 from ..errors import InputError
 from ..material.metal import Metal
-from ..tools import Tool
+from ..tools.tool import Tool
 from .aitken import Aitken
 from .contact import MORE
 from .faces import Face

@@ -20,7 +20,7 @@ from ..sheets.parts import Part
 from .term_checks import check_form, check_words, one_number
 
 if TYPE_CHECKING:
-    from ..tools import Tool
+    from ..tools.tool import Tool
 
 Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns and values of a sparse matrix
 EMPTY = np.empty(0)

@@ -14,7 +14,9 @@ from scipy.optimize import brentq
 
 from ..errors import InputError
 from ..sheets.parts import Part
-from ..tools import DoubleDome, Tool, TriangulatedSurface
+from ..tools.double_dome import DoubleDome
+from ..tools.tool import Tool
+from ..tools.triangulated import TriangulatedSurface
 from . import forming, forming_pictures, measures, pictures
 from .output import MARKED
 from .result import OUTLIERS, Result, of_fabric

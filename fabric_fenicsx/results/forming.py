@@ -17,8 +17,8 @@ from matplotlib.tri import LinearTriInterpolator, Triangulation
 from numpy.typing import ArrayLike
 
 from ..errors import InputError
-from ..tools import Tool
 from ..tools.facets import vertex_normals
+from ..tools.tool import Tool
 from .ply import SAME, Grid, ply_of
 
 File: TypeAlias = pathlib.Path | str

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.path import Path as Polygon
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
-from ..tools import DoubleDome, Tool
+from ..tools.double_dome import DoubleDome
+from ..tools.tool import Tool
 from . import forming, forming_pictures, measures, pictures
 from .formed import ANGLES
 from .ply import Grid, ply_of

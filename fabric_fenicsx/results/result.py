@@ -19,7 +19,7 @@ from .curve import Curves
 if TYPE_CHECKING:
     import pyvista
 
-    from ..tools import Tool
+    from ..tools.tool import Tool
     from .forming import Outline
 
 LAST_PICTURE = "maps.png"  # where it is, all pictures of a run are

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ..errors import InputError
-from ..tools import DoubleDome
+from ..tools.double_dome import DoubleDome
 
 DIMENSIONS = tuple(each.name for each in dataclasses.fields(DoubleDome))
 

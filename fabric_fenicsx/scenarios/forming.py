@@ -26,15 +26,11 @@ from ..scene import Scene
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from ..supports import Support
-from ..tools import (
-    DoubleDome,
-    Offset,
-    Plane,
-    Reversed,
-    Surface,
-    Tool,
-    check_motion,
-)
+from ..tools.checks import check_motion
+from ..tools.double_dome import DoubleDome
+from ..tools.primitives import Plane
+from ..tools.surfaces import Offset, Reversed, Surface
+from ..tools.tool import Tool
 from . import holding, measuring, stacking
 from .dome import DIMENSIONS, dome_of
 from .numbers import COUNT, FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text

@@ -13,7 +13,7 @@ from ..mechanics.load import EdgeTension
 from ..mechanics.term import Term
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
-from ..tools import Tool
+from ..tools.tool import Tool
 
 # what holds the rim, and the field that only this way uses
 HOLDERS = {

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from ..job import Result
 from ..material.metal import load_metal
-from ..tools import DoubleDome
+from ..tools.double_dome import DoubleDome
 from .dome import dome_of
 from .forming import Forming
 from .numbers import FRACTION, POSITIVE, number, text

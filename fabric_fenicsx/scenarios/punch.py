@@ -8,9 +8,10 @@ import numpy as np
 from mpi4py import MPI
 
 from ..errors import InputError
-from ..tools import DoubleDome, Surface, TriangulatedSurface, check_own_punch, check_punch
-from ..tools.checks import mirror_warning
-from ..tools.surfaces import radii_of
+from ..tools.checks import check_own_punch, check_punch, mirror_warning
+from ..tools.double_dome import DoubleDome
+from ..tools.surfaces import Surface, radii_of
+from ..tools.triangulated import TriangulatedSurface
 
 
 def punch_of(

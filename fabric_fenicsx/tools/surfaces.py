@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from reprlib import repr as shown
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -106,6 +106,10 @@ class Surface:
     def from_behind(self) -> Surface:
         """Itself as `Reversed` wants it: an open surface is open from both sides."""
         return self
+
+    def given(self) -> dict[str, Any]:
+        """What tells it from another of its kind, by name: a checkpoint must agree in it."""
+        return {name: value for name, value in vars(self).items() if not name.startswith("_")}
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As `evaluate`, at points (n, 3) [mm] that are finite; every surface gives it."""

@@ -18,8 +18,7 @@ from ..mechanics.term import Term
 from ..mechanics.term_checks import add_forces, one_number, triplets
 from ..mechanics.triplets import TripletPlaces
 from ..scene import Scene
-from ..tools import ImplicitSurface, Surface
-from ..tools.surfaces import radii_of
+from ..tools.surfaces import ImplicitSurface, Surface, radii_of
 
 ALLOWED = 1e-4  # difference, over the largest of its kind
 KINKS = 0.02  # of states or points, at which a derivative may jump between both sides

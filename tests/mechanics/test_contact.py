@@ -25,7 +25,10 @@ from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.sheets.stack import Stack
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.supports import Support
-from fabric_fenicsx.tools import Cylinder, DoubleDome, Offset, Plane, Reversed, Sphere, Tool
+from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
+from fabric_fenicsx.tools.surfaces import Offset, Reversed
+from fabric_fenicsx.tools.tool import Tool
 
 COMM = MPI.COMM_WORLD
 T, K = 0.4, 1000.0  # thickness [mm], penalty [N/mm^3]

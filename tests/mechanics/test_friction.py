@@ -19,7 +19,8 @@ from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.supports import Support
-from fabric_fenicsx.tools import Cylinder, Plane, Sphere, Tool
+from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
+from fabric_fenicsx.tools.tool import Tool
 
 COMM = MPI.COMM_WORLD
 T, K = 0.4, 1000.0  # thickness [mm], penalty [N/mm^3]

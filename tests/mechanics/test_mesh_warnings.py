@@ -15,7 +15,6 @@ from fabric_fenicsx.mechanics.mesh_warnings import (
     LOCKED,
     alternating_energy,
     band_warning,
-    cell_size_warning,
     locking_warning,
     share_off_the_yarns,
     size_warning,
@@ -26,7 +25,6 @@ from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.supports import clamped_ends
-from fabric_fenicsx.tools import Offset, Plane, Reversed, Sphere, Tool
 
 COMM = MPI.COMM_WORLD
 KOMEILI = load("komeili")
@@ -168,22 +166,6 @@ def test_a_state_at_rest_and_a_homogeneous_one_have_no_alternating_energy():
     assert alternating_energy(membrane) == 0
     blank.u.interpolate(lambda x: [0.03 * x[0] + 0.2 * x[1], 0.01 * x[1]])
     assert abs(alternating_energy(membrane)) < 1e-12
-
-
-@pytest.mark.mpi
-def test_cells_too_large_for_a_tool():
-    blank = sheet(40, 20, 8, 4, spatial=True)  # 5 mm long
-    ball, table = (
-        Tool(Sphere(5.0, (0, 0, 0)), name="ball"),
-        Tool(Plane((0, 0, 0), (0, 0, 1)), name="table"),
-    )
-    assert cell_size_warning(blank, [table, ball]) == cell_size_warning(blank, []) == ""
-    small = Tool(Sphere(3.0, (0, 0, 0)), name="tip")
-    warning = cell_size_warning(blank, [table, ball, small])
-    assert "5 mm long where the tip has a radius of 3 mm" in warning
-    assert "below 4.71 mm" in warning
-    die = Tool(Reversed(Offset(Sphere(2.0, (0, 0, 0)), 1.0)), name="die")  # seen from inside
-    assert "die has a radius of 3 mm" in cell_size_warning(blank, [die])
 
 
 @pytest.mark.mpi

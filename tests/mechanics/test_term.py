@@ -24,7 +24,8 @@ from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.results.history import COLUMNS
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.supports import Support, clamped_ends
-from fabric_fenicsx.tools import Plane, Sphere, Tool
+from fabric_fenicsx.tools.primitives import Plane, Sphere
+from fabric_fenicsx.tools.tool import Tool
 
 COMM = MPI.COMM_WORLD
 KOMEILI = load("komeili")

@@ -10,17 +10,13 @@ from fabric_fenicsx.mechanics.contact import Contact
 from fabric_fenicsx.mechanics.friction import Friction
 from fabric_fenicsx.mechanics.load import DeadPressure
 from fabric_fenicsx.mechanics.membrane import Membrane
-from fabric_fenicsx.mechanics.tool_warnings import tool_warnings
+from fabric_fenicsx.mechanics.tool_warnings import cell_size_warning, tool_warnings
 from fabric_fenicsx.scene import Scene
 from fabric_fenicsx.supports import clamped_ends
-from fabric_fenicsx.tools import (
-    ImplicitSurface,
-    Plane,
-    Reversed,
-    Sphere,
-    Tool,
-    TriangulatedSurface,
-)
+from fabric_fenicsx.tools.primitives import Plane, Sphere
+from fabric_fenicsx.tools.surfaces import ImplicitSurface, Offset, Reversed
+from fabric_fenicsx.tools.tool import Tool
+from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
 KOMEILI = load("komeili")
 
@@ -96,3 +92,19 @@ def test_a_sheet_that_nothing_presses_on_its_tool(surfaces, loads, supports, sai
     told = tool_warnings(Scene(sheet(), terms, supports))
     words = "blank has tools on one side alone (tool), and no support holds it along z: "
     assert [text.startswith(words) for text in told] == [True] * said
+
+
+@pytest.mark.mpi
+def test_cells_too_large_for_a_tool():
+    blank = builders.sheet(40, 20, 8, 4, spatial=True)  # 5 mm long
+    ball, table = (
+        Tool(Sphere(5.0, (0, 0, 0)), name="ball"),
+        Tool(Plane((0, 0, 0), (0, 0, 1)), name="table"),
+    )
+    assert cell_size_warning(blank, [table, ball]) == cell_size_warning(blank, []) == ""
+    small = Tool(Sphere(3.0, (0, 0, 0)), name="tip")
+    warning = cell_size_warning(blank, [table, ball, small])
+    assert "5 mm long where the tip has a radius of 3 mm" in warning
+    assert "below 4.71 mm" in warning
+    die = Tool(Reversed(Offset(Sphere(2.0, (0, 0, 0)), 1.0)), name="die")  # seen from inside
+    assert "die has a radius of 3 mm" in cell_size_warning(blank, [die])

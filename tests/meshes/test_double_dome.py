@@ -9,8 +9,9 @@ import pytest
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome, main, write_step
-from fabric_fenicsx.tools import DoubleDome, TriangulatedSurface
 from fabric_fenicsx.tools.checks import check_punch
+from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
 SCRIPT = Path(__file__).parents[2] / "meshes" / "double_dome.py"
 COARSE = ["--size", "20", "--turn", "40", "--quarter"]

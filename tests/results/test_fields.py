@@ -23,17 +23,11 @@ from fabric_fenicsx.mechanics.contact import Contact
 from fabric_fenicsx.mechanics.membrane import Membrane
 from fabric_fenicsx.results.fields import UNITS, FieldSeries, read_last, yarn_coordinates
 from fabric_fenicsx.scene import Scene
-from fabric_fenicsx.tools import (
-    Cylinder,
-    DoubleDome,
-    Flipped,
-    Offset,
-    Plane,
-    Reversed,
-    Sphere,
-    Tool,
-    TriangulatedSurface,
-)
+from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
+from fabric_fenicsx.tools.surfaces import Flipped, Offset, Reversed
+from fabric_fenicsx.tools.tool import Tool
+from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
 COMM = MPI.COMM_WORLD
 LENGTH, WIDTH = 60.0, 40.0

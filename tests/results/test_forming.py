@@ -11,7 +11,9 @@ from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import forming, forming_pictures
-from fabric_fenicsx.tools import Cylinder, DoubleDome, Offset, Plane, Reversed, Sphere
+from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
+from fabric_fenicsx.tools.surfaces import Offset, Reversed
 
 
 def formed(

@@ -9,22 +9,18 @@ from mpi4py import MPI
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome
-from fabric_fenicsx.tools import (
-    DoubleDome,
-    Flipped,
-    ImplicitSurface,
-    Offset,
-    Plane,
-    Sphere,
-    Tool,
-    Torus,
-    TriangulatedSurface,
+from fabric_fenicsx.tools.checks import (
     check_motion,
     check_punch,
     check_start,
     check_triangles,
     height,
 )
+from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.primitives import Plane, Sphere, Torus
+from fabric_fenicsx.tools.surfaces import Flipped, ImplicitSurface, Offset
+from fabric_fenicsx.tools.tool import Tool
+from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
 POINTS, CELLS = double_dome(size=20, turn=15)
 HALF = 235.0, 135.0

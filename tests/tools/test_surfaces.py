@@ -11,22 +11,18 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.tools import (
-    Cylinder,
-    DoubleDome,
+from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.primitives import Cylinder, Plane, Plate, Sphere, Torus
+from fabric_fenicsx.tools.surfaces import (
     Flipped,
     ImplicitSurface,
     Nearest,
     Offset,
-    Plane,
-    Plate,
     Reversed,
-    Sphere,
     Surface,
-    Tool,
-    Torus,
-    TriangulatedSurface,
 )
+from fabric_fenicsx.tools.tool import Tool
+from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
 DOMES = {
     "default": DoubleDome(),

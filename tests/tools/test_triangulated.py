@@ -9,17 +9,12 @@ from mpi4py import MPI
 
 from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome, write, write_step
-from fabric_fenicsx.tools import (
-    DoubleDome,
-    Flipped,
-    Offset,
-    Plate,
-    Reversed,
-    Sphere,
-    TriangulatedSurface,
-    patches,
-)
+from fabric_fenicsx.tools import patches
+from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.primitives import Plate, Sphere
 from fabric_fenicsx.tools.projection import fundamental_forms
+from fabric_fenicsx.tools.surfaces import Flipped, Offset, Reversed
+from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
 DOME = DoubleDome()
 
