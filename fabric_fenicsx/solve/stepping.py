@@ -196,7 +196,7 @@ def march(
         x.copy(predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         allowed = None if load == goal or not settled else path_tolerance
-        report, iterations = _solve_lagged(newton, x, allowed or 0.0)
+        report, iterations = _solve_lagged(newton, x, allowed or 0.0, moving=bool(taken))
         progress.iterations += iterations
         error = (
             (x - predicted).norm() / max(x.norm(), 1e-300)
@@ -287,7 +287,7 @@ def march(
     return Outcome(progress.load, reason, progress.accepted, progress.rejected, progress.iterations)
 
 
-def _solve_lagged(newton, x, allowed):
+def _solve_lagged(newton, x, allowed, moving):
     """Solve for x, again and again until terms have nothing to take anew: at first to their `rough`
     tolerance, in the end to `allowed` or the solver's. The last `Report`, with the iterations of
     the hardest solve, and the iterations of all."""
@@ -304,10 +304,23 @@ def _solve_lagged(newton, x, allowed):
             if tolerance == allowed:
                 break
             tolerance = allowed
+        elif moving and _upset(scene, x):  # it would settle after hundreds of iterations, if ever
+            report.converged = False
+            report.reason = "contact changed by more than all forces after a solution"
+            break
     else:
         report.converged = False
         report.reason = f"contact was not settled by {LAGGED_UPDATES} solutions"
     return report, sum(every)
+
+
+def _upset(scene, x):
+    """Whether what terms have taken anew leaves the scene further out of balance at x than the
+    forces on it are large."""
+    residual = x.duplicate()
+    scene.set(x)
+    scene.residual(residual)
+    return residual.norm() > scene.force_scale()
 
 
 def _missing(work, energy, stored):
