@@ -182,9 +182,16 @@ class Face:
         (n, 3)."""
         return flat + weights @ self.displacement
 
-    def below(self, points: np.ndarray, guess: np.ndarray, reach: float) -> Over:
+    def below(
+        self,
+        points: np.ndarray,
+        guess: np.ndarray,
+        reach: float,
+        ahead: np.ndarray | None = None,
+    ) -> Over:
         """What lies below points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
-        look in first, -1 for none."""
+        look in first, -1 for none; ahead (n, 3): if given, triangles are passed over whose normal
+        is more than 90 deg off this one."""
         n = len(points)
         found = Over(
             np.full(n, -1),
@@ -194,7 +201,7 @@ class Face:
             np.zeros((n, 3, 3)),
         )
         at = np.flatnonzero(guess >= 0)
-        self._look(points, at, guess[at], found)
+        self._look(points, at, guess[at], ahead, found)
         rest = np.flatnonzero(found.triangle < 0)
         if len(rest):
             corners = self.places[self.triangles]
@@ -207,11 +214,11 @@ class Face:
             near = near.reshape(len(rest), many)
             for column in near.T:
                 left = np.flatnonzero((column < len(corners)) & (found.triangle[rest] < 0))
-                self._look(points, rest[left], column[left], found)
+                self._look(points, rest[left], column[left], ahead, found)
         found.triangle[~(abs(found.gap) <= reach)] = -1
         return found
 
-    def _look(self, points, rows, triangle, found):
+    def _look(self, points, rows, triangle, ahead, found):
         """Put into `rows` of `found` those points that lie over these triangles."""
         nodes = self.triangles[triangle]
         corners, normals = self.places[nodes], self.normals[nodes]
@@ -231,7 +238,10 @@ class Face:
                 break
         weights = np.column_stack([1 - y[:, 0] - y[:, 1], y[:, 0], y[:, 1]])
         settled = np.isfinite(change).all(1) & (abs(change).max(1, initial=0) < 1e-9)
-        fits = np.flatnonzero(settled & (weights.min(1, initial=0) >= -INSIDE))
+        fits = settled & (weights.min(1, initial=0) >= -INSIDE)
+        if ahead is not None:
+            fits &= (along * ahead[rows]).sum(1) > 0
+        fits = np.flatnonzero(fits)
         rows, y, weights, along = rows[fits], y[fits], weights[fits], along[fits]
         m = m[fits]
         length = np.linalg.norm(along, axis=1)

@@ -93,14 +93,12 @@ class SheetContact(Term):
         parts = [blank.part(name) for name in self.sheets]
         thickness = [self._thickness(part) for part in parts]
         self.distance, self.thickness = sum(thickness) / 2 + self.layer, min(thickness)
-        sizes = [
-            comm.allreduce(blank.areas()[part.cells].sum()) / comm.allreduce(len(part.cells))
-            for part in parts
-        ]
+        areas = [blank.areas()[part.cells] for part in parts]
+        sizes = [comm.allreduce(each.sum()) / comm.allreduce(len(each)) for each in areas]
         over = 1 if sizes[1] <= sizes[0] * (1 + 1e-6) else 0
         self._part = parts[over]
-        # the face below the points looks at them
-        self._face = Face(parts[1 - over], 1.0 if over else -1.0, self._symmetric)
+        self._side = 1.0 if over else -1.0  # the face below the points looks at them
+        self._face = Face(parts[1 - over], self._side, self._symmetric)
         self._own = Face(parts[over], 1.0, self._symmetric)
         # other sheets may lie between them
         apart = abs(self._own.flat_height() - self._face.flat_height())
@@ -111,8 +109,7 @@ class SheetContact(Term):
         self._weights = self._own.own_weights(N)
         self._flat_weights = self._own.own_weights(N, flat=True)
         self._flat = self._own.flat(N)
-        areas = blank.areas()[self._part.cells]
-        self.areas = (areas[:, None] * weights / weights.sum()).ravel()
+        self.areas = (areas[over][:, None] * weights / weights.sum()).ravel()
         self.count = len(self.areas)
         penalty = self._given or self._default_penalty(scene, parts)
         face = PressureLaw(penalty, SMOOTHING * PERMITTED * self.thickness)
@@ -173,14 +170,16 @@ class SheetContact(Term):
         return self._found[1]
 
     def _faced(self):
-        self._face.take()
-        self._own.take()
-        points = self._own.points(self._weights, self._flat)
-        over = self._face.below(points, self._below, self._reach)
+        face, own = self._face, self._own
+        face.take()
+        own.take()
+        points = own.points(self._weights, self._flat)
+        # a sheet that is folded over shows its back to points of the other one
+        ahead = self._side * (self._flat_weights @ own.normals)
+        over = face.below(points, self._below, self._reach, ahead)
         self._below = over.triangle
         at = np.flatnonzero(over.triangle >= 0)
-        face = self._face
-        nodes = np.concatenate([self._own.nodes, face.nodes])
+        nodes = np.concatenate([own.nodes, face.nodes])
 
         def pairs_of(own, is_flat):
             below = face.weights(over.triangle[at], over.weights[at], is_flat)
@@ -365,10 +364,9 @@ class SheetContact(Term):
     def sliding(self) -> np.ndarray:
         """How far each point has moved along the other sheet from the place that it lay over at the
         start, (count, 3) [mm]; NaN where it lay or lies over none."""
-        moved = np.full((self.count, 3), np.nan)
+        moved, normal = np.full((2, self.count, 3), np.nan)
         first, now = self._first, self._now
         moved[first.points] = first.moved()
-        normal = np.full((self.count, 3), np.nan)
         normal[now.points] = now.normal
         return moved - (moved * normal).sum(1, keepdims=True) * normal
 

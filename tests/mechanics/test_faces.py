@@ -200,6 +200,20 @@ def test_a_guess_finds_what_a_search_does():
         assert again.gap == pytest.approx(found.gap, abs=1e-12)
 
 
+@pytest.mark.mpi
+def test_only_layers_that_look_ahead_are_met():
+    """Of a sheet folded over at x = 10, whose end lies 0.5 mm above it with its back up."""
+    blank = bent(12, 6, curve=lambda x: 0 * x[:, 0])
+    X = blank.coordinates()
+    folded = np.where(X[:, :1] > 10, [20, 0, 0.5] + X * [-1, 1, 0], X)
+    blank.u.x.array[:] = (folded - X).ravel()
+    face, (x, y) = Face(blank.whole, 1.0, []), places(within=(2.0, 8.0)).T
+    points, guess = np.column_stack([x - 2, y, 0 * x + 0.6]), np.full(len(x), -1)
+    up = np.tile([0.0, 0.6, 0.8], (len(x), 1))
+    for ahead, gap in ((None, -0.1), (up, 0.6), (-up, -0.1)):
+        assert face.below(points, guess, 5.0, ahead).gap == pytest.approx(gap, abs=1e-9)
+
+
 @pytest.mark.parametrize("options", [{"cell": "quadrilateral"}, {"degree": 2}])
 def test_other_cells_have_no_face(options):
     blank = rectangle(10, 10, 2, 2, spatial=True, **options)

@@ -75,6 +75,24 @@ def test_patch_pressure(pressed):
 
 
 @pytest.mark.mpi
+def test_the_back_of_a_fold_is_not_pressed():
+    """The lower sheet's end is folded over and lies in the upper sheet with its back up; the upper
+    one is moved, so that what lay below its points has to be sought anew."""
+    sheets = [(rectangle(60, 10, 60, 10, "crossed", COMM, spatial=True), T, n) for n in ABC[:2]]
+    stack, contact = ff.Stack(sheets), ff.SheetContact("a", "b")
+    ff.Scene(stack, [*membranes(ABC[:2]), contact], [])
+    X = stack.coordinates()
+    lower = stack.part("a").nodes
+    fold = [80, 0, 0.8 * T] + X * [-1, 1, 1]
+    x = np.where((lower & (X[:, 0] > 40))[:, None], fold, X)
+    x[~lower, 0] -= 3.0
+    stack.u.x.array[:] = (x - X).ravel()
+    facing = contact.facing()
+    assert COMM.allreduce(len(facing.gap)) > 1000
+    assert facing.gap.min(initial=0) > -1e-9 and (facing.normal[:, 2] > 0).all()
+
+
+@pytest.mark.mpi
 def test_patch_forces(pressed):
     """Each contact bears the whole load."""
     _, _, pairs, (top, bottom), load = pressed
