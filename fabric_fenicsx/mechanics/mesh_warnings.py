@@ -177,7 +177,7 @@ def _nodes(blank):
     return compat.dofmap(blank.V)[: blank.mesh.topology.index_map(2).size_local]
 
 
-def around(blank):
+def around(blank: Blank) -> np.ndarray:
     """Corners of the owned cells one after the other around each, (cells, 3 or 4, gdim) [mm]."""
     nodes = _nodes(blank)
     if nodes.shape[1] == 4:  # in tensor-product order
