@@ -41,7 +41,7 @@ export OMP_NUM_THREADS := 1
 # Ranks may outnumber cores. Only then they give up a core while they wait: beside other work it comes back late.
 ifeq ($(FROM),pip)
 # A process of MPICH has 2048 communicators, and on ranks PETSc keeps those of scenes that are gone: a process for each file.
-MPI_PARTS := $(shell grep -l mark.mpi tests/test_*.py tests/*/test_*.py)
+MPI_PARTS := $(shell grep -l mark.mpi tests/test_*.py tests/*/test_*.py tests/*/*/test_*.py)
 VENV := .venv-pip
 MPIRUN := $(VENV)/bin/mpiexec -n $(RANKS)
 TEST_MPIRUN := MPIEXEC_TIMEOUT=$(TEST_TIMEOUT) $(MPIRUN)

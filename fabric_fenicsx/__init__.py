@@ -15,35 +15,35 @@ with suppress(ModuleNotFoundError):
     import_module("dolfinx_solver")
 
 if TYPE_CHECKING:
-    from .errors import InputError, Interrupted, SolverFailure
-    from .job import Job, Result
+    from .job.job import Job, Result
     from .material.hardening import HardeningTable, Swift, Voce
     from .material.laws.base import Law
     from .material.laws.coupled import WovenFabric, Yarn
     from .material.laws.tabulated import TabulatedFabric
     from .material.metal import Metal, load_metal
     from .material.presets import load
-    from .mechanics.bending import Bending
-    from .mechanics.contact import Contact
-    from .mechanics.friction import Friction
+    from .mechanics.contact.contact import Contact
+    from .mechanics.contact.friction import Friction
+    from .mechanics.contact.pressing import BlankHolderPressure
+    from .mechanics.contact.sheet_contact import SheetContact
+    from .mechanics.contact.sheet_friction import SheetFriction
     from .mechanics.load import DeadPressure, EdgeTension
-    from .mechanics.membrane import Membrane
-    from .mechanics.metal import SheetMetal
-    from .mechanics.pressing import BlankHolderPressure
-    from .mechanics.sheet_contact import SheetContact
-    from .mechanics.sheet_friction import SheetFriction
+    from .mechanics.shell.bending import Bending
+    from .mechanics.shell.membrane import Membrane
+    from .mechanics.shell.metal import SheetMetal
     from .mechanics.term import Term
+    from .runtime.errors import InputError, Interrupted, SolverFailure
     from .scenarios.bias_extension import BiasExtension
     from .scenarios.forming import Forming
     from .scenarios.laminate import Laminate
     from .scenarios.picture_frame import PictureFrame
     from .scenarios.plies import Ply
     from .scenarios.tensile import Tensile
-    from .scene import Scene
+    from .scene.scene import Scene
+    from .scene.supports import Support, clamped_ends, frame, rolling_ends
     from .sheets.blank import Blank
     from .sheets.stack import Stack
     from .solve.limits import Limits
-    from .supports import Support, clamped_ends, frame, rolling_ends
     from .tools.double_dome import DoubleDome
     from .tools.primitives import Cylinder, Plane, Plate, Sphere, Torus
     from .tools.surfaces import Flipped, ImplicitSurface, Nearest, Offset, Reversed, Surface
@@ -53,23 +53,23 @@ if TYPE_CHECKING:
 
 # where each name lives
 _HOMES = {
-    "errors": ("InputError", "Interrupted", "SolverFailure"),
-    "job": ("Job", "Result"),
+    "runtime.errors": ("InputError", "Interrupted", "SolverFailure"),
+    "job.job": ("Job", "Result"),
     "material.hardening": ("HardeningTable", "Swift", "Voce"),
     "material.laws.base": ("Law",),
     "material.laws.coupled": ("WovenFabric", "Yarn"),
     "material.laws.tabulated": ("TabulatedFabric",),
     "material.metal": ("Metal", "load_metal"),
     "material.presets": ("load",),
-    "mechanics.bending": ("Bending",),
-    "mechanics.contact": ("Contact",),
-    "mechanics.friction": ("Friction",),
+    "mechanics.shell.bending": ("Bending",),
+    "mechanics.contact.contact": ("Contact",),
+    "mechanics.contact.friction": ("Friction",),
     "mechanics.load": ("DeadPressure", "EdgeTension"),
-    "mechanics.membrane": ("Membrane",),
-    "mechanics.metal": ("SheetMetal",),
-    "mechanics.pressing": ("BlankHolderPressure",),
-    "mechanics.sheet_contact": ("SheetContact",),
-    "mechanics.sheet_friction": ("SheetFriction",),
+    "mechanics.shell.membrane": ("Membrane",),
+    "mechanics.shell.metal": ("SheetMetal",),
+    "mechanics.contact.pressing": ("BlankHolderPressure",),
+    "mechanics.contact.sheet_contact": ("SheetContact",),
+    "mechanics.contact.sheet_friction": ("SheetFriction",),
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),
     "scenarios.forming": ("Forming",),
@@ -77,11 +77,11 @@ _HOMES = {
     "scenarios.picture_frame": ("PictureFrame",),
     "scenarios.plies": ("Ply",),
     "scenarios.tensile": ("Tensile",),
-    "scene": ("Scene",),
+    "scene.scene": ("Scene",),
     "sheets.blank": ("Blank",),
     "sheets.stack": ("Stack",),
     "solve.limits": ("Limits",),
-    "supports": ("Support", "clamped_ends", "frame", "rolling_ends"),
+    "scene.supports": ("Support", "clamped_ends", "frame", "rolling_ends"),
     "tools.double_dome": ("DoubleDome",),
     "tools.primitives": ("Cylinder", "Plane", "Plate", "Sphere", "Torus"),
     "tools.surfaces": ("Flipped", "ImplicitSurface", "Nearest", "Offset", "Reversed", "Surface"),

@@ -17,7 +17,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from .jit_cache import TIMEOUT, compiled
+from .runtime.jit_cache import TIMEOUT, compiled
 
 VERSION = tuple(int(n) for n in dolfinx.__version__.split(".")[:2])
 OLD, NEW = VERSION < (0, 8), VERSION >= (0, 11)

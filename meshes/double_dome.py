@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome
 
 

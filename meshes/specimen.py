@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import Delaunay
 
-from fabric_fenicsx.errors import InputError
+from fabric_fenicsx.runtime.errors import InputError
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
 EDGE = 0.5  # least distance of corners of squares from the sheet's edges, over their size

@@ -2,7 +2,7 @@
 each varied alone."""
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.errors import SolverFailure
+from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.scenarios.forming import Forming
 from fabric_fenicsx.verification import compression_parameters as parameters
 

@@ -4,8 +4,8 @@ ply between rigid tools."""
 from functools import partial
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.laws import coupling_variants
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scenarios.forming import Forming
 from fabric_fenicsx.verification import sweeps
 

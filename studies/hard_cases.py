@@ -4,7 +4,7 @@ reason."""
 import textwrap
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.errors import InputError, SolverFailure
+from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.scenarios.scenario import Scenario
 from fabric_fenicsx.verification.hard_cases import CASES, Setting, run_case
 

@@ -12,10 +12,10 @@ import scipy
 from fabric_fenicsx import __version__
 from fabric_fenicsx.command_line.identification import check, options
 from fabric_fenicsx.command_line.options import exit_status, program, restart_command
-from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import curves, identification
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.results import report as html
+from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 
 
 def write_report(args, path, report, started):

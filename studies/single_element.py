@@ -2,8 +2,8 @@
 Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.errors import SolverFailure
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.scenarios.scenario import Scenario
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.verification.single_element import LABELS, MODELS, compare

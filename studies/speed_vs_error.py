@@ -12,8 +12,8 @@ from tqdm import tqdm
 
 from fabric_fenicsx.command_line.options import option_type
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.scenarios.numbers import POSITIVE
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.runtime.fields import POSITIVE
 from fabric_fenicsx.scenarios.scenario import Scenario
 from fabric_fenicsx.verification import fronts
 from fabric_fenicsx.verification.cost import cost

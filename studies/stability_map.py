@@ -4,8 +4,8 @@ p_min, c, d, s_C, and thresholds."""
 import numpy as np
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.errors import SolverFailure
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.scenarios.scenario import Scenario
 from fabric_fenicsx.verification.stability_maps import kernel_difference, stability_maps
 from fabric_fenicsx.verification.stability_thresholds import HIGH, LOW, thresholds

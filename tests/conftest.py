@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fabric_fenicsx.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 
 ROOT = Path(__file__).parents[1]
 # Seconds after which what a test started counts as hung: far more than the slowest takes on a
@@ -58,8 +58,8 @@ def wait_and_kill(command, cwd, history, rows):
 def run_here(patch, script):
     """Run a study in this process: status, standard output and standard error. What a process's
     end would undo is undone; an exception that a study does not expect is raised."""
-    from fabric_fenicsx import timing
     from fabric_fenicsx.command_line import study
+    from fabric_fenicsx.runtime import timing
 
     made, log = [], logging.getLogger("fabric_fenicsx")
 

@@ -23,7 +23,7 @@ from fabric_fenicsx.material.laws.base import LAWS
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.material.units import UNITS
 from fabric_fenicsx.meshes.specimen import specimen, write
-from fabric_fenicsx.ranks import RANKS_ENVIRONMENT
+from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

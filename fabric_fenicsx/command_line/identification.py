@@ -3,8 +3,8 @@
 from argparse import Namespace
 from pathlib import Path
 
-from ..errors import InputError
 from ..material import identification
+from ..runtime.errors import InputError
 from .options import HelpFormatter, Parser, program
 
 DATA = "folder with sheet.toml and a CSV file a test; see docs/howto/own_data.md"

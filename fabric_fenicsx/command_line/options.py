@@ -9,9 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ..errors import InputError, Interrupted
-from ..ranks import on_ranks
-from ..scenarios.numbers import Rule
+from ..runtime.errors import InputError, Interrupted
+from ..runtime.fields import Rule
+from ..runtime.ranks import on_ranks
 
 STUDIES = Path(__file__).parents[1] / "studies"  # a link in the repository, a copy where installed
 

@@ -13,17 +13,17 @@ from typing import Any
 
 from mpi4py import MPI
 
-from ..errors import InputError, Interrupted, SolverFailure
-from ..job import Result
+from ..job.job import Result
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import PRESETS, load, read_laws
-from ..mechanics.membrane import Membrane
+from ..mechanics.shell.membrane import Membrane
 from ..results.output import Output
-from ..scenarios.numbers import COUNT, POSITIVE, Rule
+from ..runtime.errors import InputError, Interrupted, SolverFailure
+from ..runtime.fields import COUNT, POSITIVE, Rule
+from ..runtime.together import is_alone
 from ..scenarios.scenario import Scenario
 from ..solve.limits import Limits
 from ..solve.linear import LINEAR_SOLVERS
-from ..together import is_alone
 from .console import Console
 from .options import (
     HelpFormatter,

@@ -8,7 +8,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .units import check_unit, power_of_key, suffixes
 from .validation import Rule, above_zero, check_number, shown, unknown_key
 

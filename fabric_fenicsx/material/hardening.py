@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .files import read_numbers
 from .laws.base import Parameters
 from .units import power_of_key

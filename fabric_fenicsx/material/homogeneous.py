@@ -4,7 +4,7 @@ from typing import Literal, overload
 
 import numpy as np
 
-from ..errors import SolverFailure
+from ..runtime.errors import SolverFailure
 from .laws import Law
 
 NARROWEST = -0.99  # strain across a free tension

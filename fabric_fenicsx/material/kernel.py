@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .laws import Law
 from .strains import check_weave_angle, nominal_strain, shear_angle
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .files import SHEET, read_sheet_numbers, take_table, take_units
 from .hardening import Hardening, Swift, hardening_from
 from .laws.base import Material

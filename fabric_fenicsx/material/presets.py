@@ -7,7 +7,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .files import read_toml
 from .laws import LAWS, Law
 from .laws.coupled import WovenFabric

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .functions import atan, sqrt
 
 

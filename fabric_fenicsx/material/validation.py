@@ -7,7 +7,7 @@ from numbers import Real
 from reprlib import repr as shown
 from typing import Any, NamedTuple
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 
 
 class Rule(NamedTuple):

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .term import SceneFacts, Term
 
 

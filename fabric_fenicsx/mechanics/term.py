@@ -11,12 +11,12 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
-from ..given import of_term
 from ..material.laws import Law
 from ..material.laws.base import Material
+from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
+from .given import of_term
 from .term_checks import check_form, check_words, one_number
 
 if TYPE_CHECKING:

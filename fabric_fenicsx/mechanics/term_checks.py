@@ -12,7 +12,7 @@ from mpi4py import MPI
 from ufl.constantvalue import ScalarValue, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 
 if TYPE_CHECKING:
     from .term import Term

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .term import Term
 
 # what a method of terms gives, where that is told, and the method's argument

@@ -15,8 +15,8 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 from .. import dolfinx_compat as compat
-from ..files import replace_file
-from ..scene import Scene
+from ..runtime.files import replace_file
+from ..scene.scene import Scene
 from ..sheets.blank import Blank
 
 # of the arrays that are there with any terms

@@ -12,7 +12,7 @@ import numpy as np
 import pyvista
 from scipy.optimize import brentq
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from ..sheets.parts import Part
 from ..tools.double_dome import DoubleDome
 from ..tools.tool import Tool

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from ..tools.facets import vertex_normals
 from ..tools.tool import Tool
 from .ply import SAME, Grid, ply_of

@@ -17,7 +17,7 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patches import Patch
 from vtkmodules.vtkCommonCore import vtkLogger
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .forming import File, Outline, Path, outline
 from .pictures import SHOWN, cells_range, colour_scale, plt
 from .ply import Grid, plan_area, ply_of

@@ -8,7 +8,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from ..solve.stepping import Accepted
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")  # whose columns are always there

@@ -7,7 +7,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
-from ..scene import Scene
+from ..scene.scene import Scene
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
 

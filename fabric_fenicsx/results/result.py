@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
-from ..mechanics.nodes import PressingTerm
-from ..scene import Scene
+from ..mechanics.contact.nodes import PressingTerm
+from ..runtime.errors import InputError
+from ..scene.scene import Scene
 from . import measures
 from .curve import Curves
 

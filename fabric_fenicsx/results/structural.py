@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pyvista
 
-from ..errors import InputError
-from ..files import replace_file
+from ..runtime.errors import InputError
+from ..runtime.files import replace_file
 from .fields import read_last, save, sheets_of
 
 SAME = 1e-6  # mm within which nodes of different ranks are one

@@ -9,15 +9,15 @@ from typing import Any, ClassVar
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError
-from ..job import Result
+from ..job.job import Result
 from ..material.curves import Curve, bias_displacement, bias_force, bias_normalised
-from ..mechanics.bending import Bending
+from ..mechanics.shell.bending import Bending
 from ..meshes.specimen import PATTERNS, can_be_graded
 from ..results import measures
-from ..supports import Supports, clamped_ends
+from ..runtime.errors import InputError
+from ..runtime.fields import FINITE, FROM_ZERO, choice, number
+from ..scene.supports import Supports, clamped_ends
 from ..verification.pin_jointed import PinJointedStrip
-from .numbers import FINITE, FROM_ZERO, choice, number
 from .scenario import ELEMENTS
 from .strip import StripTest
 from .transition import transition_width

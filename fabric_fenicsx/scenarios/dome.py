@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from ..tools.double_dome import DoubleDome
 
 DIMENSIONS = tuple(each.name for each in dataclasses.fields(DoubleDome))

@@ -10,22 +10,23 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from ..errors import InputError
-from ..job import Result
-from ..mechanics import mesh_warnings
-from ..mechanics.bending import Bending
-from ..mechanics.contact import Contact
-from ..mechanics.friction import Friction
-from ..mechanics.membrane import Membrane
-from ..mechanics.nodes import PressingTerm
-from ..mechanics.pressing import BlankHolderPressure
-from ..mechanics.pressure_law import stack_penalty
-from ..mechanics.sheet_contact import SheetContact
+from ..job.job import Result
+from ..mechanics.contact.contact import Contact
+from ..mechanics.contact.friction import Friction
+from ..mechanics.contact.nodes import PressingTerm
+from ..mechanics.contact.pressing import BlankHolderPressure
+from ..mechanics.contact.pressure_law import stack_penalty
+from ..mechanics.contact.sheet_contact import SheetContact
+from ..mechanics.shell import mesh_warnings
+from ..mechanics.shell.bending import Bending
+from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term import Term
-from ..scene import Scene
+from ..runtime.errors import InputError
+from ..runtime.fields import COUNT, FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
+from ..scene.scene import Scene
+from ..scene.supports import Support
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
-from ..supports import Support
 from ..tools.checks import check_motion
 from ..tools.double_dome import DoubleDome
 from ..tools.primitives import Plane
@@ -33,7 +34,6 @@ from ..tools.surfaces import Offset, Reversed, Surface
 from ..tools.tool import Tool
 from . import holding, measuring, stacking
 from .dome import DIMENSIONS, dome_of
-from .numbers import COUNT, FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
 from .plies import TOOL_METAL_FRICTION, Ply, read_plies
 from .punch import clearance_of, punch_of
 from .scenario import ELEMENTS, FITS, Scenario, halved

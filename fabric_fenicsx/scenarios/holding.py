@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
 from ..mechanics.load import EdgeTension
 from ..mechanics.term import Term
+from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 from ..sheets.parts import Part
 from ..tools.tool import Tool

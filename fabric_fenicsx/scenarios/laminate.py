@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from ..job import Result
+from ..job.job import Result
 from ..material.metal import load_metal
+from ..runtime.fields import FRACTION, POSITIVE, number, text
 from ..tools.double_dome import DoubleDome
 from .dome import dome_of
 from .forming import Forming
-from .numbers import FRACTION, POSITIVE, number, text
 from .plies import Ply
 
 AREA = 13568 / 20268  # of metal over fabric, from the numbers of elements that the paper gives

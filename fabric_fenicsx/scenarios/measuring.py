@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..job import Result
+from ..job.job import Result
 
 if TYPE_CHECKING:
     from .forming import Forming

@@ -7,14 +7,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InputError
-from ..job import Job, Result
+from ..job.job import Job, Result
 from ..material.laws.base import stresses_of_energy
 from ..material.paths import conjugate, gradient
 from ..results import measures
-from ..scene import Scene
-from ..supports import Supports, frame
-from .numbers import POSITIVE, Rule, choice, number
+from ..runtime.errors import InputError
+from ..runtime.fields import POSITIVE, Rule, choice, number
+from ..scene.scene import Scene
+from ..scene.supports import Supports, frame
 from .scenario import ELEMENTS, Scenario
 
 BELOW_85 = Rule("an angle above 0 and below 85 deg", lambda v: 0 < v < 85)

@@ -10,15 +10,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from ..errors import InputError
 from ..material.files import read_toml
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
 from ..material.validation import shown, unknown_key
+from ..runtime.errors import InputError
+from ..runtime.fields import BETWEEN_YARNS, COUNT, FINITE, FROM_ZERO, POSITIVE, number
 from ..sheets.blank import Blank, layout
-from .numbers import BETWEEN_YARNS, COUNT, FINITE, FROM_ZERO, POSITIVE, number
 
 # Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric, of tools on metal
 FRICTION, METAL_FRICTION, TOOL_METAL_FRICTION = 0.334, 0.25, 0.1

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from ..tools.checks import check_own_punch, check_punch, mirror_warning
 from ..tools.double_dome import DoubleDome
 from ..tools.surfaces import Surface, radii_of

@@ -10,21 +10,21 @@ from typing import Any, ClassVar, Self
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
-from .. import timing
-from ..errors import InputError
-from ..job import Job, Result
+from ..job.job import Job, Result
 from ..material.laws import Law
 from ..material.presets import checked_fabric, load
 from ..material.validation import unknown_key
-from ..mechanics import mesh_warnings
-from ..mechanics.membrane import INTEGRATION, Membrane
+from ..mechanics.shell import mesh_warnings
+from ..mechanics.shell.membrane import INTEGRATION, Membrane
 from ..mechanics.term import Term
 from ..meshes.specimen import PATTERNS
 from ..results.curve import Curves
-from ..scene import Scene
+from ..runtime import timing
+from ..runtime.errors import InputError
+from ..runtime.fields import BETWEEN_YARNS, COUNT, FINITE, choice, number, text
+from ..scene.scene import Scene
+from ..scene.supports import Supports
 from ..sheets.blank import Blank, layout
-from ..supports import Supports
-from .numbers import BETWEEN_YARNS, COUNT, FINITE, choice, number, text
 
 ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
 FITS = 1e-3  # of a length, by which an own mesh may differ from what is asked for

@@ -5,14 +5,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..errors import InputError
-from ..mechanics.contact import Contact
-from ..mechanics.membrane import Membrane
-from ..mechanics.metal import SheetMetal
-from ..mechanics.morley import Where
-from ..mechanics.sheet_contact import SheetContact
-from ..mechanics.sheet_friction import SheetFriction
+from ..mechanics.contact.contact import Contact
+from ..mechanics.contact.sheet_contact import SheetContact
+from ..mechanics.contact.sheet_friction import SheetFriction
+from ..mechanics.shell.membrane import Membrane
+from ..mechanics.shell.metal import SheetMetal
+from ..mechanics.shell.morley import Where
 from ..mechanics.term import Term
+from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from .plies import Ply

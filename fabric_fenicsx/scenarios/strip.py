@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import InputError
-from ..job import Result
+from ..job.job import Result
 from ..material import curves
 from ..material.curves import Curve
 from ..results.curve import Curves
-from ..scene import Scene
-from .numbers import FRACTION, POSITIVE, number, text
+from ..runtime.errors import InputError
+from ..runtime.fields import FRACTION, POSITIVE, number, text
+from ..scene.scene import Scene
 from .scenario import Scenario
 
 SAME = 0.01  # of a length, by which specimens that count as equal may differ

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError
-from ..job import Result
+from ..job.job import Result
 from ..material.curves import Curve
 from ..results import measures
-from ..supports import Supports, clamped_ends, rolling_ends
-from .numbers import FINITE, FRACTION, choice, number
+from ..runtime.errors import InputError
+from ..runtime.fields import FINITE, FRACTION, choice, number
+from ..scene.supports import Supports, clamped_ends, rolling_ends
 from .strip import StripTest
 
 

@@ -19,7 +19,7 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .cells import CELLS
 from .fibres import Direction, fibre_fields
 from .mesh_checks import MeshArrays, checked_mesh

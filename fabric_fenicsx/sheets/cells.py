@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 
 
 class CellKind(NamedTuple):

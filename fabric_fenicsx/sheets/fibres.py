@@ -9,7 +9,7 @@ from dolfinx.mesh import Mesh
 from numpy.typing import ArrayLike
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
+from ..runtime.errors import InputError
 
 # an angle, a vector, or a function of points to either; see `fibre_fields`
 Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]

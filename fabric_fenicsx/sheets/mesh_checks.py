@@ -8,7 +8,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .cells import CELLS, at_place, check_shapes
 
 # of the angle between two cells at their edge, below which one lies on the other

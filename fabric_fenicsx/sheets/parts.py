@@ -9,7 +9,7 @@ from dolfinx.mesh import locate_entities_boundary, meshtags
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
+from ..runtime.errors import InputError
 
 if TYPE_CHECKING:
     from .blank import Blank

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .blank import Blank
 from .parts import Part
 

@@ -13,9 +13,9 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
-from ..files import replace_file
-from ..scene import OF_CELLS
+from ..runtime.errors import InputError
+from ..runtime.files import replace_file
+from ..scene.scene import OF_CELLS
 from ..sheets.blank import Blank
 from .stepping import Progress, Viscosity
 

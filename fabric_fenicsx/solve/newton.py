@@ -7,9 +7,9 @@ import numpy as np
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
-from ..scene import Scene
-from ..timing import phase
+from ..runtime.errors import InputError
+from ..runtime.timing import phase
+from ..scene.scene import Scene
 from .linear import (
     LINEAR_SOLVERS,
     NOT_DEFINITE,

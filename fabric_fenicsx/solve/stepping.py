@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .newton import Newton
 from .report import Report
 

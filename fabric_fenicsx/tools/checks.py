@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .surfaces import Flipped, ImplicitSurface, Offset, Reversed, Surface
 from .tool import Tool
 from .triangulated import TriangulatedSurface

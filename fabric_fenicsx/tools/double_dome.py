@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .surfaces import ImplicitSurface, in_frame, tangent_vectors
 from .values import checked_number
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .values import checked_number, checked_points
 
 # unit vectors (26, 3), one of which is less than 30 deg from any direction

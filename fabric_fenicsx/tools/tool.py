@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .surfaces import Nearest, Surface, radii_of
 from .values import checked_points, checked_vector
 

@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .facets import LAST, NEXT, facet_normals, topology
 
 SAME = 2e-7  # of the largest coordinate: points that are one, as files have single precision

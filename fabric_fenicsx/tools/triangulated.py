@@ -11,7 +11,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 
-from ..errors import InputError
+from ..runtime.errors import InputError
 from .closest_triangles import ClosestTriangles
 from .curved_triangles import CurvedTriangles, row_dots
 from .files import FORMATS, read_triangles

@@ -8,7 +8,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from ..results import measures
-from ..scene import Scene
+from ..scene.scene import Scene
 from ..solve.newton import Newton
 from ..solve.stepping import march
 

@@ -6,7 +6,7 @@ import numpy as np
 from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
-from ..scene import Scene
+from ..scene.scene import Scene
 from .strips import LENGTH, WIDTH
 
 SPACING = 2.5  # mm, of the points whose displacements tell the fields

@@ -36,7 +36,7 @@ def with_lost_ellipticity(grid: Any) -> Any:
 
 def shear_contrast(grid: Any) -> float:
     """Contrast of the shear angle of a ply's PyVista grid [deg], as in `results.forming`."""
-    from ..results import forming  # imports PyVista
+    from ..results import forming
 
     return float(np.degrees(forming.contrast(grid, "shear_angle")))
 

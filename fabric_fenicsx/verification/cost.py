@@ -14,12 +14,12 @@ from petsc4py import PETSc
 from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
-from .. import timing
 from ..material.laws import Law
-from ..mechanics.membrane import QUADRATURE_DEGREE
+from ..mechanics.shell.membrane import QUADRATURE_DEGREE
 from ..mechanics.term import SceneFacts, Term
 from ..results.curve import moving_grip
-from ..scene import Scene
+from ..runtime import timing
+from ..scene.scene import Scene
 from ..solve.newton import Newton
 from ..solve.stepping import march
 from .camera import camera_displacements, field_distance

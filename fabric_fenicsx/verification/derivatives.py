@@ -12,12 +12,12 @@ from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
-from ..errors import InputError
 from ..material.laws import Law
 from ..mechanics.term import Term
 from ..mechanics.term_checks import add_forces, one_number, triplets
 from ..mechanics.triplets import TripletPlaces
-from ..scene import Scene
+from ..runtime.errors import InputError
+from ..scene.scene import Scene
 from ..tools.surfaces import ImplicitSurface, Surface, radii_of
 
 ALLOWED = 1e-4  # difference, over the largest of its kind

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import SolverFailure
+from ..runtime.errors import SolverFailure
 from .cost_plan import Configuration
 from .strips import STRIPS
 

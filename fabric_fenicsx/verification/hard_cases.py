@@ -13,12 +13,12 @@ from mpi4py import MPI
 from ..material import stability
 from ..material.laws.coupled import WovenFabric
 from ..mechanics.load import DeadPressure
-from ..mechanics.membrane import Membrane
+from ..mechanics.shell.membrane import Membrane
 from ..meshes.specimen import specimen
 from ..results import measures
-from ..scene import Scene
+from ..scene.scene import Scene
+from ..scene.supports import Support, clamped_ends, frame, on_edge, rolling_ends
 from ..sheets.blank import Blank
-from ..supports import Support, clamped_ends, frame, on_edge, rolling_ends
 from .audited_run import AuditedRun
 
 SQUEEZE = -0.005  # eps_b of the frame in which bands are looked for

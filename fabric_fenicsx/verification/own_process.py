@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from ..ranks import RANKS_ENVIRONMENT, on_ranks
+from ..runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 from .cost_plan import Configuration
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..errors import InputError, SolverFailure
 from ..material.laws import Law
 from ..results.curve import moving_grip
+from ..runtime.errors import InputError, SolverFailure
 from ..solve.newton import Newton
 from ..solve.stepping import march
 from .camera import camera_displacements, camera_points, field_distance

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from ..errors import InputError
 from ..material.laws.base import Law
+from ..runtime.errors import InputError
 
 
 class RelaxedNet(NamedTuple):

@@ -7,18 +7,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import SolverFailure
 from ..material.homogeneous import lateral_strain
 from ..material.kernel import evaluate
 from ..material.laws import Law
 from ..material.laws.base import stresses_of_energy
 from ..material.paths import PATHS, conjugate, gradient
-from ..mechanics.membrane import Membrane
-from ..scene import Scene
+from ..mechanics.shell.membrane import Membrane
+from ..runtime.errors import SolverFailure
+from ..scene.scene import Scene
+from ..scene.supports import rolling_ends
 from ..sheets.blank import Blank
 from ..solve.newton import Newton
 from ..solve.stepping import march
-from ..supports import rolling_ends
 
 FREE = "free uniaxial a"
 MODELS = "hyperelastic", "FABRIC"

@@ -9,12 +9,12 @@ from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
 from ..material.laws import Law
-from ..mechanics.membrane import Membrane
+from ..mechanics.shell.membrane import Membrane
 from ..meshes.specimen import specimen
 from ..results import measures
-from ..scene import Scene
+from ..scene.scene import Scene
+from ..scene.supports import clamped_ends
 from ..sheets.blank import Blank
-from ..supports import clamped_ends
 
 LENGTH, WIDTH = 200.0, 50.0
 

@@ -12,7 +12,7 @@ from mpi4py import MPI
 from fabric_fenicsx import __version__
 from fabric_fenicsx.command_line import info, main
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 
 SERIAL = MPI.COMM_SELF
 # as the command, but for the picture, of which most of the time is
@@ -92,7 +92,7 @@ def test_packages_that_are_missing_are_told(monkeypatch, capsys):
         ("import os; os.kill(os.getpid(), 11)", "SIGSEGV"),
         ("raise SystemExit(7)", "status 7"),
         (
-            "from fabric_fenicsx.errors import InputError; raise InputError('no screen')",
+            "from fabric_fenicsx.runtime.errors import InputError; raise InputError('no screen')",
             "no screen",
         ),
         ("import time; time.sleep(3600)", "within 1 s"),

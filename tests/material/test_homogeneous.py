@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.special import lambertw
 
-from fabric_fenicsx.errors import SolverFailure
 from fabric_fenicsx.material.homogeneous import NARROWEST, lateral_strain, nominal
 from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.runtime.errors import SolverFailure
 
 KOMEILI = PRESETS["komeili"]
 

@@ -12,12 +12,12 @@ import ufl
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.expression import energy_density
 from fabric_fenicsx.material.laws import COUPLINGS, Law
 from fabric_fenicsx.material.laws.law58 import Law58
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.runtime.errors import InputError
 
 LAW58 = Law58(1335.0, 900.0, 4000.0, 0.0, 1e-3, 0.025, 0.6, 0.8)
 

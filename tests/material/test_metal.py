@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad, solve_ivp
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.hardening import HardeningTable, Swift, Voce
 from fabric_fenicsx.material.hencky import hencky
 from fabric_fenicsx.material.metal import METALS, Metal, load_metal
 from fabric_fenicsx.material.plasticity import elastic_energy, respond, von_mises
+from fabric_fenicsx.runtime.errors import InputError
 
 DC04 = load_metal("dc04")
 CURVES = {

@@ -11,14 +11,14 @@ from mpi4py import MPI
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.expression import energy_density
-from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support, on_edge
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
-from fabric_fenicsx.supports import Support, on_edge
 
 COMM = MPI.COMM_WORLD
 LENGTH, WIDTH = 100.0, 60.0

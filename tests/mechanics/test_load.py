@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from builders import Elastic, alone, rotation, run, sheet
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
-from fabric_fenicsx.mechanics.membrane import Membrane
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.stack import Stack
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import march
-from fabric_fenicsx.supports import Support
 
 LENGTH, WIDTH, TENSION = 40.0, 10.0, 8.0
 FLAT = np.eye(3)

@@ -10,20 +10,20 @@ from builders import Elastic, Springs, alone, displacement, everywhere, sheet
 from dolfinx import fem
 from mpi4py import MPI
 
-from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.job import Job
+from fabric_fenicsx.job.job import Job
 from fabric_fenicsx.material.metal import load_metal
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.bending import Bending, plate_stiffness
-from fabric_fenicsx.mechanics.contact import Contact
-from fabric_fenicsx.mechanics.friction import Friction
-from fabric_fenicsx.mechanics.membrane import Membrane
-from fabric_fenicsx.mechanics.metal import SheetMetal
-from fabric_fenicsx.mechanics.pressure_law import default_penalty
+from fabric_fenicsx.mechanics.contact.contact import Contact
+from fabric_fenicsx.mechanics.contact.friction import Friction
+from fabric_fenicsx.mechanics.contact.pressure_law import default_penalty
+from fabric_fenicsx.mechanics.shell.bending import Bending, plate_stiffness
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.mechanics.shell.metal import SheetMetal
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.results.history import COLUMNS
-from fabric_fenicsx.scene import Scene
-from fabric_fenicsx.supports import Support, clamped_ends
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.tool import Tool
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome, main, write_step
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.checks import check_punch
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface

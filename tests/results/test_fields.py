@@ -19,10 +19,10 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact import Contact
-from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.contact.contact import Contact
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.results.fields import UNITS, FieldSeries, read_last, yarn_coordinates
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
 from fabric_fenicsx.tools.surfaces import Flipped, Offset, Reversed

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import pyvista
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import forming, forming_pictures
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
 from fabric_fenicsx.tools.surfaces import Offset, Reversed

@@ -5,11 +5,11 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import pictures
 from fabric_fenicsx.results.fields import FieldSeries, read_last
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
 
 

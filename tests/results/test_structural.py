@@ -10,12 +10,12 @@ import pyvista
 from mpi4py import MPI
 
 from fabric_fenicsx.command_line import main
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.results import structural
 from fabric_fenicsx.results.fields import FieldSeries
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.sheets.stack import Stack
 
 A, B = 0.4, 1.8  # of the yarns to x [rad]

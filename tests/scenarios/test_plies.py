@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.pressure_law import default_penalty
+from fabric_fenicsx.mechanics.contact.pressure_law import default_penalty
 from fabric_fenicsx.scenarios.plies import Ply, read_plies
 
 TWO = """

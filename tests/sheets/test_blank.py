@@ -11,10 +11,10 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write, yarns_through_corners
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.blank import Blank
 
 COMM = MPI.COMM_WORLD

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.specimen import PATTERNS, specimen
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.sheets.cells import CELLS
 from fabric_fenicsx.sheets.mesh_checks import checked_mesh

@@ -9,8 +9,8 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.stepping import Progress, Viscosity

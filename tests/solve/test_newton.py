@@ -11,18 +11,18 @@ from builders import sheet
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.mechanics.membrane import Membrane
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import Viscosity, march
-from fabric_fenicsx.supports import Support, clamped_ends, rolling_ends
 
 COMM = MPI.COMM_WORLD
 KOMEILI = PRESETS["komeili"]

@@ -3,14 +3,14 @@
 import builders
 import pytest
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.mechanics.load import EdgeTension
 from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.stepping import FINEST, march
-from fabric_fenicsx.supports import clamped_ends
 
 
 class Losing(Term):

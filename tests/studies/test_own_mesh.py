@@ -11,8 +11,8 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.command_line.study import Study
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scenarios.forming import Forming
 from fabric_fenicsx.scenarios.picture_frame import PictureFrame
 from fabric_fenicsx.scenarios.tensile import Tensile

@@ -18,12 +18,12 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.command_line.study import Study, parser
-from fabric_fenicsx.errors import InputError
-from fabric_fenicsx.files import lock_folder
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.results.fields import read_last
 from fabric_fenicsx.results.history import COLUMNS, check_notes
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.runtime.files import lock_folder
+from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.scenarios.tensile import Tensile
 
 ROOT = Path(__file__).parents[2]
@@ -110,7 +110,7 @@ def test_results_are_lost_only_if_that_is_asked(launch):
 HOLDER = """
 import sys
 from pathlib import Path
-from fabric_fenicsx.files import lock_folder
+from fabric_fenicsx.runtime.files import lock_folder
 file = lock_folder(Path(sys.argv[1]))
 print(bool(file), flush=True)
 sys.stdin.read()

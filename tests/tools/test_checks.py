@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.checks import (
     check_motion,
     check_punch,

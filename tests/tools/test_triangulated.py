@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.meshes.double_dome import double_dome, write, write_step
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools import patches
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Plate, Sphere

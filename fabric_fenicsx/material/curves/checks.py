@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...errors import InputError
+from ...runtime.errors import InputError
 from .model import STRAINS, TESTS, Curve, Response, unit_inside, units
 
 # beyond it a wrong unit is the likely reason

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...errors import InputError
+from ...runtime.errors import InputError
 from .model import Response, unit_inside
 
 

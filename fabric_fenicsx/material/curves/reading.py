@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import InputError
+from ...runtime.errors import InputError
 from ..files import read_numbers, read_sheet_numbers
 from ..laws.coupled import SHEAR, YARN
 from ..units import UNITS, factors

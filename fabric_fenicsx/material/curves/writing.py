@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import tomli_w
 
-from ...errors import InputError
+from ...runtime.errors import InputError
 from .model import STRAINS, TESTS, Curve, Sheet, unit_inside, units
 
 

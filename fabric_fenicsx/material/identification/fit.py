@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from ...errors import InputError
+from ...runtime.errors import InputError
 from ..curves import Curve, Sheet, unit_warnings
 from ..homogeneous import nominal
 from ..laws.coupled import SHEAR, YARN, WovenFabric, Yarn

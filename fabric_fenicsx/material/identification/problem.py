@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
-from ...errors import InputError, SolverFailure
+from ...runtime.errors import InputError, SolverFailure
 from ..curves import Curve, Sheet
 from ..homogeneous import lateral_strain, nominal
 from ..laws.coupled import SHEAR, YARN, WovenFabric

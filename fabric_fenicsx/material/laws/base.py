@@ -12,7 +12,7 @@ import numpy as np
 import tomli_w
 from numpy.typing import ArrayLike
 
-from ...errors import InputError
+from ...runtime.errors import InputError
 from ..files import SHEET, read_sheet_numbers, read_toml, take_units, write_whole
 from ..hyperdual import HyperDual
 from ..units import UNITS

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ...errors import InputError
+from ...runtime.errors import InputError
 from ..files import SHEET, read_numbers, read_sheet_numbers, take_table, take_units
 from ..functions import exp, negative, positive
 from ..units import UNITS

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-from ...errors import InputError
+from ...runtime.errors import InputError
 from ..files import SHEET, read_sheet_numbers, take_units
 from ..functions import where
 from ..units import ANGLE, STRAIN, factors

@@ -5,8 +5,8 @@ import re
 import pytest
 from curve_texts import BIAS, FRAME, FREE, PERCENT, RADIANS, SHEAR, SHEET, UNIAXIAL, WIDENED, folder
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves as data
+from fabric_fenicsx.runtime.errors import InputError
 
 
 @pytest.mark.parametrize(

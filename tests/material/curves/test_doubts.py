@@ -4,10 +4,10 @@ other."""
 import pytest
 from curve_texts import FREE, SHEET, UNIAXIAL, folder, scaled
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import curves as data
 from fabric_fenicsx.material.identification import synthesise
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.runtime.errors import InputError
 
 KOMEILI = PRESETS["komeili"]
 

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fabric_fenicsx.errors import InputError, SolverFailure
 from fabric_fenicsx.material import curves as data
 from fabric_fenicsx.material.curves import Curve, Response, Sheet
 from fabric_fenicsx.material.curves.forces import response as predicted
@@ -24,6 +23,7 @@ from fabric_fenicsx.material.identification import (
 )
 from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 
 KOMEILI = PRESETS["komeili"]
 SHEET = Sheet("x", 1.0, 0.75, True)

@@ -10,7 +10,6 @@ import pytest
 import ufl
 from builders import sheet
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.expression import energy_density
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
@@ -19,8 +18,9 @@ from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS, load
 from fabric_fenicsx.material.validation import above_zero
-from fabric_fenicsx.mechanics.membrane import Membrane
-from fabric_fenicsx.scene import Scene
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.verification.derivatives import check_derivatives
 
 LAW58 = LAWS["law58"](

@@ -8,10 +8,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material.laws import COUPLINGS
 from fabric_fenicsx.material.laws.coupled import WovenFabric, Yarn
 from fabric_fenicsx.material.presets import PRESETS, load
+from fabric_fenicsx.runtime.errors import InputError
 
 KOMEILI = PRESETS["komeili"]
 UNBALANCED = KOMEILI.replace(

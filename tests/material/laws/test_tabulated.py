@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fabric_fenicsx.errors import InputError
 from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.laws.base import stresses_of_energy
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS, load
+from fabric_fenicsx.runtime.errors import InputError
 
 
 @pytest.fixture

@@ -1,0 +1,1 @@
+"""Jobs: a scene brought to full load, and its error."""

@@ -1,0 +1,91 @@
+"""The run on a mesh twice as coarse, from which a run's error is estimated."""
+
+import dataclasses
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..results.history import History
+from ..results.output import Output
+from ..results.result import Result
+from ..runtime.errors import InputError, SolverFailure
+
+if TYPE_CHECKING:
+    from .job import Job
+
+FOLDER = "coarse"  # in the run's own
+LOOSER = 4.0  # tolerance on the way, and limits: a mesh twice as coarse is off by as much
+
+
+def coarsened(job: "Job", made: "Job") -> "Job":
+    """The job `made` on a mesh twice as coarse, with half the steps of `job` and the solver's other
+    options that go with it."""
+    path, limits = job.path_tolerance, dataclasses.asdict(job.limits)
+    return dataclasses.replace(
+        made,
+        steps=max(1, (job.steps + 1) // 2),
+        max_step=job.max_step and min(1.0, 2 * job.max_step),
+        tolerance=job.tolerance,
+        path_tolerance=path and min(1e-1, LOOSER * path),
+        linear_solver=job.linear_solver,
+        viscosity=job.viscosity,
+        accuracy=job.accuracy and 2 * job.accuracy,
+        balance=job.balance and 2 * job.balance,
+        limits=dataclasses.replace(job.limits, **{k: LOOSER * v for k, v in limits.items()}),
+        milestones=job.milestones,
+        every=10**9,
+        tables=None,
+        pictures=None,
+        error=False,
+        name=f"{job.name}, twice as coarse",
+    )
+
+
+def estimated(
+    job: "Job", result: Result, output: Output, problem: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What the summary says of the errors of `result`, which `job` gave: `error` {quantity:
+    absolute error}, and what the run on the coarser mesh was. Empty, with a warning, if that run
+    fails.
+
+    The curve's errors are then in the rows of the result and in history.csv, those of the fields in
+    its fields. Raises Interrupted.
+    """
+    from ..results import error
+
+    assert job.coarser and result.folder
+    folder, comm, began = result.folder / FOLDER, job.scene.comm, time.perf_counter()
+    known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
+    try:
+        made = coarsened(job, job.coarser())
+        cells = made.scene.blank.mesh.topology.index_map(2).size_global
+        output.say(
+            f"the error: the same run on {cells} cells instead of {result.summary['cells']}, "
+            f"in {made.steps:g} steps"
+        )
+        apart = Output(made.name, folder, comm, resume=known, overwrite=not known)
+        apart.is_quiet = True
+        try:
+            known_by = dict(problem) | {"mesh": "twice as coarse"}
+            coarse = made.run(apart, problem=known_by, pictures=False)
+            errors = error.estimate(result, coarse, job.order, job.headlines)
+        finally:
+            apart.close()
+    except (InputError, SolverFailure) as failure:
+        output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
+        return {}
+    write_history(result, comm)
+    steps = coarse.summary["steps_accepted"]
+    seconds = round(time.perf_counter() - began, 4)
+    return {"error": errors, "error_run": {"cells": cells, "steps": steps, "wall_s": seconds}}
+
+
+def write_history(result: Result, comm: Any) -> None:
+    """Write history.csv anew, with the curve's errors."""
+    assert result.folder
+    path = result.folder / "history.csv"
+    part = Path(f"{path}.part")
+    History(part, comm, result.rows).close()
+    if comm.rank == 0:
+        part.replace(path)

@@ -1,0 +1,397 @@
+"""Contact of a sheet with rigid tools: a penalty at its nodes."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from ...material.laws.base import Material
+from ...runtime.errors import InputError
+from ...tools.checks import check_start
+from ...tools.tool import Tool, checked_tool
+from ..term import SceneFacts, Triplets
+from ..work import Work
+from .nodes import Nodes, PressingTerm, TangentialForces
+from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, chord, default_penalty
+
+MORE = 4.0  # times the present pressure, up to which a node's pressure is anticipated
+PROBED = 1000  # nodes of a rank that tell how a tool may hold the sheet; triangles cost 1 ms each
+
+
+class ContactState(NamedTuple):
+    """What a tool does to n nodes: gap (n,) [mm] between its surface and the ply's face, normal
+    (n, 3), pressure (n,) [MPa], forces (n, 3) [N], the blocks (n, 3, 3) [N/mm] by which these fall
+    as nodes move, and energy (n,) [N mm]."""
+
+    gap: np.ndarray
+    normal: np.ndarray
+    pressure: np.ndarray
+    forces: np.ndarray
+    blocks: np.ndarray
+    energy: np.ndarray
+
+
+class Contact(PressingTerm):
+    """Energy of a sheet's nodes pressed into a `tool`, over their undeformed areas.
+
+    The pressure follows the `PressureLaw` of the depth to which the tool reaches into the ply's
+    face, with the `penalty` k [N/mm^3]. The ply is on the
+    side to which the tool's normal points, its faces `thickness` / 2 [mm] off the mesh.
+
+    - thickness: by default that of the scene's fabric or metal
+    - penalty: by default `default_penalty` of that material and the tool's least radius
+    - smoothing: s [mm], by default a third of the permitted penetration
+    - permitted: if given [mm], the surface is shifted (augmented Lagrangian) until no node is
+      deeper than that; what work the shift does is not counted, about the energy that contact
+      would hold without it
+
+    A tool moved by force is where its contact balances the force, at any displacement of the sheet.
+    Raises InputError for a blank in a plane or of other than linear cells, for numbers not above 0,
+    and where a default asks for a material that no term of the scene has.
+    """
+
+    name, energy_kind = "contact", "contact"
+    resists = ("lift",)
+    units = {"contact_traction": "MPa", "contact_pressure": "MPa", "contact_gap": "mm"}
+
+    def __init__(
+        self,
+        tool: Tool,
+        thickness: float | None = None,
+        penalty: float | None = None,
+        smoothing: float | None = None,
+        permitted: float | None = None,
+    ) -> None:
+        self.tool = checked_tool("contact", tool)
+        given = {"thickness": thickness, "penalty": penalty, "smoothing": smoothing}
+        for name, value in (given | {"permitted penetration": permitted}).items():
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise InputError(
+                    f"contact with {tool.name} has {name} {value}; allowed is a number above 0"
+                )
+        self._given, self.permitted = given, permitted
+        # that take part in the balance of the tool's force
+        self._frictions: list[TangentialForces] = []
+        # the last displacement, and what was found at it
+        self._found: tuple[np.ndarray, ContactState] | None = None
+        self._load, self._work = 0.0, Work()
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        given, on = self._given, (self.tool, self.part_name)
+        same = [t for t in scene.terms if isinstance(t, Contact) and (t.tool, t.part_name) == on]
+        if len(same) > 1:
+            raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
+        radius = min(self.tool.surface.radii)
+        self.thickness = given["thickness"] or self._of_material(
+            scene, "thickness", lambda material: material.thickness
+        )
+        self.penalty = given["penalty"] or self._of_material(
+            scene, "penalty", lambda material: default_penalty(material, radius)
+        )
+        self.smoothing = given["smoothing"] or SMOOTHING * PERMITTED * self.thickness
+        self.nodes = Nodes(scene.blank, self.part)
+        self._law = PressureLaw(self.penalty, self.smoothing)
+        self._shift = self._accepted_shift = np.zeros(self.nodes.count)
+        self._accepted_travel = self.tool.travel
+        # deepest penetration of each node in accepted states
+        self._depth = np.zeros(self.nodes.count)
+        self._lost = ""  # where the tool's surface gave no number
+        self.accept()
+
+    def _of_material(
+        self, scene: SceneFacts, name: str, of: Callable[[Material], float]
+    ) -> float | np.ndarray:
+        """The value `name`, of the scene's material or one for each node, that was not given."""
+        value = scene.at_nodes(of)
+        if value is None:
+            raise InputError(
+                f"contact with {self.tool.name} is given no {name}, and no term of the scene has a "
+                "fabric or metal for each sheet; allowed is a number above 0"
+            )
+        return value
+
+    # -- what a scene calls
+
+    def check_start(self) -> None:
+        """As in `Term`: for a tool whose body the sheet's nodes are in, and one whose path or
+        surface can't be."""
+        self.tool.at(1.0)
+        self.tool.at(0.0)
+        x = (self.nodes.places + self.nodes.displacement())[self.part.nodes]
+        check_start(self.tool, x, float(np.max(self.thickness)), self.nodes.comm)
+
+    def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """As in `Term`, at up to twice `PROBED` nodes that find a nearest point."""
+        found, x = [], self.nodes.places[self.part.nodes]
+        x = x[:: max(1, len(x) // PROBED)]
+        for load in (0.0, 1.0):
+            self.tool.at(load)
+            normals = self.tool.evaluate(x).normal
+            known = np.isfinite(normals).all(1)
+            found.append((x[known], normals[known]))
+        self.tool.at(self._load)
+        return found
+
+    def at(self, load: float) -> None:
+        """Move the tool, from where it was in the last accepted state, and drop shifts since."""
+        self._load = load
+        self.tool.at(load)
+        self.tool.travel, self._shift, self._found = (
+            self._accepted_travel,
+            self._accepted_shift,
+            None,
+        )
+
+    def accept(self) -> None:
+        """Take the present place of the tool and shift of its surface as the last accepted ones."""
+        self.state()
+        self._accepted_travel, self._accepted_shift = self.tool.travel, self._shift
+        self._work.accept(self._load, self.force(), self.tool.displacement)
+        # at load 0 the last state counts: those before it were not in equilibrium
+        self._depth = np.fmax(self._depth if self._load else 0.0, -self.state().gap)
+
+    def work(self) -> float:
+        """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
+        work = self._work.since(self._load, self.force(), self.tool.displacement)
+        return work if self.nodes.comm.rank == 0 else 0.0
+
+    def update_lagged(self) -> bool:
+        """Shift the surface by what is penetrated, if more than permitted; whether it was."""
+        if self.permitted is None or self.penetration() <= self.permitted:
+            return False
+        self._shift, self._found = np.maximum(0.0, self._shift - self.state().gap), None
+        return True
+
+    def add_friction(self, friction: TangentialForces) -> None:
+        """As in `PressingTerm`."""
+        self._frictions.append(friction)
+
+    def rebalance(self) -> None:
+        """As in `PressingTerm`; a tool on a path is where it is."""
+        if self.tool.force:
+            self._found = None
+
+    def stored(self) -> float:
+        """Energy of this rank's nodes [N mm]."""
+        return float(self.state().energy.sum())
+
+    def potential(self) -> float:
+        """That of the force which moves the tool, on rank 0 [N mm]."""
+        self.state()
+        return (
+            -self.tool.push * self.tool.travel
+            if self.tool.force and self.nodes.comm.rank == 0
+            else 0.0
+        )
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """Add the energy's derivative to f, of this rank's degrees of freedom [N]."""
+        f[: 3 * self.nodes.count] -= self.state().forces.ravel()
+
+    def tangent(self) -> Triplets:
+        """As in `Term`, (9 nodes,) each [N/mm]."""
+        return self.nodes.rows, self.nodes.cols, self.state().blocks.ravel()
+
+    def anticipate(self, f: np.ndarray) -> None:
+        """Let `tangent` be, until the sheet moves, the law's slope up to the pressure that
+        balances the other forces.
+
+        f: energy's derivative at this rank's degrees of freedom [N]. A node that nothing presses
+        any more then leaves the tool in one correction; with the tangent its depth is but halved,
+        as the law starts with slope 0.
+        """
+        now, n = self.state(), self.nodes.count
+        p = now.pressure
+        pressed = np.flatnonzero(p > 0)
+        p, normal, areas = p[pressed], now.normal[pressed], self.nodes.areas[pressed]
+        balancing = p + (f[: 3 * n].reshape(-1, 3)[pressed] * normal).sum(1) / areas
+        balancing = np.clip(balancing, 0.0, MORE * p)
+        law = self._law.at(pressed)
+        slope = law(law.depth(p))[2]
+        slope_between = chord(law, p, balancing)
+        blocks = now.blocks.copy()
+        blocks[pressed] += (
+            (areas * (slope_between - slope))[:, None, None] * normal[:, :, None] * normal[:, None]
+        )
+        self._found = self.nodes.displacement(), now._replace(blocks=blocks)
+
+    def compliance(self) -> tuple[np.ndarray, float] | None:
+        """As in `Term`; None of a tool that is not moved by force."""
+        if not self.tool.force:
+            return None
+        pushed = self._blocks(self.state()) @ self.tool.direction
+        return -pushed.ravel(), float(self.nodes.total(pushed) @ self.tool.direction)
+
+    def normal_forces(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        return self.state().forces
+
+    def normals(self) -> np.ndarray:
+        """Of the tool nearest to this rank's nodes, (nodes, 3)."""
+        return self.state().normal
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Of the last accepted state: shift of the surface, travel of the tool and depths [mm],
+        (nodes, 1) each, and what its work is reckoned from (nodes, 24)."""
+        rows = self._accepted_travel, self._work.memory().ravel()
+        travel, work = (np.tile(row, (self.nodes.count, 1)) for row in rows)
+        return {
+            "shift": self._accepted_shift[:, None],
+            "travel": travel,
+            "depth": self._depth[:, None],
+            "work": work,
+        }
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """As in `Term`."""
+        self._shift, self._depth = memory["shift"][:, 0], memory["depth"][:, 0]
+        self.tool.travel = float(self.nodes.common(memory["travel"])[0])
+        self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
+        u = self.nodes.displacement()  # not balanced, as what friction bore is not known
+        self._found = u, self._state_at(self.nodes.places + u)
+
+    # -- results
+
+    def force(self) -> np.ndarray:
+        """Force of the tool on the ply, of all ranks (3,) [N]."""
+        return self.nodes.total(self.state().forces)
+
+    def tractions(self) -> np.ndarray:
+        """Of the tool on this rank's nodes, (nodes, 3) [MPa]."""
+        return self.state().forces / np.maximum(self.nodes.areas, 1e-300)[:, None]
+
+    def depth_under(self, pressure: float) -> np.ndarray:
+        """Depth of the tool in the ply's face at each node under a pressure, (nodes,) [mm]."""
+        return np.broadcast_to(self._law.depth(np.array(pressure)), self.nodes.count)
+
+    def penetration(self) -> float:
+        """Largest depth of the tool in the ply's face, of all ranks [mm]."""
+        return self.nodes.comm.allreduce(-self.state().gap.min(initial=0.0), MPI.MAX)
+
+    def deepest(self) -> float:
+        """Largest penetration of all accepted states, of all ranks [mm]."""
+        return self.nodes.comm.allreduce(float(self._depth.max(initial=0.0)), MPI.MAX)
+
+    def penetration_of_thickness(self) -> float:
+        """As in `Term`."""
+        deepest = float((self._depth / self.thickness).max(initial=0.0))
+        return self.nodes.comm.allreduce(deepest, MPI.MAX)
+
+    def where_deepest(self) -> str:
+        """As in `Term`, with the place in the undeformed sheet."""
+        i = int(self._depth.argmax()) if self._depth.size else None
+        mine = (0.0, ()) if i is None else (self._depth[i], tuple(self.nodes.places[i]))
+        _, place = max(self.nodes.comm.allgather(mine))
+        return f"{self.tool.name} at ({', '.join(f'{x:.4g}' for x in place)}) mm of the flat sheet"
+
+    def tools(self) -> tuple[Tool, ...]:
+        """As in `Term`."""
+        return (self.tool,)
+
+    def gap(self) -> np.ndarray:
+        """From the ply's face to the tool at this rank's nodes, (nodes,) [mm]; below 0
+        where it is in."""
+        x = self.nodes.places + self.nodes.displacement()
+        gap = self.tool.evaluate(x).gap
+        for reach in (0.0, float(np.max(self.thickness))):
+            lost = np.isnan(gap)  # so far off that no nearest point is found: a bound will do
+            gap[lost] = self.tool.evaluate(x[lost], reach).gap
+        gap[self.nodes.others] = np.inf
+        return gap - self.thickness / 2
+
+    def add_nodal_fields(self, fields: dict[str, Any]) -> None:
+        """Traction (nodes, 3) and its size, pressure [MPa], of all contacts together, and the gap
+        to the nearest tool [mm]."""
+        traction = fields.get("contact_traction", 0) + self.tractions()
+        fields["contact_traction"] = traction
+        fields.get("contact_pressure")  # that of all contacts takes its place
+        fields["contact_pressure"] = np.linalg.norm(traction, axis=1)
+        fields["contact_gap"] = np.minimum(fields.get("contact_gap", np.inf), self.gap())
+
+    def warnings(self) -> list[str]:
+        """As in `Term`: if the tool's surface gave no number, which may be why steps failed."""
+        lost = next(filter(None, self.nodes.comm.allgather(self._lost)), "")
+        surface = type(self.tool.surface).__name__
+        return (
+            []
+            if not lost
+            else [
+                f"the surface {surface} of {self.tool.name} gives no number at {lost}; "
+                "`check_derivatives` tells what is wrong with a surface of your own"
+            ]
+        )
+
+    # --
+
+    def state(self) -> ContactState:
+        """The `ContactState` at the sheet's present displacement."""
+        u = self.nodes.displacement()
+        known = self._found is not None and np.array_equal(u, self._found[0])
+        if self.tool.force:  # its balance asks all ranks, also those on which no node moved
+            known = self.nodes.comm.allreduce(known, MPI.LAND)
+        if self._found is None or not known:
+            x = self.nodes.places + u
+            self._found = u, self._balanced(x) if self.tool.force else self._state_at(x)
+        return self._found[1]
+
+    def _state_at(self, x):
+        nearest = self.tool.evaluate(x, reach=float(np.max(self.thickness)))
+        lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
+        if len(lost):
+            self._lost = f"({', '.join(f'{each:.4g}' for each in x[lost[0]])}) mm"
+        law, areas = self._law, self.nodes.areas
+        gap = nearest.gap - self.thickness / 2
+        gap[self.nodes.others] = np.inf
+        rest = law(self._shift)[0] if self._shift.any() else 0.0
+        energy, pressure, slope = law(np.maximum(0.0, self._shift - gap))
+        normal = nearest.normal
+        blocks = (areas * slope)[:, None, None] * normal[:, :, None] * normal[:, None]
+        blocks -= (areas * pressure)[:, None, None] * nearest.curvature
+        forces = (areas * pressure)[:, None] * normal
+        return ContactState(gap, normal, pressure, forces, blocks, areas * (energy - rest))
+
+    def _blocks(self, now):
+        """By which forces of contact and friction fall as nodes move, (nodes, 3, 3) [N/mm]."""
+        return sum((friction.blocks() for friction in self._frictions), now.blocks)
+
+    def _balanced(self, x):
+        """The `ContactState` where the tool's force is in balance, sought from where the tool is
+        and, as a trial state may have sent it past the sheet, from where it was accepted; of no
+        number if there is none."""
+        for start in (self.tool.travel, self._accepted_travel):
+            self.tool.travel = start
+            now = self._balanced_near(x)
+            if now:
+                return now
+        self.tool.travel = start
+        now = self._state_at(x)
+        return now._replace(
+            energy=np.full_like(now.energy, np.nan), forces=np.full_like(now.forces, np.nan)
+        )
+
+    def _balanced_near(self, x):
+        """The same by Newton's method on the tool's travel, bracketed; None if it finds nothing."""
+        tool, nodes, comm = self.tool, self.nodes, self.nodes.comm
+        back = quarter = float(np.min(self.thickness)) / 4
+        low, high = None, None
+        for _ in range(100):
+            now, travel = self._state_at(x), tool.travel
+            forces = sum((friction.forces() for friction in self._frictions), now.forces)
+            missing = tool.push - nodes.total(forces) @ tool.direction
+            if abs(missing) <= 1e-12 * tool.push:
+                return now
+            low, high = (travel, high) if missing > 0 else (low, travel)
+            stiffness = nodes.total(self._blocks(now) @ tool.direction) @ tool.direction
+            free = max(comm.allreduce(now.gap.min(initial=np.inf), MPI.MIN), 0.0)
+            # without contact as far as no point is passed
+            step = missing / stiffness if stiffness > 0 else free + float(np.min(self.smoothing))
+            new = travel + float(np.clip(step, -back, free + quarter))
+            back = back if high is None or low is not None else 2 * back
+            if low is not None and high is not None and not low < new < high:
+                new = 0.5 * (low + high)
+                if new in (low, high):
+                    return now
+            tool.travel = new
+        return None

@@ -1,0 +1,291 @@
+"""The smooth face of a sheet of flat triangles: where points lie over it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from ... import dolfinx_compat as compat
+from ...runtime.errors import InputError
+from ...sheets.parts import Part
+from ...tools.facets import LAST, NEXT, vertex_normals
+from ..shell.morley import Where
+
+UP = np.array([0.0, 0.0, 1.0])
+NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
+ROWS = 2  # rows of nodes beside a free edge, over which the face becomes flat
+INSIDE = 1e-7  # of a triangle, what a point may lie beyond its edge
+ITERATIONS = 12  # of Newton's method; three or four do
+
+
+class Over(NamedTuple):
+    """What lies below n points.
+
+    - triangle (n,), -1 where there is none; weights (n, 3): barycentric coordinates in it
+    - gap (n,) [mm]; normal (n, 3): the gap's gradient, the face's normal but for terms of h^2
+    - curvature (n, 3, 3) [1/mm]: how the normal turns as the point moves, the gap's Hessian but for
+      such terms
+    """
+
+    triangle: np.ndarray
+    weights: np.ndarray
+    gap: np.ndarray
+    normal: np.ndarray
+    curvature: np.ndarray
+
+
+class Face:
+    """A smooth surface through the nodes of a part of triangles, known on all ranks.
+
+    Over barycentric coordinates N of a triangle it is sum_i N_i x_i + sum_{i<k} N_i N_k (G_i - G_k)
+    (X_k - X_i) / 2. X are the undeformed places, x the deformed ones, and G the gradients of the
+    displacement at the nodes, averaged over the triangles around each. It is continuous across
+    edges, and linear in x, so that virtual work on it is exact. Quadratic displacements are met
+    exactly where the cells around both nodes are regular. The interpolation is that of A. Vlachos
+    et al., Curved PN triangles, 2001, of degree 2. Beside free edges gradients are known from one
+    side only, so the bulges fade out there, over `ROWS` rows of nodes: otherwise a uniform pressure
+    would load the nodes unevenly.
+
+    The normal is interpolated between the corners' (N. Max, 1999, see `vertex_normals`), so it is
+    continuous, too. It points to `side` (1 or -1) times the z axis of the undeformed sheet; there
+    the gap is positive.
+
+    - nodes (n,): global numbers; triangles (m, 3): corners, by their places in `nodes`
+    - symmetric: as in `Bending`, functions of points that mark edges on planes of symmetry
+
+    Raises InputError for other cells than linear triangles.
+    """
+
+    def __init__(self, part: Part, side: float, symmetric: list[Where]) -> None:
+        blank, comm = part.blank, part.blank.mesh.comm
+        if compat.cell_name(blank.mesh) != "triangle" or blank.degree != 1:
+            raise InputError(
+                f"contact of sheets of {blank.name} is asked on other than linear triangles; "
+                "allowed is P1"
+            )
+        corners = compat.dofmap(blank.V)[part.cells]
+        index_map = blank.V.dofmap.index_map
+        known = index_map.local_to_global(corners.ravel().astype(np.int32)).reshape(-1, 3)
+        counts = comm.allgather(len(known))
+        triangles = np.concatenate(comm.allgather(known)).astype(np.int64)
+        self.nodes, triangles = np.unique(triangles, return_inverse=True)
+        self.triangles = triangles.reshape(-1, 3)
+        first = sum(counts[: comm.rank])
+        self._own = np.arange(first, first + len(known))
+        self._count = index_map.size_local
+        self._comm, self._blank = comm, blank
+        self._X = X = self._gathered(blank.coordinates()[: self._count])
+        # corners in an order that does not depend on the ranks
+        place = np.empty(len(X), dtype=np.int64)
+        place[np.lexsort(X.T)] = np.arange(len(X))
+        order = np.argsort(place[self.triangles], axis=1)
+        self.triangles = np.take_along_axis(self.triangles, order, 1)
+        p, q, r = X[self.triangles].swapaxes(0, 1)
+        turned = np.cross(q - p, r - p) @ UP * side < 0
+        self.triangles[turned] = self.triangles[turned][:, [0, 2, 1]]
+        self._planes = [_plane(X, np.asarray(where(X.T), bool)) for where in symmetric]
+        self._edges, self._bulges = self._bulge_operator(self._rows_to_free_edges() / ROWS)
+        self.take()
+
+    def _gathered(self, values):
+        """Rows of all ranks' owned nodes, for the nodes of this face."""
+        return np.concatenate(self._comm.allgather(values))[self.nodes]
+
+    def _rows_to_free_edges(self):
+        """How many cells lie between each node (n,) and the nearest free edge, up to `ROWS`."""
+        sides = np.sort(self.triangles[:, [NEXT, LAST]].swapaxes(1, 2).reshape(-1, 2), 1)
+        ends, count = np.unique(sides, axis=0, return_counts=True)
+        free = ends[count == 1]
+        for at, _ in self._planes:
+            free = free[~np.isin(free, at).all(1)]
+        rows = np.full(len(self.nodes), float(ROWS))
+        rows[free] = 0.0
+        for _ in range(ROWS):
+            np.minimum.at(rows, ends.ravel(), rows[ends[:, ::-1]].ravel() + 1)
+        return rows
+
+    def _bulge_operator(self, share):
+        """Of each triangle the edges opposite its corners (m, 3), and the matrix (edges, nodes)
+        from displacements to (G_i - G_k) (X_k - X_i) / 2, times the `share` (n,) at its ends."""
+        X, triangles, n = self._X[:, :2], self.triangles, len(self.nodes)
+        p, q, r = X[triangles].swapaxes(0, 1)
+        twice = _cross(q - p, r - p)
+        # gradients of the barycentric coordinates times twice the area, (m, 3, 2)
+        sides = np.stack([r - q, p - r, q - p], 1)
+        slopes = np.stack([-sides[..., 1], sides[..., 0]], -1) * np.sign(twice)[:, None, None]
+        around = np.zeros(n)
+        np.add.at(around, triangles, abs(twice)[:, None])
+        rows, cols = np.repeat(triangles, 3, axis=1).ravel(), np.tile(triangles, (1, 3)).ravel()
+        G = [
+            sparse.csr_matrix(
+                (np.tile(slopes[:, :, k], (1, 3)).ravel() / around[rows], (rows, cols)), (n, n)
+            )
+            for k in (0, 1)
+        ]
+        for at, normal in self._planes:  # the mirrored cells make the slope across the plane 0
+            on = np.zeros(n)
+            on[at] = 1.0
+            across = normal[0] * G[0] + normal[1] * G[1]
+            G = [G[k] - sparse.diags(on * normal[k]) @ across for k in (0, 1)]
+        ends = np.sort(np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2), 1)
+        keys, edges = np.unique(ends @ [n, 1], return_inverse=True)
+        i, k = np.divmod(keys, n)
+        arm = (X[k] - X[i]) * np.minimum(share[i], share[k])[:, None]
+        bulges = sum(sparse.diags(arm[:, d] / 2) @ (G[d][i] - G[d][k]) for d in (0, 1))
+        return edges.reshape(-1, 3), bulges.tocsr()
+
+    def weights(self, triangle: np.ndarray, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
+        """Matrix (n, nodes) from places to those of the face at barycentric coordinates N (n, 3) of
+        triangles (n,), or of the `flat` triangles themselves."""
+        n = len(triangle)
+        starts = np.arange(0, 3 * n + 1, 3)
+        corners = sparse.csr_matrix(
+            (N.ravel(), self.triangles[triangle].ravel(), starts), (n, len(self.nodes))
+        )
+        if flat:
+            return corners
+        products = N[:, NEXT] * N[:, LAST]
+        between = sparse.csr_matrix(
+            (products.ravel(), self._edges[triangle].ravel(), starts), (n, self._bulges.shape[0])
+        )
+        return (corners + between @ self._bulges).tocsr()
+
+    def own_weights(self, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
+        """`weights` of this rank's cells, at the k places N (k, 3) of each, (cells k, nodes)."""
+        return self.weights(np.repeat(self._own, len(N)), np.tile(N, (len(self._own), 1)), flat)
+
+    def flat(self, N: np.ndarray) -> np.ndarray:
+        """Undeformed places (cells k, 3) [mm] of the points of `own_weights`."""
+        corners = self._X[self.triangles[self._own]]
+        return np.einsum("kc,nci->nki", N, corners).reshape(-1, 3)
+
+    def flat_height(self) -> float:
+        """z of the undeformed sheet [mm]."""
+        return float(self._X[:, 2].mean())
+
+    def take(self) -> None:
+        """Take the shape from the present displacement."""
+        moved = self._blank.nodal_displacement()[: self._count]
+        self.displacement = self._gathered(moved)
+        self.places = self._X + self.displacement
+        normals = vertex_normals(self.places, self.triangles)
+        for at, plane in self._planes:
+            normals[at] -= (normals[at] @ plane)[:, None] * plane
+            normals[at] /= np.linalg.norm(normals[at], axis=1)[:, None]
+        self.normals = normals
+        self._bulge = self._bulges @ self.displacement
+        self._tree: cKDTree | None = None
+
+    def points(self, weights: sparse.csr_matrix, flat: np.ndarray) -> np.ndarray:
+        """Places (n, 3) [mm] on the face, now, of points with these `weights` that lay at `flat`
+        (n, 3)."""
+        return flat + weights @ self.displacement
+
+    def below(
+        self,
+        points: np.ndarray,
+        guess: np.ndarray,
+        reach: float,
+        ahead: np.ndarray | None = None,
+    ) -> Over:
+        """What lies below points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
+        look in first, -1 for none; ahead (n, 3): if given, triangles are passed over whose normal
+        is more than 90 deg off this one."""
+        n = len(points)
+        found = Over(
+            np.full(n, -1),
+            np.zeros((n, 3)),
+            np.full(n, np.inf),
+            np.zeros((n, 3)),
+            np.zeros((n, 3, 3)),
+        )
+        at = np.flatnonzero(guess >= 0)
+        self._look(points, at, guess[at], ahead, found)
+        rest = np.flatnonzero(found.triangle < 0)
+        if len(rest):
+            corners = self.places[self.triangles]
+            self._tree = self._tree or cKDTree(corners.mean(1))
+            many = min(NEIGHBOURS, len(self.triangles))
+            largest = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).max()
+            _, near = self._tree.query(
+                points[rest], many, distance_upper_bound=2 * (reach + largest)
+            )
+            near = near.reshape(len(rest), many)
+            for column in near.T:
+                left = np.flatnonzero((column < len(corners)) & (found.triangle[rest] < 0))
+                self._look(points, rest[left], column[left], ahead, found)
+        found.triangle[~(abs(found.gap) <= reach)] = -1
+        return found
+
+    def _look(self, points, rows, triangle, ahead, found):
+        """Put into `rows` of `found` those points that lie over these triangles."""
+        nodes = self.triangles[triangle]
+        corners, normals = self.places[nodes], self.normals[nodes]
+        p, n = corners[:, 0], normals[:, 0]
+        e, m = corners[:, 1:] - p[:, None], normals[:, 1:] - n[:, None]
+        x = points[rows]
+        y = np.zeros((len(rows), 3))  # two coordinates in the triangle, and a height
+        for _ in range(ITERATIONS):
+            along = n + np.einsum("na,nai->ni", y[:, :2], m)
+            miss = p + np.einsum("na,nai->ni", y[:, :2], e) + y[:, 2:] * along - x
+            slopes = np.concatenate([e + y[:, 2:, None] * m, along[:, None]], 1)
+            with np.errstate(all="ignore"):
+                inverse = _inverse(slopes)
+                change = -np.einsum("ni,nia->na", miss, inverse)
+            y = np.nan_to_num(np.clip(y + change, -1e3, 1e3))
+            if abs(change[np.isfinite(change).all(1)]).max(initial=0) < 1e-13:
+                break
+        weights = np.column_stack([1 - y[:, 0] - y[:, 1], y[:, 0], y[:, 1]])
+        settled = np.isfinite(change).all(1) & (abs(change).max(1, initial=0) < 1e-9)
+        fits = settled & (weights.min(1, initial=0) >= -INSIDE)
+        if ahead is not None:
+            fits &= (along * ahead[rows]).sum(1) > 0
+        fits = np.flatnonzero(fits)
+        rows, y, weights, along = rows[fits], y[fits], weights[fits], along[fits]
+        m = m[fits]
+        length = np.linalg.norm(along, axis=1)
+        unit = along / length[:, None]
+        products = weights[:, NEXT] * weights[:, LAST]
+        edges = self._edges[triangle[fits]]
+        edges = self._bulge[edges]
+        bulge = np.einsum("nc,nci->ni", products, edges)
+        inverse, height = inverse[fits], y[:, 2:]
+        # how the unit normal changes as the point moves
+        flat = np.eye(3) - unit[:, :, None] * unit[:, None]
+        turns = m @ flat / length[:, None, None]  # along both coordinates
+        turn = flat @ np.einsum("nia,naj->nij", inverse[:, :, :2], turns)
+        steep = weights[:, NEXT, None] * edges[:, LAST] + weights[:, LAST, None] * edges[:, NEXT]
+        rise = height * np.einsum("nai,ni->na", m, unit)
+        rise -= np.einsum("nai,ni->na", steep[:, 1:] - steep[:, :1], unit)
+        rise -= np.einsum("nai,ni->na", turns, bulge)
+        slope = length[:, None] * inverse[:, :, 2] + np.einsum(
+            "nia,na->ni", inverse[:, :, :2], rise
+        )
+        found.triangle[rows] = triangle[fits]
+        found.weights[rows] = weights
+        found.gap[rows] = y[:, 2] * length - (bulge * unit).sum(1)
+        found.normal[rows] = slope
+        found.curvature[rows] = (turn + turn.swapaxes(1, 2)) / 2
+
+
+def _inverse(slopes):
+    """Inverses (n, 3, 3) of matrices with rows (n, 3, 3)."""
+    a, b, c = slopes.swapaxes(0, 1)
+    columns = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], 2)
+    return columns / np.einsum("ni,ni->n", a, columns[:, :, 0])[:, None, None]
+
+
+def _cross(a, b):
+    """Products (n,) of plane vectors (n, 2)."""
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+
+
+def _plane(places, on):
+    """Which places (n, 3) lie on an edge of symmetry, and the plane's normal (3,)."""
+    at = np.flatnonzero(on)
+    if not len(at):
+        return at, UP
+    along = np.linalg.svd(places[at] - places[at].mean(0), full_matrices=False)[2][0]
+    normal = np.cross(along, UP)
+    return at, normal / max(np.linalg.norm(normal), 1e-300)

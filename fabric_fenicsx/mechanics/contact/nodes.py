@@ -1,0 +1,110 @@
+"""Forces on the nodes of a sheet: whose they are, and what friction asks of those who press."""
+
+from typing import Protocol
+
+import numpy as np
+import ufl
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from ... import dolfinx_compat as compat
+from ...runtime.errors import InputError
+from ...sheets.blank import Blank
+from ...sheets.parts import Part
+from ...tools.tool import Tool
+from ..term import Term
+
+
+class Nodes:
+    """This rank's owned nodes of a blank in space, where forces of tools go.
+
+    part: of the blank, by default all of it. count: how many nodes the blank has; places (count, 3)
+    [mm] and areas of the part (count,) [mm^2], undeformed, 0 at the nodes of others; rows, cols
+    (9 count,): global degrees of freedom of each node's 3 x 3 block. Raises InputError for a blank
+    in a plane, along turned axes or of other than linear cells.
+    """
+
+    def __init__(self, blank: Blank, part: Part | None = None) -> None:
+        mesh, asked = blank.mesh, f"contact of {blank.name} is asked"
+        if mesh.geometry.dim != 3:
+            raise InputError(f"{asked} in a plane; allowed is a blank made with `spatial=True`")
+        if not np.array_equal(blank.frame, np.eye(3)):
+            raise InputError(f"{asked} along turned axes; allowed are x, y and z")
+        self.blank, self.comm = blank, mesh.comm
+        self.count = blank.V.dofmap.index_map.size_local
+        self.places = blank.coordinates()[: self.count]
+        part = part or blank.whole
+        if blank.degree != 1:
+            raise InputError(f"{asked} on other than linear cells; allowed are P1 and Q1")
+        area = fem_petsc.assemble_vector(compat.form(ufl.TestFunction(blank.V)[0] * part.dx()))
+        area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        self.areas = area.array[::3].copy()
+        self.others = np.flatnonzero(~part.nodes)  # nodes of other parts
+        first = blank.V.dofmap.index_map.local_range[0]
+        dofs = 3 * (first + np.arange(self.count))[:, None] + np.arange(3)
+        self.rows = np.repeat(dofs, 3, axis=1).ravel().astype(PETSc.IntType)
+        self.cols = np.tile(dofs, 3).ravel().astype(PETSc.IntType)
+
+    def displacement(self) -> np.ndarray:
+        """(count, 3) [mm]."""
+        return self.blank.u.x.array.reshape(-1, 3)[: self.count].copy()
+
+    def common(self, rows: np.ndarray) -> np.ndarray:
+        """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""
+        return next(
+            row for row in self.comm.allgather(rows[0] if len(rows) else None) if row is not None
+        )
+
+    def total(self, values: np.ndarray) -> np.ndarray:
+        """Sum over all ranks' nodes of values (count, ...)."""
+        return self.comm.allreduce(values.sum(0), MPI.SUM)
+
+
+class TangentialForces(Protocol):
+    """What rubs on a tool: who moves that tool by force has it in the balance."""
+
+    def forces(self) -> np.ndarray:
+        """Of the tool on this rank's nodes, (nodes, 3) [N]."""
+
+    def blocks(self) -> np.ndarray:
+        """By which `forces` fall as nodes move, (nodes, 3, 3) [N/mm]."""
+
+
+class PressingTerm(Term):
+    """A term by which a tool presses the sheet's nodes: all that friction with that tool asks.
+
+    tool: whose motion friction follows; nodes: that it may press; prescribed: whether the normal
+    forces follow from the load factor alone, so that friction takes those of the present load.
+    """
+
+    tool: Tool
+    nodes: Nodes
+    prescribed = False
+
+    def normal_forces(self) -> np.ndarray:
+        """Of the tool on this rank's nodes, (nodes, 3) [N]; a tool moved by force is then where
+        its force is balanced, on all ranks."""
+        raise NotImplementedError
+
+    def normals(self) -> np.ndarray:
+        """Unit vectors along which this rank's nodes are or would be pressed, (nodes, 3)."""
+        raise NotImplementedError
+
+    def force(self) -> np.ndarray:
+        """Of the tool on the ply, of all ranks (3,) [N]."""
+        raise NotImplementedError
+
+    def add_friction(self, friction: TangentialForces) -> None:
+        """Have friction help to balance the force that moves the tool."""
+
+    def rebalance(self) -> None:
+        """Balance the tool's force anew, as friction with it has changed."""
+
+    def tool_force(self, tool: Tool) -> np.ndarray:
+        """As in `Term`."""
+        return self.force() if tool is self.tool else np.zeros(3)
+
+    def applied_forces(self) -> np.ndarray:
+        """As in `Term`."""
+        return self.normal_forces().ravel()

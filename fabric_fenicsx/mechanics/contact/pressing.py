@@ -1,0 +1,148 @@
+"""The pressure of a blank holder, without contact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...runtime.errors import InputError
+from ...tools.primitives import Plane
+from ...tools.tool import Tool
+from ...tools.values import checked_vector
+from ..term import SceneFacts
+from .nodes import Nodes, PressingTerm
+from .sheet_contact import SheetContact
+
+UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
+
+
+class BlankHolderPressure(PressingTerm):
+    """Dead `pressure` [MPa] along `direction` (3,) on the parts of the sheet under a holder.
+
+    Give `Friction(holder.tool, mu)`, too: without it the holder does not hold the sheet in its
+    plane.
+
+    pressure: a number, there from the start, or a function of the load factor. A `Contact` bears
+    it on the other side of the sheet.
+    under: function of positions (n, 3) [mm] to the share of each node's area, 0 to 1, that is under
+    the holder. The areas are lagged, but updated up to `UPDATES` times in a step if more than `lag`
+    of their sum has changed; lag None: never within a step.
+    against: contacts with and between the sheets that lie on this one, from it to the last. The
+    pressure then acts only where all of them lie on one another, as a plate's does that rests on
+    the whole stack: a rim that reaches beyond the next sheet is not pressed.
+    tool: moves with the holder along a path, for its friction; by default one at rest. Raises
+    InputError for a direction or pressure that is not finite or below 0, for `under` of another
+    shape, and as `Nodes` does.
+    """
+
+    name, prescribed = "blank holder", True
+
+    def __init__(
+        self,
+        pressure: float | Callable[[float], float],
+        direction: ArrayLike,
+        under: Callable[[np.ndarray], np.ndarray],
+        tool: Tool | None = None,
+        lag: float | None = None,
+        against: Sequence[SheetContact] = (),
+    ) -> None:
+        self.under, self.lag, self._against = under, lag, list(against)
+        self._given = {"pressure": pressure}
+        self._pressure = pressure if callable(pressure) else lambda load: pressure
+        self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
+        self.tool = tool or Tool(Plane((0, 0, 0), self.direction), name=self.name)
+        if self.tool.force:
+            raise InputError(
+                f"{self.tool.name} presses without contact and is moved by force; allowed is a path"
+            )
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        if self.part.is_whole and any(part.thickness for part in scene.blank.parts.values()):
+            raise InputError(
+                "the blank holder would press each sheet of the stack; allowed is "
+                '`.on("NAME")` with the one that it touches'
+            )
+        self.nodes = Nodes(scene.blank, self.part)
+        for contact in self._against:
+            contact.bind(scene)
+        self._accepted_areas = self._pressed()
+        self.at(0.0)
+        self.accept()
+
+    def at(self, load: float) -> None:
+        """Set the pressure; InputError if it is not a number from 0 there."""
+        self.now, self._areas = float(self._pressure(load)), self._accepted_areas
+        self._updates = 0
+        if not (np.isfinite(self.now) and self.now >= 0):
+            raise InputError(
+                f"pressure of the blank holder is {self.now} MPa; allowed is a number from 0"
+            )
+
+    def accept(self) -> None:
+        """Count `work` from the present state, and press what is under the holder now."""
+        self._from, self._before = self.nodes.displacement(), self.now
+        self._accepted_force = self.nodes.total(self.normal_forces())
+        self._areas = self._accepted_areas = self._pressed()
+
+    def update_lagged(self) -> bool:
+        """Press the areas under the holder now, if they differ by more than `lag`; whether so."""
+        if self.lag is None or self._updates == UPDATES:
+            return False
+        now = self._pressed()
+        changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self._areas), now]))
+        if changed <= self.lag * all_of_it:
+            return False
+        self._areas, self._updates = now, self._updates + 1
+        return True
+
+    def work(self) -> float:
+        """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
+        moved = (self._areas[:, None] * (self.nodes.displacement() - self._from)).sum(0)
+        return float(0.5 * (self._before + self.now) * (moved @ self.direction))
+
+    def potential(self) -> float:
+        """Of this rank's nodes [N mm]."""
+        return -float((self.normal_forces() * self.nodes.displacement()).sum())
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """As in `Term`."""
+        f[: 3 * self.nodes.count] -= self.normal_forces().ravel()
+
+    def normal_forces(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        return self.now * self._areas[:, None] * self.direction
+
+    def normals(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        return np.tile(self.direction, (self.nodes.count, 1))
+
+    def force(self) -> np.ndarray:
+        """Of the holder on the ply, of all ranks (3,) [N], in the last accepted state."""
+        return self._accepted_force
+
+    def _pressed(self):
+        """Areas (nodes,) under the holder [mm^2]."""
+        x, name = self.nodes.places + self.nodes.displacement(), f"`under` of the {self.name}"
+        allowed = "allowed is a function of positions (n, 3) to a number for each, (n,)"
+        try:
+            share = np.asarray(self.under(x), float)
+        except (IndexError, TypeError, ValueError) as error:
+            words = f"{name} fails ({type(error).__name__}: {error})"
+            raise InputError(f"{words}; {allowed}") from error
+        if share.shape not in ((len(x),), ()) or not np.isfinite(share).all():
+            finite = "numbers" if np.isfinite(share).all() else "what is no number, in an array"
+            words = f"{name} gives {finite} of shape {share.shape} at {len(x)} positions"
+            raise InputError(f"{words}; {allowed}")
+        return np.clip(share, 0, 1) * self._covered()
+
+    def _covered(self):
+        """Areas (nodes,) of the sheet over which all the others lie [mm^2]."""
+        if not self._against:
+            return self.nodes.areas
+        covered = self._against[-1].covered()
+        for contact in reversed(self._against[:-1]):
+            covered = contact.covered(covered)
+        return covered

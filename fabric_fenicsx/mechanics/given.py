@@ -1,0 +1,87 @@
+"""What a scene was given, as plain data that tells it from one with other numbers."""
+
+import tomllib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from ..material.laws.base import Material
+from ..tools.surfaces import Surface
+from ..tools.tool import Tool
+
+if TYPE_CHECKING:
+    from ..scene.scene import Scene
+    from .term import Term
+
+LARGEST = 100  # numbers of an array that is compared; larger ones may be of a rank's own nodes
+
+
+def plain(value: Any) -> Any:
+    """`value` as JSON can hold it, numbers to 12 digits; of tools their surface, and path and force
+    at half and at full load. Of functions, large arrays and other objects it is only their type, as
+    what they hold can't be compared."""
+    if isinstance(value, fem.Constant):
+        value = value.value
+    if isinstance(value, (np.ndarray, np.generic)) and value.size <= LARGEST:
+        value = value.tolist()
+    if isinstance(value, float):
+        return float(f"{value:.12g}") if np.isfinite(value) else str(value)
+    if value is None or isinstance(value, (str, int)):
+        return value
+    if isinstance(value, Mapping):
+        return {str(key): plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(each) for each in value]
+    if isinstance(value, Material):
+        return value.dumps()
+    kind = type(value).__name__
+    if isinstance(value, Tool):
+        ways = {"path": value.path} | ({"force": value.force} if value.force else {})
+        at = {name: [np.asarray(way(load)) for load in (0.5, 1.0)] for name, way in ways.items()}
+        return plain({"name": value.name, "surface": value.surface} | at)
+    if isinstance(value, Surface):
+        return {"kind": kind} | plain(value.given())
+    return kind
+
+
+def entries(value: Any, path: str) -> dict[str, Any]:
+    """Plain data by the dotted path of each entry, also of those in material files' texts:
+    {"material.yarns.b": 667.5}."""
+    if isinstance(value, str) and "\n" in value:
+        try:
+            value = tomllib.loads(value)
+        except tomllib.TOMLDecodeError:  # texts of several materials
+            return {path: value}
+    if isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
+        value = dict(enumerate(value, 1))
+    if not isinstance(value, Mapping):
+        return {path: value}
+    return {
+        k: v for name, each in value.items() for k, v in entries(each, f"{path}.{name}").items()
+    }
+
+
+def of_term(term: "Term") -> dict[str, Any]:
+    """What the constructor of a term, or who set its attributes since, left in it."""
+    found: dict[str, Any] = {}
+    for name, value in vars(term).items():
+        found |= value if isinstance(value, Mapping) else {name.lstrip("_"): value}
+    return plain(found)
+
+
+def of_scene(scene: "Scene") -> dict[str, Any]:
+    """What was given to the terms of a scene, how far its supports go and where the yarns lie, the
+    same on any number of ranks: a checkpoint must agree in it."""
+    found: dict[str, Any] = {"terms": ", ".join(term.name for term in scene.terms)}
+    for i, term in enumerate(scene.terms, 1):
+        given = {k: v for name, each in term.given.items() for k, v in entries(each, name).items()}
+        found |= {f"{name} of term {i}, {term.name}": v for name, v in given.items()}
+    found["supports"] = ", ".join(support.name for support in scene.supports)
+    farthest = scene.comm.allreduce(abs(scene.held_values(1.0)).max(initial=0.0), MPI.MAX)
+    found["largest displacement of supports [mm]"] = plain(float(farthest))
+    if straight := scene.blank.whole.straight:
+        found["directions of the yarns"] = np.round(straight, 9).tolist()
+    return found

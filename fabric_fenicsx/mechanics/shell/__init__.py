@@ -1,0 +1,1 @@
+"""What a sheet resists with: membrane, bending, metal."""

@@ -1,0 +1,223 @@
+"""Bending: the yarns' resistance to being curved, out of the sheet and, if wanted, within it."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy import sparse
+
+from ... import dolfinx_compat as compat
+from ...runtime.errors import InputError
+from ..term import SceneFacts, Term, Triplets
+from .morley import MorleyCells, Where
+from .stencil import Stencil
+
+
+def plate_stiffness(modulus: float, thickness: float) -> float:
+    """Bending stiffness E t^3 / 12 [N mm] of a strip, per width, of `modulus` E [MPa] and
+    `thickness` t [mm]."""
+    return modulus * thickness**3 / 12
+
+
+class Bending(Term):
+    """Energy 1/2 D_a |x,aa|^2 + 1/2 D_b |x,bb|^2 + 1/2 D_t |x,ab|^2 over the undeformed sheet.
+
+    x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
+    normal to the deformed cell count in full, their parts tangent to it times `in_plane`. Curvature
+    of the undeformed sheet takes no energy. The operator is that of `morley.MorleyCells`.
+
+    - D_a, D_b, D_t: stiffness [N mm], D_b by default D_a. An isotropic plate without lateral
+      contraction has D_t = 2 D_a. With D_t = 0 only the membrane resists pure twist, which is a
+      saddle along the yarns' diagonals.
+    - modulus, twist_modulus: instead of these E of both yarns and G [MPa], for D_a = D_b =
+      E t^3 / 12 and D_t = G t^3 / 3, with the thickness t of the scene's fabric
+    - in_plane: factor from 0 on D_a, D_b and D_t for bending within the sheet, the only bending of
+      a plane blank. It gives shear bands a width of about sqrt(in_plane D / membrane stiffness in
+      shear).
+    - symmetric: functions of points (3, n) [mm] to a mask (n,), one for each plane of symmetry.
+      Each marks the blank's edge in its plane, where supports must hold it. clamped: the same for
+      edges whose tangent plane is held. All other edges are free of moment.
+
+    Normals are lagged, so within a step the energy is quadratic. What turning normals add to its
+    derivative is lagged, too, so the forces are exact at each accepted state.
+
+    Raises InputError, on all ranks, for a blank other than of linear triangles, negative
+    stiffnesses, a modulus beside D_a or without a fabric, a plane blank without `in_plane`, or
+    edges not found.
+    """
+
+    name = energy_kind = "bending"
+
+    def __init__(
+        self,
+        D_a: float | None = None,
+        D_b: float | None = None,
+        D_t: float = 0.0,
+        in_plane: float = 0.0,
+        symmetric: Where | Sequence[Where] = (),
+        clamped: Where | Sequence[Where] = (),
+        *,
+        modulus: float | None = None,
+        twist_modulus: float = 0.0,
+    ) -> None:
+        self.in_plane, self._edges = float(in_plane), (symmetric, clamped)
+        self.resists = ("turn",) if clamped else ()
+        if modulus is not None and D_a is None:
+            given = {"modulus": modulus, "twist_modulus": twist_modulus, "in_plane": self.in_plane}
+        elif modulus is None and D_a is not None:
+            given = {
+                "D_a": D_a,
+                "D_b": D_a if D_b is None else D_b,
+                "D_t": D_t,
+                "in_plane": self.in_plane,
+            }
+        else:
+            raise InputError(
+                f"bending has D_a = {D_a} and modulus = {modulus}; allowed is one of them"
+            )
+        if not all(np.isfinite(value) and value >= 0 for value in given.values()):
+            numbers = [float(value) for value in given.values()]
+            raise InputError(
+                f"bending has {', '.join(given)} = {numbers}; allowed are numbers from 0"
+            )
+        self._given = given
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        blank, given, fabric = scene.blank, self._given, scene.fabric_of(self.part)
+        if blank.mesh.geometry.dim == 2 and not self.in_plane:
+            raise InputError(
+                f"bending of {blank.name} is asked in a plane with in_plane 0, where nothing "
+                "bends; allowed is a blank made with `spatial=True`, or in_plane above 0"
+            )
+        if not (compat.is_affine(blank.mesh) and blank.degree == 1):
+            raise InputError(
+                f"bending of {blank.name} is asked on other than linear triangles; allowed is P1"
+            )
+        if "modulus" in given:
+            if fabric is None:
+                raise InputError(
+                    f"bending of {blank.name} is given a modulus, and no term of the scene has a "
+                    "fabric; allowed are D_a, D_b, D_t"
+                )
+            D = plate_stiffness(given["modulus"], fabric.thickness)
+            self.stiffnesses = np.array(
+                [D, D, 4 * plate_stiffness(given["twist_modulus"], fabric.thickness)]
+            )
+        else:
+            self.stiffnesses = np.array([given["D_a"], given["D_b"], given["D_t"]], float)
+        self._cells, self._dim = MorleyCells(blank, *self._edges), blank.mesh.geometry.dim
+        operator, curved = self._cells.curvature(self.stiffnesses)
+        if not self.part.is_whole:
+            operator, curved = operator[self.part.cells], curved[self.part.cells]
+            self._cells = self._cells.only(self.part.cells)
+        self._weights = self._cells.area[:, None] * self.stiffnesses
+        self._own_curvature = np.where(
+            np.abs(curved) < 1e-10 * np.abs(curved).max(initial=1e-300), 0, curved
+        )
+        if np.abs(curved).max(initial=0) * np.sqrt(self._cells.area.max(initial=0)) < 1e-10:
+            self._own_curvature[:] = 0  # flat but for rounding
+        self._gathered(operator)
+        self.accept()
+
+    # -- what a scene calls
+
+    def accept(self) -> None:
+        """Take normals from the present displacement."""
+        U, dim = self._stencil.displacement(), self._dim
+        self._rest, self._normal, self._turning, self._origin = self._own_curvature, None, None, U
+        P = np.broadcast_to(self.in_plane * np.eye(dim), (len(self._rest), dim, dim))
+        if dim == 3:
+            corners = self._cells.corners + U[self._stencil.columns[:, :3]]
+            edges, axes = np.roll(corners, -2, 1) - np.roll(corners, -1, 1), self._axes(corners)
+            self._normal = normal = axes[:, 2]
+            P = P + (1 - self.in_plane) * normal[:, :, None] * normal[:, None]
+            turned = np.einsum("cki,ckj->cij", axes, self._axes(self._cells.corners))
+            self._rest = np.einsum("cij,ckj->cki", turned, self._own_curvature)
+            curvature = self._curvature(U)
+            torque = np.cross(self._moments(curvature - self._rest), curvature).sum(1)
+            area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)  # twice
+            # gradients of the shape functions
+            slopes = np.cross(normal[:, None], edges) / area[:, None, None]
+            along = -np.einsum("ci,cni->cn", np.cross(torque, normal), slopes)
+            self._turning = np.zeros_like(U)
+            np.add.at(
+                self._turning, self._stencil.columns[:, :3], along[:, :, None] * normal[:, None]
+            )
+        blocks = (self._pair_weights @ P.reshape(len(P), dim * dim)).reshape(-1, dim, dim)
+        i, j = self._pairs
+        blocks = np.concatenate([blocks, blocks[i != j]])
+        self._stencil.turn_back(blocks, *self._both_ways)
+        self._values = blocks.ravel()
+
+    def stored(self) -> float:
+        """Energy of this rank's owned cells [N mm]."""
+        U = self._stencil.displacement()
+        bent = self._curvature(U) - self._rest
+        energy = 0.5 * np.vdot(bent, self._moments(bent))
+        return float(
+            energy + (0 if self._turning is None else np.vdot(self._turning, U - self._origin))
+        )
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """As in `Term`."""
+        moments = self._moments(self._curvature(self._stencil.displacement()) - self._rest)
+        forces = self._transposed @ moments.reshape(-1, self._dim)
+        if self._turning is not None:
+            forces += self._turning
+        self._stencil.add_forces(forces, f)
+
+    def tangent(self) -> Triplets:
+        """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
+        neighbours, further than a rank's ghosts."""
+        return self._rows, self._cols, self._values
+
+    def curvatures(self) -> np.ndarray:
+        """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes,
+        (cells, 3, gdim) [1/mm]."""
+        return self._curvature(self._stencil.displacement())
+
+    # --
+
+    def _axes(self, corners):
+        """Unit vectors along the first yarn, across it and normal to the cells with these corners,
+        (cells, 3, 3)."""
+        a = np.einsum("cn,cni->ci", self._cells.along_a, corners)
+        a /= np.linalg.norm(a, axis=1, keepdims=True)
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        return np.stack([a, np.cross(normal, a), normal], 1)
+
+    def _moments(self, bent):
+        """Moments, conjugate to the curvatures by which cells are `bent`,
+        (cells, 3, gdim) [N mm mm]."""
+        moments = self.in_plane * bent
+        if self._normal is not None:
+            out = (1 - self.in_plane) * (bent @ self._normal[:, :, None])
+            moments += out * self._normal[:, None]
+        moments *= self._weights[:, :, None]
+        return moments
+
+    def _curvature(self, U):
+        return (self._operator @ U).reshape(-1, 3, self._dim) + self._own_curvature
+
+    def _gathered(self, operator):
+        """Sparse matrices from the cells' `operator` (cells, 3, 12), and who is needed where."""
+        self._stencil, count = Stencil(self._cells), len(operator)
+        columns, size = self._stencil.columns, self._stencil.count
+        rows = np.arange(3 * count).reshape(count, 3, 1) + np.zeros_like(columns)[:, None]
+        over = np.broadcast_to(columns[:, None], rows.shape)
+        self._operator = sparse.csr_matrix(
+            (operator.ravel(), (rows.ravel(), over.ravel())), shape=(3 * count, size)
+        )
+        self._operator.eliminate_zeros()
+        self._transposed = self._operator.T.tocsr()
+        # the stiffness of a pair of nodes is the sum over cells of a number times the cell's P
+        products = np.einsum("ck,cki,ckj->cij", self._weights, operator, operator, optimize=True)
+        cell, i, j = np.nonzero((products != 0) & (columns[:, :, None] <= columns[:, None]))
+        keys, pair = np.unique(columns[cell, i] * size + columns[cell, j], return_inverse=True)
+        self._pair_weights = sparse.csr_matrix(
+            (products[cell, i, j], (pair, cell)), shape=(len(keys), count)
+        )
+        i, j = self._pairs = np.divmod(keys, size)
+        self._both_ways = np.concatenate([i, j[i != j]]), np.concatenate([j, i[i != j]])
+        self._rows, self._cols = self._stencil.places(*self._both_ways)

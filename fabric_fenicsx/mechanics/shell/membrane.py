@@ -1,0 +1,382 @@
+"""The membrane: in-plane strain energy of a blank."""
+
+from itertools import combinations_with_replacement
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from ufl.core.expr import Expr
+
+from ... import dolfinx_compat as compat
+from ...material import kernel, stability
+from ...material.expression import derivatives, energy_density
+from ...material.laws import Law
+from ...material.presets import checked_fabric
+from ...material.strains import nominal_strain, shear_angle
+from ...runtime.errors import InputError
+from ..term import SceneFacts, Term
+from .mesh_warnings import band_warning, locking_warning
+
+# Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that
+# UFL estimates for this energy would take thousands of points.
+QUADRATURE_DEGREE = {
+    ("triangle", 1): 1,
+    ("triangle", 2): 2,
+    ("triangle", 3): 4,
+    ("quadrilateral", 1): 2,
+    ("quadrilateral", 2): 4,
+}
+INTEGRATION = "full", "reduced"
+# of the yarns' stiffness, that holds their strain's gradients where it is taken at one point
+GRADIENTS = 0.0125
+STRAIN = 1e-3  # at which that stiffness is taken
+UNITS = {
+    **dict.fromkeys(
+        ("a", "b", "eps_a", "eps_b", "log_eps_11", "log_eps_22", "I4", "I6", "I8", "strain_state"),
+        "-",
+    ),
+    **dict.fromkeys(("shear_angle", "I10"), "rad"),
+    **dict.fromkeys(("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"),
+    **dict.fromkeys(("sigma_a", "sigma_b"), "MPa"),
+    **dict.fromkeys(("stability_convexity", "stability_ellipticity"), "-"),
+}
+
+
+class Membrane(Term):
+    """Strain energy W(I4, I6, I8) t of `fabric` over the undeformed sheet: eqs (5)-(7), (30).
+
+    Material values enter as constants of the form, so fabrics that differ only in numbers share one
+    compiled form. quadrature_degree: by default that of `QUADRATURE_DEGREE`.
+
+    integration: `reduced`, on plane quadratic triangles with straight sides, takes the law at the
+    centre of each. Two yarns that hardly stretch are then two constraints on a cell's four degrees
+    of freedom, so cells that do not follow the yarns do not lock (reduced integration as projected
+    strains: Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978; locking of fibres:
+    ten Thije and Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). The
+    centre does not see gradients of strains and shear angle. So that no mode of a cell is free,
+    these are resisted by `GRADIENTS` of the yarns' stiffness and by the shear stiffness at rest (as
+    Liu, Ong and Uras, Comput. Methods Appl. Mech. Eng. 53, 1985, hold hourglasses). Points and
+    states are then those at the centres.
+
+    weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
+    angle counts. The default is the initial angle of the blank, as in eq. (8). With any other the
+    blank has stress as it lies.
+
+    Raises InputError for a weave_angle that is not above 0 and below pi, and in a scene for an
+    element that is not listed in `QUADRATURE_DEGREE`, or that `reduced` is not for, and for a law
+    with energy or stress at rest.
+    """
+
+    name, energy_kind = "membrane", "strain"
+    fabric: Law
+    units = UNITS
+
+    def __init__(
+        self,
+        fabric: Law,
+        quadrature_degree: int | None = None,
+        integration: str = "full",
+        weave_angle: float | None = None,
+    ) -> None:
+        if integration not in INTEGRATION:
+            raise InputError(
+                f"integration is {integration!r}; allowed are {', '.join(INTEGRATION)}"
+            )
+        self.fabric, self.integration = checked_fabric("fabric of a membrane", fabric), integration
+        self.weave_angle = None if weave_angle is None else kernel.check_weave_angle(weave_angle)
+        self.prestressed = weave_angle is not None
+        self._quadrature_degree = quadrature_degree
+        self._points: compat.PointEvaluation | None = None
+        # displacements, values at points
+        self._evaluated: tuple[np.ndarray, np.ndarray] | None = None
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        blank, mesh = scene.blank, scene.blank.mesh
+        self.fabric.check_rest()
+        cell = compat.cell_name(mesh)
+        if (cell, blank.degree) not in QUADRATURE_DEGREE:
+            allowed = ", ".join(f"{degree} on {kind}s" for kind, degree in QUADRATURE_DEGREE)
+            raise InputError(
+                f"{blank.name} is of degree {blank.degree} on {cell}s; allowed is {allowed}"
+            )
+        self.degree = self._quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
+        law, straight, rest = self._constants(mesh)
+        self._a0, self._b0 = straight or self._fibres()
+        fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
+        cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
+        rest = cosine if rest is None else rest
+        self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
+        self._ufl = law, fa, fb, cosine, rest
+        if self.integration == "reduced":
+            self._check_reduced(cell)
+            self.degree = 1
+        self._dx = self.part.dx(self.degree)
+        self._gradients = (
+            self._held_gradients() * self._dx if self.integration == "reduced" else None
+        )
+        self.energy = law.thickness * energy_density(*self._invariants, rest, law) * self._dx
+        if self._gradients:
+            self.energy += self._gradients
+
+    def _check_reduced(self, cell):
+        blank = self.blank
+        if (
+            (cell, blank.degree) != ("triangle", 2)
+            or not compat.is_affine(blank.mesh)
+            or blank.mesh.geometry.dim == 3
+        ):
+            raise InputError(
+                f"integration is reduced and {blank.name} of degree {blank.degree} on {cell}s; "
+                "allowed is a plane sheet of quadratic triangles (P2) with straight sides"
+            )
+
+    def _held_gradients(self):
+        """Energy density of the gradients of strains and shear angle, as stiffness times their
+        variance in the cell."""
+        mesh, (law, fa, fb, _, rest) = self.blank.mesh, self._ufl
+        # each yarn's alone, so without couplings
+        eps_a, eps_b, gamma = STRAIN * np.eye(3)[:, :2]
+        alone = self.fabric.derivatives(eps_a, eps_b, gamma, second=False)
+        yarns = GRADIENTS * alone.parts[[0, 1], [0, 1]] / STRAIN**2
+        stiffness = fem.Constant(mesh, [*yarns, self.fabric.shear_stiffness / 2])
+        curved = ufl.grad(ufl.grad(self.blank.displacement))
+        i, j, k = ufl.indices(3)
+        # gradients of fa and fb
+        bent = [ufl.as_tensor(curved[i, j, k] * f[j], (i, k)) for f in (self._a0, self._b0)]
+        I4, I6, I8 = invariants = [ufl.variable(I) for I in self._invariants]
+        slopes = (
+            2 * ufl.dot(fa, bent[0]),
+            ufl.dot(fa, bent[1]) + ufl.dot(fb, bent[0]),
+            2 * ufl.dot(fb, bent[1]),
+        )
+        J = ufl.Jacobian(mesh)
+        # mean of (x - x_c) (x - x_c)
+        spread = ufl.dot(J, ufl.dot(ufl.as_matrix([[2.0, -1.0], [-1.0, 2.0]]) / 36, J.T))
+        energy = 0
+        gamma = shear_angle(I6, ufl.sqrt(I4 * I8 - I6**2), rest, ufl.sqrt(1 - rest**2))
+        for n, q in enumerate((nominal_strain(I4), nominal_strain(I8), gamma)):
+            slope = sum(ufl.diff(q, I) * dI for I, dI in zip(invariants, slopes))
+            energy += stiffness[n] * ufl.dot(slope, ufl.dot(spread, slope))
+        return law.thickness * energy
+
+    def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
+        """As in `Term`, with fewer operations than UFL's own derivatives take."""
+        law, fa, fb, _, rest = self._ufl
+        first, second = derivatives(*self._invariants, rest, law)
+        (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
+        gdim = len(fa)
+        # how each component of fa and fb moves the invariants
+        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [
+            [0, fa[i], 2 * fb[i]] for i in range(gdim)
+        ]
+        forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
+        pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
+        stiffness = [[None] * 2 * gdim for _ in range(2 * gdim)]
+        for i, j in combinations_with_replacement(range(2 * gdim), 2):
+            geometric = [2 * S4, S6, 2 * S8][i // gdim + j // gdim] if i % gdim == j % gdim else 0
+            stiffness[i][j] = stiffness[j][i] = (
+                sum(c * D for c, D in zip(moved[j], pulled[i])) + geometric
+            )
+        dv, dw = ([yarn[i] for yarn in self._stretched(x) for i in range(gdim)] for x in (v, w))
+        answers = (sum(k * y for k, y in zip(row, dw)) for row in stiffness)
+        residual = sum(f * x for f, x in zip(forces, dv)) * self._dx
+        tangent = sum(x * y for x, y in zip(dv, answers)) * self._dx
+        if self._gradients:
+            slope = ufl.derivative(self._gradients, self.blank.u, v)
+            residual, tangent = residual + slope, tangent + ufl.derivative(slope, self.blank.u, w)
+        return residual, tangent
+
+    def _stretched(self, u):
+        """What displacement `u` adds to the yarns' vectors a0, b0."""
+        gradient = ufl.grad(self.blank.in_space(u))
+        return ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0)
+
+    def _constants(self, mesh):
+        """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
+        given: entries of one vector, as several would be ordered, and the form compiled anew, by
+        their names."""
+        straight, fabric = self.part.straight, self.fabric
+        numbers: list[float] = []
+        fabric.symbols(numbers.append)
+        known = [*numbers, *np.ravel(straight or ())]
+        known += [] if self.weave_angle is None else [np.cos(self.weave_angle)]
+        entries = iter(fem.Constant(mesh, known))
+        law = fabric.symbols(lambda _: next(entries))
+        directions = [ufl.as_vector([next(entries) for _ in each]) for each in straight or ()]
+        return law, directions, next(entries, None)
+
+    def _fibres(self):
+        """a0, b0: where they vary, on cells without one tangent plane projected anew at each
+        point."""
+        mesh = self.blank.mesh
+        fibres = self.blank.a0, self.blank.b0
+        if mesh.geometry.dim == 2 or compat.is_affine(mesh):
+            return fibres
+        project = ufl.dot(ufl.Jacobian(mesh), ufl.JacobianInverse(mesh))
+        tangent = [ufl.dot(project, f) for f in fibres]
+        return [f / ufl.sqrt(ufl.dot(f, f)) for f in tangent]
+
+    def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
+        UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the part's
+        cells."""
+        if self._points is None:
+            law, fa, fb, cosine, rest = self._ufl
+            sine = ufl.sqrt(1 - cosine**2)
+            f1, f2 = fa, (fb - cosine * fa) / sine
+            C = ufl.as_matrix(
+                [[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]
+            )
+            # FFCx from 0.9 names code by the variable's number, and would compile each one anew
+            C = ufl.classes.Variable(C, ufl.classes.Label(0))
+            b = ufl.as_vector([cosine, sine])
+            W = energy_density(
+                C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b)), rest, law
+            )
+            S = 2 * ufl.diff(W, C)
+            flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
+            values = ufl.as_vector([*flat, cosine, S[0, 0], S[1, 1], S[0, 1]])
+            self._points = compat.PointEvaluation(
+                values, self.blank.mesh, self.degree, self.part.cells
+            )
+        u = self.blank.u.x.array
+        if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
+            self._evaluated = u.copy(), self._points()
+        values = self._evaluated[1]
+        gdim = self.blank.mesh.geometry.dim
+        F = np.zeros((*values.shape[:2], 3, 2))
+        F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
+        cosine = values[:, :, 2 * gdim]
+        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
+
+    def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
+        """`kernel.State` at every quadrature point of the part's cells, arrays (cells, points,
+        ...), with the deformed fibres fa, fb (cells, points, 3) and the kernel's mismatch on this
+        rank.
+
+        Mismatch: largest |S_UFL - S_kernel| over max(|S_kernel|, s1), the smallest stiffness of the
+        law, or 1 MPa if it does not resist shear.
+        """
+        F, b, S_ufl = self.at_points()
+        cells, points = F.shape[:2]
+        b = b.reshape(-1, 2)
+        state = kernel.evaluate(
+            self.fabric,
+            gradient=F.reshape(-1, 3, 2),
+            fibres=([1.0, 0.0], b),
+            weave_angle=self.weave_angle,
+        )
+        S = np.stack([state.S[:, 0, 0], state.S[:, 1, 1], state.S[:, 0, 1]], -1)
+        difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
+        least = self.fabric.shear_stiffness or 1.0
+        mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
+        shaped = state._replace(
+            **{
+                k: v.reshape(cells, points, *v.shape[1:])
+                for k, v in state._asdict().items()
+                if v is not None
+            }
+        )
+        fa = F[:, :, :, 0]
+        fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
+        return shaped, fa, fb, mismatch
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Quadrature weights over the points of a cell (points,), summing to one."""
+        if not self._points:
+            self.at_points()
+        assert self._points
+        return self._points.weights / self._points.weights.sum()
+
+    # -- results
+
+    def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
+        """Add means over the part's cells, (cells,) or (cells, 3); their units are in `UNITS`.
+
+        a, b: deformed fibres; eps_a, eps_b: nominal, log_eps_11, log_eps_22: logarithmic fibre
+        strains; shear_angle; I4, I6, I8, I10; energy_a, energy_b, energy_shear; strain_state 1..4,
+        eq. (13); sigma_a, sigma_b: Cauchy stress along the deformed fibres; stability_convexity,
+        stability_ellipticity: the smallest indicators of a cell's points, 1 at rest and negative
+        where the law itself allows a band, see `material.stability`.
+        """
+        state, fa, fb, _ = self.state()
+
+        def mean(values):
+            return np.einsum("q,cq...->c...", self.weights, values)
+
+        I4, I6, I8, I10 = np.moveaxis(state.invariants, -1, 0)
+        parts = mean(state.energy_parts)
+        found = {"a": mean(fa), "b": mean(fb)}
+        found |= {"eps_a": mean(np.sqrt(I4) - 1), "eps_b": mean(np.sqrt(I8) - 1)}
+        found |= {
+            "log_eps_11": mean(np.log(I4)) / 2,
+            "log_eps_22": mean(np.log(I8)) / 2,
+            "shear_angle": mean(I10),
+        }
+        found |= {"I4": mean(I4), "I6": mean(I6), "I8": mean(I8), "I10": found["shear_angle"]}
+        found |= {"energy_a": parts[:, 0], "energy_b": parts[:, 1], "energy_shear": parts[:, 2]}
+        found["strain_state"] = (1 + (found["eps_b"] <= 0) + 2 * (found["eps_a"] <= 0)).astype(
+            np.int32
+        )
+        for name, f, I in (("sigma_a", fa, I4), ("sigma_b", fb, I8)):
+            found[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
+        stable = stability.evaluate(self.fabric, state.invariants)
+        found["stability_convexity"] = stable.convexity.min(1)
+        found["stability_ellipticity"] = stable.ellipticity.min(1)
+        for name, values in found.items():
+            fields.get(name)  # of several membranes on a sheet the last one's take its place
+            self.part.put(fields, name, values)
+
+    def _invariants_at_points(self):
+        """I4, I6, I8 (cells, points) and shear angle, at a third of the cost of `state`."""
+        F, b, _ = self.at_points()
+        fa, fb = F[..., 0], F[..., 0] * b[..., :1] + F[..., 1] * b[..., 1:]
+        I4, I6, I8 = (np.einsum("cqi,cqi->cq", x, y) for x, y in ((fa, fa), (fa, fb), (fb, fb)))
+        gamma = np.arctan2(I6, np.sqrt(I4 * I8 - I6 * I6))
+        if self.weave_angle is None:
+            gamma -= np.arctan2(b[..., 0], b[..., 1])
+        else:
+            gamma -= np.pi / 2 - self.weave_angle
+        return np.stack([I4, I6, I8, gamma], -1)
+
+    def add_history(self, row: dict[str, Any]) -> None:
+        """Add `min_stability`, the least ellipticity indicator of all points: a band is the
+        material's only where it is negative, see `material.stability`."""
+        least = stability.least_ellipticity(self.fabric, self._invariants_at_points())
+        least = self.blank.mesh.comm.allreduce(least, MPI.MIN)
+        row["min_stability"] = min(least, row.get("min_stability", np.inf))
+
+    def add_summary(self, summary: dict[str, Any]) -> None:
+        """Add what the sheet is made of and how it is integrated, and the kernel's mismatch."""
+        mismatch = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
+        known = {"couplings": sorted(self.fabric.couplings), "material": self.fabric.name}
+        facts = {"integration": self.integration} | (known if self.part.is_whole else {})
+        for name in facts:
+            summary.get(name)  # of several membranes the last one's take its place
+        summary |= facts
+        if not self.part.is_whole:
+            summary.setdefault("parts", {})[self.part.name] = known
+        summary["kernel_mismatch"] = max(mismatch, summary.get("kernel_mismatch", 0.0))
+
+    def overstretched(self, strain: float) -> float:
+        """As in `Term`, by the larger mean nominal strain of a cell's two yarns."""
+        invariants, areas = self._invariants_at_points(), self.blank.areas()[self.part.cells]
+        stretch = np.sqrt(
+            np.maximum(invariants[..., 0] @ self.weights, invariants[..., 2] @ self.weights)
+        )
+        parts = np.array([areas[stretch - 1 > strain].sum(), areas.sum()])
+        over, whole = self.blank.mesh.comm.allreduce(parts)
+        return float(over / whole)
+
+    def warnings(self) -> list[str]:
+        """As in `Term`: cells that lock, and bands."""
+        return [text for text in (locking_warning(self), band_warning(self)) if text]
+
+    def least_ellipticity(self) -> np.ndarray:
+        """The least ellipticity indicator of each of the part's cells, (cells,) [-]."""
+        found = stability.evaluate(self.fabric, self._invariants_at_points())
+        return found.ellipticity.min(1)

@@ -1,0 +1,185 @@
+"""What speaks against a result though nothing failed: the sheet's size, bands, cells that lock."""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from mpi4py import MPI
+
+from ... import dolfinx_compat as compat
+from ...material import kernel
+from ...runtime.errors import InputError
+from ...sheets.blank import Blank
+from ...sheets.parts import Part
+
+if TYPE_CHECKING:
+    from .membrane import Membrane
+
+SMALL, LARGE = 20.0, 10_000.0  # mm: a few yarns, more than looms weave
+ALONG = math.cos(
+    math.radians(1.0)
+)  # of an edge and a yarn: 1 deg off costs a bias test 3 %, 3 deg 8 %, 10 deg 22 %
+OFF = 0.5  # of all cells, from which the mesh is taken not to follow the yarns
+BANDS = 1e-2  # of the area
+# share of the strain energy in stretches that neighbouring cells undo; a reaction is then 5 % off
+LOCKED = 2.5e-3
+
+
+def size_warning(blank: Blank, thickness: float, source: str) -> str:
+    """A sentence if the sheet's size may be in another unit than mm, else ""; thickness: of the
+    fabric [mm].
+
+    Raises InputError for a sheet smaller than its thickness, which must be in metres.
+    """
+    low, high = blank.extent()
+    sides = " x ".join(f"{side:.4g}" for side in high - low)
+    if (high - low).max() < thickness:
+        raise InputError(
+            f"{source} is {sides} mm, less than the fabric is thick ({thickness:g} mm); allowed "
+            "is a sheet in mm, so one in metres times 1000"
+        )
+    if (high - low).max() < SMALL:
+        return (
+            f"{source} is {sides} mm, which is some yarns only; lengths are in mm (metres "
+            "times 1000, inches times 25.4)"
+        )
+    if (high - low).max() > LARGE:
+        return (
+            f"{source} is {sides} mm, which is more than looms weave; lengths are in "
+            "mm (micrometres over 1000)"
+        )
+    return ""
+
+
+def band_warning(membrane: "Membrane") -> str:
+    """A sentence if the law allows bands in more than `BANDS` of the sheet's area in the present
+    state, else "".
+
+    The law has no length, so a band is as wide as a row of cells, and which of two rows becomes one
+    is open: with yarns at +-45 deg the double dome's corner has neighbouring equilibria, whose
+    largest shear angles are 52.1 and 54.5 deg.
+    """
+    part, comm = membrane.part, membrane.blank.mesh.comm
+    areas = membrane.blank.areas()[part.cells]
+    least = membrane.least_ellipticity()
+    lost, whole = comm.allreduce(np.array([areas[least < 0].sum(), areas.sum()]))
+    if lost <= BANDS * whole:
+        return ""
+    # to few digits, so that of cells that mirror each other the same is named on any ranks
+    centres = membrane.blank.midpoints()[:2, part.cells].round(6)
+    order = np.lexsort((centres[1], centres[0], [float(f"{v:.4g}") for v in least]))[:1]
+    found = [(float(f"{least[i]:.4g}"), *centres[:, i]) for i in order]
+    _, x, y = min(each for rank in comm.allgather(found) for each in rank)
+    name = part.name or membrane.blank.name
+    return (
+        f"in {100 * lost / whole:.2g} % of {name}, as at ({x:.4g}, {y:.4g}) mm of the flat sheet, "
+        "the law allows bands: strains gather in rows of cells, and which rows depends on mesh and "
+        "steps; so do the largest strains and shear angles, unless bending within the sheet "
+        "(`in_plane_bending`) gives bands a width"
+    )
+
+
+def locking_warning(membrane: "Membrane") -> str:
+    """A sentence if linear cells lock in the present state, else "".
+
+    Yarns hardly stretch. Cells without edges along both yarns can still only shear if they stretch
+    yarns, and neighbours do so in opposite directions. The energy of this is the measure of
+    locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
+    the same shear angles.
+    """
+    blank = membrane.blank
+    off = share_off_the_yarns(membrane.part) if blank.degree == 1 else 0.0
+    taken = alternating_energy(membrane) if off > OFF else 0.0
+    if taken <= LOCKED:
+        return ""
+    if blank.mesh.geometry.dim == 2:
+        effect = "a bias test's force is then 5 to 30 % too high"
+        cure = 'P2 with `integration="reduced"`, P3 or `pattern="yarns"`'
+        cure = 'P2 with `integration="reduced"` or P3' if blank.from_file else cure
+    else:
+        effect = (
+            "yarn strains of single cells mean little, and forces may be some per cent too high"
+        )
+        cure = '`pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
+        if blank.from_file:  # patterns are of rectangles that the program meshes
+            cure = "a mesh with edges along both yarns, or finer cells"
+        elif membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
+            cure = f'`pattern="along"`, {cure}'
+    return (
+        f"{100 * off:.0f} % of the linear cells lock, as no edges at their corners run along both "
+        f"yarns: {100 * taken:.2g} % of the strain energy stretches yarns in one cell and "
+        f"compresses them in the next; {effect}; take {cure}"
+    )
+
+
+def share_off_the_yarns(part: Part) -> float:
+    """Share of a part's cells at whose corners edges of the mesh do not run along both yarns; for
+    linear displacements."""
+    blank = part.blank
+    comm, nodes, corners = blank.mesh.comm, _nodes(blank)[part.cells], around(blank)[part.cells]
+    gdim = blank.mesh.geometry.dim
+    edges = np.roll(corners, -1, 1) - corners
+    edges /= np.linalg.norm(edges, axis=2, keepdims=True)
+    follows = []
+    for field in (blank.a0, blank.b0):
+        yarn = field.x.array.reshape(-1, gdim)[part.cells, None]
+        edge = np.abs((edges * yarn).sum(2)) >= ALONG
+        follows.append(edge | np.roll(edge, 1, 1))  # both of its ends
+    marks = np.stack(follows, -1).astype(float)
+    if nodes.shape[1] == 4:
+        marks[:, [2, 3]] = marks[:, [3, 2]]
+    reached = (blank.summed(marks, part.cells)[nodes] > 0).any(1).all(1)
+    off, cells = comm.allreduce(np.array([(~reached).sum(), len(nodes)]), MPI.SUM)
+    return float(off / cells)
+
+
+def alternating_energy(membrane: "Membrane") -> float:
+    """Share of the strain energy that goes when yarn strains are smoothed over neighbouring cells,
+    for linear displacements; 0 at rest."""
+    blank = membrane.blank
+    state, _, _, _ = membrane.state()
+    _, b, _ = membrane.at_points()
+    stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
+    cells = membrane.part.cells
+    corners, nodes = around(blank)[cells], _nodes(blank)[cells]
+    ends = (
+        ((1, 0), (2, 0)) if nodes.shape[1] == 3 else ((2, 0), (3, 1))
+    )  # two sides, or both diagonals
+    spans = [corners[:, i] - corners[:, j] for i, j in ends]
+    squares = [[(p * q).sum(1) for q in spans] for p in spans]
+    areas = np.sqrt(np.maximum(squares[0][0] * squares[1][1] - squares[0][1] ** 2, 0)) / 2
+    means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
+
+    def at_nodes(values):
+        return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
+
+    smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
+    before = np.arctan2(b[..., 1], b[..., 0])  # angle from yarns a to b
+
+    def energy(stretches):
+        turned = before - gamma
+        fa = np.stack([stretches[..., 0], 0 * gamma], -1)
+        fb = stretches[..., 1:] * np.stack([np.cos(turned), np.sin(turned)], -1)
+        frame = np.stack([np.broadcast_to([1.0, 0.0], b.shape), b], -1)
+        F = np.stack([fa, fb], -1) @ np.linalg.inv(frame)
+        fibres = [1.0, 0.0], b.reshape(-1, 2)
+        found = kernel.evaluate(membrane.fabric, gradient=F.reshape(-1, 2, 2), fibres=fibres).energy
+        return float(areas @ (found.reshape(gamma.shape) @ membrane.weights))
+
+    parts = np.array([energy(stretches), energy(np.broadcast_to(smooth, stretches.shape))])
+    whole, smoothed = blank.mesh.comm.allreduce(parts, MPI.SUM)
+    return float((whole - smoothed) / whole) if whole > 0 else 0.0
+
+
+def _nodes(blank):
+    """Nodes of `u` of each owned cell, at its corners as displacements are linear, (cells, 3 or
+    4)."""
+    return compat.dofmap(blank.V)[: blank.mesh.topology.index_map(2).size_local]
+
+
+def around(blank: Blank) -> np.ndarray:
+    """Corners of the owned cells one after the other around each, (cells, 3 or 4, gdim) [mm]."""
+    nodes = _nodes(blank)
+    if nodes.shape[1] == 4:  # in tensor-product order
+        nodes = nodes[:, [0, 1, 3, 2]]
+    return blank.coordinates()[nodes][:, :, : blank.mesh.geometry.dim]

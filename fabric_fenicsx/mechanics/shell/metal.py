@@ -1,0 +1,339 @@
+"""Sheet metal: elastic-plastic membrane and bending in one, at points through the thickness."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+from numpy.polynomial.legendre import Legendre
+
+from ... import dolfinx_compat as compat
+from ...material.hencky import Hencky, hencky
+from ...material.metal import Metal
+from ...material.plasticity import Response, elastic_energy, respond, volume_change, von_mises
+from ...runtime.errors import InputError
+from ..term import SceneFacts, Term, Triplets
+from .bending import plate_stiffness
+from .morley import MorleyCells, Where
+from .stencil import CellSums, Stencil
+
+# from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
+MEAN_AND_SHEARS = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+CHUNK = 250  # cells whose stiffness is made at a time
+UNITS = {
+    "equivalent_plastic_strain": "-",
+    "metal_thickness": "mm",
+    "von_mises_top": "MPa",
+    "von_mises_bottom": "MPa",
+}
+
+
+class _Shape(NamedTuple):
+    """Cells as they are deformed: base vectors (cells, 3, 2), normals (cells, 3), gradients of the
+    corners' functions (cells, 3, 3), the normal curvature's derivative by each node's motion along
+    the normal (cells, 3, 12), and itself, 11, 22, 2 12 (cells, 3)."""
+
+    base: np.ndarray
+    normal: np.ndarray
+    gradients: np.ndarray
+    bends: np.ndarray
+    curvature: np.ndarray
+
+
+class _State(NamedTuple):
+    """Cells at one displacement: their shape, strains and response at points (cells * points), and
+    what is conjugate to the mid-surface's strains and to its curvature (cells, 3) [N mm]."""
+
+    U: np.ndarray
+    shape: _Shape
+    strain: Hencky
+    response: Response
+    forces: np.ndarray
+    moments: np.ndarray
+
+
+def through_thickness(points: int) -> tuple[np.ndarray, np.ndarray]:
+    """Places from -1/2 to 1/2 and weights (points,), which sum to one: Lobatto's rule over each
+    half. So faces and middle are among the places, and elastic bending is exact. Raises InputError
+    unless points is an odd number from 5."""
+    if not (isinstance(points, int) and points >= 5 and points % 2):
+        raise InputError(f"metal has points {points!r}; allowed is an odd number from 5")
+    n = (points + 1) // 2
+    P = Legendre.basis(n - 1)
+    x = np.concatenate([[-1.0], np.sort(P.deriv().roots().real), [1.0]])
+    w = 1 / (n * (n - 1) * P(x) ** 2) / 2
+    x = (x + 1) / 4
+    ends = np.concatenate([w[1:][::-1], [2 * w[0]], w[1:]])
+    return np.concatenate([-x[:0:-1], x]), ends
+
+
+class SheetMetal(Term):
+    """Elastic-plastic energy of a sheet of `metal` on linear triangles in space.
+
+    At a height z along the cell's normal the sheet stretches as C - 2 z (kappa - kappa0) says
+    (Kirchhoff and Love). C = F^T F is the cell's; kappa is its normal curvature from
+    `morley.MorleyCells`, on orthonormal axes, with the cell's present normal. So rigid motions are
+    free of energy, however large. Strain is logarithmic, E = 1/2 ln C; elastic and plastic strain
+    add up (Miehe, Apel and Lambrecht, Comput. Methods Appl. Mech. Eng. 191, 2002); stress is plane
+    and Kirchhoff's. Within a step the energy is the incremental potential of `material.plasticity`,
+    so it has a derivative and a tangent like any other. Thickness is that of the undeformed sheet,
+    times the elastic change of volume over that of area. z follows it from one accepted state to
+    the next, at held stress.
+
+    - points: through the thickness, odd, from 5; see `through_thickness`. Plastic moments of 5 are
+      within 0.5 % from 9 times the curvature at which the sheet yields, below that within 9 %.
+    - symmetric, clamped: as in `Bending`
+
+    Energies: "metal" elastic, "plastic" dissipated. Raises InputError, on all ranks, for other
+    points, for a blank other than of linear triangles in space, and for edges not found.
+    """
+
+    name, energy_kind = "sheet metal", "metal"
+    units = UNITS
+
+    def __init__(
+        self,
+        metal: Metal,
+        points: int = 5,
+        symmetric: Where | Sequence[Where] = (),
+        clamped: Where | Sequence[Where] = (),
+    ) -> None:
+        if not isinstance(metal, Metal):
+            raise InputError(f"metal is {metal!r}; allowed is a Metal, as `load_metal` gives")
+        self.metal, self._edges = metal, (symmetric, clamped)
+        self._places, self._weights = through_thickness(points)
+        self.resists = ("stretch", "turn") if symmetric or clamped else ("stretch",)
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        blank, metal = scene.blank, self.metal
+        linear = compat.is_affine(blank.mesh) and blank.degree == 1
+        if not (linear and blank.mesh.geometry.dim == 3):
+            raise InputError(
+                f"metal of {blank.name} is asked in a plane or on other than linear triangles; "
+                "allowed is P1 in space"
+            )
+        cells = MorleyCells(blank, *self._edges)
+        # how many cells this rank owns, and which of them are of metal
+        self._owned, self._here = cells.count, self.part.cells
+        cells.yarn_b = np.tile([0.0, 1.0], (cells.count, 1))  # orthonormal axes
+        D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
+        plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
+        self._operator, self._own = (a[self._here] for a in cells.curvature(plate))
+        cells = cells.only(self._here)
+        counts = (self._operator != 0).any(1)
+        counts[:, :3] = True
+        self._stencil, self._corners = Stencil(cells), cells.corners
+        self._sums = CellSums(self._stencil, counts)
+        self._slopes = -cells.out2 / cells.height[:, :, None]
+        self._volumes = cells.area[:, None] * metal.thickness * self._weights
+        undeformed = self._shape(np.zeros_like(self._stencil.displacement()))
+        self._rest, shape = undeformed.curvature, self._volumes.shape
+        self._elastic, self._plastic = np.zeros((*shape, 3)), np.zeros(shape)
+        self._hold(undeformed)
+
+    @property
+    def made_of(self) -> Metal:
+        """The metal."""
+        return self.metal
+
+    # -- what a scene calls
+
+    def accept(self) -> None:
+        """Keep elastic and plastic strains, and take places through the thickness anew."""
+        state = self._state()
+        self._elastic = state.response.elastic.reshape(self._elastic.shape)
+        self._plastic = state.response.plastic.reshape(self._plastic.shape)
+        self._hold(state.shape)
+
+    def stored(self) -> float:
+        """Elastic energy and dissipation of this rank's cells [N mm]."""
+        return sum(self.stored_by_kind().values())
+
+    def stored_by_kind(self) -> dict[str, float]:
+        """As in `Term`; infinite where the sheet is curved within its thickness."""
+        response = self._state().response
+        found = {
+            "metal": np.vdot(self._volumes, elastic_energy(self.metal, response.elastic)),
+            "plastic": np.vdot(self._volumes, self.metal.hardening.work(response.plastic)),
+        }
+        return {kind: float(v) if np.isfinite(v) else np.inf for kind, v in found.items()}
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """As in `Term`."""
+        state = self._state()
+        across = np.einsum("ck,cki->ci", state.moments, state.shape.bends)
+        forces = across[:, :, None] * state.shape.normal[:, None]
+        stretching = self._stretching(state.shape, slice(None))
+        forces[:, :3] += np.einsum("ck,ckix->cix", state.forces, stretching)
+        self._sums.add_forces(forces, f)
+
+    def tangent(self) -> Triplets:
+        """As in `Term`, of this rank's cells [N/mm]."""
+        state = self._state()
+        blocks = np.empty((3, 3, 12, 12, len(self._volumes)))
+        for start in range(0, blocks.shape[-1], CHUNK):
+            at = slice(start, start + CHUNK)
+            blocks[..., at] = self._stiffness(state, at)
+        return self._sums.triplets(blocks)
+
+    def cell_memory(self) -> dict[str, np.ndarray]:
+        """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
+        accepted."""
+        count, points = self._plastic.shape
+        strains = self._elastic.reshape(count, 3 * points)
+        return {"elastic": self._among_owned(strains), "plastic": self._among_owned(self._plastic)}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """As in `Term`."""
+        self._elastic = memory["elastic"][self._here].reshape(self._elastic.shape)
+        self._plastic = memory["plastic"][self._here]
+        self._hold(self._shape(self._stencil.displacement()))
+
+    # -- results
+
+    def add_history(self, row: dict[str, Any]) -> None:
+        """Add `max_plastic_strain` and `min_metal_thickness_mm`, of all metal of the scene."""
+        comm, plastic = self.blank.mesh.comm, self._state().response.plastic
+        largest = comm.allreduce(plastic.max(initial=0.0), MPI.MAX)
+        thinnest = comm.allreduce(self.thickness().min(initial=np.inf), MPI.MIN)
+        row["max_plastic_strain"] = max(largest, row.get("max_plastic_strain", 0.0))
+        row["min_metal_thickness_mm"] = min(thinnest, row.get("min_metal_thickness_mm", np.inf))
+
+    def add_summary(self, summary: dict[str, Any]) -> None:
+        """Add the metal's name and the number of points, of a stack by sheet."""
+        known = {"metal": self.metal.name, "points_through_metal": len(self._places)}
+        if self.part.is_whole:
+            for name in known:
+                summary.get(name)  # of several metals the last one's take its place
+            summary |= known
+        else:
+            summary.setdefault("metals", {})[self.part.name] = known
+
+    def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
+        """Add the largest equivalent plastic strain through the thickness, the thickness, and von
+        Mises' stress (Cauchy) on the face that normals point from, the top, and on the other."""
+        response, shape = self._state().response, self._plastic.shape
+        volume = np.exp(volume_change(self.metal, response.elastic))
+        stress = (von_mises(response.stress) / volume).reshape(shape)
+        found = {
+            "equivalent_plastic_strain": response.plastic.reshape(shape).max(1),
+            "metal_thickness": self.thickness(),
+            "von_mises_top": stress[:, -1],
+            "von_mises_bottom": stress[:, 0],
+        }
+        for name, values in found.items():
+            fields.get(name)  # of several metals on a sheet the last one's take its place
+            self.part.put(fields, name, values)
+
+    def thickness(self) -> np.ndarray:
+        """Present thickness of this rank's cells, (cells,) [mm]."""
+        state = self._state()
+        elastic = state.response.elastic.reshape(self._elastic.shape)
+        return self._thickness(state.shape, elastic)
+
+    # --
+
+    def _among_owned(self, values):
+        """Values (cells, ...) as those of all cells that the rank owns, 0 where there is no
+        metal."""
+        found = np.zeros((self._owned, *values.shape[1:]))
+        found[self._here] = values
+        return found
+
+    def _thickness(self, shape, elastic):
+        volume = volume_change(self.metal, np.einsum("cpk,p->ck", elastic, self._weights))
+        area = np.linalg.norm(np.cross(shape.base[:, :, 0], shape.base[:, :, 1]), axis=1)
+        return self.metal.thickness * np.exp(volume) / area
+
+    def _hold(self, shape):
+        """Hold what elastic strains are counted from: z and the total strains of this shape."""
+        self._z = self._thickness(shape, self._elastic)[:, None] * self._places
+        self._from = self._strain(shape).strain
+        self._now: _State | None = None
+
+    def _state(self):
+        """The state at the present displacement, reckoned once."""
+        U = self._stencil.displacement()
+        if self._now is None or not np.array_equal(U, self._now.U):
+            shape = self._shape(U)
+            strain = self._strain(shape)
+            trial = self._elastic.reshape(-1, 3) + strain.strain - self._from
+            response = respond(self.metal, trial, self._plastic.ravel())
+            self._now = _State(U, shape, strain, response, *self._resultants(strain, response))
+        return self._now
+
+    def _shape(self, U):
+        """kappa = n . x,ab; along the motion of nodes it changes by n . (x,ab of the motion), less
+        what n turns: n . motion's slope, along x,ab."""
+        moved = U[self._stencil.columns]
+        base = np.einsum("cnx,cnk->cxk", self._corners + moved[:, :3], self._slopes)
+        normal = np.cross(base[:, :, 0], base[:, :, 1])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        metric = np.linalg.inv(base.swapaxes(1, 2) @ base)
+        gradients = np.einsum("cxk,ckl,cnl->cnx", base, metric, self._slopes, optimize=True)
+        curved = np.einsum("ckn,cnx->ckx", self._operator, moved) + self._own
+        bends = self._operator.copy()
+        bends[:, :, :3] -= np.einsum("ckx,cnx->ckn", curved, gradients)
+        bends[:, 2] *= 2
+        curvature = np.einsum("ckx,cx->ck", curved, normal) * [1, 1, 2]
+        return _Shape(base, normal, gradients, bends, curvature)
+
+    def _strain(self, shape):
+        """Logarithmic strains at all points, (cells * points)."""
+        a, b = np.moveaxis(shape.base, 2, 0)
+        aa, bb, ab = ((x * y).sum(1) for x, y in ((a, a), (b, b), (a, b)))
+        C = np.stack([(aa + bb) / 2, (aa - bb) / 2, ab], -1)
+        bent = (shape.curvature - self._rest) @ MEAN_AND_SHEARS.T
+        return hencky((C[:, None] - self._z[:, :, None] * bent[:, None]).reshape(-1, 3))
+
+    def _resultants(self, strain, response):
+        stress = np.einsum("nkj,nk->nj", strain.first, 2 * response.stress) @ MEAN_AND_SHEARS
+        stress = stress.reshape(self._elastic.shape) * self._volumes[:, :, None]
+        return stress.sum(1), -np.einsum("cp,cpk->ck", self._z, stress)
+
+    def _stretching(self, shape, at):
+        """Derivatives of strains 11, 22, 2 12 by the corners' motion of cells `at`, (cells, 3, 3,
+        3)."""
+        a, b = np.moveaxis(shape.base[at, None], 3, 0)
+        s, t = np.moveaxis(self._slopes[at, :, None], 3, 0)
+        return np.stack([s * a, t * b, s * b + t * a], 1)
+
+    def _stiffness(self, state, at):
+        """Second derivatives (3, 3, 12, 12, cells) of the energy of cells `at` [N/mm]. Cells come
+        last in all arrays here, as NumPy is fast along long last axes alone."""
+        points = len(self._places)
+        base, n, g, bends, kappa = (np.moveaxis(part[at], 0, -1).copy() for part in state.shape)
+        (s, t), z = np.moveaxis(self._slopes[at], (2, 0), (0, 2)).copy(), self._z[at]
+        (N11, N22, N12), moments = state.forces[at].T, state.moments[at].T
+        # of points, in strains 11, 22, 2 12
+        some = slice(at.start * points, at.stop * points)
+        first, response = state.strain.first[some] @ MEAN_AND_SHEARS, state.response
+        strain = state.strain._replace(parts=tuple(part[some] for part in state.strain.parts))
+        curved = strain.second(2 * response.stress[some])
+        D = first.swapaxes(1, 2) @ (2 * response.tangent[some]) @ first
+        D += MEAN_AND_SHEARS.T @ curved @ MEAN_AND_SHEARS
+        D = D.reshape(-1, points, 3, 3) * self._volumes[at, :, None, None]
+        # of cells: of these, with curvatures, and of curvatures
+        plane, mixed, plate = (
+            np.einsum("cp,cpkl->klc", power, D) for power in (np.ones_like(z), -z, z**2)
+        )
+        along = np.array([[s * x, t * y, s * y + t * x] for x, y in base[:, :, None]])
+        bent = np.einsum("kic,kjc->ijc", bends, np.einsum("klc,ljc->kjc", plate, bends))
+        bent[:3, :3] -= (moments * kappa).sum(0) * np.einsum("ixc,jxc->ijc", g, g)
+        # of a node's motion with another's along the normal
+        V = 0.5 * bent * n[:, None, None]
+        V[:, :3] += np.einsum("xkic,kjc->xijc", along, np.einsum("klc,ljc->kjc", mixed, bends))
+        by_node = np.einsum("kc,kic->ic", moments, bends)
+        V[:, :, :3] -= by_node[:, None] * g.swapaxes(0, 1)[:, None]
+        blocks = np.empty((3, 3, *bent.shape))
+        for x, y in np.ndindex(3, 3):
+            np.multiply(V[x], n[y], out=blocks[x, y])
+            blocks[x, y] += n[x] * V[y].swapaxes(0, 1)
+        stretched = np.einsum("klc,yljc->ykjc", plane, along)
+        blocks[:, :, :3, :3] += np.einsum("xkic,ykjc->xyijc", along, stretched)
+        pulls = N12 * s[:, None] * t
+        pulls += pulls.swapaxes(0, 1) + N11 * s[:, None] * s + N22 * t[:, None] * t
+        for x in range(3):
+            blocks[x, x, :3, :3] += pulls
+        return blocks

@@ -1,0 +1,313 @@
+"""Morley's plate triangle without slopes of its own: curvatures from the positions of nodes alone.
+
+Cells are Morley's plate triangles (Morley 1968): their curvature is constant, and follows from the
+positions of the nodes and the slopes across the middles of the edges. The slopes are no unknowns
+here. A quadratic goes through a cell's six nearest nodes, those of the cell and of its neighbours
+(Phaal & Calladine 1992); the slope at an edge is the mean of those of its two cells' quadratics.
+
+Two simpler choices do not converge to the right plate on `crossed` meshes. The quadratics' own
+curvature makes it up to a third too soft: it is exact on quadratic deflections, but out of balance
+under constant moments. Slopes averaged over plane cells (Oñate & Zárate's BST 2000) make it up to a
+quarter too stiff, with the reverse fault. The one taken passes both tests. Only linear states are
+free of energy, as slopes are common to neighbours and Morley's triangle has no other such states.
+"""
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from typing import Self
+
+import dolfinx
+import numpy as np
+from mpi4py import MPI
+
+from ... import dolfinx_compat as compat
+from ...runtime.errors import InputError
+from ...sheets.blank import Blank
+
+Where = Callable[[np.ndarray], np.ndarray]  # points (3, n) [mm] to a mask (n,)
+# weight of a cell whose own quadratic is not known for a free edge, beside one that knows its own
+LAST_RESORT = 1e-8
+NO_STIFFNESS = 1e-9  # relative, against a free edge's slope
+# coefficients, of a cell's largest, that are rounding: on regular meshes many vanish
+NO_WORK = 1e-12
+
+
+class MorleyCells:
+    """This rank's owned cells, and the 12 nodes that each one's curvature is read off.
+
+    nodes: their global numbers (cells, 12): first the cell's own, then those opposite across its
+    edges, then for each edge the two others of the cell beyond. codes: number of the matrix in
+    `mirrors` (k, gdim, gdim) that takes a node's displacement to its image's; 0 where no image is
+    needed. Edge e is opposite corner e. Of the undeformed cells: area (cells,) [mm^2], corners
+    (cells, 3, gdim), and along_a (cells, 3), weights with which corners sum to yarn a's direction.
+    yarn_b (cells, 2): yarn b's direction along yarn a and across; (0, 1) makes axes orthonormal.
+
+    symmetric, clamped: as in `Bending`. Raises InputError, on all ranks, for edges not found, for
+    symmetric ones in several planes, and for meshes that are no manifold.
+    """
+
+    def __init__(
+        self,
+        blank: Blank,
+        symmetric: Where | Sequence[Where] = (),
+        clamped: Where | Sequence[Where] = (),
+    ) -> None:
+        self.blank, self.comm = blank, blank.mesh.comm
+        self.index_map = blank.mesh.topology.index_map(2)
+        self.count = self.index_map.size_local
+        self.dofs = compat.dofmap(blank.V)
+        self.positions = blank.along(blank.coordinates().T).T
+        self._beyond()
+        self._geometry()
+        self._edges(symmetric, clamped)
+        self._quadratics()
+
+    def only(self, cells: np.ndarray) -> Self:
+        """Those `cells` (k,) of them, after `curvature`."""
+        some = copy(self)
+        for name in ("area", "corners", "along_a", "out2", "height", "nodes", "codes"):
+            setattr(some, name, getattr(self, name)[cells])
+        return some
+
+    def _beyond(self):
+        """The cell beyond each edge, -1 if there is none, and that edge's number there."""
+        topology = self.blank.mesh.topology
+        topology.create_connectivity(1, 2)
+        topology.create_connectivity(2, 1)
+        facets, cells = (
+            topology.connectivity(2, 1).array.reshape(-1, 3),
+            topology.connectivity(1, 2),
+        )
+        sides = np.diff(cells.offsets)
+        both = (
+            np.add.reduceat(np.append(cells.array, 0), cells.offsets[:-1])
+            if len(sides)
+            else np.empty(0, int)
+        )
+        mine = facets[: self.count]
+        self.beyond = np.where(sides[mine] == 2, both[mine] - np.arange(self.count)[:, None], -1)
+        self.edge_beyond = (facets[self.beyond] == mine[:, :, None]).argmax(2)
+        alone = self.comm.allreduce(int((self.beyond < 0).sum()))
+        if alone != 2 * topology.index_map(1).size_global - 3 * self.index_map.size_global:
+            raise InputError(
+                f"bending of {self.blank.name} finds edges of more than two cells, or ranks that "
+                "don't know the cells beyond theirs; allowed is a manifold with ghosts at facets"
+            )
+
+    def _geometry(self):
+        """Sizes, directions and, in each cell's plane from its middle along a0 and across,
+        coordinates."""
+        blank, count = self.blank, self.count
+        self.corners = x = self.positions[self.dofs[:count]]
+        edge = np.roll(x, -2, 1) - np.roll(x, -1, 1)
+        self.length = np.linalg.norm(edge, axis=2)
+        self.tangent = edge / self.length[:, :, None]
+        self.middle = x.sum(1, keepdims=True) / 2 - x / 2
+        out = self.middle - x
+        out -= (out * self.tangent).sum(2, keepdims=True) * self.tangent
+        self.height = np.linalg.norm(out, axis=2)
+        self.outward = out / self.height[:, :, None]
+        self.area = 0.5 * self.length[:, 0] * self.height[:, 0]
+        a, b = (
+            blank.along(f.x.array.reshape(-1, x.shape[2])[:count].T).T for f in (blank.a0, blank.b0)
+        )
+        across = b - (a * b).sum(1, keepdims=True) * a
+        self.axes = np.stack([a, across / np.linalg.norm(across, axis=1, keepdims=True)], 1)
+        self.yarn_b = np.einsum("cki,ci->ck", self.axes, b)
+        self.centre = x.mean(1, keepdims=True)
+        self.out2 = np.einsum("cki,cei->cek", self.axes, self.outward)
+        self.along_a = -self.out2[:, :, 0] / self.height
+
+    def _plane(self, points):
+        return np.einsum("cki,cni->cnk", self.axes, points - self.centre)
+
+    def _edges(self, symmetric, clamped):
+        """What is beyond each edge: a cell, the mirror image of this one (`image`), or nothing
+        (`free`)."""
+        points, dim = self.blank.coordinates().T, self.corners.shape[2]
+        symmetric, clamped = ([k] if callable(k) else list(k) for k in (symmetric, clamped))
+        nodes = self.dofs[: self.count]
+        self.plane, self.image = np.zeros((self.count, 3), int), np.zeros((self.count, 3), bool)
+        self.normal = self.outward.copy()  # of the plane that images are mirrored in
+        mirrors = [np.eye(dim)]
+        for number, where in enumerate(symmetric + clamped):
+            on = np.asarray(where(points), bool)[nodes]
+            on = (self.beyond < 0) & np.roll(on, -1, 1) & np.roll(on, -2, 1) & ~self.image
+            total = self.comm.allreduce(
+                (self.length[:, :, None] * self.outward)[on].sum(0), MPI.SUM
+            )
+            is_plane = number < len(symmetric)
+            kind, size = "symmetric" if is_plane else "clamped", np.linalg.norm(total)
+            if self.comm.allreduce(int(on.sum())) == 0:
+                raise InputError(
+                    f"bending of {self.blank.name} finds none of its edges where function "
+                    f"{number + 1} marks {kind} ones; allowed are those that mark both ends"
+                )
+            self.image |= on
+            if not is_plane:
+                continue
+            total /= max(size, 1e-300)
+            if self.comm.allreduce(int((self.outward[on] @ total < 0.5).sum())):
+                raise InputError(
+                    f"bending of {self.blank.name} has symmetric edges in more than one plane by "
+                    f"function {number + 1}; allowed is one function for each plane"
+                )
+            self.plane[on], self.normal[on] = number + 1, total
+            mirrors.append(np.eye(dim) - 2 * np.outer(total, total))
+        self.free = (self.beyond < 0) & ~self.image
+        self.planes = len(mirrors)
+        # code first * planes + second: mirrored in the second, then in the first
+        self.mirrors = np.array([first @ second for first in mirrors for second in mirrors])
+
+    def _reflected(self, points, e):
+        """Images of points (cells, 3) beyond edge e."""
+        normal = self.normal[:, e]
+        return points - 2 * ((points - self.middle[:, e]) * normal).sum(1, keepdims=True) * normal
+
+    def _quadratics(self):
+        """For each cell its six nodes, and the slopes out of its edges' middles of the quadratic
+        through them."""
+        count, nodes, beyond = self.count, self.dofs[: self.count], self.beyond
+        local = np.where(beyond < 0, nodes, self.dofs[beyond, self.edge_beyond])
+        opposite = self.positions[local]
+        for e in range(3):
+            alone = beyond[:, e] < 0
+            opposite[alone, e] = self._reflected(self.corners[:, e], e)[alone]
+        # unfold the neighbours into the cell's plane
+        arm = opposite - self.middle
+        along = (arm * self.tangent).sum(2, keepdims=True)
+        far = np.linalg.norm(arm - along * self.tangent, axis=2, keepdims=True)
+        there = self._plane(self.middle + along * self.tangent + far * self.outward)
+        here = self._plane(self.corners)
+        # gradients of the corners' linear functions, (cells, 3, 2)
+        slope = -self.out2 / self.height[:, :, None]
+        shape = 1 / 3 + np.einsum("cnk,cek->cen", slope, there)
+        jumps = np.zeros((count, 3, 6))  # by how much the nodes opposite lie off the cell's plane
+        jumps[:, :, :3], jumps[:, np.arange(3), np.arange(3) + 3] = -shape, ~self.free
+        matrix = _monomials(there) - np.einsum("cen,cnk->cek", shape, _monomials(here))
+        scale = self.area[:, None, None]
+        lost = np.abs(np.linalg.det(matrix / scale)) < 1e-12  # six nodes on a conic
+        matrix[lost] = scale[lost] * np.eye(3)
+        inverse = np.linalg.inv(matrix)
+        self.trust = (np.linalg.norm(inverse, axis=(1, 2)) * self.area) ** -4.0
+        self.trust[self.free.any(1)] *= LAST_RESORT
+        self.trust[lost] = 1e-300
+        inverse[lost] = 0
+        self.inverse, self.jumps, self.opposite = inverse, jumps, opposite
+        # slopes of the cell's linear functions
+        self.linear = np.einsum("cek,cnk->cen", self.out2, slope)
+        self.quadratic = np.einsum(
+            "ceki,cei->cek", _gradients(self._plane(self.middle)), self.out2
+        ) - np.einsum("cen,cnk->cek", self.linear, _monomials(here))
+        self.six = (
+            self.blank.V.dofmap.index_map.local_to_global(
+                np.concatenate([nodes, local], 1).astype(np.int32).ravel()
+            )
+            .reshape(-1, 6)
+            .astype(np.int64)
+        )
+
+    def curvature(self, stiffnesses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Operator (cells, 3, 12) from the 12 nodes' displacements to x,aa, x,bb, x,ab, and these
+        of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm], or the matrix
+        (3, 3) that couples them. Free edges take the slopes of least energy, and so bear no
+        moment."""
+        count, six, dim = self.count, self.six, self.corners.shape[2]
+        # slopes must not depend on a D_t near 0
+        plate = np.broadcast_to(np.diag([1, 1, np.sqrt(2)]), (count, 3, 3))
+        hessian = np.einsum("cke,cen->ckn", _relaxed(self.inverse, plate, self.free), self.jumps)
+        slopes = np.einsum("cek,ckn->cen", self.quadratic, hessian)
+        slopes[:, :, :3] += self.linear
+        # what a rank must know of the cells beyond its own
+        parts = [
+            slopes.reshape(count, 18),
+            six,
+            self.plane,
+            self.opposite.reshape(count, 3 * dim),
+            self.trust[:, None],
+        ]
+        sent = dolfinx.la.vector(self.index_map, sum(part.shape[1] for part in parts))
+        known = sent.array.reshape(-1, sum(part.shape[1] for part in parts))
+        known[:count] = np.concatenate(parts, 1)
+        sent.scatter_forward()
+        ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+        their_slopes, their_six, their_plane, their_opposite, trust = np.split(known, ends, 1)
+        their_slopes, their_opposite = (
+            their_slopes.reshape(-1, 3, 6),
+            their_opposite.reshape(-1, 3, dim),
+        )
+        own = np.arange(count)
+        x = np.concatenate([self.corners, self.opposite, np.zeros((count, 6, dim))], 1)
+        self.nodes = np.concatenate([six, np.zeros((count, 6), int)], 1)
+        self.codes = np.zeros((count, 12), int)
+        self.codes[:, 3:6] = self.plane
+        bends = np.zeros((count, 3, 12))  # slope of an edge less that of the plane cell
+        bends[:, :, :3] = -self.linear
+        for e in range(3):
+            image = self.image[:, e]
+            other = np.where(self.beyond[:, e] < 0, own, self.beyond[:, e])
+            edge = np.where(self.beyond[:, e] < 0, e, self.edge_beyond[:, e])
+            share = trust[own, 0] / (trust[own, 0] + trust[other, 0])
+            share = np.where(self.free[:, e], 0, share)[:, None]
+            rest = np.where(self.free[:, e, None], 0, 1 - share)
+            bends[:, e, :6] += share * slopes[:, e]
+            theirs = their_slopes[other, edge]
+            follows = their_six[other, (edge + 1) % 3] == six[:, (e + 1) % 3]
+            place = np.empty((count, 6), int)  # of their six nodes among these 12
+            place[own, edge], place[own, 3 + edge] = 3 + e, e
+            for k in (1, 2):
+                place[own, (edge + k) % 3] = np.where(follows, (e + k) % 3, (e + 3 - k) % 3)
+                new, source = 5 + 2 * e + k, (edge + k) % 3
+                place[own, 3 + source] = new
+                self.nodes[:, new] = their_six[other, 3 + source]
+                plane = their_plane[other, source].astype(int)
+                self.codes[:, new] = plane + np.where(image, self.plane[:, e] * self.planes, 0)
+                x[:, new] = their_opposite[other, source]
+                x[image, new] = self._reflected(x[:, new], e)[image]
+            np.add.at(bends, (own[:, None], e, place), -rest * theirs)  # type: ignore[arg-type]
+        first, second = np.divmod(self.codes, self.planes)
+        self.codes[first == second] = 0
+        out = self.out2
+        spread = np.stack([out[:, :, 0] ** 2, out[:, :, 1] ** 2, out[:, :, 0] * out[:, :, 1]], 1)
+        spread *= (self.length / self.area[:, None])[:, None]
+        c, s = self.yarn_b.T
+        one, zero = np.ones_like(c), np.zeros_like(c)
+        yarns = np.array([[one, zero, zero], [c * c, s * s, 2 * c * s], [c, zero, s]]).transpose(
+            2, 0, 1
+        )
+        if stiffnesses.ndim == 1:
+            root = np.sqrt(stiffnesses)[:, None] * yarns
+        else:
+            root = np.linalg.cholesky(stiffnesses).T @ yarns
+        relaxed = _relaxed(spread, root, self.free)
+        operator = np.einsum("cij,cje,cen->cin", yarns, relaxed, bends, optimize=True)
+        operator[
+            np.abs(operator) < NO_WORK * np.abs(operator).max((1, 2), initial=0)[:, None, None]
+        ] = 0
+        return operator, np.einsum("ckn,cni->cki", operator, x)
+
+
+def _monomials(p):
+    """1/2 x^2, 1/2 y^2, x y at points (..., 2), whose second derivatives are unit ones."""
+    return np.stack([p[..., 0] ** 2 / 2, p[..., 1] ** 2 / 2, p[..., 0] * p[..., 1]], -1)
+
+
+def _gradients(p):
+    """Their gradients, (..., 3, 2)."""
+    x, y, zero = p[..., 0], p[..., 1], np.zeros_like(p[..., 0])
+    return np.stack([np.stack([x, zero], -1), np.stack([zero, y], -1), np.stack([y, x], -1)], -2)
+
+
+def _relaxed(operator, root, free):
+    """`operator` (cells, 3, edges) where what comes from `free` edges (cells, edges) is what least
+    |root @ operator @ edges| asks for, from the other edges; root: (cells, 3, 3)."""
+    relaxed = operator * ~free[:, None]
+    at = np.flatnonzero(free.any(1))
+    loose, root = operator[at] * free[at, None], root[at]
+    left, size, right = np.linalg.svd(root @ loose)
+    # what no stiffness asks for stays zero
+    least = NO_STIFFNESS * np.linalg.norm(root, axis=(1, 2)) * np.linalg.norm(loose, axis=(1, 2))
+    works = size > least[:, None]
+    inverse = np.where(works, 1 / np.where(works, size, 1), 0)[:, :, None] * left.swapaxes(1, 2)
+    relaxed[at] -= loose @ right.swapaxes(1, 2) @ inverse @ root @ relaxed[at]
+    return relaxed

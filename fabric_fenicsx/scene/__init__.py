@@ -1,0 +1,1 @@
+"""Scenes, their supports and what they tell."""

@@ -1,0 +1,204 @@
+"""Estimated errors of a run, from the same run on a mesh twice as coarse."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from builders import COARSE, COMM
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.job.error_run import FOLDER, coarsened
+from fabric_fenicsx.meshes.specimen import specimen, write
+from fabric_fenicsx.results.error import SAFETY, curve_errors, factor
+
+
+@pytest.mark.mpi
+def test_the_reactions_error_is_richardsons(folder):
+    """A known share of the difference to the run on half the rectangles; in summary.json, too."""
+    result = ff.Tensile(**COARSE).job(steps=4, error=True).run(folder, pictures=False)
+    coarse = ff.Tensile(nx=4, element="P1").job(steps=2).run()
+    apart = abs(result.summary["reaction_N"] - coarse.summary["reaction_N"])
+    known = SAFETY / (2**1.5 - 1) * apart
+    assert result.summary["error"]["reaction_N"] == pytest.approx(known, rel=1e-6)
+    assert result.summary["error_run"]["cells"] == coarse.summary["cells"]
+    assert (folder / FOLDER / "history.csv").exists()
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["error"].keys() == result.summary["error"].keys()
+    assert "error" not in coarse.summary
+
+
+@pytest.mark.mpi
+def test_curve_and_fields_have_errors(folder):
+    result = ff.Tensile(**COARSE).job(steps=4, error=True).run(folder, pictures=False)
+    with open(folder / "history.csv", newline="") as file:
+        errors = [float(row["error_N"]) for row in csv.DictReader(file)]
+    assert len(errors) == 5 and errors[-1] > 0
+    assert max(errors) == pytest.approx(result.summary["error"]["curve_N"])
+    assert result.fields["error_shear_angle"].shape == result.fields["shear_angle"].shape
+    if COMM.rank == 0:
+        assert np.asarray(result.grid.cell_data["error_log_eps_22"]).max() > 0
+
+
+def test_errors_do_not_depend_on_ranks(launch):
+    options = "--nx", 16, "--steps", 6, "--strain", 0.05, "--error", "--no-pictures"
+    one, two = (launch("bias_extension", *options, ranks=n).summary["error"] for n in (1, 2))
+    assert one.keys() == two.keys()
+    for name, value in one.items():
+        assert two[name] == pytest.approx(value, rel=1e-3, abs=1e-9), name
+
+
+def test_errors_come_after_the_run_too(folder):
+    """A run that has ended gets its errors by going on, once."""
+    at_once = ff.Tensile(**COARSE).job(steps=2, error=True).run()
+    ff.Tensile(**COARSE).job(steps=2).run(folder, pictures=False)
+    again = ff.Tensile(**COARSE).job(steps=2, error=True)
+    later = again.run(folder, resume=True, pictures=False)
+    assert later.summary["error"] == pytest.approx(at_once.summary["error"], rel=1e-6)
+    written = (folder / "summary.json").stat().st_mtime_ns
+    ff.Tensile(**COARSE).job(steps=2, error=True).run(folder, resume=True, pictures=False)
+    assert (folder / "summary.json").stat().st_mtime_ns == written
+
+
+def test_a_coarser_run_that_was_stopped_goes_on(folder):
+    """Its own checkpoint is gone on from."""
+    test = ff.Tensile(**COARSE)
+    whole = test.job(steps=4, error=True).run(folder, pictures=False).summary["error"]
+    summary = json.loads((folder / "summary.json").read_text())
+    del summary["error"]
+    (folder / "summary.json").write_text(json.dumps(summary))
+    (folder / FOLDER / "summary.json").unlink()
+    again = ff.Tensile(**COARSE).job(steps=4, error=True).run(folder, resume=True, pictures=False)
+    assert again.summary["error"] == pytest.approx(whole, rel=1e-6)
+
+
+def test_an_own_mesh_has_no_coarser_one(tmp_path):
+    write(tmp_path / "strip.msh", *specimen(nx=8, ny=2))
+    job = ff.Tensile(mesh=str(tmp_path / "strip.msh")).job(error=True)
+    with pytest.raises(ff.InputError, match="none is known; allowed is a rectangle .* `coarser`"):
+        job.run()
+
+
+def test_a_study_on_an_own_mesh_says_so(launch, tmp_path):
+    write(tmp_path / "strip.msh", *specimen(nx=8, ny=2))
+    done = launch("tensile", "--mesh", tmp_path / "strip.msh", "--error")
+    assert done.status == 2
+    assert "--error needs a mesh twice as coarse, and none is known" in done.err
+    assert done.summary is None
+
+
+def test_a_job_of_ones_own_says_what_is_coarser():
+    def pull(nx):
+        ply = ff.Blank.rectangle(200, 50, nx=nx, element="P1")
+        supports = ff.clamped_ends(2.0)
+        scene = ff.Scene(ply, [ff.Membrane(ff.load("komeili"))], supports)
+        return ff.Job(scene, steps=2, coarser=lambda: pull(nx // 2), error=True)
+
+    result = pull(8).run()
+    assert 0 < result.summary["error"]["reaction_N"] < 0.1 * result.summary["reaction_N"]
+
+
+def test_a_coarser_run_that_fails_costs_the_errors_alone():
+    job = ff.Tensile(**COARSE).job(steps=2)
+
+    def refused():
+        raise ff.InputError("no such mesh; allowed is another")
+
+    job.coarser, job.error = refused, True
+    summary = job.run().summary
+    assert summary["converged"] and "error" not in summary
+    assert any(
+        "no error is known" in text and "no such mesh" in text for text in summary["warnings"]
+    )
+
+
+def test_half_the_steps_and_looser_tolerances_go_with_a_coarser_mesh():
+    job = ff.Tensile(**COARSE).job(steps=5, max_step=0.4, path_tolerance=1e-4, balance=0.02)
+    made = coarsened(job, job.coarser())
+    assert (made.steps, made.max_step, made.balance) == (3, 0.8, 0.04)
+    assert made.path_tolerance == pytest.approx(4e-4) and made.tolerance == job.tolerance
+    assert made.scene.blank.areas().size == 4 * 4
+
+
+def test_a_homogeneous_state_has_no_error():
+    frame = ff.PictureFrame(nx=4, angle=20.0).job(steps=8, error=True).run()
+    error, force = frame.summary["error"], frame.number("normalised_shear_force_N_per_mm")
+    assert error["normalised_shear_force_N_per_mm"] <= 1e-8 * force
+    assert error["shear_angle_rms_deg"] < 1e-6
+
+
+def test_a_formed_ply(launch, monkeypatch):
+    # pictures of the formed ply have a test of their own
+    monkeypatch.setattr(ff.Forming, "pictures", lambda *_: None)
+    coarse = "--nx", 6, "--steps", 4, "--stroke", 24, "--max-imbalance", 0.2, "--balance", 1
+    done = launch("double_dome", *coarse, "--error")
+    assert done.status == 0, done.err
+    error, force = done.summary["error"], done.summary["quantities"]["punch_force_N"]
+    assert {"punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm"} < error.keys()
+    assert 0 < error["punch_force_N"] < force
+    assert f"punch force {force:.5g} +- {error['punch_force_N']:.2g} N" in done.out + done.err
+    assert (done.folder / "error.png").stat().st_size > 10_000
+    page = (done.folder / "report.html").read_text()
+    assert "Estimated absolute errors" in page and "shear angle rms [deg]" in page
+
+
+def test_a_stack():
+    """Errors of fields are those of each sheet."""
+    fabric = ff.load("komeili")
+
+    def push(nx):
+        sheets, terms = [], []
+        for name, angle in {"lower": 45, "upper": 0}.items():
+            ply = ff.Blank.rectangle(100, 100, nx=nx, fibre_angle=angle, spatial=True)
+            sheets.append((ply, fabric.thickness, name))
+            terms += [ff.Membrane(fabric).on(name), ff.Bending(modulus=100.0).on(name)]
+        ball = ff.Tool(ff.Sphere(radius=30), lambda load: (50.0, 50.0, 2.0 * load - 30.5))
+        terms += [ff.Contact(ball), ff.SheetContact("lower", "upper")]
+        scene = ff.Scene(ff.Stack(sheets), terms, supports=ff.clamped_ends())
+        limits = ff.Limits(imbalance=0.5)
+        return ff.Job(scene, steps=2, limits=limits, coarser=lambda: push(nx // 2), error=True)
+
+    result = push(6).run()
+    assert result.summary["error"]["reaction_N"] > 0
+    assert np.isfinite(result.fields["error_shear_angle"]).all()
+
+
+def test_a_forming_stack_is_made_coarser():
+    plies = [ff.Ply(fibre_angle=45, nx=6), ff.Ply()]
+    test = ff.Forming(stack=plies, nx=8, stroke=5).coarser()
+    assert test.nx == 4 and [ply.nx for ply in test.plies] == [3, None]
+
+
+@pytest.mark.parametrize("order", [1.0, 2.0])
+def test_the_errors_of_a_curve_are_covered(order):
+    """A parabola that a mesh of size h puts off by h^order, and the lines that join its points."""
+    loads = [np.linspace(0, 1, n) for n in (11, 6)]
+    rows = [
+        [{"load": x, "reaction_N": 5 * x**2 + x * h**order} for x in load]
+        for load, h in zip(loads, (0.1, 0.2))
+    ]
+    errors = curve_errors(rows[0], rows[1], factor(order))
+    fine = np.linspace(0, 1, 201)
+    joined = np.interp(fine, loads[0], [row["reaction_N"] for row in rows[0]])
+    off = np.abs(joined - 5 * fine**2)
+    assert (np.interp(fine, loads[0], errors) >= off - 1e-12).all()
+    assert errors.max() < 3 * off.max()
+
+
+def test_told_with_the_error():
+    result = ff.Tensile(**COARSE).job(steps=2).run()
+    result.summary |= {"reaction_N": 2033.4213, "error": {"reaction_N": 0.0523}}
+    result.summary["quantities"]["draw_in"] = {"largest_mm": 3.0}
+    assert result.told("reaction_N") == "2033.42 +- 0.052"
+    assert result.told("draw_in.largest_mm", ".1f") == "3.0"
+    assert result.told("draw_in.least_mm") == "-"
+
+
+@pytest.mark.parametrize(
+    "options, told",
+    [(("--nx", 32), True), (("--nx", 31), False), (("--nx", 32, "--no-error"), False)],
+)
+def test_strips_of_1000_cells_tell_their_errors_unasked(launch, options, told):
+    done = launch("tensile", *options, "--element", "P1", "--steps", 2, "--no-pictures")
+    assert done.status == 0, done.err
+    assert ("error" in done.summary) == told == (" +- " in done.out)

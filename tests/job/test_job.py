@@ -1,0 +1,378 @@
+"""Jobs without options or studies: in a folder, without one, resumed, and what they measure."""
+
+import csv
+import json
+import logging
+import math
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from builders import COARSE, COMM
+from dolfinx import fem
+
+import fabric_fenicsx as ff
+import fabric_fenicsx.job.job
+from fabric_fenicsx.command_line.console import Console
+from fabric_fenicsx.results.output import finite
+from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.solve.limits import Limits
+
+
+@pytest.mark.mpi
+def test_without_a_folder_nothing_is_kept_but_the_result(tmp_path, monkeypatch):
+    monkeypatch.chdir(COMM.bcast(tmp_path))
+    result = ff.Tensile(**COARSE).job(steps=3).run()
+    COMM.barrier()
+    assert result.folder is None and not any(COMM.bcast(tmp_path).iterdir())
+    assert [row["load"] for row in result.rows] == pytest.approx([0, 1 / 3, 2 / 3, 1])
+    assert result.summary["converged"] and result.summary["reaction_N"] > 1000
+    if COMM.rank == 0:
+        assert result.grid.n_cells == result.summary["cells"]
+
+
+@pytest.mark.mpi
+def test_a_folder_holds_what_the_result_tells(folder):
+    result = ff.Tensile(**COARSE).job(steps=2, every=1).run(folder, pictures=False)
+    summary = json.loads((folder / "summary.json").read_text())
+    if COMM.rank == 0:  # each rank has its own wall time
+        assert summary == json.loads(json.dumps(result.summary))
+    with open(folder / "history.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["reaction_N"]) for row in rows] == [r["reaction_N"] for r in result.rows]
+    with pytest.raises(ff.InputError, match="holds results"):
+        ff.Tensile(**COARSE).job(steps=2).run(folder)
+    again = ff.Tensile(**COARSE).job(steps=2).run(folder, overwrite=True, pictures=False)
+    assert again.summary["reaction_N"] == pytest.approx(result.summary["reaction_N"], rel=1e-12)
+
+
+@pytest.mark.mpi
+def test_a_job_goes_on_from_its_checkpoint(folder):
+    def pull(**limits):
+        return ff.Tensile(**COARSE).job(steps=4, limits=Limits(**limits))
+
+    whole = pull().run()
+    with pytest.raises(ff.SolverFailure, match="not to be believed") as failure:
+        pull(strain=0.01).run(folder, pictures=False)
+    reached = failure.value.result.summary["stroke_reached"]
+    assert 0 < reached < 1
+    rest = pull().run(folder, resume=True, pictures=False)
+    assert rest.summary["reaction_N"] == pytest.approx(whole.summary["reaction_N"], rel=1e-9)
+    assert len(rest.rows) == len(whole.rows)
+
+
+@pytest.mark.mpi
+def test_a_checkpoint_of_another_fabric_is_refused(folder):
+    ff.Tensile(**COARSE).job(steps=2).run(folder, pictures=False)
+    other = ff.load("komeili").replace(b=600.0)
+    with pytest.raises(ff.InputError, match="made with material.yarns.b = 667.5, now it is 600.0"):
+        ff.Tensile(other, **COARSE).job(steps=2).run(folder, resume=True)
+
+
+def loaded(
+    stroke=0.5, k=0.01, pressure=1e-3, modulus=100.0, radius=30.0, height=-31.0, turn=0.0, mu=0.25
+):
+    """A sheet with an own term and terms of the package, in a few cells."""
+
+    class Bedding(ff.Term):
+        name = energy_kind = "bedding"
+
+        def __init__(self, k):
+            self.k = k
+
+        def set_up(self, scene):
+            u = scene.blank.u
+            self.energy = fem.Constant(scene.blank.mesh, self.k) * ufl.inner(u, u) * self.part.dx(2)
+
+    ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True, fibre_angle=turn)
+    ball = ff.Tool(ff.Sphere(radius), path=lambda load: (10, 5, height + 0.01 * load))
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=modulus), Bedding(k)]
+    terms += [ff.DeadPressure(pressure, (0, 0, -1)), ff.Contact(ball)]
+    terms.append(ff.Friction(ball, mu))
+    return ff.Job(ff.Scene(ply, terms, ff.clamped_ends(stroke)), steps=2)
+
+
+OTHER = {
+    "k": (1.0, "k of term 3, bedding = 0.01, now it is 1.0"),
+    "pressure": (2e-3, "pressure of term 4, dead pressure = 0.001, now it is 0.002"),
+    "mu": (0.3, "coefficient of term 6, friction = 0.25, now it is 0.3"),
+    "modulus": (50.0, "modulus of term 2, bending = 100.0, now it is 50.0"),
+    "radius": (31.0, "tool.surface.radius of term 5, contact = 30.0, now it is 31.0"),
+    "height": (-32.0, "tool.path of term 5, contact = .*-30.99"),
+    "stroke": (0.6, r"largest displacement of supports \[mm\] = 0.5, now it is 0.6"),
+    "turn": (45.0, "directions of the yarns = "),
+}
+
+
+def test_an_energy_below_0_is_told_as_the_cause_of_an_imbalance():
+    """Smaller steps do not mend it."""
+    try:
+        result = loaded(k=-1e-3, stroke=0.0, height=-50.0).run()
+    except ff.SolverFailure as failure:
+        result = failure.result
+    (words,) = [text for text in result.summary["warnings"] if "stored energy differ by" in text]
+    assert "drives the sheet, as energies are below 0: bedding -" in words and "step" not in words
+
+
+@pytest.mark.mpi
+def test_a_checkpoint_of_other_numbers_of_terms_is_refused(folder):
+    first = loaded().run(folder, pictures=False)
+    again = loaded().run(folder, resume=True, pictures=False)
+    assert again.summary["energy"] == first.summary["energy"]
+    last = first.rows[-1]  # also of bending, whose normals were taken anew after it
+    assert first.summary["energy"]["bending"] == last["bending_energy_Nmm"] > 0
+    for name, (value, words) in OTHER.items():
+        with pytest.raises(ff.InputError, match=f"was made with {words}.*allowed is the same"):
+            loaded(**{name: value}).run(folder, resume=True, pictures=False)
+
+
+def test_a_picture_of_a_field_that_the_finished_run_did_not_keep(tmp_path):
+    class Marked(ff.Membrane):
+        def add_nodal_fields(self, fields):
+            fields["mark"] = np.ones(len(self.part.nodes))
+
+    def job(membrane):
+        ply = ff.Blank.rectangle(20, 10, nx=4)
+        return ff.Job(ff.Scene(ply, [membrane(ff.load("komeili"))], ff.clamped_ends(0.1)), steps=1)
+
+    job(ff.Membrane).run(tmp_path / "out", pictures=False)
+    later = job(Marked).run(tmp_path / "out", resume=True, pictures=False)
+    words = "a picture of mark is asked for; allowed are the fields of the run I10, .*shear_angle"
+    with pytest.raises(ff.InputError, match=words):
+        later.plot("mark", tmp_path / "mark.png")
+
+
+def test_the_force_and_travel_of_a_moving_support_are_measured():
+    measured = ff.Tensile(**COARSE).job(steps=2).run()
+    job = ff.Tensile(**COARSE).job(steps=2)
+    job.measure = None
+    plain = job.run()
+    for mine, row in zip(plain.rows, measured.rows):
+        assert mine["displacement_mm"] == pytest.approx(row["displacement_mm"])
+        assert mine["reaction_N"] == pytest.approx(row["reaction_N"])
+
+
+def test_a_field_is_drawn(tmp_path):
+    result = ff.Tensile(**COARSE).job(steps=4).run()
+    result.plot("shear_angle", tmp_path / "shear.png")
+    assert (tmp_path / "shear.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_quantities_and_tables_of_ones_own(folder):
+    job = ff.Tensile(**COARSE).job(steps=4)
+    job.quantities = lambda result: {"mean_eps_a": float(np.mean(result.fields["eps_a"]))}
+    job.tables = lambda result, folder: (folder / "own.txt").write_text("own")
+    result = job.run(folder, pictures=False)
+    assert math.isclose(result.summary["quantities"]["mean_eps_a"], 0.03, rel_tol=0.1)
+    assert (folder / "own.txt").read_text() == "own"
+
+
+def test_a_run_that_ends_early_keeps_its_reason(folder):
+    """Its own pictures are of what it had not reached, here a shear angle."""
+    frame = ff.PictureFrame(nx=4, pre_tension=0.01)
+    with pytest.raises(ff.SolverFailure, match="yarns are stretched by more than") as failure:
+        frame.job(steps=10, limits=Limits(strain=1e-3)).run(folder)
+    assert failure.value.result.summary["stroke_reached"] < 0.1
+    assert (folder / "maps.png").exists()
+
+
+@pytest.mark.mpi
+def test_what_ended_early_without_a_folder_has_its_grid():
+    with pytest.raises(ff.SolverFailure, match="not to be believed") as failure:
+        ff.Tensile(**COARSE).job(steps=4, limits=Limits(strain=0.01)).run()
+    result = failure.value.result
+    assert result.folder is None
+    if COMM.rank == 0:
+        assert result.grid.n_cells == result.summary["cells"]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "surface", [ff.Sphere(30, (100, 25, -28)), ff.Plane((0, 0, 31), (0, 0, 1))]
+)
+def test_a_tool_that_the_sheet_is_in_is_told_before_anything_runs(folder, surface):
+    """Too deep, and on the wrong side of a table."""
+    ply = ff.Blank.rectangle(200, 50, nx=20, spatial=True)
+    ball = ff.Tool(surface, name="ball")
+    terms = [ff.Membrane(ff.load("komeili")), ff.Contact(ball)]
+    scene = ff.Scene(ply, terms, supports=ff.clamped_ends())
+    with pytest.raises(ff.InputError, match="ball is .* mm deep in the sheet's face at"):
+        ff.Job(scene).run(folder)
+    COMM.barrier()
+    assert not folder.exists()
+
+
+def ball_under_a_sheet(path, surface=None):
+    """A job on a clamped sheet over a ball of 30 mm on that path, and the ball."""
+    ply = ff.Blank.rectangle(100, 100, nx=8, spatial=True, centred=True)
+    ball = ff.Tool(surface or ff.Sphere(30), path, name="ball")
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=100.0), ff.Contact(ball)]
+    scene = ff.Scene(ply, terms, supports=ff.clamped_ends())
+    return ff.Job(scene, steps=1, limits=ff.Limits(imbalance=9)), ball
+
+
+def test_a_tool_that_equilibrium_frees_is_not_judged_by_where_it_began():
+    job, ball = ball_under_a_sheet(lambda load: (0, 0, -30.3 + 0.1 * load))
+    result = job.run()  # 0.2 mm deep at first
+    (contact,) = (term for term in job.scene.terms if isinstance(term, ff.Contact))
+    assert 0 < contact.deepest() < 0.001 and result.force(ball)[2] > 0
+
+
+def test_a_path_that_ends_nowhere_is_told_before_anything_runs():
+    job, _ = ball_under_a_sheet(lambda load: (0, 0, -30.5 if load < 0.5 else math.nan))
+    with pytest.raises(ff.InputError, match="path of ball at load 1 is .* allowed are three fin"):
+        job.run()
+
+
+def test_a_surface_that_gives_no_number_on_the_way_is_named():
+    class Cut(ff.Sphere):
+        def nearest(self, points, reach):
+            found = super().nearest(points, reach)
+            found.gap[abs(points[:, 2] - 29.5) < 0.1] = np.nan
+            return found
+
+    job, _ = ball_under_a_sheet(lambda load: (0, 0, -32 + 4 * load), Cut(30))
+    with pytest.raises(ff.SolverFailure, match="gave up") as failure:
+        replace(job, viscosity=False).run()
+    warnings = failure.value.result.summary["warnings"]
+    assert any("the surface Cut of ball gives no number at (" in text for text in warnings)
+
+
+@pytest.mark.mpi
+def test_a_force_is_asked_by_tool_or_by_name():
+    job, ball = ball_under_a_sheet(lambda load: (0, 0, -30.5 + load))
+    result = job.run()
+    assert result.force(ball)[2] > 0
+    assert (result.force("ball") == result.force(ball)).all()
+    for other in ("bowl", ff.Tool(ball.surface, ball.path, name="ball")):
+        with pytest.raises(ff.InputError, match="force of 'b.*' is asked, which no tools of the"):
+            result.force(other)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("start", [-60, -30.5])
+def test_a_tool_that_never_touches_the_sheet_is_told_of(start):
+    job, _ = ball_under_a_sheet(lambda load: (0, 0, start + 5 * load))
+    words = "a tool never touched the sheet: ball moved by 5 mm, and is still 24.5 mm off"
+    told = job.run().summary["warnings"]
+    assert any(text.startswith(words) for text in told) == (start == -60)
+    assert not any("nothing moves" in text for text in told)
+
+
+@pytest.mark.mpi
+def test_a_run_in_which_nothing_moves_says_so():
+    ply = ff.Blank.rectangle(20, 10, nx=4)
+    terms = [ff.Membrane(ff.load("komeili"))]
+    still, moved = (
+        ff.Job(ff.Scene(ply, terms_, supports=ff.clamped_ends(stroke)), steps=1).run()
+        for terms_, stroke in ((terms, 0.0), ([ff.Membrane(ff.load("komeili"))], 0.1))
+    )
+    assert any("nothing moves or loads the sheet" in each for each in still.summary["warnings"])
+    assert not any("nothing moves" in each for each in moved.summary["warnings"])
+
+
+def test_a_sheet_that_only_shapes_of_tools_may_hold_is_told_of(monkeypatch):
+    job = ff.Tensile(**COARSE).job(steps=2)
+    monkeypatch.setattr(job.scene, "check_held", lambda: "held by shapes")
+    assert "held by shapes" in job.run().summary["warnings"]
+
+
+def test_what_is_doubted_of_tools_is_told():
+    blank = ff.Blank.rectangle(40, 20, nx=2, ny=1, spatial=True)
+    ball = ff.Tool(ff.Sphere(2, (20, 10, -2.5)), name="ball")
+    scene = ff.Scene(blank, [ff.Membrane(ff.load("komeili")), ff.Contact(ball)], ff.clamped_ends(1))
+    warnings = ff.Job(scene, steps=1).run().summary["warnings"]
+    assert any("where the ball has a radius of 2 mm" in text for text in warnings)
+
+
+@pytest.mark.mpi
+def test_edges_and_fields_at_a_place_are_asked():
+    result = ff.Tensile(**COARSE).job(steps=2).run()
+    edges = result.outline()
+    if COMM.rank == 0:
+        (edge,) = edges
+        assert np.ptp(edge.formed[:, 0]) > np.ptp(edge.undeformed[:, 0]) == pytest.approx(200)
+    least, largest = result.summary["quantities"]["log_eps_11"]
+    assert least <= result.at((100, 25), "log_eps_11") <= largest
+    for place, name in (((300, 25), "log_eps_11"), ((100, 25), "nothing")):
+        with pytest.raises(ff.InputError, match=f"field {name} is asked for.*; allowed "):
+            result.at(place, name)
+
+
+def test_a_field_that_cannot_be_drawn(tmp_path):
+    result = ff.Tensile(**COARSE).job(steps=4).run()
+    result.plot("eps_a", tmp_path / "eps.png")
+    assert (tmp_path / "eps.png").stat().st_size > 1000
+    with pytest.raises(ff.InputError, match="picture of contact_gap .* allowed .* shear_angle"):
+        result.plot("contact_gap", tmp_path / "gap.png")
+    assert not (tmp_path / "gap.png").exists()
+
+
+def test_a_field_of_nodes_is_drawn(tmp_path):
+    ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True)
+    floor = ff.Tool(ff.Plane((0, 0, -1), (0, 0, 1)), name="floor")
+    terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=1.0), ff.Contact(floor)]
+    result = ff.Job(ff.Scene(ply, terms, supports=ff.clamped_ends(0.1)), steps=1).run()
+    result.plot("contact_gap", tmp_path / "gap.png")
+    assert (tmp_path / "gap.png").stat().st_size > 1000
+
+
+def test_a_warning_carries_its_level_once(folder, capsys):
+    """In log.txt and on the console it is a word; other programs' handlers write the level."""
+    log, records = logging.getLogger("fabric_fenicsx"), []
+    kept = logging.Handler()
+    kept.emit = records.append
+    handlers = kept, Console(logging.INFO)
+    try:
+        for handler in handlers:
+            log.addHandler(handler)
+        job = ff.Tensile(**COARSE).job(steps=2)
+        job.warnings = ["100 % odd"]
+        job.run(folder, pictures=False)
+    finally:
+        for handler in handlers:
+            log.removeHandler(handler)
+    (record,) = [each for each in records if "odd" in each.getMessage()]
+    assert (record.levelname, record.getMessage()) == ("WARNING", "100 % odd")
+    assert "\nwarning: 100 % odd\n" in "\n" + capsys.readouterr().err
+    assert re.search(
+        r"^\d\d:\d\d:\d\d  warning: 100 % odd$", (folder / "log.txt").read_text(), re.M
+    )
+
+
+def test_numbers_that_json_does_not_know_are_null():
+    assert finite({"a": [1.0, math.nan, {"b": (math.inf, "c", 2)}]}) == {
+        "a": [1.0, None, {"b": [None, "c", 2]}]
+    }
+
+
+FAILS_ALONE = """
+import fabric_fenicsx as ff
+
+class Mine(ff.Term):
+    name = energy_kind = "mine"
+
+    def add_forces(self, f):
+        if self.blank.mesh.comm.rank == 1:
+            raise IndexError("on one rank alone")
+
+blank = ff.Blank.rectangle(20, 10, nx=4)
+scene = ff.Scene(blank, [ff.Membrane(ff.load("komeili")), Mine()], ff.clamped_ends(0.1))
+ff.Job(scene, steps=1).run()
+"""
+
+
+def test_a_rank_that_fails_alone_ends_the_others(hang):
+    done = subprocess.run(
+        [*on_ranks(2), sys.executable, "-c", FAILS_ALONE],
+        capture_output=True,
+        text=True,
+        env=os.environ | RANKS_ENVIRONMENT,
+        timeout=hang,
+    )
+    assert done.returncode and "IndexError: on one rank alone" in done.stderr

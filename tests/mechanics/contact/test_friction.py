@@ -1,0 +1,451 @@
+"""Coulomb friction of sheets on tools."""
+
+import math
+
+import numpy as np
+import pytest
+from builders import Elastic, alone, displacement, everywhere, near, run
+from builders import sheet as flat
+from mpi4py import MPI
+from scipy import sparse
+
+from fabric_fenicsx.mechanics.contact.contact import Contact
+from fabric_fenicsx.mechanics.contact.friction import Friction
+from fabric_fenicsx.mechanics.contact.pressing import BlankHolderPressure
+from fabric_fenicsx.mechanics.load import EdgeTension
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support
+from fabric_fenicsx.solve.checkpoint import Checkpoint
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.stepping import march
+from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
+from fabric_fenicsx.tools.tool import Tool
+
+COMM = MPI.COMM_WORLD
+T, K = 0.4, 1000.0  # thickness [mm], penalty [N/mm^3]
+MU, SLIP, PRESSURE, AREA = 0.3, 0.01, 2.0, 200.0
+SMOOTHING = 1.5e-3  # of the table [mm]
+
+
+def sheet(length, width, nx, ny, comm=COMM, **options):
+    return flat(length, width, nx, ny, "left", comm, spatial=True, **options)
+
+
+# -- derivatives
+
+
+@pytest.mark.parametrize("pushed", [False, True])
+@pytest.mark.parametrize("distance", [0.3, 3.0, 100.0])
+def test_derivatives(distance, pushed):
+    """Sticking, partly sliding and sliding on a ball, held or moved by a slanted force that
+    friction helps to bear."""
+    blank = sheet(10, 10, 5, 5, MPI.COMM_SELF)
+    ball = Tool(Sphere(10.0, (5, 5, -10)), name="ball")
+    contact = Contact(ball, T, K)
+    friction = Friction(ball, MU, SLIP)
+    alone(blank, friction, contact)
+    x, u = blank.coordinates(), blank.u.x.array
+    depth = np.resize([-0.5, 0.3, 0.7, 1.5, 3.0], len(x)) * contact.smoothing
+    for _ in range(3):
+        found = ball.evaluate(x)
+        x = x + (T / 2 - depth - found.gap)[:, None] * found.normal
+    u[:] = (x - blank.coordinates()).ravel()
+    contact.accept()
+    friction.accept()
+    limit = MU * np.linalg.norm(contact.normal_forces(), axis=1)
+    # further along the ball, as far as `distance` slips
+    moved = np.cross(x - [5, 5, -10], [1.0, -0.3, 0.5]) * np.linspace(0.1, 1, len(x))[:, None]
+    moved *= distance * SLIP / np.linalg.norm(moved, axis=1).max()
+    u[:] += moved.ravel()
+    if pushed:
+        force = contact.force() + friction.force()
+        ball.direction = np.array([0.3, 0.2, 1]) / math.sqrt(1.13)
+        ball.direction *= np.sign(force @ ball.direction)
+        ball.push, ball.force = float(force @ ball.direction), True
+        contact.add_friction(friction)
+        ball.travel = 0.3 * SLIP
+        contact.rebalance()
+    terms, at, h = (contact, friction), u.copy(), 2e-6
+
+    def state(u_now):
+        u[:] = u_now
+        f = np.zeros(len(u))
+        energy = sum(term.stored() for term in terms) + contact.potential()
+        for term in reversed(terms):
+            term.add_forces(f)
+        return f, energy
+
+    K_total = sum(
+        sparse.csr_matrix((v, (i, j)), shape=(len(u),) * 2).toarray()
+        for i, j, v in (t.tangent() for t in terms)
+    )
+    if pushed:
+        c, k = contact.compliance()
+        K_total -= np.outer(c, c) / k
+    rubbing = np.linalg.norm(friction.forces(), axis=1)
+    slides = (limit > 0) & (rubbing > (1 - 1e-9) * limit)
+    assert {
+        0.3: not slides.any(),
+        3.0: 0 < slides.sum() < len(x),
+        100.0: slides.sum() > len(x) / 2,
+    }[distance]
+    f = state(at)[0]
+    if pushed:
+        assert (contact.force() + friction.force()) @ ball.direction == pytest.approx(
+            ball.push, rel=1e-11
+        )
+        assert abs(ball.travel) < 1e-8
+    for seed in range(3):
+        d = np.random.default_rng(seed).uniform(-1, 1, len(u))
+        (f1, e1), (f2, e2), (g1, d1), (g2, d2) = (state(at + i * h * d) for i in (1, 2, -1, -2))
+        change, rise = (
+            (8 * (f1 - g1) - (f2 - g2)) / (12 * h),
+            (8 * (e1 - d1) - (e2 - d2)) / (12 * h),
+        )
+        assert np.abs(change - K_total @ d).max() <= 1e-6 * np.abs(K_total @ d).max()
+        assert abs(rise - f @ d) <= 1e-6 * np.abs(f).sum()
+
+
+# -- a patch on a plane
+
+
+def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=None, gripped=True):
+    """A patch of 200 mm^2, pressed onto a table by 2 MPa; place: function of the load to its
+    displacement along x, of all its nodes or, if it is not `stiff`, of those at its end, unless it
+    is not `gripped`."""
+    blank = sheet(20, 10, 4, 2)
+    table = Contact(
+        Tool(Plane((0, 0, -T / 2), (0, 0, 1)), tool_path, name="table"), T, K, SMOOTHING
+    )
+    press = BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(len(x)))
+    # what presses it is there from the start, so contact is too
+    blank.u.x.array[2::3] = -(PRESSURE / K + SMOOTHING / 2)
+    friction = Friction(table.tool, MU, SLIP, lag)
+
+    def moved(x, load):
+        return np.array([np.full(x.shape[1], place(load)), 0 * x[0], 0 * x[0]])
+
+    grip = Support("grip", everywhere if stiff else near(0, 20.0), (0,), moved)
+    held = [*([grip] if gripped else []), Support("y", everywhere, (1,))]
+    return Scene(blank, [Elastic(1e3), table, press, friction], held), friction
+
+
+@pytest.mark.mpi
+def test_stick_slip():
+    """Force mu p A x / slip in sticking, mu p A in sliding, there and back again; all energies add
+    up to the work."""
+    limit, curve = MU * PRESSURE * AREA, []
+    scene, friction = patch(lambda load: 5 * SLIP * (1 - abs(2 * load - 1) ** 1.0))
+    states = []
+
+    def note(state):
+        states.append(state)
+        curve.append(
+            (displacement(scene.blank)[0, 0], scene.reaction("grip")[0], state.energies["friction"])
+        )
+
+    outcome = march(Newton(scene), 20, on_accept=note)
+    assert not outcome.reason and len(curve) == 21
+    # steps of half the slip: 2 to stick, 8 to slide, 4 back until it slides the other way
+    x, force, taken = np.array(COMM.bcast(curve)).T
+    way = (
+        np.concatenate(
+            [np.linspace(0, 1, 11)[:3] * 10, np.full(8, 2.0), [1.0, 0, -1], np.full(7, -2.0)]
+        )
+        / 2
+    )
+    assert force == pytest.approx(limit * way, rel=1e-6, abs=1e-6 * limit)
+    work = np.append(0, np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(x)))
+    assert taken == pytest.approx(work, rel=1e-6, abs=1e-9)
+    # the loop: what was slid there, 4 slips, and back, 3 slips, and what is left elastic
+    assert taken[-1] == pytest.approx(limit * SLIP * (4 + 3 + 0.5), rel=1e-6)
+    start = sum(states[0].energies.values())
+    for state in states:
+        assert sum(state.energies.values()) - start == pytest.approx(
+            state.external_work, rel=1e-6, abs=1e-6
+        )
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("lag", [None, 1e-6])
+def test_elastic_patch_is_pulled_off(lag):
+    """Gripped at an end: it sticks until all of it slides, by mu p A; work = strain + friction as
+    steps get finer."""
+    limit, closures = MU * PRESSURE * AREA, []
+    for steps in (10, 20):
+        scene, friction = patch(lambda load: 0.4 * load, stiff=False, lag=lag)
+        states = run(scene, steps)
+        assert scene.reaction("grip")[0] == pytest.approx(limit, rel=1e-6)
+        start, end = sum(states[0].energies.values()), sum(states[-1].energies.values())
+        closures.append(abs((end - start) / states[-1].external_work - 1))
+    assert closures[1] < 0.01 and closures[1] < closures[0]
+
+
+@pytest.mark.mpi
+def test_table_drags_a_patch_along():
+    """What the table's motion does is the support's force with the opposite sign; a patch that
+    nothing holds goes with it."""
+    scene, friction = patch(lambda load: 0.0, tool_path=(0.1, 0, 0))
+    states = run(scene, 10)
+    limit = MU * PRESSURE * AREA
+    assert scene.reaction("grip")[0] == pytest.approx(-limit, rel=1e-6)
+    assert friction.force()[0] == pytest.approx(limit, rel=1e-6)
+    grown = sum(states[-1].energies.values()) - sum(states[0].energies.values())
+    assert grown == pytest.approx(limit * (0.1 - SLIP / 2), rel=1e-6)
+    assert states[-1].external_work == pytest.approx(grown, rel=1e-6)
+    scene, friction = patch(lambda load: 0.0, tool_path=(0.1, 0, 0), gripped=False)
+    run(scene, 10)
+    assert displacement(scene.blank)[:, 0] == pytest.approx(0.1, rel=1e-6)
+
+
+# -- capstan
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("degrees", [90, 160])
+def test_capstan(degrees):
+    """A strip around a bar, pulled over it at one end against a dead pull at the other: T_2 / T_1 =
+    e^(mu theta)."""
+    radius, theta, tail, width, pull, slid = 10.0, math.radians(degrees), 2.0, 2.0, 2.0, 0.05
+    length = radius * theta + 2 * tail
+
+    def shape(x):
+        s = x[:, 0] - length / 2
+        t = np.clip(s / radius, -theta / 2, theta / 2)
+        beyond = s - t * radius
+        return np.column_stack(
+            [
+                radius * np.sin(t) + beyond * np.cos(t),
+                x[:, 1],
+                radius * np.cos(t) - beyond * np.sin(t),
+            ]
+        )
+
+    out = np.array(
+        [
+            [-math.cos(theta / 2), 0, -math.sin(theta / 2)],
+            [math.cos(theta / 2), 0, -math.sin(theta / 2)],
+        ]
+    )
+    last = shape(np.array([[0, 0, 0], [length, 0, 0.0]]))[:, :, None]
+    ends = [lambda x, p=p: np.linalg.norm((x - p)[::2], axis=0) < 1e-6 for p in last]
+    blank = sheet(length, width, degrees // 5, 1, shape=shape, a=np.array([1.0, 0, 0]))
+    contact = Contact(Tool(Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar"), T, K)
+    friction = Friction(contact.tool, MU, 1e-3, lag=1e-5)
+    # the far end is pulled at once, then the near one is drawn off
+    weight = EdgeTension(lambda load: pull * min(1.0, 2 * load), out[0], ends[0])
+
+    def drawn(x, load):
+        return np.outer(out[1], np.full(x.shape[1], max(0.0, 2 * load - 1) * slid))
+
+    supports = [
+        Support("drawn end", ends[1], (0, 1, 2), drawn),
+        Support("side", near(1, 0.0), (1,)),
+    ]
+    scene = Scene(blank, [Elastic(1e4), contact, friction, weight], supports)
+    run(scene, 20)
+    tension = scene.reaction("drawn end") @ out[1] / width
+    assert tension / pull == pytest.approx(math.exp(MU * theta), rel=0.01)
+
+
+# -- tools moved by force, resumed runs, ranks
+
+
+@pytest.mark.mpi
+def test_patch_between_plates_pressed_by_force():
+    """Both plates rub: pulled by 2 mu F, all energies being those of the work."""
+    force, blank = 400.0, sheet(20, 10, 4, 2)
+    table = Contact(Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table"), T, K, smoothing=1e-5)
+    plate = Tool(
+        Plane((0, 0, T / 2), (0, 0, -1)),
+        force=lambda load: (0, 0, -force * min(1.0, 5 * load)),
+        name="plate",
+    )
+    press = Contact(plate, T, K, smoothing=1e-5)
+
+    def moved(x, load):
+        return np.outer([1.0, 0, 0], np.full(x.shape[1], max(0.0, load - 0.2) * 20 * SLIP))
+
+    supports = [Support("grip", everywhere, (0,), moved), Support("y", everywhere, (1,))]
+    # friction before contact: the order of terms doesn't matter
+    terms = [Friction(table.tool, MU, SLIP), Friction(plate, MU, SLIP), Elastic(), table, press]
+    scene = Scene(blank, terms, supports)
+    states = run(scene, 20)
+    assert scene.reaction("grip")[0] == pytest.approx(2 * MU * force, rel=1e-6)
+    assert press.force()[2] == pytest.approx(-force, rel=1e-9)
+    assert states[-1].energies["friction"] == pytest.approx(2 * MU * force * 15.5 * SLIP, rel=1e-6)
+    assert sum(states[-1].energies.values()) == pytest.approx(states[-1].external_work, rel=1e-4)
+
+
+def pushed_ball(comm=COMM, **options):
+    """A ball pushed by force and, slantwise, along a path into a clamped membrane, on which it
+    rubs."""
+    blank = sheet(40, 20, 12, 6, comm)
+    tool = Tool(Sphere(6.0, (18, 9, -6 - T / 2)), (2.0, 1.0, 0), force=(0, 0, 20.0), name="ball")
+    contact = Contact(tool, T, K, **options)
+    rim = Support(
+        "rim",
+        lambda x: (np.abs(x[0] - 20) > 20 - 1e-6) | (np.abs(x[1] - 10) > 10 - 1e-6),
+        (0, 1, 2),
+    )
+    return Scene(blank, [Elastic(), contact, Friction(tool, MU, SLIP)], [rim]), contact
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("permitted", [None, 1e-3])
+def test_run_that_is_resumed(tmp_path, permitted, by_position):
+    tmp_path = COMM.bcast(tmp_path)
+
+    def gathered(blank):
+        u = displacement(blank)
+        return by_position(COMM, blank.coordinates()[: len(u)], u)
+
+    scene, contact = pushed_ball(permitted=permitted)
+    checkpoint = Checkpoint(tmp_path / "c.npz", scene.blank, {})
+
+    def keep(state):
+        if state.load == 0.5:
+            checkpoint.save(state.progress, {})
+
+    states = []
+    outcome = march(
+        Newton(scene, tolerance=1e-11),
+        8,
+        on_accept=lambda s: (states.append(s), keep(s)),
+        milestones=[0.5],
+    )
+    assert not outcome.reason
+    first = gathered(scene.blank), states[-1], contact.tool.travel, contact.force()
+    scene, contact = pushed_ball(permitted=permitted)
+    progress, _ = Checkpoint(tmp_path / "c.npz", scene.blank, {}).load()
+    states = []
+    outcome = march(Newton(scene, tolerance=1e-11), 8, on_accept=states.append, start=progress)
+    assert not outcome.reason and states[0].load > 0.5
+    places, u = gathered(scene.blank)
+    assert np.abs(places - first[0][0]).max() < 1e-9 and np.abs(u - first[0][1]).max() < 1e-8
+    assert contact.tool.travel == pytest.approx(first[2], rel=1e-8)
+    assert contact.force() == pytest.approx(first[3], rel=1e-6, abs=1e-7)
+    for kind, energy in first[1].energies.items():
+        assert states[-1].energies[kind] == pytest.approx(energy, rel=1e-7)
+    assert states[-1].external_work == pytest.approx(first[1].external_work, rel=1e-7)
+
+
+@pytest.mark.mpi
+def test_what_is_known_of_a_march_is_known_to_the_next(tmp_path):
+    """What it cost, what its solver met and how deep nodes once were, which no displacement
+    tells."""
+    tmp_path = COMM.bcast(tmp_path)
+    scene, contact = pushed_ball()
+    checkpoint, newton = Checkpoint(tmp_path / "c.npz", scene.blank, {}), Newton(scene)
+    known = {"negative_pivots_met": True, "shift": 0.125}
+    newton.recall(known)
+    first = march(
+        newton,
+        8,
+        max_step=0.5,
+        on_accept=lambda s: checkpoint.save(s.progress, {}),
+        milestones=[0.5],
+    )
+    again, contact_again = pushed_ball()
+    progress, _ = Checkpoint(tmp_path / "c.npz", again.blank, {}).load()
+    (depth,) = [name for name in progress.memory if name.endswith("depth")]
+    progress.memory[depth] = progress.memory[depth] + 7.0
+    newton, before, states = Newton(again), progress.iterations, []
+    second = march(newton, 8, on_accept=states.append, start=progress)
+    assert (second.accepted, second.rejected) == (
+        first.accepted,
+        first.rejected,
+    )
+    assert second.rejected == 0
+    # not those of the first, as another partition rounds otherwise
+    assert before > 0
+    assert second.iterations == before + sum(state.report.iterations for state in states)
+    assert newton.memory()["negative_pivots_met"] and (newton.memory()["shift"] > 0)
+    assert contact_again.deepest() == pytest.approx(contact.deepest() + 7.0)
+    assert contact.deepest() > 0
+
+
+@pytest.mark.mpi
+def test_same_on_any_number_of_ranks():
+    """On one rank and on all; contact and friction together bear the force that pushes the ball."""
+    found = []
+    for comm in (MPI.COMM_SELF, COMM):
+        scene, contact = pushed_ball(comm)
+        last, friction = run(scene, 8)[-1], scene.terms[-1]
+        assert contact.force()[2] + friction.settled[2] == pytest.approx(20, rel=1e-9)
+        assert scene.reaction("rim")[2] == pytest.approx(-20, rel=1e-7)
+        found.append(
+            [
+                contact.tool.travel,
+                last.external_work,
+                *last.energies.values(),
+                *scene.reaction("rim"),
+            ]
+        )
+    assert found[1] == pytest.approx(found[0], rel=1e-7)
+
+
+def test_energy_balance_closes_as_steps_get_finer():
+    """On one rank; that others find the same energies and work is asked above."""
+    closures = []
+    for steps in (8, 16, 32):
+        scene, contact = pushed_ball()
+        last = run(scene, steps)[-1]
+        closures.append(sum(last.energies.values()) / last.external_work - 1)
+    assert abs(closures[2]) < 0.011 and closures[0] < 2 * closures[1] < 4 * closures[2] < 0
+
+
+# -- bad input
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"mu": -0.1}, "friction on table has coefficient -0.1; allowed is a number from 0"),
+        ({"mu": math.nan}, "coefficient nan"),
+        ({"slip": 0.0}, "slip 0.0; allowed is a number above 0"),
+        ({"slip": math.inf}, "slip inf"),
+        ({"lag": 0.0}, "lag 0.0; allowed is a number above 0"),
+    ],
+)
+def test_bad_input_is_refused(options, words):
+    table = Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
+    with pytest.raises(InputError, match=words):
+        Friction(table, **({"mu": MU} | options))
+
+
+@pytest.mark.parametrize("lag, followed", [(0.01, True), (None, False)])
+def test_normal_forces_follow_within_a_step(lag, followed):
+    """A patch pressed from nothing to 2 s deep and dragged at once: friction is asked for anew,
+    once, if lag says so."""
+    blank = sheet(20.0, 10.0, 4, 2)
+    contact = Contact(Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table"), T, K, smoothing=1e-3)
+    friction = Friction(contact.tool, MU, SLIP, lag)
+    alone(blank, contact, friction)
+    blank.u.x.array.reshape(-1, 3)[:] = [5 * SLIP, 0, -2e-3]
+    assert abs(friction.force()).max() == 0
+    assert friction.update_lagged() == followed and not friction.update_lagged()
+    normal = contact.force()[2]
+    assert normal == pytest.approx(K * 1.5e-3 * AREA)
+    assert friction.force()[0] == pytest.approx(-MU * normal if followed else 0.0, abs=1e-12)
+    friction.at(1.0)  # a step that failed forgets
+    assert abs(friction.force()).max() == 0
+
+
+@pytest.mark.parametrize("lag, followed", [(0.01, True), (None, False)])
+def test_what_leaves_the_holder_is_not_pressed(lag, followed):
+    """A patch half of which moves out from under the holder within a step."""
+    blank = sheet(20.0, 10.0, 4, 2)
+    pressing = alone(
+        blank, BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: x[:, 0] < 20.1, lag=lag)
+    )
+    blank.u.x.array.reshape(-1, 3)[:, 0] = 10.0
+    assert pressing.update_lagged() == followed and not pressing.update_lagged()
+    # nodes at x = 0, 5 and 10 mm stay
+    inside = pressing.nodes.total(
+        np.where(pressing.nodes.places[:, 0] < 10.1, pressing.nodes.areas, 0.0)
+    )
+    total = pressing.nodes.total(pressing.normal_forces())[2]
+    assert total == pytest.approx(-PRESSURE * (inside if followed else AREA))

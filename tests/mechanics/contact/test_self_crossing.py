@@ -1,0 +1,98 @@
+"""Where a sheet passes through itself."""
+
+import numpy as np
+import pytest
+from builders import COMM, Elastic, everywhere
+from builders import sheet as rectangle
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.contact.self_crossing import (
+    crossing_warning,
+    crossings,
+    self_crossings,
+)
+
+LENGTH, WIDTH, RADIUS = 40.0, 8.0, 5.0
+
+
+def rolled(growth, **options):
+    """A strip rolled up by more than a turn, on a radius that grows by `growth` in one."""
+    blank = rectangle(LENGTH, WIDTH, 20, 4, spatial=True, **options)
+    blank.u.x.array[:] = (roll(growth)(blank.coordinates().T) - blank.coordinates().T).T.ravel()
+    return blank
+
+
+def roll(growth):
+    def places(x):
+        turn = x[0] / RADIUS
+        r = RADIUS * (1 + growth * turn / (2 * np.pi))
+        return np.array([r * np.sin(turn), x[1], -r * np.cos(turn)])
+
+    return places
+
+
+def test_an_edge_through_a_triangle():
+    places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, -1], [0.2, 0.3, 1], [3, 3, 1]])
+    found = crossings(places.astype(float), np.array([[0, 1, 2], [3, 4, 5]]))
+    assert np.linalg.norm(found - [0.2, 0.25, 0.0], axis=1).min() < 1e-12
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("options", [{}, {"cell": "quadrilateral"}, {"degree": 2}])
+def test_a_sheet_that_is_rolled_into_itself(options):
+    """On the first radius the second turn lies in the first; it is beside it on a growing one, and
+    comes through it on one that falls after half a turn."""
+    assert not len(self_crossings(rolled(0.2, **options).whole))
+    part = rolled(0.0, **options)
+    x = part.u.x.array.reshape(-1, 3)
+    x[:, 0] += 0.1 * (part.coordinates()[:, 0] - LENGTH / 2)
+    found = self_crossings(part.whole)
+    assert len(found) and np.array_equal(found, COMM.bcast(found))
+
+
+def test_neighbours_do_not_count():
+    """Nor does a sheet that is bent on itself by 170 deg along a line of nodes."""
+    blank = rectangle(LENGTH, WIDTH, 20, 4, spatial=True)
+    x, u = blank.coordinates(), blank.u.x.array.reshape(-1, 3)
+    over = np.maximum(x[:, 0] - LENGTH / 2, 0.0)
+    u[:, 0], u[:, 2] = (np.cos(np.radians(170)) - 1) * over, np.sin(np.radians(170)) * over
+    assert not len(self_crossings(blank.whole))
+
+
+def test_a_sheet_in_a_plane_is_not_looked_at():
+    assert not len(self_crossings(rectangle(LENGTH, WIDTH, 4, 2).whole))
+
+
+@pytest.mark.mpi
+def test_a_run_that_ends_so_is_not_believed():
+    """Here all nodes are led to where the sheet lies in itself."""
+    blank = rectangle(LENGTH, WIDTH, 20, 4, spatial=True)
+
+    def led(x, load):
+        stretched = roll(0.0)(x) + np.array([0.1 * (x[0] - LENGTH / 2), 0 * x[0], 0 * x[0]])
+        return load * (stretched - x)
+
+    scene = ff.Scene(blank, [Elastic()], [ff.Support("all", everywhere, (0, 1, 2), led)])
+    with pytest.raises(ff.SolverFailure, match="passes through itself at .* mm; allowed is none"):
+        ff.Job(scene, steps=1).run()
+
+
+@pytest.mark.mpi
+def test_sheets_that_pass_through_one_another_are_told_of():
+    """The lower one, led to tilt, reaches through the upper one, that no contact keeps away."""
+    sheets = [
+        (rectangle(LENGTH, WIDTH, 4, 2, spatial=True), 1.0, name) for name in ("lower", "upper")
+    ]
+    stack = ff.Stack(sheets)
+    between = np.mean([end[2] for end in stack.extent()])
+
+    def led(x, load):
+        is_lower = x[2] < between
+        return load * np.array([0 * x[0], 0 * x[0], is_lower * 0.1 * (x[0] - LENGTH / 2)])
+
+    scene = ff.Scene(stack, [Elastic()], [ff.Support("all", everywhere, (0, 1, 2), led)])
+    assert crossing_warning(stack) == ""
+    result = ff.Job(scene, steps=1, limits=ff.Limits(imbalance=2.0)).run()
+    found = crossing_warning(stack)
+    assert found.startswith("lower and upper pass through one another at ")
+    assert COMM.rank > 0 or found in result.summary["warnings"]

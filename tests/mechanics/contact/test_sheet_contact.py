@@ -1,0 +1,432 @@
+"""Contact of sheets with each other."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from builders import COMM, Elastic, everywhere, near, off_differences, rotation, run
+from builders import sheet as rectangle
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.contact.pressure_law import (
+    PERMITTED,
+    SMOOTHING,
+    PressureLaw,
+    default_penalty,
+)
+from fabric_fenicsx.meshes.specimen import specimen
+
+FABRIC = ff.load("komeili")
+T, PRESSURE, RADIUS = FABRIC.thickness, 2.0, 30.0
+ABC = "a", "b", "c"
+
+
+def disc(n, turn):
+    """A disc of n cells across, turned in its plane [deg]: a square's rows of cells bent round."""
+    points = cells = kind = None
+    if COMM.rank == 0:
+        points, cells, kind = specimen(2.0, 2.0, n, n, "crossed", "triangle", 0.0)
+        x, y = np.asarray(points, float)[:, :2].T - 1
+        c, s = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+        x, y = RADIUS * x * np.sqrt(1 - y * y / 2), RADIUS * y * np.sqrt(1 - x * x / 2)
+        points = np.column_stack([c * x - s * y, s * x + c * y, 0 * x])
+    return ff.Blank.from_arrays(COMM, points, cells, kind, spatial=True)
+
+
+def membranes(names, modulus=100.0):
+    return [
+        term.on(name)
+        for name in names
+        for term in (ff.Membrane(FABRIC), ff.Bending(modulus=modulus))
+    ]
+
+
+@pytest.fixture(scope="module")
+def pressed():
+    """Three discs, of cells 1 : 1.37 and turned by 17 deg, pressed between two plates."""
+    load = PRESSURE * math.pi * RADIUS**2
+    stack = ff.Stack([(disc(8, 0), T, "a"), (disc(11, 17), T, "b"), (disc(8, 0), T, "c")])
+    top = ff.Tool(
+        ff.Plane((0, 0, 2.5 * T), (0, 0, -1)), force=lambda at: (0, 0, -at * load), name="top"
+    )
+    bottom = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="bottom")
+    plates = ff.Contact(top), ff.Contact(bottom)
+    pairs = [ff.SheetContact(*names, points=6) for names in (ABC[:2], ABC[1:])]
+    held = [ff.Support("plane", everywhere, (0, 1))]
+    scene = ff.Scene(stack, [*membranes(ABC), *pairs, *plates], held)
+    job = ff.Job(scene, steps=4, tolerance=1e-10, limits=ff.Limits(imbalance=1e9))
+    return job.run(), scene, pairs, plates, load
+
+
+@pytest.mark.mpi
+def test_patch_pressure(pressed):
+    """In the inner part it is uniform to 1 %: 6 points of a cell integrate the shape functions of
+    others to that, and the face's normals are those of sheets that this presses uneven."""
+    result, scene, _, _, _ = pressed
+    pressure = result.fields["sheet_pressure"]
+    inner = (np.hypot(*scene.blank.midpoints()[:2]) < 0.6 * RADIUS) & np.isfinite(pressure)
+    found = np.concatenate(COMM.allgather(pressure[inner]))
+    assert len(found) > 100
+    assert abs(found - found.mean()).max() < 0.01 * found.mean()
+    assert found.mean() == pytest.approx(PRESSURE, rel=0.01)
+
+
+@pytest.mark.mpi
+def test_the_back_of_a_fold_is_not_pressed():
+    """The lower sheet's end is folded over and lies in the upper sheet with its back up; the upper
+    one is moved, so that what lay below its points has to be sought anew."""
+    sheets = [(rectangle(60, 10, 60, 10, "crossed", COMM, spatial=True), T, n) for n in ABC[:2]]
+    stack, contact = ff.Stack(sheets), ff.SheetContact("a", "b")
+    ff.Scene(stack, [*membranes(ABC[:2]), contact], [])
+    X = stack.coordinates()
+    lower = stack.part("a").nodes
+    fold = [80, 0, 0.8 * T] + X * [-1, 1, 1]
+    x = np.where((lower & (X[:, 0] > 40))[:, None], fold, X)
+    x[~lower, 0] -= 3.0
+    stack.u.x.array[:] = (x - X).ravel()
+    facing = contact.facing()
+    assert COMM.allreduce(len(facing.gap)) > 1000
+    assert facing.gap.min(initial=0) > -1e-9 and (facing.normal[:, 2] > 0).all()
+
+
+@pytest.mark.mpi
+def test_patch_forces(pressed):
+    """Each contact bears the whole load."""
+    _, _, pairs, (top, bottom), load = pressed
+    assert top.force() == pytest.approx([0, 0, -load], abs=1e-9 * load)
+    assert bottom.force() == pytest.approx([0, 0, load], abs=1e-9 * load)
+    for pair in pairs:
+        assert pair.settled[:3] == pytest.approx([0, 0, load], abs=1e-9 * load)
+
+
+def nodal_forces(scene, term):
+    """Of a term on the owned nodes (nodes, 3), and where these are."""
+    f = scene.u.duplicate()
+    with f.localForm() as local:
+        local.set(0)
+        term.add_forces(local.array)
+    f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    forces = f.array.reshape(-1, 3).copy()
+    blank = scene.blank
+    return forces, (blank.coordinates() + blank.nodal_displacement())[: len(forces)]
+
+
+@pytest.mark.mpi
+def test_action_is_reaction_with_its_moment(pressed):
+    _, scene, pairs, _, load = pressed
+    for pair in pairs:
+        forces, x = nodal_forces(scene, pair)
+        # `add_forces` gives the energy's derivative: minus the forces on the nodes
+        total, moment = COMM.allreduce(np.array([forces.sum(0), np.cross(x, forces).sum(0)]))
+        assert abs(total).max() < 1e-9 * load
+        assert abs(moment).max() < 1e-9 * load * RADIUS
+        on = scene.blank.part(pair.sheets[1]).nodes
+        upper = -COMM.allreduce(forces[on].sum(0))
+        assert upper == pytest.approx(pair.force(), abs=1e-9 * load)
+
+
+@pytest.mark.mpi
+def test_penetration_is_reported(pressed):
+    """That of the law under the largest pressure, at the rim, as a share of the thickness."""
+    result, _, pairs, _, load = pressed
+    for pair in pairs:
+        entry = result.summary["sheet_contacts"][", ".join(pair.sheets)]
+        found = entry["penetration_of_thickness"]
+        assert found == pair.penetration_of_thickness() == pair.deepest() / T
+        largest = COMM.allreduce(float((pair.normal_forces() / pair.areas).max(initial=0)), MPI.MAX)
+        assert found == pytest.approx(pair.depth_under(largest) / T, rel=1e-3)
+        assert entry["normal_force_N"] == pytest.approx(load, rel=1e-6)
+
+
+# -- derivatives
+
+
+def two(depth, bow=0.0, tilt=0.0, moved=None, **options):
+    """Two sheets in a scene, bent together, that overlap by `depth` [mm] where `tilt` [mm] at the
+    ends does not part them; moved: a rigid motion of it all."""
+    lower = rectangle(20, 10, 8, 4, spatial=True)
+    upper = rectangle(20, 10, 12, 6, spatial=True, a=0.7)
+    stack = ff.Stack([(lower, T, "lower"), (upper, T, "upper")])
+    pair = ff.SheetContact("lower", "upper", 50.0, **options)
+    scene = ff.Scene(stack, [*membranes(("lower", "upper")), pair])
+    X = stack.coordinates()
+    x = X.copy()
+    x[:, 2] += bow * (X[:, 0] - 7) ** 2 / 2 - bow * (X[:, 1] - 3) * (X[:, 0] - 10) / 4
+    on_upper = X[:, 2] > T / 2
+    x[on_upper, 2] += tilt * (X[on_upper, 0] - 10) / 10 - depth
+    x = x if moved is None else moved(x)
+    stack.u.x.array[:] = (x - X).ravel()
+    scene.accept()
+    return scene, pair
+
+
+STATES = {
+    "pressed": {"depth": 0.05, "bow": 0.02},
+    "flat": {"depth": 0.05},
+    "open": {"depth": -0.05, "bow": 0.02},
+    "partly": {"depth": 0.0, "bow": 0.02, "tilt": 0.05},
+}
+
+
+@pytest.mark.parametrize("points", [1, 3, 6])
+@pytest.mark.parametrize("state", ["pressed", "flat", "partly"])
+def test_forces_and_tangent_are_derivatives(state, points):
+    scene, pair = two(**STATES[state], points=points)
+    touching = (pair.normal_forces() > 0).sum()
+    assert 0 < touching < pair.count if state == "partly" else touching > 0.9 * pair.count
+    forces, stiffness = off_differences(scene, pair)
+    assert forces < 1e-6
+    assert stiffness < 1e-6
+
+
+@pytest.mark.parametrize("taken", [False, True])
+def test_derivatives_where_points_slide_over_edges(taken):
+    """By more than a cell, before the faces are taken anew and after."""
+    scene, pair = two(**STATES["pressed"])
+    before = pair.facing().pairs
+    stack = scene.blank
+    u, on_upper = stack.u.x.array.reshape(-1, 3), stack.coordinates()[:, 2] > T / 2
+    u[on_upper] += (2.9, 1.3, -0.06)
+    if taken:
+        assert scene.update_lagged()
+    assert (pair.facing().pairs is not before) and (pair.normal_forces() > 0).any()
+    forces, stiffness = off_differences(scene, pair)
+    assert forces < 1e-6
+    assert stiffness < 1e-6
+
+
+@pytest.mark.mpi
+def test_states_that_alternate_are_met_half_way(by_position):
+    """Where the faces were taken to and fro, they are taken between both places."""
+    shift = np.array([1.1, 0.5, 0.0])
+    found = []
+    for places in ((1.0, 0.0), (0.5,)):
+        scene, pair = two(**STATES["pressed"])
+        scene.accept()
+        scene.at(0.0)
+        u, on_upper = scene.u.array, scene.blank.part("upper").nodes
+        rest = u.copy()
+        for share in places:
+            u[:] = rest
+            u.reshape(-1, 3)[on_upper] += share * shift
+            scene.set(scene.u.copy())
+            assert scene.update_lagged()
+        u[:] = rest
+        scene.set(scene.u.copy())
+        forces = nodal_forces(scene, pair)[0]
+        found.append(by_position(COMM, scene.blank.coordinates()[: len(forces)], forces)[1])
+    assert found[0] == pytest.approx(found[1], abs=1e-9 * abs(found[1]).max())
+
+
+@pytest.mark.mpi
+def test_a_soft_layer_presses_before_the_faces_meet():
+    """As its square, up to `pressing`; the face's law is added beyond. What is told is how far the
+    faces overlap."""
+    layer, pressing, k, z = 0.2, 3.0, 7.0, 0.05
+    scene = ff.Scene(
+        laid(0.0),
+        [*membranes("ab"), ff.SheetContact("a", "b", penalty=k, pressing=pressing, layer=layer)],
+    )
+    contact, face = scene.terms[-1], PressureLaw(k, SMOOTHING * PERMITTED * T)
+    upper = scene.blank.part("b").nodes
+    for gap in (0.3, 0.1, -z):
+        scene.blank.u.x.array.reshape(-1, 3)[: len(upper)][upper, 2] = gap
+        scene.blank.u.x.scatter_forward()
+        scene.accept()
+        pressure = pressing * (max(0.0, layer - gap) / layer) ** 2
+        pressure += float(face(np.array(max(0.0, -gap)))[1])
+        assert contact.force()[2] == pytest.approx(pressure * 20 * 10, abs=1e-9)
+        if pressure:
+            assert contact.depth_under(pressure) == pytest.approx(-gap, abs=1e-12)
+    assert contact.deepest() == pytest.approx(z)
+
+
+@pytest.mark.mpi
+def test_depth_counts_in_equilibrium_alone():
+    """At load 0 the last state counts, later each."""
+    scene = ff.Scene(laid(0.0), [*membranes("ab"), ff.SheetContact("a", "b", penalty=7.0)])
+    contact, upper = scene.terms[-1], scene.blank.part("b").nodes
+    for load, gap, deepest in ((0.0, -0.05, 0.05), (0.0, -0.01, 0.01), (1.0, 0.1, 0.01)):
+        scene.blank.u.x.array.reshape(-1, 3)[: len(upper)][upper, 2] = gap
+        scene.blank.u.x.scatter_forward()
+        scene.at(load)
+        scene.accept()
+        assert contact.deepest() == pytest.approx(deepest)
+
+
+def test_sheets_apart_bear_nothing():
+    scene, pair = two(**STATES["open"])
+    forces, _ = nodal_forces(scene, pair)
+    assert pair.stored() == 0 and not forces.any() and not pair.tangent()[2].any()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("state", ["pressed", "partly"])
+def test_a_rigid_motion_of_the_scene(state, by_position):
+    """Energy and forces are those of the scene where it was."""
+    Q, far, found = rotation(3), np.array([30.0, -20.0, 7.0]), []
+    for turn, shift in ((np.eye(3), 0 * far), (Q, far)):
+        scene, pair = two(**STATES[state], moved=lambda x, t=turn, s=shift: x @ t.T + s)
+        forces, _ = nodal_forces(scene, pair)
+        places = scene.blank.coordinates()[: len(forces)]
+        _, forces = by_position(COMM, places, forces @ turn)
+        found.append((COMM.allreduce(pair.stored()), pair.force(), forces))
+    (energy, force, forces), (turned_energy, turned_force, turned) = found
+    assert turned_energy == pytest.approx(energy, rel=1e-9) and energy > 0
+    assert turned_force == pytest.approx(Q @ force, abs=1e-9 * abs(force).max())
+    assert abs(turned - forces).max() < 1e-9 * abs(forces).max()
+
+
+@pytest.mark.mpi
+def test_the_sheet_of_smaller_cells_has_the_points():
+    """Whichever lies below."""
+    for fine in ABC[:2]:
+        stack = ff.Stack(
+            [
+                (rectangle(20, 10, *((6, 3) if n == fine else (4, 2)), spatial=True), T, n)
+                for n in "ab"
+            ]
+        )
+        pair = ff.SheetContact("a", "b", 50.0)
+        ff.Scene(stack, [*membranes("ab"), pair])
+        assert COMM.allreduce(pair.count) == 3 * 4 * 18
+
+
+@pytest.mark.mpi
+def test_default_penalty_is_that_of_the_softer_fabric():
+    thin = FABRIC.replace(thickness=0.2)
+    stack = ff.Stack(
+        [
+            (rectangle(20, 10, 4, 2, spatial=True), f.thickness, n)
+            for n, f in (("a", FABRIC), ("b", thin))
+        ]
+    )
+    terms = [ff.Membrane(FABRIC).on("a"), ff.Membrane(thin).on("b")]
+    pair = ff.SheetContact("a", "b")
+    ff.Scene(stack, [*terms, pair])
+    penalty = min(default_penalty(fabric, np.inf) for fabric in (FABRIC, thin))
+    law = PressureLaw(penalty, SMOOTHING * PERMITTED * 0.2)
+    assert pair.depth_under(2.0) == pytest.approx(float(law.depth(np.array(2.0))))
+
+
+# -- what bad input gets
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"penalty": 0.0}, "contact of a and b has penalty 0.0; allowed is a number above 0"),
+        ({"penalty": math.nan}, "contact of a and b has penalty nan; allowed is a number above 0"),
+        ({"lag": -1.0}, "contact of a and b has lag -1.0; allowed is a number above 0"),
+        ({"pressing": 0.0}, "contact of a and b has pressing 0.0; allowed is a number above 0"),
+        ({"layer": -0.1}, "contact of a and b has layer -0.1; allowed is a number from 0"),
+        ({"points": 2}, "contact of a and b has 2 points in a cell; allowed are 1, 3, 6"),
+        ({"upper": "a"}, "contact of a and a is of one sheet; allowed are two different ones"),
+    ],
+)
+def test_numbers_that_are_not_allowed(given, words):
+    with pytest.raises(ff.InputError) as error:
+        ff.SheetContact(**({"lower": "a", "upper": "b"} | given))
+    assert str(error.value) == words
+
+
+def side_by_side():
+    """Two sheets on a wide one."""
+    right = rectangle(8, 10, 2, 2, spatial=True, shape=lambda x: x + [12.0, 0.0, 0.0])
+    wide, left = (rectangle(size, 10, 2, 2, spatial=True) for size in (20, 8))
+    return ff.Stack([(wide, T, "wide"), (left, T, "a"), (right, T, "b")])
+
+
+def laid(play=0.0, **options):
+    return ff.Stack(
+        [(rectangle(20, 10, 4, 2, spatial=True, **options), T, n) for n in "ab"], 0, play
+    )
+
+
+def patches():
+    blank = rectangle(20, 10, 4, 2, spatial=True)
+    blank.divide({"a": lambda x: x[0] < 10}, "b")
+    return blank
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "make, penalty, fabric, words",
+    [
+        (side_by_side, 9.0, FABRIC, "contact of a and b finds no place of one over the other;"),
+        (lambda: laid(-0.5 * T), 9.0, FABRIC, "begins with sheets that overlap by 0.5 mm; allowed"),
+        (patches, 9.0, FABRIC, "contact of a and b is asked of a, a patch; allowed are sheets of"),
+        (
+            lambda: laid(cell="quadrilateral"),
+            9.0,
+            FABRIC,
+            "other than linear triangles; allowed is",
+        ),
+        (
+            laid,
+            None,
+            None,
+            "is given no penalty, and not both sheets have a fabric or metal; allowed is a",
+        ),
+        (
+            lambda: rectangle(20, 10, 4, 2, spatial=True),
+            *(9.0, FABRIC),
+            "blank has no part 'a'; allowed is one of none, as it is one sheet",
+        ),
+    ],
+)
+def test_sheets_between_which_there_is_no_contact(make, penalty, fabric, words):
+    membrane = ff.Membrane(fabric) if fabric else Elastic()
+    with pytest.raises(ff.InputError) as error:
+        ff.Scene(make(), [membrane, ff.SheetContact("a", "b", penalty)])
+    assert words in str(error.value)
+
+
+# -- stacks without friction
+
+
+def push(layers, cells):
+    """Force of a ball that is pushed by 4 mm into a quarter of a drum of several skins."""
+    planes = [near(0, 0.0), near(1, 0.0)]
+    names = [f"skin {k}" for k in range(layers)]
+    stack = ff.Stack([(rectangle(30, 30, cells, cells, spatial=True), T, name) for name in names])
+    ball = ff.Tool(ff.Sphere(40, (0, 0, -40 - T / 2)), lambda load: (0, 0, 4 * load), name="ball")
+    contacts = [ff.SheetContact(*pair, 50.0, symmetric=planes) for pair in pairwise(names)]
+    supports = [
+        ff.Support("rim", lambda x: near(0, 30)(x) | near(1, 30)(x), (0, 1, 2)),
+        *(ff.Support(f"plane {k}", planes[k], (k,)) for k in (0, 1)),
+    ]
+    terms = [Elastic(1e3), ff.Contact(ball, T, 50.0).on(names[0]), *contacts]
+    scene = ff.Scene(stack, terms, supports)
+    run(scene, 4)
+    return scene.tool_force(ball)[2]
+
+
+@pytest.mark.mpi
+def test_skins_of_a_drum_add_up():
+    """Without friction two skins bear twice the force of one, but for the larger radius of the
+    outer one, (40 + T) / 40."""
+    one, two = push(1, 8), push(2, 8)
+    assert two / one == pytest.approx(2.0, rel=0.02)
+
+
+# -- what a holder presses
+
+
+@pytest.mark.mpi
+def test_a_holder_presses_where_all_sheets_lie_on_one_another():
+    """Three sheets of other sizes: areas and force are those of what they share."""
+    sizes = {"low": (20, 10, 10, 5), "mid": (16, 10, 8, 5), "top": (20, 8, 10, 4)}
+    stack = ff.Stack([(rectangle(*size, spatial=True), T, name) for name, size in sizes.items()])
+    pairs = [ff.SheetContact("low", "mid", 50.0), ff.SheetContact("mid", "top", 50.0)]
+    press = ff.BlankHolderPressure(2.0, (0, 0, 1), lambda x: np.ones(len(x)), against=pairs)
+    scene = ff.Scene(stack, [*membranes(sizes), press.on("low"), *pairs])
+    assert COMM.allreduce(pairs[1].covered().sum()) == pytest.approx(16 * 8)
+    assert press.force() == pytest.approx([0, 0, 2.0 * 16 * 8], rel=1e-9)
+    forces = press.normal_forces()
+    beyond = (stack.coordinates()[: len(forces), 0] > 16 + 1e-6) | ~stack.part("low").nodes
+    assert not forces[beyond].any()
+    assert not any(term.update_lagged() for term in scene.terms)

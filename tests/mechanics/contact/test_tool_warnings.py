@@ -1,0 +1,110 @@
+"""What is doubted of a scene's tools, and what is not."""
+
+import builders
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.contact.contact import Contact
+from fabric_fenicsx.mechanics.contact.friction import Friction
+from fabric_fenicsx.mechanics.contact.tool_warnings import cell_size_warning, tool_warnings
+from fabric_fenicsx.mechanics.load import DeadPressure
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import clamped_ends
+from fabric_fenicsx.tools.primitives import Plane, Sphere
+from fabric_fenicsx.tools.surfaces import ImplicitSurface, Offset, Reversed
+from fabric_fenicsx.tools.tool import Tool
+from fabric_fenicsx.tools.triangulated import TriangulatedSurface
+
+KOMEILI = load("komeili")
+
+
+def sheet():
+    return builders.sheet(20, 20, 16, 16, "crossed", MPI.COMM_WORLD, spatial=True)
+
+
+class Bump(ImplicitSurface):
+    """z = 5 exp(-r^2 / 2 4^2), whose top has a radius of 3.2 mm."""
+
+    def __init__(self, *radii):
+        self.radii = radii
+
+    def implicit(self, x):
+        height, slope = 5 * np.exp(-(x[0] ** 2 + x[1] ** 2) / 32), -x[:2] / 16
+        hessian = np.zeros((3, 3, x.shape[1]))
+        hessian[:2, :2] = -height * (slope[:, None] * slope - np.eye(2)[:, :, None] / 16)
+        return x[2] - height, np.stack([*-height * slope, 0 * height + 1]), hessian
+
+
+def with_hole(width, unit=1.0):
+    """A plate of triangles of 2 mm with an opening in its middle; unit: a millimetre."""
+    side = np.arange(-30.0, 31, 2)
+    x = np.stack([*(each.ravel() for each in np.meshgrid(side, side)), np.zeros(31 * 31)], 1)
+    i = (31 * np.arange(30)[:, None] + np.arange(30)).ravel()
+    cells = np.vstack([np.stack([i, i + 1, i + 32], 1), np.stack([i, i + 32, i + 31], 1)])
+    return TriangulatedSurface(unit * x, cells[(abs(x[cells].mean(1)) > width / 2).any(1)])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "surface, mu, words",
+    [
+        (Sphere(30, (10, 10, -30.5)), 0.25, []),
+        (Sphere(30, (10, 10, -30.5)), 25.0, ["friction on tip has a coefficient of 25, which is"]),
+        (Bump(3.0, 5.0), 0.25, []),
+        (Bump(np.inf, np.inf), 0.25, ["surface Bump of tip is curved with a radius of 3."]),
+        (with_hole(0), 0.25, []),
+        (with_hole(4), 0.25, ["the surface of tip has a hole 4 mm wide at (0, 0, 0) of its own"]),
+        (Reversed(with_hole(4)), 0.25, ["the surface of tip has a hole 4 mm wide"]),
+        (with_hole(12), 0.25, []),  # as of a die
+        (with_hole(0, 1e-3), 0.25, ["the surface of tip is 0.06 mm large, which speaks of metres"]),
+    ],
+)
+def test_what_is_doubted_of_tools(surface, mu, words):
+    blank = sheet()
+    way = (10, 10, -5.5) if isinstance(surface, Bump) else (0, 0, -1)
+    tool = Tool(surface, lambda load: way, name="tip")
+    terms = [Membrane(KOMEILI), Contact(tool), Friction(tool, mu)]
+    told = tool_warnings(Scene(blank, terms, clamped_ends()))
+    assert len(told) == len(words) and all(map(str.startswith, told, words))
+
+
+BALL = Sphere(30, (10, 10, -31))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "surfaces, loads, supports, said",
+    [
+        ([BALL], [], [], True),
+        ([BALL], [], clamped_ends(), False),
+        ([BALL, Plane((0, 0, 1), (0, 0, -1))], [], [], False),
+        ([BALL], [DeadPressure(1e-3, (0, 0, -1))], [], False),
+    ],
+)
+def test_a_sheet_that_nothing_presses_on_its_tool(surfaces, loads, supports, said):
+    terms = [Membrane(KOMEILI), *loads]
+    for surface in surfaces:
+        tool = Tool(surface, name="tool")
+        terms += [Contact(tool), Friction(tool, 0.25)]
+    told = tool_warnings(Scene(sheet(), terms, supports))
+    words = "blank has tools on one side alone (tool), and no support holds it along z: "
+    assert [text.startswith(words) for text in told] == [True] * said
+
+
+@pytest.mark.mpi
+def test_cells_too_large_for_a_tool():
+    blank = builders.sheet(40, 20, 8, 4, spatial=True)  # 5 mm long
+    ball, table = (
+        Tool(Sphere(5.0, (0, 0, 0)), name="ball"),
+        Tool(Plane((0, 0, 0), (0, 0, 1)), name="table"),
+    )
+    assert cell_size_warning(blank, [table, ball]) == cell_size_warning(blank, []) == ""
+    small = Tool(Sphere(3.0, (0, 0, 0)), name="tip")
+    warning = cell_size_warning(blank, [table, ball, small])
+    assert "5 mm long where the tip has a radius of 3 mm" in warning
+    assert "below 4.71 mm" in warning
+    die = Tool(Reversed(Offset(Sphere(2.0, (0, 0, 0)), 1.0)), name="die")  # seen from inside
+    assert "die has a radius of 3 mm" in cell_size_warning(blank, [die])

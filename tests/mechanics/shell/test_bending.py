@@ -1,0 +1,582 @@
+"""Bending of strips, plates and sheets in space."""
+
+import math
+
+import builders
+import numpy as np
+import pytest
+import ufl
+from builders import alone, rotation
+from mpi4py import MPI
+from petsc4py import PETSc
+from scipy import sparse
+from scipy.integrate import solve_bvp
+from scipy.sparse.linalg import spsolve
+
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.mechanics.load import DeadPressure
+from fabric_fenicsx.mechanics.shell.bending import Bending, plate_stiffness
+from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support
+from fabric_fenicsx.sheets.blank import Blank
+
+COMM = MPI.COMM_WORLD
+PATTERNS = ["crossed", "left", "unstructured"]
+D = plate_stiffness(100.0, 1.0)  # that of the paper
+
+
+def sheet(length, width, nx, ny, pattern="unstructured", comm=COMM, shape=None, **options):
+    """A sheet in space, centred at 0 before it is formed by `shape`."""
+
+    def centred(points):
+        points = points - [length / 2, width / 2, 0]
+        return shape(points) if shape else points
+
+    return builders.sheet(
+        length, width, nx, ny, pattern, comm, shape=centred, spatial=True, **options
+    )
+
+
+def edge(axis, position):
+    return lambda x: np.abs(x[axis] - position) < 1e-6
+
+
+def displace(blank, field):
+    """Give the blank the displacement `field` (3, n) along x, y, z of points (3, n)."""
+    u = blank.along(np.asarray(field(blank.coordinates().T), float)).T
+    blank.u.x.array[:] = u.ravel()
+
+
+def forces(bending):
+    """Forces on this rank's owned nodes along the frame's axes, (nodes, gdim), those of other ranks
+    added."""
+    f = np.zeros(len(bending.blank.u.x.array))
+    bending.add_forces(f)
+    vector = compat.petsc_vector(bending.blank.u).duplicate()
+    with vector.localForm() as local:
+        local.array[:] = f
+    vector.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return vector.array.reshape(-1, bending.blank.mesh.geometry.dim).copy()
+
+
+def energy(bending):
+    return bending.blank.mesh.comm.allreduce(bending.stored(), MPI.SUM)
+
+
+def matrix(bending):
+    """Stiffness on one rank."""
+    rows, columns, values = bending.tangent()
+    n = len(bending.blank.u.x.array)
+    return sparse.csr_matrix((values, (rows, columns)), shape=(n, n))
+
+
+def on_nodes(blank):
+    """Area that belongs to each node, (nodes,), of a blank on one rank."""
+    x = blank.mesh.geometry.x[compat.geometry_dofmap(blank.mesh)]
+    area = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1) / 2
+    return np.bincount(compat.dofmap(blank.V).ravel(), np.repeat(area / 3, 3))
+
+
+def wavy(x):
+    """A smooth displacement, in all directions, of points (3, n)."""
+    return np.array(
+        [
+            0.4 * np.sin(x[1] / 5),
+            0.3 * np.cos(x[0] / 6),
+            np.sin(x[0] / 4 + 0.3) * np.cos(x[1] / 7 + 0.2),
+        ]
+    )
+
+
+# -- curvature of fields one can work out by hand
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_curvature_of_quadratic_fields_is_exact(pattern):
+    a, b = np.array([math.cos(0.4), math.sin(0.4), 0]), np.array([math.cos(1.7), math.sin(1.7), 0])
+    blank = sheet(20, 20, 8, 8, pattern, a=a, b=b)
+    H = np.random.default_rng(3).normal(size=(3, 2, 2))
+    H += H.swapaxes(1, 2)
+    displace(blank, lambda x: 0.5 * np.einsum("kij,in,jn->kn", H, x[:2], x[:2]) + 0.3 * x + 2)
+    found = alone(blank, Bending(D)).curvatures()
+    inside = np.abs(blank.midpoints()[:2]).max(0) < 10 - 2 * 2.5 * 1.1
+    assert COMM.allreduce(int(inside.sum())) > 10
+    for k, (first, second) in enumerate(((a, a), (b, b), (a, b))):
+        exact = np.einsum("kij,i,j->k", H, first[:2], second[:2])
+        assert np.abs(found[inside, k] - exact).max(initial=0) < 1e-10 * np.abs(H).max()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("angle", [0, 90, 45])
+def test_strips_in_pure_bending(pattern, angle):
+    """Along a, b and the bias: energy D kappa^2 / 2, 1 / D being 1 / 4 D_a + 1 / 4 D_b + 1 / D_t at
+    45 deg, and no force but at the ends, where the moment acts: cells do no work on a constant
+    moment."""
+    D_a, D_b, D_t, kappa, length, width = 3.0, 1.7, 0.9, 1e-4, 60.0, 20.0
+    t = math.radians(angle)
+    blank = sheet(length, width, 18, 6, pattern, a=t)
+    bending = alone(blank, Bending(D_a, D_b, D_t))
+    # moment M along the strip alone; curvatures (along, across, twist) from those along the yarns
+    compliance = np.diag(1 / np.array([D_a, D_b, D_t]))
+    c, s = math.cos(t), math.sin(t)
+    yarns = np.array(
+        [[c * c, s * s, 2 * c * s], [s * s, c * c, -2 * c * s], [-c * s, c * s, c * c - s * s]]
+    )
+    along = np.linalg.inv(yarns) @ compliance @ np.linalg.inv(yarns).T @ [1.0, 0, 0]
+    stiffness = 1 / along[0]
+    assert stiffness == pytest.approx(
+        {0: D_a, 90: D_b, 45: 1 / (0.25 / D_a + 0.25 / D_b + 1 / D_t)}[angle]
+    )
+    k = kappa * along / along[0]
+    displace(
+        blank,
+        lambda x: [
+            0 * x[0],
+            0 * x[0],
+            k[0] * x[0] ** 2 / 2 + k[1] * x[1] ** 2 / 2 + k[2] * x[0] * x[1],
+        ],
+    )
+    near = 3 * 3.4
+    middle = np.abs(blank.midpoints()[0]) < length / 2 - near
+    exact = yarns @ k
+    found = bending.curvatures()
+    assert np.abs(found[middle, :, 2] - exact).max(initial=0) < 1e-5 * kappa
+    f = forces(bending)[:, 2]
+    x = blank.coordinates()[: len(f), 0]
+    assert COMM.allreduce(np.abs(f).max(initial=0), MPI.MAX) > 0.05 * stiffness * kappa
+    assert np.abs(f[np.abs(x) < length / 2 - near]).max(initial=0) < 1e-5 * stiffness * kappa
+    total = 0.5 * stiffness * kappa**2 * length * width
+    # cells at the ends take themselves for free
+    assert energy(bending) == pytest.approx(total, rel=0.15)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("plane", [True, False])
+def test_bending_of_yarns_in_the_sheet(pattern, plane):
+    """Yarns a take the shape of cosines between two planes of symmetry, the sides are free."""
+    D_a, beta, L, errors = 2.0, 0.3, 20.0, []
+    k = math.pi / L
+    for n in (8, 16, 32):
+        if plane:
+            points, cells, kind = specimen(L, L, n, n, pattern) if COMM.rank == 0 else (None,) * 3
+            blank = Blank.from_arrays(COMM, points, cells, kind, a=0.0)
+        else:
+            blank = sheet(L, L, n, n, pattern, a=0.0)
+        start = blank.extent()[0][0]
+        displace(
+            blank,
+            lambda x: [0 * x[0], np.cos(k * (x[0] - start)), 0 * x[0]][: blank.mesh.geometry.dim],
+        )
+        bending = alone(
+            blank, Bending(D_a, 0.7, 0.5, beta, symmetric=[edge(0, start), edge(0, start + L)])
+        )
+        errors.append(abs(energy(bending) / (0.25 * beta * D_a * k**4 * L**2) - 1))
+    assert errors[0] < 0.03
+    assert errors[1] < 0.6 * errors[0]
+    assert errors[2] < 0.6 * errors[1]
+
+
+# -- stability
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("in_plane", [0, 0.3, 1])
+def test_only_linear_fields_are_free_of_energy(pattern, in_plane):
+    blank = sheet(4, 4, 4, 4, pattern, MPI.COMM_SELF, a=0.3)
+    bending = alone(blank, Bending(1.0, 0.5, 0.7, in_plane=in_plane))
+    K = matrix(bending).toarray()
+    assert np.abs(K - K.T).max() <= 1e-14 * np.abs(K).max()
+    if not in_plane:
+        K = K[2::3, 2::3]
+    stiffness = np.linalg.eigvalsh(K)
+    free = 9 if in_plane else 3
+    assert np.abs(stiffness[:free]).max() < 1e-12 * stiffness[-1]
+    assert stiffness[free] > 1e-3 * min(in_plane or 1, 1) * stiffness[-1]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "stiffnesses", [(1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 1.0, 1e-14), (0.0, 0.0, 0.0)]
+)
+def test_few_cells_and_stiffnesses_that_vanish(stiffnesses):
+    """One to three cells, so some ranks have none, all at free edges: energies stay those of the
+    stiffnesses."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0]], float)
+    cells = np.array([[0, 1, 2], [1, 2, 3], [1, 4, 3]])
+    for count in (1, 2, 3):
+        given = (
+            (points[: count + 2], cells[:count])
+            if COMM.rank == 0
+            else (np.empty((0, 3)), cells[:0])
+        )
+        blank = Blank(compat.create_mesh(COMM, given[1], given[0], "triangle", 1), a=0.0)
+        for clamped in ((), edge(1, 0.0)):
+            bending = alone(blank, Bending(*stiffnesses, clamped=clamped))
+            displace(blank, lambda x: [0 * x[0], 0 * x[0], 0.1 * x[0] ** 2 + 0.1 * x[1] ** 2])
+            assert 0 <= energy(bending) <= 0.1 * max(stiffnesses)
+            assert np.abs(forces(bending)).max(initial=0) <= 10 * max(stiffnesses)
+
+
+# -- plates and strips under small loads
+
+
+def deflection(blank, bending, held, load=1.0):
+    """Of the nodes of a flat blank under a small pressure, zero where `held` (nodes,)."""
+    K, free = matrix(bending)[2::3, 2::3], np.flatnonzero(~held)
+    w = np.zeros(len(held))
+    w[free] = spsolve(K[free][:, free].tocsc(), load * on_nodes(blank)[free])
+    return w
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("clamped", [False, True])
+def test_square_plate(pattern, clamped):
+    """Deflection at the centre of an isotropic plate, simply supported (Navier) and clamped
+    (0.00126532 q L^4 / D)."""
+    odd = np.arange(1, 60, 2)
+    m, n = np.meshgrid(odd, odd)
+    navier = (16 / np.pi**6 * (-1.0) ** ((m + n) // 2 - 1) / (m * n * (m**2 + n**2) ** 2)).sum()
+    exact, errors = 0.00126532 if clamped else navier, []
+    for n in (8, 16, 32):
+        blank = sheet(1, 1, n, n, pattern, MPI.COMM_SELF, a=0.3)
+        rim = lambda x: (0.5 - np.abs(x[:2])).min(0) < 1e-9  # noqa: E731
+        bending = alone(blank, Bending(1.0, 1.0, 2.0, clamped=rim if clamped else ()))
+        x = blank.coordinates()
+        w = deflection(blank, bending, rim(x.T))
+        # of which the middle one may lie beside the centre
+        near = np.linalg.norm(x, axis=1).argsort()[:8]
+        r = np.linalg.norm(x[near], axis=1)
+        centre = np.linalg.lstsq(np.column_stack([np.ones(8), r**2]), w[near], rcond=None)[0][0]
+        errors.append(abs(centre / exact - 1))
+    assert errors[-1] < (0.02 if clamped else 0.005)
+    assert errors[-1] < 0.5 * errors[0]
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("angle", [0, 90])
+def test_peirce_cantilever(pattern, angle):
+    """A strip clamped at one end sags by w L^4 / 8 D under its own weight."""
+    L, errors = 100.0, []
+    for nx in (20, 40, 80):
+        blank = sheet(L, 25.0, nx, nx // 4, pattern, MPI.COMM_SELF, a=math.radians(angle))
+        clamp = edge(0, -L / 2)
+        stiff = (D, 0.3 * D) if angle == 0 else (0.3 * D, D)
+        w = deflection(
+            blank, alone(blank, Bending(*stiff, D_t=D, clamped=clamp)), clamp(blank.coordinates().T)
+        )
+        errors.append(w[edge(0, L / 2)(blank.coordinates().T)].mean() / (L**4 / (8 * D)) - 1)
+    assert np.abs(errors[0]) < 0.02
+    assert np.abs(errors[1]) < 0.5 * np.abs(errors[0])
+    assert np.abs(errors[2]) < 0.5 * np.abs(errors[1])
+
+
+# -- large deflections
+
+
+class Yarns(Term):
+    """Yarns that hardly stretch, and a stiffness in shear, so that bending is all that a strip
+    does."""
+
+    name, energy_kind = "yarns", "strain"
+
+    def set_up(self, scene):
+        blank, stiffness, shear = scene.blank, 120 * D, 3 * D
+        a, b = (f + ufl.dot(ufl.grad(blank.displacement), f) for f in (blank.a0, blank.b0))
+        stretch = ((ufl.dot(a, a) - 1) ** 2 + (ufl.dot(b, b) - 1) ** 2) / 8
+        density = stiffness * stretch + shear / 2 * ufl.dot(a, b) ** 2
+        self.energy = density * ufl.dx(blank.mesh, metadata={"quadrature_degree": 1})
+
+
+def equilibrium(scene, bending, steps, rests):
+    """Newton's method on one rank; after the last step as many without load, for the normals."""
+    free = np.setdiff1d(np.arange(scene.u.array.size), scene.held)
+    A, r, u = scene.create_matrix(), scene.u.duplicate(), scene.u.array
+    for load in [*np.arange(1, steps + 1) / steps, *[1.0] * rests]:
+        scene.at(load)
+        K = matrix(bending)
+        for _ in range(60):
+            scene.residual(r)
+            f = r.array.copy()
+            bending.add_forces(f)
+            scene.tangent(A, held=False)
+            start, columns, values = A.getValuesCSR()
+            tangent = (sparse.csr_matrix((values, columns, start), shape=K.shape) + K)[free][
+                :, free
+            ]
+            d = np.zeros(len(u))
+            d[free] = -spsolve(tangent.tocsc(), f[free])
+            before, origin, length = scene.energy() + bending.stored(), u.copy(), 1.0
+            if abs(f @ d) < 1e-12 * abs(before):
+                break
+            u[:] = origin + d
+            while length > 1e-6 and scene.energy() + bending.stored() > before:
+                length /= 2
+                u[:] = origin + length * d
+        else:
+            raise AssertionError("no convergence")
+        bending.accept()
+
+
+def elastica(load, stiffness, length):
+    """End (x, z) of a clamped strip under a dead `load` per length along z."""
+    s, y = np.linspace(0, length, 100), np.zeros((4, 100))
+    y[2] = s
+    for part in (0.25, 0.5, 1.0):
+
+        def slope(s, y):
+            force = part * load * (length - s)
+            return np.array([y[1], -force * np.cos(y[0]) / stiffness, np.cos(y[0]), np.sin(y[0])])
+
+        solution = solve_bvp(slope, lambda a, b: np.array([a[0], b[1], a[2], a[3]]), s, y, tol=1e-6)
+        assert solution.success
+        s, y = solution.x, solution.y
+    return y[2, -1], y[3, -1]
+
+
+@pytest.mark.parametrize(
+    "pattern, angle, meshes",
+    [
+        ("crossed", 0, (20, 40)),
+        ("left", 0, (12, 24)),
+        ("unstructured", 90, (12, 24)),
+        ("unstructured", 45, (12, 24)),
+    ],
+)
+def test_elastica_under_its_own_weight(pattern, angle, meshes):
+    """A clamped strip, of an isotropic plate, that sags by 64 % of its length."""
+    L, q, errors = 100.0, 8 * D / 100.0**3, []
+    x, z = elastica(q, D, L)
+    assert z > 0.6 * L
+    for nx in meshes:
+        blank = sheet(L, 25.0, nx, nx // 4, pattern, MPI.COMM_SELF, a=math.radians(angle))
+        clamp = edge(0, -L / 2)
+        bending = alone(blank, Bending(D, D, 2 * D, clamped=clamp))
+        supports = [Support("clamp", clamp, (0, 1, 2))]
+        scene = Scene(blank, [Yarns(), DeadPressure(q, (0, 0, 1))], supports)
+        equilibrium(scene, bending, steps=5, rests=3)
+        end = edge(0, L / 2)(blank.coordinates().T)
+        now = (blank.coordinates() + blank.nodal_displacement())[end].mean(0)
+        errors.append(math.hypot(now[0] + L / 2 - x, now[2] - z) / L)
+    print(pattern, angle, errors)
+    assert errors[0] < 0.02 and errors[1] < 0.6 * errors[0]
+
+
+# -- objectivity, symmetry, ranks
+
+
+@pytest.mark.mpi
+def test_rigid_motions_cost_nothing_but_the_lag():
+    blank = sheet(20, 20, 8, 8, a=0.4, b=1.8)
+    bending = alone(blank, Bending(2.0, 1.0, 0.7, in_plane=0.2))
+    displace(blank, wavy)
+    bending.accept()
+    stored, bent, changes = energy(bending), blank.nodal_displacement() + blank.coordinates(), []
+    for angle in (0.02, 0.04, 0.08):
+        axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14)
+        cross = np.cross(np.eye(3), axis)
+        Q = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+        blank.u.x.array[:] = (bent @ Q.T + [1.0, -2.0, 3.0] - blank.coordinates()).ravel()
+        changes.append(abs(energy(bending) / stored - 1))
+    assert changes[2] < 2 * 0.08**2
+    assert changes[2] / changes[1] == pytest.approx(4, rel=0.1)
+    assert changes[1] / changes[0] == pytest.approx(4, rel=0.1)
+    bending.accept()
+    assert energy(bending) == pytest.approx(stored, rel=1e-12)
+
+
+@pytest.mark.mpi
+def test_curved_sheet_is_at_rest_undeformed():
+    """A quarter of a tube needs no energy; unrolled, that of its curvature, whatever the rigid
+    motion that goes with it."""
+    radius, kappa = 20.0, 1 / 20.0
+
+    def tube(points):
+        t = points[:, 0] * kappa
+        return np.column_stack([radius * np.sin(t), points[:, 1], radius * (1 - np.cos(t))])
+
+    found = []
+    for nx in (16, 32):
+        blank = sheet(math.pi / 2 * radius, 10.0, nx, nx // 3, shape=tube, a=np.array([1.0, 0, 0]))
+        bending = alone(blank, Bending(D, 0.5 * D, 0.5 * D, in_plane=0.1))
+        area = COMM.allreduce(blank.areas().sum(), MPI.SUM)
+        scale = 0.5 * D * kappa**2 * area
+        assert energy(bending) < 1e-20 * scale
+        assert np.abs(forces(bending)).max(initial=0) < 1e-10 * scale
+        Q = rotation(2)
+        displace(blank, lambda x: (Q - np.eye(3)) @ x + 4)
+        bending.accept()
+        assert energy(bending) < 1e-20 * scale
+        assert np.abs(forces(bending)).max(initial=0) < 1e-10 * scale
+        displace(
+            blank, lambda x: [radius * np.arctan2(x[0], radius - x[2]) - x[0], 0 * x[0], -x[2]]
+        )
+        bending.accept()
+        found.append(energy(bending) / scale)
+    assert found[1] == pytest.approx(1, abs=0.06)  # ends are free: they keep no curvature to lose
+    assert abs(found[1] - 1) < 0.7 * abs(found[0] - 1)
+
+
+@pytest.mark.parametrize("in_plane", [0, 0.4])
+def test_forces_and_stiffness_are_derivatives(in_plane):
+    blank = sheet(20, 20, 6, 6, comm=MPI.COMM_SELF, a=0.4, b=1.8)
+    bending = alone(
+        blank,
+        Bending(
+            2.0, 1.0, 0.7, in_plane, symmetric=[edge(0, -10), edge(1, -10)], clamped=edge(0, 10)
+        ),
+    )
+    u, d = blank.u.x.array, np.random.default_rng(0).normal(size=len(blank.u.x.array))
+    displace(blank, wavy)
+    start = u.copy()
+    bending.accept()
+    at_rest = forces(bending).ravel()
+
+    def difference(h, accept):
+        stored = []
+        for sign in (1, -1):
+            u[:] = start + sign * h * d
+            if accept:
+                bending.accept()
+            stored.append(bending.stored())
+        u[:] = start
+        bending.accept()
+        return (stored[0] - stored[1]) / (2 * h)
+
+    # with normals that lag and, at the accepted state, with normals that follow
+    assert difference(1e-2, accept=False) == pytest.approx(at_rest @ d, rel=1e-9)
+    assert difference(1e-5, accept=True) == pytest.approx(at_rest @ d, rel=1e-6)
+    u[:] = start + d
+    change, expected = forces(bending).ravel() - at_rest, matrix(bending) @ d
+    assert np.abs(change - expected).max() < 1e-12 * np.abs(expected).max()
+
+
+@pytest.mark.mpi
+def test_same_on_any_number_of_ranks_and_turned_in_space(by_position):
+    """The sheet on one rank, on all, and turned with its frame on all: energy, forces,
+    stiffness."""
+    a, b, R = np.array([1.0, 0.4, 0]), np.array([0.1, 1.0, 0]), rotation()
+    found = []
+    for comm, Q in ((MPI.COMM_SELF, None), (COMM, None), (COMM, R)):
+        options = (
+            {"a": a, "b": b} if Q is None else {"a": Q @ a, "b": Q @ b, "frame": Q.T, "up": Q[:, 2]}
+        )
+        blank = sheet(
+            20, 20, 7, 7, comm=comm, shape=(lambda x: x @ Q.T) if Q is not None else None, **options
+        )
+        turn = np.eye(3) if Q is None else Q
+        sides = [lambda x, k=k: np.abs((turn.T @ x)[k] + 10) < 1e-6 for k in (0, 1)]
+        clamp = [lambda x: np.abs((turn.T @ x)[1] - 10) < 1e-6]
+        bending = alone(blank, Bending(2.0, 1.0, 0.7, in_plane=0.2, symmetric=sides, clamped=clamp))
+        displace(blank, lambda x: turn @ wavy(turn.T @ x))
+        bending.accept()
+        # further, so that forces are not those of the accepted state
+        displace(blank, lambda x: turn @ (wavy(turn.T @ x) * 1.1))
+        where = blank.along(blank.coordinates().T).T
+        f = forces(bending)
+        rows, columns, values = bending.tangent()
+        d = np.zeros(blank.V.dofmap.index_map.size_global * 3)
+        start = blank.V.dofmap.index_map.local_range[0] * 3
+        d[start : start + f.size] = np.sin(where[: len(f)] * [0.3, 0.5, 1.0] + 1).ravel()
+        d = comm.allreduce(d, MPI.SUM)
+        product = comm.allreduce(np.bincount(rows, values * d[columns], minlength=len(d)), MPI.SUM)
+        _, f, product = by_position(
+            comm, where[: len(f), :2], f, product[start : start + f.size].reshape(-1, 3)
+        )
+        found.append((energy(bending), f, product))
+    for other in found[1:]:
+        for mine, theirs in zip(found[0], other):
+            assert np.abs(np.asarray(theirs) - mine).max() <= 1e-12 * np.abs(mine).max()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_quarter_of_a_symmetric_sheet(by_position, pattern):
+    """With its mirror images a quarter is the whole sheet, also at the corner where both planes
+    meet."""
+
+    def field(x):
+        return np.array(
+            [
+                np.sin(x[0] / 5) * np.cos(x[1] / 6),
+                0.6 * np.sin(x[1] / 4) * np.cos(x[0] / 7),
+                0.05 * (x[0] ** 2 + np.cos(x[1] / 3)),
+            ]
+        )
+
+    points, cells, _ = specimen(10, 10, 5, 5, pattern)
+    count, found = len(points), []
+    for signs in ([(1, 1)], [(1, 1), (-1, 1), (1, -1), (-1, -1)]):
+        images = np.concatenate([points * [*sign, 1] for sign in signs])
+        _, first, number = np.unique(
+            images.round(6) + 0.0, axis=0, return_index=True, return_inverse=True
+        )
+        number = number.ravel()
+        all_cells = np.concatenate([number[cells + k * count] for k in range(len(signs))])
+        given = (
+            (images[first], all_cells)
+            if COMM.rank == 0
+            else (np.empty((0, 3)), np.empty((0, 3), dtype=np.int64))
+        )
+        blank = Blank(compat.create_mesh(COMM, given[1], given[0], "triangle", 1), a=0.0)
+        planes = [edge(0, 0.0), edge(1, 0.0)] if len(signs) == 1 else ()
+        rim = [edge(0, 10.0), edge(0, -10.0)] if len(signs) == 4 else edge(0, 10.0)
+        bending = alone(blank, Bending(2.0, 1.0, 0.7, in_plane=0.3, symmetric=planes, clamped=rim))
+        displace(blank, field)
+        bending.accept()
+        f = forces(bending)
+        where, f = by_position(COMM, blank.coordinates()[: len(f), :2], f)
+        found.append((energy(bending) / len(signs), f[(where > 0.1).all(1)]))
+    (quarter, f), (whole, f_whole) = found
+    assert quarter == pytest.approx(whole, rel=1e-12)
+    assert np.abs(f - f_whole).max() <= 1e-12 * np.abs(f).max()
+
+
+# -- bad input
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"D_a": -1.0}, "allowed are numbers from 0"),
+        ({"D_a": 1.0, "in_plane": math.nan}, "allowed are numbers from 0"),
+        (
+            {"D_a": 1.0, "clamped": edge(0, 77.0)},
+            "none of its edges where function 1 marks clamped",
+        ),
+        (
+            {"D_a": 1.0, "symmetric": lambda x: np.abs(x[:2]).max(0) > 4.999},
+            "one function for each plane",
+        ),
+    ],
+)
+def test_bad_input_is_refused(options, words):
+    blank = sheet(10, 10, 4, 4, "left")
+    with pytest.raises(InputError, match=words):
+        alone(blank, Bending(**options))
+
+
+def test_bending_out_of_a_plane_blank_is_refused():
+    blank = Blank.from_arrays(MPI.COMM_SELF, *specimen(10, 10, 4, 4, "left"))
+    with pytest.raises(InputError, match="with in_plane 0, where nothing bends; .*`spatial=True`"):
+        alone(blank, Bending(1.0))
+
+
+@pytest.mark.parametrize("cell, degree", [("triangle", 2), ("quadrilateral", 1)])
+def test_only_linear_triangles(cell, degree):
+    arrays = specimen(10, 10, 4, 4, "left", cell)
+    blank = Blank.from_arrays(MPI.COMM_SELF, *arrays, spatial=True, degree=degree)
+    with pytest.raises(InputError, match="allowed is P1"):
+        alone(blank, Bending(1.0))
+
+
+def test_of_a_blank_in_a_plane_the_plane_is_told_first():
+    """By default it has quadratic cells, too, but linear ones would not bend either."""
+    with pytest.raises(InputError, match="asked in a plane .* allowed is a blank made with `spati"):
+        alone(Blank.rectangle(20, 10, nx=2), Bending(1.0))

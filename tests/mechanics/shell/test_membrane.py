@@ -1,0 +1,373 @@
+"""The membrane in a scene: rest, homogeneous states, rotations in space."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from builders import alone, compiled_as_it_stands, rotation, sheet
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.material import kernel
+from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
+from fabric_fenicsx.material.laws import LAWS, Law
+from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
+from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.stepping import march
+
+COMM = MPI.COMM_WORLD
+KOMEILI = PRESETS["komeili"]
+ELEMENTS = [
+    ("triangle", 1),
+    ("triangle", 2),
+    ("triangle", 3),
+    ("quadrilateral", 1),
+    ("quadrilateral", 2),
+]
+
+
+def strip(cell="triangle", degree=1, turn=None, pattern="crossed", **options):
+    """200 x 50 mm."""
+    return sheet(200.0, 50.0, 8, 2, pattern, cell=cell, degree=degree, turn=turn, **options)
+
+
+def about_z(angle):
+    """The rotation by `angle` in the plane."""
+    c, s = math.cos(angle), math.sin(angle)
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+@pytest.mark.parametrize("angle_between", [90, 60, 125])
+def test_rest_is_free_of_stress_and_of_nan(unbalanced, cell, degree, angle_between):
+    blank = strip(cell, degree, a=0.2, b=0.2 + math.radians(angle_between))
+    scene = Scene(blank, [Membrane(unbalanced)])
+    r, A = scene.u.duplicate(), scene.create_matrix()
+    scene.residual(r)
+    scene.tangent(A)
+    diagonal = A.getDiagonal()
+    assert abs(scene.energy()) < 1e-24  # rounding of I4 - 1 squared, times stiffness and volume
+    assert r.norm() < 1e-10
+    assert np.isfinite(A.norm()) and diagonal.min()[1] > 0
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
+    """Homogeneous, at rest and deformed, with yarns that are not orthogonal; the forces are the
+    energy's derivative."""
+    blank = strip(cell, degree, a=0.2, b=0.2 + 1.3)
+    membrane = Membrane(unbalanced, weave_angle=1.1)
+    scene = Scene(blank, [membrane])
+    r = scene.u.duplicate()
+    yarns = [[math.cos(k), math.sin(k)] for k in (0.2, 1.5)]
+    volume = 200 * 50 * unbalanced.thickness
+    for F in (np.eye(2), np.array([[1.01, 0.2], [-0.1, 0.98]])):
+        blank.u.x.array[:] = (blank.coordinates()[:, :2] @ (F - np.eye(2)).T).ravel()
+        state = kernel.evaluate(unbalanced, gradient=[F], fibres=yarns, weave_angle=1.1)
+        scene.residual(r)
+        P = F @ state.S[0]
+        np.testing.assert_allclose(scene.virial() / volume, P, atol=1e-10 * np.abs(P).max())
+        assert scene.energy() / volume == pytest.approx(state.energy[0], rel=1e-11)
+        fields = scene.cell_fields()
+        assert scene.summary()["kernel_mismatch"] <= 1e-10
+        assert fields["shear_angle"] == pytest.approx(state.invariants[0, 3], abs=1e-11)
+        assert scene.history()["min_stability"] == pytest.approx(
+            COMM.allreduce(fields["stability_ellipticity"].min(initial=np.inf), MPI.MIN), rel=1e-6
+        )
+    assert np.abs(P).max() > 0.01
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_a_law_without_shear_is_compared_with_its_kernel():
+    @dataclass(frozen=True)
+    class Slack(Law):
+        law = "slack"
+
+        def energy(self, eps_a, eps_b, gamma):
+            return 500 * eps_a**2, 500 * eps_b**2, 0.0 * gamma
+
+        def derivatives(self, eps_a, eps_b, gamma, second=True):
+            found = super().derivatives(eps_a, eps_b, gamma, second)
+            return found._replace(first=found.first + [[0.0], [0.0], [1e-3]])
+
+    del LAWS["slack"]
+    scene = Scene(sheet(10, 10, 2, 2), [Membrane(Slack())])
+    assert scene.summary()["kernel_mismatch"] == pytest.approx(1e-3, rel=0.1)
+
+
+def test_weave_angles_that_are_none():
+    with pytest.raises(InputError, match="above 0 and below pi"):
+        Membrane(KOMEILI, weave_angle=math.pi)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+@pytest.mark.parametrize("turned", [0, 33, 120])
+def test_homogeneous_uniaxial_tension(cell, degree, turned):
+    notes = {
+        0.03: (-0.1345, 38.93),
+        0.02: (-0.1074, 24.36),
+        0.01: (-0.0666, 11.70),
+        0.005: (-0.0346, 6.01),
+    }
+    turned = math.radians(turned)
+    blank = strip(cell, degree, turn=about_z(turned), pattern="unstructured", a=turned)
+    membrane = Membrane(KOMEILI)
+    scene = Scene(blank, [membrane], rolling_ends(200 * 0.03))
+    seen = {}
+
+    def accept(accepted):
+        strain = round(0.03 * accepted.load, 6)
+        if strain in notes:
+            state = membrane.state()[0]
+            eps = np.sqrt(state.invariants[:, :, 2]) - 1
+            seen[strain] = eps.min(), eps.max(), scene.reaction("moving grip")[0] / 50
+
+    assert march(Newton(scene), steps=6, on_accept=accept).reached == 1
+    assert sorted(seen) == sorted(notes)
+    for strain, (low, high, stress) in seen.items():
+        exact_eps = lateral_strain(KOMEILI, 0, np.array([strain]))[0]
+        exact_stress = nominal(KOMEILI, np.array([[strain, exact_eps, 0.0]]))[0, 0]
+        assert exact_eps == pytest.approx(notes[strain][0], abs=5.1e-5)
+        assert exact_stress == pytest.approx(notes[strain][1], abs=5.1e-3)
+        assert (low, high) == (
+            pytest.approx(exact_eps, rel=1e-6),
+            pytest.approx(exact_eps, rel=1e-6),
+        )
+        assert stress == pytest.approx(exact_stress, rel=1e-6)
+
+
+def wavy(x):
+    """A displacement field that shears, stretches and compresses; of undeformed points (gdim,
+    n)."""
+    return np.stack([0.02 * x[0] + 0.3 * np.sin(x[1] / 7), -0.05 * x[1] + 2 * np.sin(x[0] / 40)])
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+def test_same_displacement_turned_in_space(unbalanced, by_position, cell, degree):
+    R = rotation()
+    yarns = [np.array([math.cos(t), math.sin(t), 0]) for t in (0.3, 1.7)]
+    found = []
+    for Q in (None, R):
+        blank = strip(
+            cell,
+            degree,
+            Q,
+            a=yarns[0] if Q is None else Q @ yarns[0],
+            b=yarns[1] if Q is None else Q @ yarns[1],
+        )
+        membrane = Membrane(unbalanced)
+        scene = Scene(blank, [membrane])
+        u = blank.u.x.array.reshape(-1, blank.mesh.geometry.dim)
+        u[:, :2] = wavy(blank.along(blank.coordinates().T)).T
+        r = scene.u.duplicate()
+        scene.residual(r)
+        forces = r.array.reshape(-1, u.shape[1])
+        state = membrane.state()[0]
+        along = (
+            (lambda s: s[..., :2, :2])
+            if Q is None
+            else (lambda s: np.einsum("ki,cqkl,lj->cqij", R, s, R)[..., :2, :2])
+        )
+        nodes = blank.along(blank.coordinates()[: len(forces)].T)[:2].T
+        places, forces = by_position(COMM, nodes, forces)
+        cells = by_position(COMM, blank.midpoints()[:2].T, along(state.cauchy), state.energy)
+        found.append((scene.energy(), places, forces[:, :2], *cells))
+        if Q is not None:
+            assert np.abs(forces[:, 2]).max() <= 1e-12 * np.abs(forces).max()
+    plane, turned = found
+    for k, (mine, reference) in enumerate(zip(turned, plane)):
+        allowed = 1e-9 if k in (1, 3) else 1e-12 * np.abs(reference).max()  # places and values
+        assert np.abs(mine - reference).max() <= allowed
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+def test_same_solution_turned_in_space(by_position, cell, degree):
+    found = []
+    for Q in (None, rotation(1)):
+        blank = strip(cell, degree, Q, a=0.0 if Q is None else Q[:, 0])
+        supports = clamped_ends(4.0)(blank)
+        if Q is not None:
+            supports.append(Support("normal", lambda x: np.full(x.shape[1], True), (2,)))
+        scene = Scene(blank, [Membrane(KOMEILI)], supports)
+        assert march(Newton(scene, tolerance=1e-11), steps=4).reached == 1
+        values = blank.u.x.array.reshape(-1, blank.mesh.geometry.dim)[
+            : blank.V.dofmap.index_map.size_local
+        ]
+        places = blank.along(blank.coordinates()[: len(values)].T)[:2].T
+        found.append(
+            (
+                *by_position(COMM, places, values[:, :2]),
+                scene.energy(),
+                scene.reaction("moving grip")[0],
+            )
+        )
+    (x0, u0, W0, F0), (x1, u1, W1, F1) = found
+    assert np.abs(x1 - x0).max() < 1e-9
+    assert np.abs(u1 - u0).max() <= 1e-10 * np.abs(u0).max()
+    assert W1 == pytest.approx(W0, rel=1e-10) and F1 == pytest.approx(F0, rel=1e-10)
+
+
+class Plain(Term):
+    """A term of which only the energy is known."""
+
+    name, energy_kind = "plain", "strain"
+
+    def __init__(self, membrane):
+        self.energy = membrane.energy
+
+
+def plain_scene(blank, membrane):
+    """With UFL's own derivatives."""
+    with compiled_as_it_stands():
+        return Scene(blank, [Plain(membrane)])
+
+
+@pytest.mark.parametrize("cell, degree", ELEMENTS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_variations_are_those_of_ufl(unbalanced, cell, degree, turned):
+    Q = rotation() if turned else None
+    blank = strip(
+        cell,
+        degree,
+        Q,
+        a=0.4 if Q is None else Q @ [1, 0.4, 0],
+        b=1.5 if Q is None else Q @ [0.1, 1, 0],
+    )
+    membrane = Membrane(unbalanced)
+    own = Scene(blank, [membrane])
+    plain = plain_scene(blank, membrane)
+    u = blank.u.x.array.reshape(-1, blank.mesh.geometry.dim)
+    u[:, :2] = wavy(blank.along(blank.coordinates().T)).T
+    r = [own.u.duplicate() for _ in range(2)]
+    A = [scene.create_matrix() for scene in (own, plain)]
+    for scene, vector, matrix in zip((own, plain), r, A):
+        scene.residual(vector)
+        scene.tangent(matrix)
+    for mine, theirs in (r, A):
+        mine.axpy(-1, theirs)
+        assert mine.norm() <= 1e-13 * theirs.norm()
+
+
+def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
+    blank = strip(a=0.4, b=1.5)
+    scene = Scene(blank, [Membrane(unbalanced)])
+    x, r, rp, rm = (scene.u.duplicate() for _ in range(4))
+    x.array[:] = wavy(blank.along(blank.coordinates().T)).T.ravel()
+    d = x.duplicate()
+    d.array[:] = np.random.default_rng(0).normal(size=len(d.array))
+    A = scene.create_matrix()
+    scene.set(x)
+    scene.residual(r)
+    scene.tangent(A)
+    h, energies = 1e-6, []
+    for sign, vector in ((1, rp), (-1, rm)):
+        y = x.copy()
+        y.axpy(sign * h, d)
+        scene.set(y)
+        scene.residual(vector)
+        energies.append(scene.energy())
+    assert (energies[0] - energies[1]) / (2 * h) == pytest.approx(r.dot(d), rel=1e-7)
+    Ad = x.duplicate()
+    A.mult(d, Ad)
+    rp.axpy(-1, rm)
+    rp.scale(1 / (2 * h))
+    rp.axpy(-1, Ad)
+    assert rp.norm() <= 1e-6 * Ad.norm()
+    assert A.isSymmetric(1e-9 * A.norm(PETSc.NormType.INFINITY))
+
+
+@pytest.mark.parametrize("gamma", [0.0, 0.35])
+@pytest.mark.parametrize(
+    "cell, degree, integration",
+    [*((*element, "full") for element in ELEMENTS), ("triangle", 2, "reduced")],
+)
+def test_spectrum_of_a_patch(cell, degree, integration, gamma):
+    """At rest and sheared only rigid motions are free: nothing is far softer than the fabric in
+    shear. With yarns in tension linear elements keep one soft mode, homogeneous shear: they lock.
+    Others keep more."""
+    blank = Blank.from_arrays(
+        MPI.COMM_WORLD, *specimen(40.0, 40.0, 4, 4, "left", cell), a=0.5, degree=degree
+    )
+    scene = Scene(blank, [Membrane(KOMEILI, integration=integration)])
+    x, A = scene.u.duplicate(), scene.create_matrix()
+    yarns = np.array([[math.cos(0.5), math.sin(0.5)], [-math.sin(0.5), math.cos(0.5)]])
+    # both keep their lengths
+    F = yarns.T @ np.array([[1, math.sin(gamma)], [0, math.cos(gamma)]]) @ yarns
+    F *= 1 + 1e-6 * (gamma > 0)  # on the stiff side of the kink, not on either by rounding
+    x.array[:] = (blank.coordinates()[:, :2] @ (F - np.eye(2)).T).ravel()
+    scene.set(x)
+    scene.tangent(A)
+    stiffness = np.linalg.eigvalsh(A[:, :]) / (KOMEILI.s1 * KOMEILI.thickness)
+    # under tension a turn takes a moment
+    assert np.abs(stiffness[:3]).max() < (0.03 if gamma else 1e-3)
+    assert stiffness[3] > 0.05
+    if gamma:
+        assert stiffness[5] < 3 if degree > 1 else stiffness[4] > 100
+
+
+def test_reduced_integration_is_for_plane_quadratic_triangles():
+    for options, words in (
+        ({"degree": 1}, "degree 1 on triangles"),
+        ({"degree": 2, "spatial": True}, "a plane sheet"),
+        ({"degree": 2, "cell": "quadrilateral"}, "degree 2 on quadrilaterals"),
+    ):
+        arrays = specimen(40.0, 40.0, 4, 4, "left", options.pop("cell", "triangle"))
+        with pytest.raises(InputError, match=words):
+            alone(
+                Blank.from_arrays(MPI.COMM_WORLD, *arrays, **options),
+                Membrane(KOMEILI, integration="reduced"),
+            )
+    with pytest.raises(InputError, match="'selective'; allowed are full, reduced"):
+        Membrane(KOMEILI, integration="selective")
+
+
+def test_reduced_integration_is_as_good_where_strains_are_even(unbalanced):
+    """Energy, state and derivatives; a homogeneous deformation leaves nothing to hold."""
+    blank = strip("triangle", 2, a=0.4, b=1.5)
+    full, reduced = Membrane(unbalanced), Membrane(unbalanced, integration="reduced")
+    with compiled_as_it_stands():  # studies compile it with the optimiser
+        scenes = Scene(blank, [full]), Scene(blank, [reduced])
+    x = scenes[0].u.duplicate()
+    x.array[:] = (blank.along(blank.coordinates().T).T @ [[0.02, 0.1], [0.05, -0.03]]).ravel()
+    for scene in scenes:
+        scene.set(x)
+    assert scenes[1].energy() == pytest.approx(scenes[0].energy(), rel=1e-12)
+    assert reduced.state()[0].cauchy[:, 0] == pytest.approx(full.state()[0].cauchy[:, 0], rel=1e-9)
+    x.array[:] = wavy(blank.along(blank.coordinates().T)).T.ravel()
+    plain = plain_scene(blank, reduced)
+    r, A = [x.duplicate(), x.duplicate()], [plain.create_matrix(), plain.create_matrix()]
+    for scene, vector, matrix in zip((scenes[1], plain), r, A):
+        scene.set(x)
+        scene.residual(vector)
+        scene.tangent(matrix)
+    for mine, theirs in (r, A):
+        mine.axpy(-1, theirs)
+        assert mine.norm() <= 1e-13 * theirs.norm()
+
+
+def test_sheets_that_differ_in_numbers_share_compiled_forms(unbalanced, tmp_path, monkeypatch):
+    jit = compat.jit
+    monkeypatch.setattr(compat, "C_FLAGS", ["-O0"])
+    monkeypatch.setattr(compat, "jit", lambda **more: jit(cache_dir=tmp_path, **more))
+    found = []
+    for fabric, turn in ((unbalanced, 0.3), (KOMEILI, 1.1)):
+        frame = [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        blank = sheet(10, 5, 2, 1, a=turn, b=turn + 1.4, frame=frame)
+        scene = Scene(blank, [Membrane(fabric)])
+        scene.terms[0].at_points()
+        found.append({file.name for file in tmp_path.iterdir()})
+    assert found[0] and found[1] == found[0]

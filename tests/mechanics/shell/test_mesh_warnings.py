@@ -1,0 +1,179 @@
+"""What is doubted of a sheet, and what is not."""
+
+import math
+
+import builders
+import numpy as np
+import pytest
+from builders import alone
+from mpi4py import MPI
+
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.mechanics.shell.mesh_warnings import (
+    LOCKED,
+    alternating_energy,
+    band_warning,
+    locking_warning,
+    share_off_the_yarns,
+    size_warning,
+)
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import clamped_ends
+from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.stepping import march
+
+COMM = MPI.COMM_WORLD
+KOMEILI = load("komeili")
+
+
+def sheet(
+    length, width, nx=8, ny=2, pattern="crossed", cell="triangle", angle=0.0, comm=COMM, **options
+):
+    options["a"] = math.radians(angle)
+    return builders.sheet(length, width, nx, ny, pattern, comm, cell=cell, **options)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "size, words",
+    [
+        ((200, 50), ""),
+        ((30, 10), ""),
+        ((7.9, 2.0), "some yarns only"),  # inches
+        ((1.5, 0.4), "metres times 1000"),
+        ((200_000, 50_000), "micrometres over 1000"),
+    ],
+)
+@pytest.mark.parametrize("spatial", [False, True])
+def test_a_size_that_speaks_of_other_units_is_doubted(size, words, spatial):
+    warning = size_warning(sheet(*size, spatial=spatial), 1.0, "--mesh s.msh")
+    assert words in warning and bool(warning) == bool(words)
+    if words:
+        assert warning.startswith(f"--mesh s.msh is {size[0]:.4g} x {size[1]:.4g}")
+
+
+@pytest.mark.mpi
+def test_a_sheet_smaller_than_its_thickness_is_refused():
+    with pytest.raises(
+        InputError, match=r"s.msh is 0.2 x 0.05 mm, less than .* \(1 mm\); allowed is .* times 1000"
+    ):
+        size_warning(sheet(0.2, 0.05), 1.0, "s.msh")
+    assert size_warning(sheet(0.2, 0.05), 0.1, "s.msh")
+
+
+FOLLOW = [
+    ("crossed", "triangle", 0, 0.0),
+    ("crossed", "triangle", 45, 0.0),
+    ("crossed", "triangle", 30, 1.0),
+    ("crossed", "triangle", 44.5, 0.0),
+    ("crossed", "triangle", 43, 1.0),
+    ("left", "triangle", 0, 0.0),
+    ("right", "triangle", 90, 0.0),
+    ("left", "triangle", 45, 1.0),
+    ("crossed", "quadrilateral", 0, 0.0),
+    ("crossed", "quadrilateral", 45, 1.0),
+]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pattern, cell, angle, off", FOLLOW)
+@pytest.mark.parametrize("spatial", [False, True])
+def test_cells_that_follow_the_yarns(pattern, cell, angle, off, spatial):
+    blank = sheet(40, 20, 8, 4, pattern, cell, angle, spatial=spatial)
+    assert share_off_the_yarns(blank.whole) == off
+
+
+@pytest.mark.mpi
+def test_some_cells_follow_the_yarns():
+    """Yarns along the edges up to the middle of the sheet only; the column behind it shares
+    nodes."""
+    arrays = specimen(40, 20, 8, 4, "left") if COMM.rank == 0 else (None,) * 3
+    blank = Blank.from_arrays(COMM, *arrays, a=lambda x: np.where(x[0] < 20, 0.0, 0.5))
+    assert share_off_the_yarns(blank.whole) == 24 / 64
+
+
+def pulled(angle, strain, comm=COMM, **options):
+    blank = sheet(
+        200, 50, options.pop("nx", 32), options.pop("ny", 8), angle=angle, comm=comm, **options
+    )
+    membrane = Membrane(KOMEILI)
+    outcome = march(
+        Newton(Scene(blank, [membrane], clamped_ends(strain * 200))), steps=3, path_tolerance=1e-2
+    )
+    assert not outcome.reason
+    return membrane
+
+
+# pattern, cell, angle of the yarns, strain: against P2, P3 or --pattern yarns the reaction is this
+# much too high
+LOCKING = [
+    ("left", "triangle", 45, 0.1, "50 %"),
+    ("crossed", "triangle", 30, 0.03, "14 %"),
+    ("crossed", "quadrilateral", 45, 0.1, "70 %"),
+    ("crossed", "triangle", 45, 0.1, ""),
+    ("crossed", "triangle", 0, 0.03, ""),
+    ("crossed", "quadrilateral", 0, 0.03, ""),
+]
+
+
+@pytest.mark.parametrize("pattern, cell, angle, strain, error", LOCKING)
+def test_locking_is_told_where_it_happens(pattern, cell, angle, strain, error):
+    membrane = pulled(angle, strain, pattern=pattern, cell=cell)
+    assert (alternating_energy(membrane) > LOCKED) == bool(error)
+    warning = locking_warning(membrane)
+    assert bool(warning) == bool(error)
+    if error:
+        assert warning.startswith("100 % of the linear cells")
+        assert '`integration="reduced"`' in warning and "pattern=" in warning
+        membrane.blank.from_file = True  # whose cells no pattern changes
+        assert "pattern=" not in locking_warning(membrane)
+
+
+def test_cells_off_the_yarns_that_do_not_lock_are_not_doubted():
+    """Yarns along the load stretch and shear little: 0.1 % on cells at any angle."""
+    arrays = specimen(200, 50, 32, 8, "unstructured")
+    blank = Blank.from_arrays(MPI.COMM_SELF, *arrays)
+    assert share_off_the_yarns(blank.whole) > 0.5
+    membrane = Membrane(KOMEILI)
+    march(Newton(Scene(blank, [membrane], clamped_ends(6.0))), steps=3)
+    assert 0 < alternating_energy(membrane) < LOCKED
+    assert locking_warning(membrane) == ""
+
+
+@pytest.mark.mpi
+def test_locking_on_any_number_of_ranks():
+    """On one and on all, in the plane and in space."""
+    found = []
+    for comm in (MPI.COMM_SELF, COMM):
+        membrane = pulled(45, 0.02, comm, pattern="left", nx=16, ny=4)
+        found.append((alternating_energy(membrane), locking_warning(membrane)))
+    assert found[1][0] == pytest.approx(found[0][0], rel=1e-5)
+    assert found[0][1] == found[1][1] != ""
+
+
+def test_displacements_of_higher_order_are_not_doubted():
+    assert locking_warning(pulled(45, 0.02, pattern="left", nx=8, ny=2, degree=2)) == ""
+
+
+@pytest.mark.mpi
+def test_a_state_at_rest_and_a_homogeneous_one_have_no_alternating_energy():
+    blank = sheet(40, 20, 8, 4, "left", angle=30)
+    membrane = alone(blank, Membrane(KOMEILI))
+    assert alternating_energy(membrane) == 0
+    blank.u.interpolate(lambda x: [0.03 * x[0] + 0.2 * x[1], 0.01 * x[1]])
+    assert abs(alternating_energy(membrane)) < 1e-12
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("share, words", [(0.0, ""), (0.25, "in 25 % of blank, as at (")])
+def test_where_the_law_allows_bands(share, words):
+    """Yarns a are compressed in a part of the length, and the sheet is stretched beside it."""
+    membrane = alone(sheet(80, 20, 16, 4), Membrane(KOMEILI))
+    x = membrane.blank.coordinates()[:, 0]
+    membrane.blank.u.x.array[::2] = np.where(x < 80 * share, -0.02 * x, 0.001 * x - 1.68 * share)
+    said = band_warning(membrane)
+    assert said.startswith(words) and bool(said) == bool(share)

@@ -1,0 +1,243 @@
+"""Scenes with terms that are no forms."""
+
+import math
+
+import numpy as np
+import pytest
+import ufl
+from builders import sheet
+from mpi4py import MPI
+
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.contact.contact import Contact
+from fabric_fenicsx.mechanics.contact.friction import Friction
+from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
+from fabric_fenicsx.mechanics.shell.bending import Bending
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support, clamped_ends
+from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.stepping import march
+from fabric_fenicsx.tools.primitives import Plane, Sphere
+from fabric_fenicsx.tools.tool import Tool
+
+COMM = MPI.COMM_WORLD
+D = 8.33  # [N mm]
+pytestmark = pytest.mark.mpi
+
+
+def test_a_sheet_that_may_leave_its_plane_is_meshed_in_space():
+    points, cells, kind = specimen(100, 20, 10, 2)
+    for z in (0.0, 7.0):
+        arrays = (points + [0, 0, z], cells, kind) if COMM.rank == 0 else (None,) * 3
+        blank = Blank.from_arrays(COMM, *arrays, spatial=True)
+        assert blank.mesh.geometry.dim == 3
+        assert blank.coordinates()[:, 2] == pytest.approx(z)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_tangent_is_the_derivative_of_the_residual(held):
+    blank = sheet(40, 20, 6, 3, a=math.pi / 4, spatial=True)
+    scene = Scene(
+        blank, [Membrane(load("komeili")), Bending(D, D_t=D, in_plane=0.1)], clamped_ends(1.0)
+    )
+    A, u, d = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
+    x = blank.coordinates()[: len(u.array) // 3]
+    u.array[:] = (np.sin(x[:, ::-1] / 7) * [1e-2, 1e-2, 1.0]).ravel() + np.tile([0.0, 0, 0], len(x))
+    u.array[:] += (0.03 * x * [1, 1, 0]).ravel()  # away from the kinks at rest
+    d.array[:] = np.cos(x[:, [1, 2, 0]] / 3).ravel()
+    d.array[scene.held] = 0
+    scene.set(u)
+    scene.tangent(A, held=held)
+    forces = []
+    for sign in (1, -1):
+        v = u.copy()
+        v.axpy(sign * 1e-6, d)
+        scene.set(v)
+        r = u.duplicate()
+        scene.residual(r)
+        forces.append(r)
+    change = A * d
+    change.array[scene.held] = 0
+    difference = (forces[0] - forces[1]) * (0.5 / 1e-6)
+    assert (difference - change).norm() <= 1e-7 * difference.norm()
+    if held:
+        assert A.getDiagonal().array[scene.held] == pytest.approx(1.0)
+
+
+def test_cantilever_by_steps():
+    """Peirce's: a strip clamped at one end sags by p L^4 / (8 D) under a pressure."""
+    length, width, sag = 100.0, 20.0, 2.0
+    blank = sheet(length, width, 20, 4, spatial=True)
+    pressure = 8 * D * sag / length**4
+
+    def clamp(x):
+        return x[0] < 1e-6
+
+    terms = [Membrane(load("komeili")), Bending(D, D_t=2 * D, clamped=clamp)]
+    terms += [DeadPressure(pressure, (0, 0, -1))]
+    scene = Scene(blank, terms, [Support("clamp", clamp, (0, 1, 2))])
+    states = []
+    outcome = march(Newton(scene), steps=4, on_accept=states.append)
+    assert not outcome.reason, outcome.reason
+    tip = blank.u.x.array.reshape(-1, 3)[blank.coordinates()[:, 0] > length - 1e-6, 2]
+    assert COMM.allreduce(tip.min(initial=0.0), MPI.MIN) == pytest.approx(-sag, rel=0.01)
+    energies = scene.energies()
+    assert sum(energies.values()) == pytest.approx(states[-1].external_work, rel=0.01)
+    assert energies["strain"] < 0.05 * energies["bending"]
+
+
+def test_yarns_stiff_in_their_plane_widen_the_zones_of_a_bias_test():
+    reactions = []
+    for fraction in (1e-4, 1e-2):
+        blank = sheet(100, 25, 20, 5, a=math.pi / 4)
+        scene = Scene(
+            blank, [Membrane(load("komeili")), Bending(D, in_plane=fraction)], clamped_ends(10.0)
+        )
+        outcome = march(Newton(scene), steps=5)
+        assert not outcome.reason
+        reactions.append(scene.reaction("moving grip")[0])
+    assert reactions[0] < reactions[1]
+
+
+def test_what_a_scene_cannot_be_made_of_is_named():
+    blank = sheet(40, 20, 6, 3)
+    with pytest.raises(InputError, match="no elastic term"):
+        Scene(blank, [])
+    scene = Scene(blank, [Membrane(load("komeili"))], clamped_ends(0.1))
+    with pytest.raises(
+        InputError, match="'grip' is not of this scene; allowed are fixed grip, moving grip"
+    ):
+        scene.reaction("grip")
+    normal = [Support("rest", lambda x: x[0] < 1, (2,))]
+    with pytest.raises(InputError, match=r"rest holds the components \(2,\) of .*`spatial=True`"):
+        Scene(blank, [Membrane(load("komeili"))], normal)
+
+
+@pytest.mark.parametrize("nx", [4, 16])
+@pytest.mark.parametrize("pull, warned", [(4.2, True), (4.0, False)])
+def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned, nx):
+    """A strip pulled by 4 N/mm at its left end and by `pull` at its right one, of which its middle
+    bears the difference."""
+    blank = sheet(40, 20, nx, nx // 2)
+
+    def near(*at):
+        return lambda x: np.abs(x[: len(at)].T - at).max(1) < 1e-6
+
+    corners = [Support(f"corner {x}", near(x, 0.0), (1,), locates=True) for x in (0.0, 40.0)]
+    middle = Support("middle", near(20.0, 10.0), (0,), locates=True)
+    ends = [(4.0, (-1, 0), near(0.0)), (pull, (1, 0), near(40.0))]
+    loads = [EdgeTension(lambda load, f=f: load * f, way, where) for f, way, where in ends]
+    scene = Scene(blank, [Membrane(load("komeili")), *loads], [middle, *corners])
+    assert not march(Newton(scene), 4).reason
+    assert len(scene.warnings()) == warned
+    if warned:
+        assert "bear middle 4 N, as sheet" in scene.warnings()[0]
+
+
+def test_a_dead_pressure_is_a_force_beside_which_locating_supports_bear_nothing():
+    """On a bedding that alone bears it."""
+
+    class Bedding(Term):
+        name, energy_kind, resists = "bedding", "bedding", ("move", "turn")
+
+        def set_up(self, scene):
+            u = scene.blank.u
+            self.energy = 0.005 * ufl.inner(u, u) * self.part.dx(2)
+
+    blank = sheet(40, 20, 8, 4, spatial=True)
+    corner = Support("corner", lambda x: np.abs(x[:2]).max(0) < 1e-6, (0, 1), locates=True)
+    terms = [Membrane(load("komeili")), Bedding(), DeadPressure(1e-3, (0, 0, -1))]
+    scene = Scene(blank, terms, [corner])
+    assert not march(Newton(scene), 1).reason
+    assert scene.outer_forces()[""] == pytest.approx(0.8) and scene.warnings() == []
+
+
+def test_forces_that_cancel_at_a_locating_support_are_told():
+    blank = sheet(40, 20, 8, 4)
+    ends = Support("ends", lambda x: np.minimum(x[0], 40 - x[0]) < 1e-6, (0, 1), locates=True)
+    pull = EdgeTension(lambda load: 4 * load, (0, 1), lambda x: x[1] > 20 - 1e-6)
+    push = EdgeTension(lambda load: 4 * load, (0, -1), lambda x: x[1] < 1e-6)
+    scene = Scene(blank, [Membrane(load("komeili")), pull, push], [ends])
+    assert not march(Newton(scene), 4).reason
+    assert len(scene.warnings()) == 1 and "bear ends" in scene.warnings()[0]
+
+
+BALLS = [Tool(Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]
+ASIDE = Tool(Sphere(8.0, (4, 5, 9.0)), name="ball aside")
+PLATES = [Tool(Plane((0, 0, -side), (0, 0, side)), name="plate") for side in (-1, 1)]
+WEDGE = Tool(Plane((0, 0, 9), (-0.6, 0, -0.8)), [0, 0, -3], name="wedge")
+LEFT = "left", lambda x: x[0] < 1e-6
+
+
+@pytest.mark.parametrize(
+    "terms, supports, height, words",
+    [
+        (lambda: [], [], 0, r"\(none\) leave blank free to move along its \w+, which contact with"),
+        (lambda: [], [Support(*LEFT, (0,))], 0, "free to move along its width, which contact w"),
+        (
+            lambda: [],
+            [Support(*LEFT, (1,))],
+            0,
+            r"\(left\) leave blank free to (move along its length|turn about its normal), which",
+        ),
+        (
+            lambda: [Friction(BALLS[0], 0.0)],
+            [],
+            0,
+            "`resists`, that hold every rigid motion, or `Friction`$",
+        ),
+        (lambda: [], [Support(*LEFT, (0, 1))], 0, ""),
+        (lambda: [Friction(BALLS[0], 0.2)], [], 0, ""),
+        (lambda: [Contact(BALLS[1])], [], 0, "free to turn about its normal, which contact"),
+        (lambda: [], [], 3, "free to turn about its normal, which contact"),
+        (lambda: [], [Support(*LEFT, (1,))], 3, ""),
+        (lambda: [Contact(ASIDE)], [], 3, ""),
+    ],
+)
+def test_a_smooth_tool_holds_no_flat_sheet_within_its_plane(terms, supports, height, words):
+    """While friction, a second tool or the sheet's shape may, but for turning about a ball."""
+
+    def shape(x):
+        return x + x[:, :1] ** 2 * [0, 0, height / 400]
+
+    blank = sheet(20, 10, 4, 2, shape=shape, spatial=True)
+    terms = [Membrane(load("komeili")), Bending(D), Contact(BALLS[0]), *terms()]
+    scene = Scene(blank, terms, supports)
+    if not words:
+        return scene.check_start()
+    with pytest.raises(InputError, match=words):
+        scene.check_start()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "terms, words",
+    [
+        (lambda: [*map(Contact, PLATES)], r"leave blank free to move along its \w+, which contact"),
+        (lambda: [Contact(PLATES[0]), Contact(WEDGE)], "free to move along its width, which cont"),
+        (lambda: [*map(Contact, [*PLATES, BALLS[0]])], "free to turn about its normal, which"),
+        (lambda: [*map(Contact, [PLATES[0], BALLS[0], ASIDE])], ""),
+    ],
+)
+def test_smooth_tools_hold_a_flat_sheet_by_their_shapes_or_not_at_all(terms, words):
+    """Planes and what turns about one axis never do; where others may, that is said."""
+
+    def scene(*terms):
+        elastic = Membrane(load("komeili")), Bending(D)
+        return Scene(sheet(20, 10, 4, 2, spatial=True), [*elastic, *terms])
+
+    made = scene(*terms())
+    if words:
+        with pytest.raises(InputError, match=words):
+            made.check_start()
+    else:
+        assert "holds blank, which may move along" in made.check_held()
+    rubbing = terms()
+    assert scene(*rubbing, Friction(rubbing[0].tool, 0.2)).check_held() == ""
+    for tool in (*PLATES, WEDGE):
+        assert tool.displacement.tolist() == [0, 0, 0]
