@@ -3,6 +3,8 @@
 RANKS ?= 2
 STUDY ?= tensile
 ARGS ?=
+# Runs the tests with this marker alone, e.g. `versions` (or what else pytest's -m takes).
+ONLY ?=
 DEBIAN13_ROOT ?= .debian13/root
 SID_ROOT ?= .debian13/sid
 # Seconds after which the ranks of a test run count as hung: far beyond what they take on a machine with other work.
@@ -41,7 +43,7 @@ export OMP_NUM_THREADS := 1
 # Ranks may outnumber cores. Only then they give up a core while they wait: beside other work it comes back late.
 ifeq ($(FROM),pip)
 # A process of MPICH has 2048 communicators, and on ranks PETSc keeps those of scenes that are gone: a process for each file.
-MPI_PARTS := $(shell grep -l mark.mpi tests/test_*.py tests/*/test_*.py tests/*/*/test_*.py)
+MPI_PARTS := $(if $(ONLY),tests,$(shell grep -l mark.mpi tests/test_*.py tests/*/test_*.py tests/*/*/test_*.py))
 VENV := .venv-pip
 MPIRUN := $(VENV)/bin/mpiexec -n $(RANKS)
 TEST_MPIRUN := MPIEXEC_TIMEOUT=$(TEST_TIMEOUT) $(MPIRUN)
@@ -61,8 +63,9 @@ help:
 	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
 	@echo "                    FROM=pip (the default where Debian or root is missing): DOLFINx from pip, without root"
 	@echo "make test           the whole test suite: serial, then the tests marked mpi on RANKS=$(RANKS) ranks"
-	@echo "make test-pip       the same suite on DOLFINx from pip, in a Python 3.12 or later"
-	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo)"
+	@echo "                    ONLY=MARKER: just the tests with this marker, here and in the three below"
+	@echo "make test-pip       the same suite on DOLFINx from pip, in a Python 3.12 or later; CI: ONLY=versions"
+	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo); CI: ONLY=versions"
 	@echo "make test-sid       the same suite in a root of Debian unstable, made in SID_ROOT=$(SID_ROOT) (root or sudo)"
 	@echo "make lint           ruff and mypy, as CI runs them first"
 	@echo "make docs           the documentation into build/docs (open build/docs/index.html)"
@@ -76,9 +79,9 @@ study: $(VENV)/installed
 	$(SCREEN) $(MPIRUN) $(PYTHON) studies/$(STUDY).py $(or $(ARGS),--overwrite)
 
 test: $(VENV)/installed
-	$(SCREEN) $(PYTHON) -m pytest -n 3 --dist worksteal tests || { cat .pytest_cache/crash_*.txt; exit 1; }
+	$(SCREEN) $(PYTHON) -m pytest -n 3 --dist worksteal $(if $(ONLY),-m "$(ONLY)") tests || { cat .pytest_cache/crash_*.txt; exit 1; }
 	for part in $(MPI_PARTS); do \
-	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m mpi -xq --color=no -p no:cacheprovider || exit 1; done
+	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m "mpi$(if $(ONLY), and ($(ONLY)))" -xq --color=no -p no:cacheprovider || exit 1; done
 
 install-lint install-docs: install-%: $(VENV)/installed-%
 
@@ -118,13 +121,13 @@ debian13-root:
 	@.ci/debian13 root "$(DEBIAN13_ROOT)" $(sort $(PACKAGES) $(PACKAGES_13) make)
 
 test-debian13: debian13-root
-	@.ci/debian13 test "$(DEBIAN13_ROOT)"
+	@.ci/debian13 test "$(DEBIAN13_ROOT)" "$(ONLY)"
 
 sid-root:
 	@SUITE=sid .ci/debian13 root "$(SID_ROOT)" $(sort $(PACKAGES) $(PACKAGES_13) make)
 
 test-sid: sid-root
-	@SUITE=sid .ci/debian13 test "$(SID_ROOT)"
+	@SUITE=sid .ci/debian13 test "$(SID_ROOT)" "$(ONLY)"
 
 clean:
 	rm -rf .venv .venv-pip build docs/api/generated *.egg-info .pytest_cache .mypy_cache .ruff_cache

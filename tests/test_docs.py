@@ -140,7 +140,11 @@ def test_the_format_of_data_names_every_test_column_key_and_unit():
         assert re.search(rf"(?<![\w/]){re.escape(unit)}(?![\w/])", table), unit
 
 
-@pytest.mark.parametrize("script", EXAMPLES, ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "script",
+    [pytest.param(p, marks=pytest.mark.versions) if p.stem == "ball" else p for p in EXAMPLES],
+    ids=lambda p: p.stem,
+)
 def test_an_example_prints_what_its_page_says(run, tmp_path, script, caplog):
     """And ends without a warning that its work is not in the energies."""
     text = script.read_text()

@@ -11,6 +11,8 @@ import pytest
 
 import fabric_fenicsx as ff
 
+pytestmark = pytest.mark.versions
+
 
 @pytest.mark.parametrize("name", ff.__all__)
 def test_each_name_is_there(name):

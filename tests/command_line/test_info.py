@@ -45,6 +45,7 @@ def results(text):
     return {name: result for name, result, _ in found}, {name: words for name, _, words in found}
 
 
+@pytest.mark.versions
 def test_it_tells_versions_presets_and_that_all_works(run):
     done = run("info", draws=True)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -61,6 +62,7 @@ def test_it_tells_versions_presets_and_that_all_works(run):
         assert all(coupling in line for coupling in fabric.couplings)
 
 
+@pytest.mark.versions
 def test_on_two_ranks_one_speaks(run):
     done = run("info", ranks=2)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -74,6 +76,7 @@ def test_a_compiler_that_is_missing_is_told(run):
     assert "/nowhere/cc" in results(done.stdout)[1]["JIT"]
 
 
+@pytest.mark.versions
 def test_packages_that_are_missing_are_told(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "gmsh", None)
     monkeypatch.setitem(sys.modules, "scipy", None)
@@ -105,6 +108,7 @@ def test_drawing_that_fails_is_told_and_takes_nothing_down(monkeypatch, draws, w
         info.CHECKS["pyvista"][0](SERIAL)
 
 
+@pytest.mark.versions
 def test_a_blank_picture_is_told(monkeypatch):
     monkeypatch.setattr("pyvista.Plotter.add_mesh", lambda *_, **__: None)
     with pytest.raises(info.Broken, match="blank"):

@@ -22,6 +22,7 @@ def fabric(tmp_path, hang):
     return run
 
 
+@pytest.mark.versions
 def test_a_study_runs_and_its_command_repeats_it(fabric, tmp_path):
     done = fabric("single_element", "--no-pictures")
     assert done.returncode == 0, done.stderr
@@ -39,6 +40,7 @@ def test_example_data_are_found_from_any_folder(fabric):
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.versions
 def test_studies_and_data_are_listed(capsys):
     assert main.main(["list"]) == 0
     words = capsys.readouterr().out.split()

@@ -5,6 +5,8 @@ import pytest
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import Study, parser
 
+pytestmark = pytest.mark.versions
+
 
 @pytest.mark.parametrize(
     "words, told",

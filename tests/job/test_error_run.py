@@ -13,6 +13,7 @@ from fabric_fenicsx.meshes.specimen import specimen, write
 from fabric_fenicsx.results.error import SAFETY, curve_errors, factor
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_the_reactions_error_is_richardsons(folder):
     """A known share of the difference to the run on half the rectangles; in summary.json, too."""

@@ -36,6 +36,7 @@ def test_without_a_folder_nothing_is_kept_but_the_result(tmp_path, monkeypatch):
         assert result.grid.n_cells == result.summary["cells"]
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_a_folder_holds_what_the_result_tells(folder):
     result = ff.Tensile(**COARSE).job(steps=2, every=1).run(folder, pictures=False)
@@ -51,6 +52,7 @@ def test_a_folder_holds_what_the_result_tells(folder):
     assert again.summary["reaction_N"] == pytest.approx(result.summary["reaction_N"], rel=1e-12)
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_a_job_goes_on_from_its_checkpoint(folder):
     def pull(**limits):
@@ -157,6 +159,7 @@ def test_the_force_and_travel_of_a_moving_support_are_measured():
         assert mine["reaction_N"] == pytest.approx(row["reaction_N"])
 
 
+@pytest.mark.versions
 def test_a_field_is_drawn(tmp_path):
     result = ff.Tensile(**COARSE).job(steps=4).run()
     result.plot("shear_angle", tmp_path / "shear.png")
@@ -345,6 +348,7 @@ def test_a_warning_carries_its_level_once(folder, capsys):
     )
 
 
+@pytest.mark.versions
 def test_numbers_that_json_does_not_know_are_null():
     assert finite({"a": [1.0, math.nan, {"b": (math.inf, "c", 2)}]}) == {
         "a": [1.0, None, {"b": [None, "c", 2]}]
@@ -367,6 +371,7 @@ ff.Job(scene, steps=1).run()
 """
 
 
+@pytest.mark.versions
 def test_a_rank_that_fails_alone_ends_the_others(hang):
     done = subprocess.run(
         [*on_ranks(2), sys.executable, "-c", FAILS_ALONE],

@@ -78,6 +78,7 @@ def voigt(S):
     return np.stack([S[:, 0, 0], S[:, 1, 1], S[:, 0, 1]], -1)
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("off", [(), *[(name,) for name in COUPLINGS], COUPLINGS])
 def test_agrees_with_ufl_on_10000_states(unbalanced, random_states, off):
     fabric = unbalanced.without(*off)
@@ -159,6 +160,7 @@ def test_the_initial_angle_as_the_weaves_changes_nothing(unbalanced, random_stat
     assert relative(given.S, own.S).max() <= 1e-11
 
 
+@pytest.mark.versions
 def test_stress_and_tangent_agree_with_mpmath(unbalanced, random_states):
     C, a0, b0 = random_states(60, seed=3)
     state = kernel.evaluate(unbalanced, cauchy_green=C, fibres=(a0, b0), tangent=True)

@@ -146,7 +146,9 @@ def test_the_solution_sought_crosses_no_kink_of_the_law(unbalanced, sought_state
         ("quadrilateral", 1, None, 20, TENSION),
         ("quadrilateral", 2, None, 5, TENSION),
         ("triangle", 1, "unstructured", 20, TENSION),
-        pytest.param("triangle", 2, "unstructured", 5, TENSION, marks=pytest.mark.mpi),
+        pytest.param(
+            "triangle", 2, "unstructured", 5, TENSION, marks=[pytest.mark.mpi, pytest.mark.versions]
+        ),
         ("triangle", 1, "right", 20, COMPRESSION),
         ("triangle", 2, "right", 5, COMPRESSION),
         ("quadrilateral", 1, None, 20, COMPRESSION),

@@ -66,6 +66,7 @@ def states(path):
     return found
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("spatial", [False, True])
 @pytest.mark.parametrize("element", VTK_CELL)
@@ -255,6 +256,7 @@ def test_triangles_of_a_triangulated_surface_are_its_own():
     assert (np.cross(q - p, r - p)[:, 2] > 0).all()
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_contact_fields_and_tools_at_each_state(tmp_path):
     folder, thickness = COMM.bcast(tmp_path), 0.4

@@ -12,6 +12,8 @@ from fabric_fenicsx.results.fields import FieldSeries, read_last
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
 
+pytestmark = pytest.mark.versions
+
 
 @pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
 def test_polygons_cover_the_deformed_sheet(tmp_path, element):

@@ -61,6 +61,7 @@ def directions():
     return [k / np.linalg.norm(k) for k in (a, b, np.cross(a, b))]
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
 def test_abaqus_reads_places_and_both_yarns(tmp_path, element):
     structural.export(structural.read_grids(formed(tmp_path, element)), tmp_path / "ply.inp")
@@ -82,6 +83,7 @@ def test_abaqus_reads_places_and_both_yarns(tmp_path, element):
         np.testing.assert_allclose(values, np.tile(axes, (len(cells), 1)), atol=1e-6)
 
 
+@pytest.mark.versions
 def test_vtk_reads_directions_shear_and_area(tmp_path):
     structural.export(structural.read_grids(formed(tmp_path)), tmp_path / "ply.vtu")
     grid = pyvista.read(tmp_path / "ply.vtu")

@@ -12,6 +12,8 @@ from mpi4py import MPI
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.runtime.jit_cache import compiled
 
+pytestmark = pytest.mark.versions
+
 SAID = "JIT compilation timed out, probably. Try cleaning cache (e.g. remove {}) or increase it."
 
 

@@ -51,6 +51,7 @@ def agree(result, alone):
         assert pair[name] == pytest.approx(same[name], rel=1e-6)
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_resumed_on_other_ranks(shared_path, alone):
     """Begun on one rank, and ended on all."""

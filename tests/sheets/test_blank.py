@@ -28,6 +28,7 @@ def area(blank):
     return COMM.allreduce(dolfinx.fem.assemble_scalar(compat.form(1.0 * ufl.dx(blank.mesh))))
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize(
     "pattern, cell", [*product(PATTERNS, ["triangle"]), *product(BOTH_CELLS, ["quadrilateral"])]
 )
@@ -113,6 +114,7 @@ def test_crossed_cuts_each_rectangle_into_four():
     assert len(cells) == 10_000 and len(points) == 101 * 26 + 2500
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("suffix", [".vtk", ".vtu", ".stl", ".inp"])
 def test_any_meshio_file_is_a_blank(tmp_path, suffix):
     points, cells, kind = specimen(120, 30, 6, 2)
@@ -121,6 +123,7 @@ def test_any_meshio_file_is_a_blank(tmp_path, suffix):
     assert area(blank) == pytest.approx(3600, rel=1e-6)
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("kind", ["triangle6", "quad9"])
 def test_curved_cells(tmp_path, kind):
     import gmsh
@@ -148,6 +151,7 @@ def cylinder(n=24, m=6, cell="triangle"):
     return np.column_stack([50 * np.sin(t), points[:, 1], 50 * np.cos(t)]), cells, kind
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
 def test_fibres_on_a_curved_blank(cell):

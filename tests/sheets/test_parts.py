@@ -23,6 +23,7 @@ def linear(modulus, thickness):
     return ff.TabulatedFabric(yarn, yarn, shear, thickness=thickness)
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("spatial", [False, True])
 def test_patches_of_two_fabrics_in_series(spatial):

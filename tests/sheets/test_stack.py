@@ -47,6 +47,7 @@ def test_the_lowest_face_is_laid_where_it_is_asked():
     assert ff.Stack(three(), bottom=-3.0).heights == pytest.approx([-2.75, -2.0, -1.4])
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_each_sheet_is_a_part():
     """With its area, nodes, cells, thickness and yarns, on any number of ranks."""

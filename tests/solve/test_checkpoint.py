@@ -64,6 +64,7 @@ def progress(blank, **changes):
     )
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("degree, spatial", [(1, False), (2, False), (3, False), (1, True)])
 @pytest.mark.parametrize("alone", [True, False])

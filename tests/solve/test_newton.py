@@ -52,6 +52,7 @@ def negative_pivots(newton):
     return newton.snes.ksp.pc.getFactorMatrix().getInertia()[0]
 
 
+@pytest.mark.versions
 def test_few_unknowns_are_ordered_by_minimum_degree(monkeypatch):
     """Also after a larger scene, which leaves the choice to MUMPS."""
     found = []
@@ -100,6 +101,7 @@ def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch, angle, s
     assert (r[-1] - r[-2]) / (r[-2] - r[-3]) > 1.5
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("solver", [*filter(is_there, LINEAR_SOLVERS)])
 def test_linear_solvers_agree(solver):
@@ -132,6 +134,7 @@ def test_a_tolerance_below_rounding_ends_at_rounding(tolerance):
     assert newton.report.residuals[-1] <= 1e-11 * newton.report.scale
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_no_saddle_is_accepted():
     # tension-compression bands: the homogeneous state is no minimum
@@ -177,6 +180,7 @@ def test_a_start_inside_out_is_named():
     assert not report.converged and report.reason == "a cell is turned inside out"
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_inverted_cells_are_never_accepted():
     scene = strip(45, stroke=100.0)
@@ -258,6 +262,7 @@ def test_bad_steps_are_named(options, words):
         march(Newton(strip()), **options)
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     "kept, gdim, words",
@@ -389,6 +394,7 @@ class Torn(Term):
         self.energy = 1e-12 * ufl.sqrt(9 - ufl.dot(u, u)) * ufl.dx(blank.mesh)
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_a_material_that_is_not_a_number_ends_at_the_last_sound_state():
     scene, kept = strip(further=[Torn()]), []
@@ -419,6 +425,7 @@ def test_a_looser_path_ends_in_the_same_state():
     assert curves[1][-1] == pytest.approx(curves[0][-1], rel=1e-9)
 
 
+@pytest.mark.versions
 def test_a_scene_that_was_solved_is_freed():
     """Its communicators too, of which MPICH has 2048 a process."""
     scene = strip()

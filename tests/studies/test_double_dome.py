@@ -24,7 +24,9 @@ def placed(folder):
 
 
 # that ranks find the same is asked below of yarns that lie askew
-@pytest.mark.parametrize("angle", [pytest.param(0, marks=pytest.mark.mpi), 45])
+@pytest.mark.parametrize(
+    "angle", [pytest.param(0, marks=[pytest.mark.mpi, pytest.mark.versions]), 45]
+)
 def test_a_ply_is_formed(launch, angle):
     done = launch("double_dome", "--quick", "--steps", 16, "--fibre-angle", angle)
     assert done.status == 0, done.err
@@ -159,6 +161,7 @@ def test_a_punch_from_a_file(launch, tmp_path):
     assert forces[1] == pytest.approx(forces[0], rel=0.02)
 
 
+@pytest.mark.versions
 def test_compression_parameters(launch, monkeypatch):
     # of each ply, which others test
     monkeypatch.setattr(Forming, "pictures", lambda *_: None)

@@ -16,6 +16,7 @@ from fabric_fenicsx.material.presets import load
 DATA = Path(__file__).parents[2] / "studies" / "data"
 
 
+@pytest.mark.versions
 def test_from_curves_to_a_material(launch, tmp_path):
     done = launch(
         "identify",

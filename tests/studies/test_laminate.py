@@ -9,6 +9,7 @@ from fabric_fenicsx.results.fields import read_last
 SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 
 
+@pytest.mark.versions
 def test_a_laminate_is_formed(launch):
     # a step of hardly any work: what is missing of it differs from machine to machine
     short = "--steps", 1, "--stroke", 1.5, "--max-imbalance", 0.5

@@ -4,6 +4,7 @@ import pytest
 from builders import COMM
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize(
     "options",

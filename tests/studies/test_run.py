@@ -386,6 +386,7 @@ def test_every_output_is_that_of_any_number_of_ranks(launch):
             assert values == pytest.approx(arrays[name], rel=1e-6, abs=1e-6), name
 
 
+@pytest.mark.versions
 def test_log_and_quiet(launch):
     done = launch("tensile", "--quick", "--no-pictures")
     log = (done.folder / "log.txt").read_text()
@@ -397,6 +398,7 @@ def test_log_and_quiet(launch):
     assert told.out.count("iteration  0") == 5
 
 
+@pytest.mark.versions
 def test_report(launch):
     done = launch("bias_extension", "--quick", "--strain", 0.05)
     text = (done.folder / "report.html").read_text()

@@ -165,6 +165,7 @@ def test_the_reference_tells_value_error_and_command(scene):
         )
 
 
+@pytest.mark.versions
 def test_the_reference_is_made_again(launch):
     done = launch("reference", "--quick")
     assert done.status == 0, done.err

@@ -5,6 +5,7 @@ import csv
 import pytest
 
 
+@pytest.mark.versions
 def test_thresholds(launch):
     done = launch("stability_map", "--quick", apart=True)
     assert done.status == 0, done.err

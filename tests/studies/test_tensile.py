@@ -141,6 +141,7 @@ SAME_EVERYWHERE = {
 }
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("study", SAME_EVERYWHERE)
 def test_numbers_are_the_same_on_every_debian(launch, study):
     # a state of equilibrium, to which few steps lead as well
@@ -179,6 +180,7 @@ def test_comparison_of_the_variants(launch):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
 def test_fields_for_paraview_are_those_of_the_solution(launch, element):
@@ -217,6 +219,7 @@ def test_fields_for_paraview_are_those_of_the_solution(launch, element):
     assert u @ along == pytest.approx(0.03 * (x @ along), abs=1e-6)
 
 
+@pytest.mark.versions
 def test_resume_after_a_kill_on_other_ranks(launch):
     def curve(folder):
         return [row["reaction_N"] for row in rows(folder)]

@@ -321,6 +321,7 @@ def test_surfaces_that_are_none():
     assert not strip.one_sided and TriangulatedSurface(p, t).one_sided
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("ending", ["stl", "vtp", "msh", "ply", "vtu"])
 def test_round_trip(tmp_path, ending):
     points, triangles = double_dome(size=20, turn=20, quarter=True)
@@ -352,6 +353,7 @@ def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
         TriangulatedSurface.read(tmp_path / "solid.vtu")
 
 
+@pytest.mark.versions
 @pytest.mark.filterwarnings("ignore:The VTK reader")
 @pytest.mark.parametrize("name", ["tool.stl", "tool.vtp", "tool.msh", "tool.txt"])
 def test_broken_files(tmp_path, name, capfd):
@@ -361,6 +363,7 @@ def test_broken_files(tmp_path, name, capfd):
     assert name in str(error.value) and "\n" not in str(error.value)
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("ending, unit", [("step", 1.0), ("step", 1000.0), ("brep", 1.0)])
 def test_cad_models(tmp_path, ending, unit):
     """A ball on a plate, joined: a sharp edge between what is round and what is flat."""

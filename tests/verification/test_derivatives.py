@@ -240,6 +240,7 @@ def test_a_term_that_drives_the_sheet_is_told(sign, told):
     assert ("N mm: below 0 it drives the sheet" in table) == told
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_terms_of_the_package_in_a_scene():
     """Among them a tool moved by force, which takes from the tangent."""

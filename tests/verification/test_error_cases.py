@@ -1,5 +1,7 @@
 """How estimated errors are held against true ones."""
 
+import pytest
+
 from fabric_fenicsx.verification import error_cases
 from fabric_fenicsx.verification.error_cases import judge, line
 
@@ -27,6 +29,7 @@ def test_there_are_forty_cases_and_more_without_their_references():
     assert not set(cases) & set(error_cases.FINEST.values())
 
 
+@pytest.mark.versions
 def test_the_study(launch):
     done = launch("error_estimates", "--quick")
     assert done.status == 0, done.err

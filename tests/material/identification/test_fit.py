@@ -54,6 +54,7 @@ def worst(result, truth):
     return max(abs(p.value / truth[n] - 1) for n, p in result.determined.items())
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("plan", ["paper", "all"])
 @pytest.mark.parametrize("start", [0.4, 2.5])
 def test_round_trip_of_table_1(tmp_path, plan, start):
@@ -285,6 +286,7 @@ def test_shipped_synthetic_data(tmp_path, name, count):
     assert all(0.01 < c["rms_error_of_peak"] < 0.03 for c in report["curves"])
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize(("size", "error"), [("115x230", 0.0026), ("150x450", 0.0030)])
 def test_shipped_measured_data(tmp_path, size, error):
     result = identify(*data.read(SHIPPED / f"glass_pp_{size}"))

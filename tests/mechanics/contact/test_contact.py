@@ -244,6 +244,7 @@ def over_a_bar(nx, pattern, fabric=None, penalty=1e4, tension=5.0, **options):
     return contact, COMM.allreduce(errors.max(initial=0.0), MPI.MAX)
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_strip_over_a_cylinder():
     """Contact force 2 T w sin(angle / 2) and, where nodes lie on lines along the bar, contact

@@ -131,6 +131,7 @@ def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=None, gripped=True):
     return Scene(blank, [Elastic(1e3), table, press, friction], held), friction
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_stick_slip():
     """Force mu p A x / slip in sticking, mu p A in sliding, there and back again; all energies add

@@ -12,6 +12,8 @@ from fabric_fenicsx.mechanics.contact.self_crossing import (
     self_crossings,
 )
 
+pytestmark = pytest.mark.versions
+
 LENGTH, WIDTH, RADIUS = 40.0, 8.0, 5.0
 
 

@@ -61,6 +61,7 @@ def pressed():
     return job.run(), scene, pairs, plates, load
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_patch_pressure(pressed):
     """In the inner part it is uniform to 1 %: 6 points of a cell integrate the shape functions of

@@ -94,6 +94,7 @@ def wavy(x):
 # -- curvature of fields one can work out by hand
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("pattern", PATTERNS)
 def test_curvature_of_quadratic_fields_is_exact(pattern):
@@ -422,6 +423,7 @@ def test_curved_sheet_is_at_rest_undeformed():
     assert abs(found[1] - 1) < 0.7 * abs(found[0] - 1)
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("in_plane", [0, 0.4])
 def test_forces_and_stiffness_are_derivatives(in_plane):
     blank = sheet(20, 20, 6, 6, comm=MPI.COMM_SELF, a=0.4, b=1.8)

@@ -111,6 +111,7 @@ def test_weave_angles_that_are_none():
         Membrane(KOMEILI, weave_angle=math.pi)
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell, degree", ELEMENTS)
 @pytest.mark.parametrize("turned", [0, 33, 120])
@@ -154,6 +155,7 @@ def wavy(x):
     return np.stack([0.02 * x[0] + 0.3 * np.sin(x[1] / 7), -0.05 * x[1] + 2 * np.sin(x[0] / 40)])
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 @pytest.mark.parametrize("cell, degree", ELEMENTS)
 def test_same_displacement_turned_in_space(unbalanced, by_position, cell, degree):
@@ -236,6 +238,7 @@ def plain_scene(blank, membrane):
         return Scene(blank, [Plain(membrane)])
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("cell, degree", ELEMENTS)
 @pytest.mark.parametrize("turned", [False, True])
 def test_variations_are_those_of_ufl(unbalanced, cell, degree, turned):

@@ -120,6 +120,7 @@ LOCKING = [
 ]
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("pattern, cell, angle, strain, error", LOCKING)
 def test_locking_is_told_where_it_happens(pattern, cell, angle, strain, error):
     membrane = pulled(angle, strain, pattern=pattern, cell=cell)

@@ -223,6 +223,7 @@ def displaced(term, u):
     return term.stored(), f
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("size, before", [(5e-4, 0.0), (1.0, 0.0), (1.4, 1.0), (0.98, 1.0)])
 def test_derivatives(size, before):
     """Elastic, yielding at once, after an accepted state and where some of it unloads, with mirror
@@ -341,6 +342,7 @@ def pressed(comm=COMM, metal=DC04):
     return Scene(blank, [term], held)
 
 
+@pytest.mark.versions
 @pytest.mark.mpi
 def test_same_on_any_number_of_ranks_and_resumed(tmp_path, by_position):
     """On one rank, on all, and on all from a checkpoint that one rank wrote half way."""
