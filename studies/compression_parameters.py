@@ -11,8 +11,8 @@ class CompressedPly(Forming):
     """The ply whose parameters are varied."""
 
     NAME = "compression_parameters"
-    FULL = {"nx": 24, "steps": 40}
-    QUICK = {"nx": 10, "steps": 10}
+    FULL = {"nx": 24, "steps": 40, "balance": 0.02}
+    QUICK = {"nx": 10, "steps": 10, "balance": None}
 
 
 def options():

@@ -12,7 +12,8 @@ from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import march
+from fabric_fenicsx.solve.settings import Settings
+from fabric_fenicsx.solve.stepping import LoadStepping
 
 COMM = MPI.COMM_WORLD
 COARSE = {"nx": 8, "element": "P1"}  # a strip that is pulled in a moment
@@ -135,6 +136,14 @@ class Elastic(Term):
         density = (1 - nu) * (e**2 + f**2 + 2 * g**2) + nu * (e + f) ** 2
         dx = ufl.dx(blank.mesh, metadata={"quadrature_degree": 1})
         self.energy = self.stiffness / (2 * (1 - nu**2)) * density * dx
+
+
+def march(newton, steps=20, *, start=None, on_accept=None, on_reject=None, **options):
+    """Step to full load, every state to the solver's own tolerance; the `Outcome`."""
+    settings = Settings(**{"path_tolerance": None} | options, steps=steps)
+    told = {"on_accept": on_accept, "on_reject": on_reject}
+    told = {name: listener for name, listener in told.items() if listener}
+    return LoadStepping(newton, settings, start, **told).run()
 
 
 def run(scene, steps=4, tolerance=1e-8, **options):

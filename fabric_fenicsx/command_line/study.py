@@ -19,11 +19,11 @@ from ..material.presets import PRESETS, load, read_laws
 from ..mechanics.shell.membrane import Membrane
 from ..results.output import Output
 from ..runtime.errors import InputError, Interrupted, SolverFailure
-from ..runtime.fields import COUNT, POSITIVE, Rule
+from ..runtime.fields import declared
 from ..runtime.together import is_alone
 from ..scenarios.scenario import Scenario
 from ..solve.limits import Limits
-from ..solve.linear import LINEAR_SOLVERS
+from ..solve.settings import Settings
 from .console import Console
 from .options import (
     HelpFormatter,
@@ -36,8 +36,6 @@ from .options import (
 )
 
 log = logging.getLogger("fabric_fenicsx")
-UP_TO_ONE = Rule("a load factor above 0 and up to 1", lambda v: 0 < v <= 1)
-BELOW_ONE = Rule("a number above 0 and below 1", lambda v: 0 < v < 1)
 
 
 def parser(
@@ -56,22 +54,64 @@ def parser(
         description=description,
         formatter_class=HelpFormatter,
     )
-    full, quick = scenario.FULL, scenario.QUICK
-    add_scenario(p, scenario)
+    add_fields(p, scenario, scenario)
+    _add_material(p)
+    add_fields(p, Settings, scenario, free=True)
+    p.group("solver")
+    unasked = f" (yes from {scenario.CHEAP_FROM} cells on)" if scenario.CHEAP_FROM else ""
+    p.option(
+        "--error",
+        action=BooleanOptionalAction,
+        help="estimate errors of numbers, curve and fields, from the same run on a mesh twice as "
+        f"coarse{unasked}",
+        free=True,
+    )
+    add_fields(p, Limits, scenario, prefix="max_", free=True)
+    _add_output(p, name)
+    weave = {"yarn_angle": 90.0, "weave_angle": None}
+    sizes = {False: scenario.FULL, True: scenario.QUICK}
+    p.set_defaults(_sizes=sizes, **weave | dict(scenario.SOLVER) | defaults)
+    return p
+
+
+def add_fields(
+    p: Parser, owner: type, scenario: type[Scenario], prefix: str = "", free: bool = False
+) -> None:
+    """Add an option for each field of the dataclass `owner` that has a help text; scenario: whose
+    sizes its defaults are, prefix: of the options' names."""
+    for each in dataclasses.fields(owner):
+        meta = each.metadata
+        if "help" not in meta or (owner is Scenario and meta["group"] == "weave"):
+            continue
+        p.group(meta["group"])
+        how: dict[str, Any] = {"help": meta["help"].replace("%", "%%"), "default": each.default}
+        if each.name in scenario.FULL:
+            full, quick = (
+                "any" if sizes[each.name] is None else sizes[each.name]
+                for sizes in (scenario.FULL, scenario.QUICK)
+            )
+            how |= {"help": f"{how['help']} ({full}, with --quick {quick})", "default": None}
+        if "rule" in meta:
+            how["type"] = option_type(meta["rule"])
+        elif "choices" in meta:
+            how["choices"] = meta["choices"]
+        elif "switch" in meta:
+            how["action"] = "store_true"
+        elif "repeated" in meta:
+            how |= {"action": "append", "metavar": meta["repeated"], "default": []}
+        else:
+            how["metavar"] = meta["metavar"]
+        if meta["help"].endswith("[deg]"):
+            how["metavar"] = "DEG"
+        p.option(spelled(prefix + each.name), free=free, **how)
+
+
+def _add_material(p):
     p.group("material")
-    p.option(
-        "--material",
-        metavar="FILE|PRESET",
-        default="komeili",
-        help=f"material file, or one of {', '.join(PRESETS)}",
-        free=True,
-    )
-    p.option(
-        "--law-file",
-        metavar="FILE.py",
-        help="Python file with the classes of your own laws",
-        free=True,
-    )
+    presets = f"material file, or one of {', '.join(PRESETS)}"
+    file = "Python file with the classes of your own laws"
+    p.option("--material", metavar="FILE|PRESET", default="komeili", help=presets, free=True)
+    p.option("--law-file", metavar="FILE.py", help=file, free=True)
     p.option(
         "--model",
         choices=("hyperelastic", "fabric"),
@@ -87,135 +127,22 @@ def parser(
         help=f"turn off one of {', '.join(COUPLINGS)}",
         free=True,
     )
-    solver = {"tolerance": 1e-8, "path_tolerance": 1e-4, "every": 5} | dict(scenario.SOLVER)
-    p.group("solver")
-    steps = f"load steps ({full['steps']}, with --quick {quick['steps']})"
-    p.option("--steps", type=option_type(COUNT), help=steps, free=True)
-    p.option(
-        "--max-step", type=option_type(UP_TO_ONE), help="largest load step (1/steps)", free=True
-    )
-    p.option(
-        "--tolerance",
-        type=option_type(BELOW_ONE),
-        default=solver["tolerance"],
-        help="residual of the last state, over the forces on the sheet",
-        free=True,
-    )
-    p.option(
-        "--path-tolerance",
-        type=option_type(BELOW_ONE),
-        default=solver["path_tolerance"],
-        help="the same of states before full load: the curve is as good as this",
-        free=True,
-    )
-    p.option(
-        "--viscosity",
-        choices=("auto", "off"),
-        default="auto",
-        help="auto: steps that fail get a drag on the nodes, which fades",
-        free=True,
-    )
-    p.option(
-        "--accuracy",
-        type=option_type(POSITIVE),
-        help="largest share of the displacement by which a step may leave the straight "
-        "continuation of the path; a step beyond is cut",
-        free=True,
-    )
-    p.option(
-        "--balance",
-        type=option_type(POSITIVE),
-        help="largest share of a step's work that may be missing from the energies; a step beyond "
-        f"is halved ({solver.get('balance') or 'any'}, with --quick any)",
-        free=True,
-    )
-    p.option(
-        "--error",
-        action=BooleanOptionalAction,
-        help="estimate errors of numbers, curve and fields, from the same run on a mesh twice as "
-        "coarse" + (f" (yes from {scenario.CHEAP_FROM} cells on)" if scenario.CHEAP_FROM else ""),
-        free=True,
-    )
-    solvers = tuple(LINEAR_SOLVERS)
-    p.option(
-        "--linear-solver",
-        choices=solvers,
-        default="mumps-cholesky",
-        help="solver of the linear systems",
-        free=True,
-    )
-    p.group("limits, beyond which a result is not believed (exit status 3)")
-    for each in dataclasses.fields(Limits):
-        p.option(
-            f"--max-{each.name}",
-            type=option_type(POSITIVE),
-            default=each.default,
-            help=each.metadata["help"],
-            free=True,
-        )
+
+
+def _add_output(p, name):
     p.group("output")
+    usual = Path("results") / name
     p.option(
-        "--out",
-        metavar="DIR",
-        type=Path,
-        default=Path("results") / name,
-        help="folder of the results",
-        free=True,
+        "--out", metavar="DIR", type=Path, default=usual, help="folder of the results", free=True
     )
-    p.option(
-        "--every",
-        type=option_type(COUNT),
-        default=solver["every"],
-        help="accepted steps between states written for ParaView",
-        free=True,
-    )
-    p.option(
-        "--resume",
-        action="store_true",
-        help="go on from the checkpoint in --out, on any number of ranks",
-        free=True,
-    )
-    p.option(
-        "--overwrite", action="store_true", help="delete the results in --out first", free=True
-    )
-    p.option("--no-pictures", action="store_true", help="draw nothing", free=True)
-    p.option("--quick", action="store_true", help="coarse mesh and few steps", free=True)
-    p.option(
-        "--verbose",
-        action="store_true",
-        help="print each Newton iteration, as log.txt has them",
-        free=True,
-    )
-    weave = {"yarn_angle": 90.0, "weave_angle": None}
-    balance = {"balance": solver.get("balance")}  # few steps are not to become many
-    p.set_defaults(_sizes={False: {**full, **balance}, True: quick}, **weave | defaults)
-    return p
-
-
-def add_scenario(p: Parser, scenario: type[Scenario]) -> None:
-    """Add an option for each field of `scenario` that has a help text."""
-    for each in dataclasses.fields(scenario):
-        meta = each.metadata
-        if "help" not in meta or (scenario is Scenario and meta["group"] == "weave"):
-            continue
-        p.group(meta["group"])
-        how: dict[str, Any] = {"help": meta["help"].replace("%", "%%"), "default": each.default}
-        if each.name in scenario.FULL:
-            full, quick = scenario.FULL[each.name], scenario.QUICK[each.name]
-            how["help"] += f" ({full}, with --quick {quick})"
-        if "rule" in meta:
-            how["type"] = option_type(meta["rule"])
-        elif "choices" in meta:
-            how["choices"] = meta["choices"]
-        elif "switch" in meta:
-            how["action"] = "store_true"
-        elif "repeated" in meta:
-            how |= {"action": "append", "metavar": meta["repeated"], "default": []}
-        else:
-            how["metavar"] = meta["metavar"]
-        if meta["help"].endswith("[deg]"):
-            how["metavar"] = "DEG"
-        p.option(spelled(each.name), **how)
+    for option, words in {
+        "--resume": "go on from the checkpoint in --out, on any number of ranks",
+        "--overwrite": "delete the results in --out first",
+        "--no-pictures": "draw nothing",
+        "--quick": "coarse mesh and few steps",
+        "--verbose": "print each Newton iteration, as log.txt has them",
+    }.items():
+        p.option(option, action="store_true", help=words, free=True)
 
 
 class Study(Output):
@@ -275,8 +202,8 @@ class Study(Output):
 
     def scenario(self, kind: type[Scenario], fabric: Any = None) -> Any:
         """The scenario of this kind of the options, of their fabric or another."""
-        args, fields = self.args, [f.name for f in dataclasses.fields(kind) if "help" in f.metadata]
-        given = {name: getattr(args, name) for name in fields if hasattr(args, name)}
+        args = self.args
+        given = {f.name: getattr(args, f.name) for f in declared(kind) if hasattr(args, f.name)}
         made = kind(fabric or self.fabric, **given, comm=self.comm)
         for name in ("nx", "ny", "pattern", "element", "integration", *kind.SIZES):
             setattr(args, name, getattr(made, name))  # as an own mesh's length
@@ -286,23 +213,13 @@ class Study(Output):
 
     def run(self, scenario: Scenario, part: str = "") -> Result:
         """The `Result` of a scenario with the solver's options, into the subfolder `part`."""
-        args = self.args
-        limits = [getattr(args, f"max_{each.name}") for each in dataclasses.fields(Limits)]
-        job = scenario.job(
-            steps=args.steps,
-            max_step=args.max_step,
-            tolerance=args.tolerance,
-            path_tolerance=args.path_tolerance,
-            linear_solver=args.linear_solver,
-            viscosity=args.viscosity == "auto",
-            accuracy=args.accuracy,
-            balance=args.balance,
-            every=args.every,
-            error=scenario.has_cheap_error() if args.error is None else args.error,
-            limits=Limits(*limits),
-        )
+        given = vars(self.args)
+        asked = {each.name: given[each.name] for each in declared(Settings)}
+        limits = Limits(**{each.name: given[f"max_{each.name}"] for each in declared(Limits)})
+        error = scenario.has_cheap_error() if self.args.error is None else self.args.error
+        job = scenario.job(**asked, limits=limits, error=error)
         problem = {**self.problem(scenario.fabric), **scenario.problem()}
-        return job.run(self, part, problem=problem, pictures=not args.no_pictures)
+        return job.run(self, part, problem=problem, pictures=not self.args.no_pictures)
 
     def once(self, key: str, make: Callable[[], Any], problem: Any = None) -> Any:
         """As `Output.once`, for the problem of the options."""

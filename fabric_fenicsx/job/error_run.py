@@ -15,31 +15,14 @@ if TYPE_CHECKING:
     from .job import Job
 
 FOLDER = "coarse"  # in the run's own
-LOOSER = 4.0  # tolerance on the way, and limits: a mesh twice as coarse is off by as much
 
 
 def coarsened(job: "Job", made: "Job") -> "Job":
-    """The job `made` on a mesh twice as coarse, with half the steps of `job` and the solver's other
-    options that go with it."""
-    path, limits = job.path_tolerance, dataclasses.asdict(job.limits)
-    return dataclasses.replace(
-        made,
-        steps=max(1, (job.steps + 1) // 2),
-        max_step=job.max_step and min(1.0, 2 * job.max_step),
-        tolerance=job.tolerance,
-        path_tolerance=path and min(1e-1, LOOSER * path),
-        linear_solver=job.linear_solver,
-        viscosity=job.viscosity,
-        accuracy=job.accuracy and 2 * job.accuracy,
-        balance=job.balance and 2 * job.balance,
-        limits=dataclasses.replace(job.limits, **{k: LOOSER * v for k, v in limits.items()}),
-        milestones=job.milestones,
-        every=10**9,
-        tables=None,
-        pictures=None,
-        error=False,
-        name=f"{job.name}, twice as coarse",
-    )
+    """The job `made` on a mesh twice as coarse, with the settings of `job` that go with it."""
+    settings = job.coarser_settings()
+    given = {each.name: getattr(settings, each.name) for each in dataclasses.fields(settings)}
+    changes = given | {"every": 10**9, "error": False, "tables": None, "pictures": None}
+    return dataclasses.replace(made, **changes, name=f"{job.name}, twice as coarse")
 
 
 def estimated(

@@ -9,7 +9,7 @@ from typing import Any
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
-from ..solve.stepping import Accepted
+from ..solve.progress import Accepted
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")  # whose columns are always there
 COLUMNS = (

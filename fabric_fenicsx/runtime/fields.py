@@ -1,5 +1,6 @@
-"""Which numbers a scenario allows: one rule for its Python fields and for its options."""
+"""Declared fields of dataclasses: one rule for what Python and the command line may give."""
 
+import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -37,6 +38,32 @@ BETWEEN_YARNS = Rule("an angle above 0 and below 180 deg", lambda v: 0 < v < 180
 FINITE = Rule("a finite number", lambda v: True)
 
 
+def declared(owner: Any) -> list[dataclasses.Field]:
+    """The fields of a dataclass or an object of one that have a help text, so an option."""
+    return [each for each in dataclasses.fields(owner) if "help" in each.metadata]
+
+
+def check_fields(owner: Any, label: Callable[[str], str] = "`{}`".format) -> list[str]:
+    """Give the declared fields of a dataclass object the kind of number that their rules ask for;
+    sentences on values that are doubtful. label: what messages call a field of that name. Raises
+    InputError for a value that is not allowed."""
+    doubts = []
+    for each in dataclasses.fields(owner):
+        value, meta = getattr(owner, each.name), each.metadata
+        if value is None:
+            continue
+        if "rule" in meta:
+            value = meta["rule"].check(label(each.name), value)
+            object.__setattr__(owner, each.name, value)
+            most, hint = meta["doubt"] or (math.inf, "")
+            if value > most:
+                doubts.append(f"{label(each.name)} is {value:g}, which is much: {hint}")
+        if value not in meta.get("choices", (value,)):
+            allowed = ", ".join(meta["choices"])
+            raise InputError(f"{label(each.name)} is {value!r}; allowed is one of {allowed}")
+    return doubts
+
+
 def number(
     default: float | None,
     rule: Rule,
@@ -44,7 +71,7 @@ def number(
     group: str = "test",
     doubt: tuple[float, str] | None = None,
 ) -> Any:
-    """A field of a scenario: a number by `rule`; text: what it is, group: of options. None stands
+    """A field: a number by `rule`; text: what it is, group: of options. None stands
     for a default that depends on other fields, which the text then tells. doubt: a value above
     which a run warns, and a hint at the unit."""
     meta = {"rule": rule, "help": text, "group": group, "doubt": doubt}
@@ -52,16 +79,16 @@ def number(
 
 
 def choice(default: str | None, allowed: tuple[str, ...], text: str, group: str = "test") -> Any:
-    """A field of a scenario: one of some words."""
+    """A field: one of some words."""
     return field(default=default, metadata={"choices": allowed, "help": text, "group": group})
 
 
 def switch(text: str, group: str = "test") -> Any:
-    """A field of a scenario: off unless asked for."""
+    """A field: off unless asked for."""
     return field(default=False, metadata={"switch": True, "help": text, "group": group})
 
 
 def text(default: str | None, words: str, metavar: str, group: str = "test") -> Any:
-    """A field of a scenario: a name, as of a file."""
+    """A field: a name, as of a file."""
     meta = {"metavar": metavar, "help": words, "group": group}
     return field(default=default, metadata=meta)

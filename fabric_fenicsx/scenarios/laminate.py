@@ -29,8 +29,8 @@ class Laminate(Forming):
     NAME: ClassVar[str] = "laminate"
     # the metal reaches 20 mm and more onto the flange, so that the holder presses it
     DEFAULT_SIZES = (640.0, 400.0)
-    FULL = {"nx": 24, "steps": 40}
-    QUICK = {"nx": 5, "steps": 2, "stroke": 2}
+    FULL = {"nx": 24, "steps": 40, "balance": 0.02}
+    QUICK = {"nx": 5, "steps": 2, "balance": None, "stroke": 2}
 
     metal: str = text("dc04", "of the outer sheets: preset or material file", "FILE", "laminate")
     metal_thickness: float = number(

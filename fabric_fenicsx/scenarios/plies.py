@@ -17,7 +17,7 @@ from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
 from ..material.validation import shown, unknown_key
 from ..runtime.errors import InputError
-from ..runtime.fields import BETWEEN_YARNS, COUNT, FINITE, FROM_ZERO, POSITIVE, number
+from ..runtime.fields import BETWEEN_YARNS, COUNT, FINITE, FROM_ZERO, POSITIVE, check_fields, number
 from ..sheets.blank import Blank, layout
 
 # Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric, of tools on metal
@@ -49,11 +49,7 @@ class Ply:
     )
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if "rule" in each.metadata and value is not None:
-                where = f"{each.name} of {self.name or 'a ply'}"
-                setattr(self, each.name, each.metadata["rule"].check(where, value))
+        check_fields(self, lambda name: f"{name} of {self.name or 'a ply'}")
         if self.fabric is not None:
             checked_fabric(f"fabric of {self.name or 'a ply'}", self.fabric)
         given = [key for key in ("length", "width", "nx") if getattr(self, key) is not None]

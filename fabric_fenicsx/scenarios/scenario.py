@@ -21,10 +21,20 @@ from ..meshes.specimen import PATTERNS
 from ..results.curve import Curves
 from ..runtime import timing
 from ..runtime.errors import InputError
-from ..runtime.fields import BETWEEN_YARNS, COUNT, FINITE, choice, number, text
+from ..runtime.fields import (
+    BETWEEN_YARNS,
+    COUNT,
+    FINITE,
+    check_fields,
+    choice,
+    declared,
+    number,
+    text,
+)
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..sheets.blank import Blank, layout
+from ..solve.settings import Settings
 
 ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
 FITS = 1e-3  # of a length, by which an own mesh may differ from what is asked for
@@ -39,7 +49,7 @@ class Scenario:
     """
 
     NAME: ClassVar[str] = ""
-    # of mesh and steps; with P2 and path_tolerance 1e-4 the cheapest with curves right to 0.1 %
+    # of mesh and solver; with P2 and path_tolerance 1e-4 the cheapest with curves right to 0.1 %
     FULL: ClassVar[Mapping[str, Any]] = {"nx": 32, "steps": 20}
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 20, "steps": 5}
     SOLVER: ClassVar[Mapping[str, Any]] = {}  # what its `Job` has by default
@@ -93,17 +103,7 @@ class Scenario:
 
     def __post_init__(self) -> None:
         checked_fabric("`fabric`", self.fabric)
-        for each in dataclasses.fields(self):
-            value, meta = getattr(self, each.name), each.metadata
-            if "rule" in meta and value is not None:
-                value = meta["rule"].check(f"`{each.name}`", value)
-                setattr(self, each.name, value)
-                most, hint = meta["doubt"] or (math.inf, "")
-                if value > most:
-                    self.warnings.append(f"`{each.name}` is {value:g}, which is much: {hint}")
-            if value not in meta.get("choices", (value,)) and value is not None:
-                allowed = ", ".join(meta["choices"])
-                raise InputError(f"`{each.name}` is {value!r}; allowed is one of {allowed}")
+        self.warnings += check_fields(self)
         # fields of the mesh that an own one makes idle, if they were asked for
         idle = {"nx": None, "ny": None, "pattern": type(self).pattern}
         self._given = [k for k, usual in idle.items() if getattr(self, k) not in (None, usual)]
@@ -182,21 +182,21 @@ class Scenario:
 
     def job(self, **changes: Any) -> Job:
         """The `Job` of this scenario with its defaults, `changes` in its fields."""
-        settings = {"steps": self.FULL["steps"]} | dict(self.SOLVER) | changes
-        return Job(
-            self.scene,
-            name=self.NAME,
-            measure=self.measure,
-            quantities=self.quantities,
-            tables=self.tables,
-            pictures=self.pictures,
-            warnings=self.warnings,
-            beside=self.beside(),
-            coarser=self._coarser_job if self.can_be_coarser() else None,
-            order=self.order(),
-            headlines=self.HEADLINES,
-            **settings,
-        )
+        known = [each.name for each in declared(Settings)]
+        usual: dict[str, Any] = {k: size for k, size in self.FULL.items() if k in known}
+        usual |= {
+            "name": self.NAME,
+            "measure": self.measure,
+            "quantities": self.quantities,
+            "tables": self.tables,
+            "pictures": self.pictures,
+            "warnings": self.warnings,
+            "beside": self.beside(),
+            "coarser": self._coarser_job if self.can_be_coarser() else None,
+            "order": self.order(),
+            "headlines": self.HEADLINES,
+        }
+        return Job(self.scene, **usual | dict(self.SOLVER) | changes)
 
     def _coarser_job(self):
         return self.coarser().job()

@@ -17,7 +17,8 @@ from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..scene.scene import OF_CELLS
 from ..sheets.blank import Blank
-from .stepping import Progress, Viscosity
+from .progress import Progress
+from .viscosity import Viscosity
 
 # of the file; the first told a slit's lips apart by chance, those after it had other names, and
 # none of the first five the numbers of terms

@@ -1,13 +1,12 @@
 """What a result may have at most to be believed."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
+from ..runtime.fields import POSITIVE, check_fields, number
+
+GROUP = "limits, beyond which a result is not believed (exit status 3)"  # of options
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
-
-
-def _limit(default: float, text: str) -> float:
-    return field(default=default, metadata={"help": text})
 
 
 @dataclass(frozen=True)
@@ -18,14 +17,28 @@ class Limits:
     - viscous: energy that regularisation took, over the strain energy
     - penetration: of tools into the sheet in any state in equilibrium, over its thickness
     - strain: nominal strain of yarns in tension, in all but `EDGES` of the area
+
+    Raises InputError for a limit that is not above 0.
     """
 
-    imbalance: float = _limit(0.05, "difference between external work and energies, over these")
-    viscous: float = _limit(0.05, "energy that regularisation took, over the strain energy")
-    penetration: float = _limit(0.1, "penetration of tools into the sheet, over its thickness")
-    strain: float = _limit(
-        0.1, "nominal strain of yarns in tension, singular points at edges left out"
+    imbalance: float = number(
+        0.05, POSITIVE, "difference between external work and energies, over these", GROUP
     )
+    viscous: float = number(
+        0.05, POSITIVE, "energy that regularisation took, over the strain energy", GROUP
+    )
+    penetration: float = number(
+        0.1, POSITIVE, "penetration of tools into the sheet, over its thickness", GROUP
+    )
+    strain: float = number(
+        0.1,
+        POSITIVE,
+        "nominal strain of yarns in tension, singular points at edges left out",
+        GROUP,
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self, "`Limits.{}`".format)
 
     def exceeded(self, found: Mapping[str, float]) -> list[str]:
         """What is wrong with a result, one sentence for each limit that is exceeded; found: values

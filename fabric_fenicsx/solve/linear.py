@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from petsc4py import PETSc
 
+from ..runtime.errors import InputError
+
 PREFIX = "fabric_"  # of PETSc's options
 LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
     "mumps-cholesky": {"ksp_type": "preonly", "pc_type": "cholesky", "mat_mumps_icntl_24": 1},
@@ -32,25 +34,40 @@ NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness ac
 }
 
 
+KSP_WORDS = {
+    value: name.lower().replace("_", " ").replace("diverged ", "")
+    for name, value in vars(PETSc.KSP.ConvergedReason).items()
+    if isinstance(value, int)
+}
+
+
 def is_there(name: str) -> bool:
     """Whether PETSc was built with what the linear solver `name` needs; pip's has no hypre."""
     return name != "cg-hypre" or bool(PETSc.Sys.hasExternalPackage("hypre"))
 
 
-def configure(snes: PETSc.SNES, name: str) -> None:
-    """Give `snes` the linear solver `name`, one of `LINEAR_SOLVERS`."""
+def check_name(name: str) -> None:
+    """Raise InputError for a linear solver that is not there."""
+    allowed = [each for each in LINEAR_SOLVERS if is_there(each)]
+    if name not in allowed:
+        why = ", and this PETSc has no hypre" if name in LINEAR_SOLVERS else ""
+        raise InputError(f"linear solver is {name!r}{why}; allowed are {', '.join(allowed)}")
+
+
+def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
+    """Make `ksp` the linear solver `name`, one of `LINEAR_SOLVERS`, of the matrix A."""
     options, given = PETSc.Options(PREFIX), dict(LINEAR_SOLVERS[name])
-    if name.startswith("mumps") and not _order_is_given():
-        options.delValue(ORDER)  # of a solver of another size
-        if snes.getJacobian()[0].size[0] <= FEW_UNKNOWNS:
-            given[ORDER] = AMD
+    ksp.setOperators(A)
+    if name.startswith("mumps"):
+        if not _order_is_given():
+            options.delValue(ORDER)  # of a solver of another size
+            if A.size[0] <= FEW_UNKNOWNS:
+                given[ORDER] = AMD
+        ksp.pc.setType(given["pc_type"])
+        ksp.pc.setFactorSolverType("mumps")
     for key, value in given.items():
         options[key] = value
-    if name.startswith("mumps"):
-        snes.ksp.pc.setType(given["pc_type"])
-        snes.ksp.pc.setFactorSolverType("mumps")
-    snes.setFromOptions()
-    snes.ksp.setFromOptions()
+    ksp.setFromOptions()
     for key in given:
         # read only when the factor is made; read here too, as PETSc reports unused options
         if key.startswith("mat_mumps"):
@@ -85,12 +102,12 @@ def inertia(pc: PETSc.PC) -> tuple[int, int]:
     return pc.getFactorMatrix().getInertia()[:2]
 
 
-def give_way(
+def subtract_compliances(
     ksp: PETSc.KSP, given: Sequence[tuple[PETSc.Vec, float]], d: PETSc.Vec, rounding: float
 ) -> bool:
     """Make d, which `ksp` solved for, the solution with the tangent less c c^T / k for each `given`
-    c and k: tools moved by force give way (Woodbury). False, and d as it was, if that tangent is
-    not positive definite; rounding: of the largest k, what it leaves of nothing."""
+    c and k [N/mm], as of tools that a force moves (Woodbury's formula). False, and d unchanged, if
+    that tangent is not positive definite; rounding: share of the largest k that counts as 0."""
     if not given:
         return True
     solved = [c.duplicate() for c, _ in given]

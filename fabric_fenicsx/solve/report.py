@@ -1,28 +1,6 @@
-"""How a solve ended, in numbers and words."""
+"""What a solve cost and how it ended."""
 
 from dataclasses import dataclass, field
-
-from petsc4py import PETSc
-
-from .. import dolfinx_compat as compat
-
-Reason = PETSc.SNES.ConvergedReason
-SNES_WORDS = {
-    Reason.CONVERGED_FNORM_ABS: "converged: what force is left is rounding",
-    Reason.CONVERGED_FNORM_RELATIVE: "converged: residual below the tolerance",
-    Reason.CONVERGED_SNORM_RELATIVE: "converged: the correction is below the rounding of positions",
-    Reason.DIVERGED_MAX_IT: "no convergence within the allowed iterations",
-    Reason.DIVERGED_LINEAR_SOLVE: "the linear solver failed",
-    Reason.DIVERGED_LINE_SEARCH: "the line search found no state of lower energy",
-    compat.DIVERGED_NAN: "the energy, its forces or its tangent are not a number",
-    Reason.DIVERGED_FUNCTION_DOMAIN: "a cell is turned inside out",
-    Reason.DIVERGED_LOCAL_MIN: "the state is a saddle of the energy that could not be left",
-}
-KSP_WORDS = {
-    value: name.lower().replace("_", " ").replace("diverged ", "")
-    for name, value in vars(PETSc.KSP.ConvergedReason).items()
-    if isinstance(value, int)
-}
 
 
 @dataclass
@@ -41,3 +19,7 @@ class Report:
     saddles: int = 0
     scale: float = 0.0
     residuals: list[float] = field(default_factory=list)
+
+    def fail(self, reason: str) -> None:
+        """Note that the solution is not accepted after all."""
+        self.converged, self.reason = False, reason

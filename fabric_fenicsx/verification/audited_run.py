@@ -10,7 +10,8 @@ from petsc4py import PETSc
 from ..results import measures
 from ..scene.scene import Scene
 from ..solve.newton import Newton
-from ..solve.stepping import march
+from ..solve.settings import Settings
+from ..solve.stepping import LoadStepping
 
 TOLERANCE = 1e-8  # of the residual over the reaction
 
@@ -20,7 +21,7 @@ class AuditedRun:
     whose residual, assembled anew, is above the tolerance or whose tangent, factorised anew, has
     negative pivots.
 
-    steps, options: of `solve.stepping.march`; tolerance: of the residual over the reaction.
+    steps, options: of `Settings`; tolerance: of the residual over the reaction.
     on_accept: is also called with this run and each accepted state.
     """
 
@@ -37,7 +38,8 @@ class AuditedRun:
         self.scene, self.comm = scene, scene.comm
         self.size = np.ptp(scene.blank.extent(), axis=0).max()
         self.newton = Newton(scene, tolerance)
-        self.outcome = march(self.newton, steps, on_accept=self._accept, **options)
+        settings = Settings(steps=steps, path_tolerance=None, **options)
+        self.outcome = LoadStepping(self.newton, settings, on_accept=self._accept).run()
         self.energy = scene.energy()
 
     def _accept(self, accepted):
@@ -48,15 +50,15 @@ class AuditedRun:
     def _audit(self, accepted):
         if accepted.load == 0:
             return
-        newton, scene = self.newton, self.scene
+        newton, scene, tangent = self.newton, self.scene, self.newton.tangent
         r, correction = scene.u.duplicate(), scene.u.duplicate()
         scene.residual(r)
-        scene.tangent(newton.A)
+        tangent.assemble()
         norm, scale = r.norm(), scene.force_scale()
-        newton.snes.ksp.setOperators(newton.A)
-        newton.snes.ksp.solve(r, correction)
+        negative = tangent.negative_pivots()
+        tangent.solve_with_last_factors(r, correction)
         # of positions, through the tangent
-        rounding = 2.0**-52 * self.size * newton.A.getDiagonal().norm()
+        rounding = 2.0**-52 * self.size * tangent.A.getDiagonal().norm()
         at_rounding = (
             norm <= rounding or correction.norm(PETSc.NormType.NORM_INFINITY) <= 1e-14 * self.size
         )
@@ -64,7 +66,6 @@ class AuditedRun:
             self.faults.append(
                 f"residual {norm:.1e} N of {scale:.1e} N at load {accepted.load:.4g}"
             )
-        negative = newton.snes.ksp.pc.getFactorMatrix().getInertia()[0]
         if negative:
             self.faults.append(
                 f"{negative} negative pivots ({accepted.report.negative_pivots} told) at load "

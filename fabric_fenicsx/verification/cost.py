@@ -21,7 +21,8 @@ from ..results.curve import moving_grip
 from ..runtime import timing
 from ..scene.scene import Scene
 from ..solve.newton import Newton
-from ..solve.stepping import march
+from ..solve.settings import Settings
+from ..solve.stepping import LoadStepping
 from .camera import camera_displacements, field_distance
 from .cost_plan import Configuration
 from .reference import curve_distance, reference_curve, reference_grid
@@ -124,12 +125,11 @@ def run_cost(comm: MPI.Comm, fabric: Law, c: Configuration, reference: Path) -> 
 
         def solve():
             newton = made["newton"] = Newton(scene, c.tolerance, linear_solver=c.linear_solver)
-            made["outcome"] = march(
+            made["outcome"] = LoadStepping(
                 newton,
-                c.steps,
+                Settings(steps=c.steps, path_tolerance=c.path_tolerance),
                 on_accept=lambda at: curve.append((at.load, measure(scene, at.load)[1])),
-                path_tolerance=c.path_tolerance,
-            )
+            ).run()
 
         wall = timed(comm, solve, 1)
         total += wall
@@ -140,7 +140,7 @@ def run_cost(comm: MPI.Comm, fabric: Law, c: Configuration, reference: Path) -> 
         row["repeats"] += 1
         if wall < row["wall_s"]:
             row |= {"wall_s": wall} | parts
-    outcome, tangent = made["outcome"], made["newton"].A
+    outcome, tangent = made["outcome"], made["newton"].tangent.A
     row |= {
         "compile_s": compiled,
         "dofs": 2 * scene.blank.V.dofmap.index_map.size_global,
@@ -174,27 +174,27 @@ def solution_cost(comm: MPI.Comm, fabric: Law, c: Configuration) -> dict[str, An
     scene = scene_of(comm, fabric, c)
     before = resident_mib(comm, "VmRSS")
     newton = Newton(scene, linear_solver=c.linear_solver)
-    x = newton.x
+    x, A, ksp = newton.x, newton.tangent.A, newton.tangent.ksp
     gradient = np.diag([0.01, -0.0666])
     x.array[:] = (scene.blank.coordinates()[:, :2] @ gradient).ravel()[: x.local_size]
     scene.set(x)
     r = x.duplicate()
     row: dict[str, Any] = {
-        "tangent_s": timed(comm, lambda: scene.tangent(newton.A)),
+        "tangent_s": timed(comm, lambda: scene.tangent(A)),
         "residual_s": timed(comm, lambda: scene.residual(r)),
     }
-    known, d, ksp = x.copy(), x.duplicate(), newton.snes.ksp
+    known, d = x.copy(), x.duplicate()
     known.array[scene.held] = 0
-    rhs = newton.A * known
+    rhs = A * known
 
     def solve():
-        ksp.setOperators(newton.A)
+        ksp.setOperators(A)
         ksp.solve(rhs, d)
 
     row["solve_s"] = timed(comm, solve, 1)  # analysis and set-up included
     row["reason"] = "" if ksp.getConvergedReason() > 0 else "the linear solver failed"
     d.axpy(-1.0, known)
-    row["linear_error"] = float(np.sqrt(abs(d.dot(newton.A * d)) / known.dot(rhs)))
+    row["linear_error"] = float(np.sqrt(abs(d.dot(A * d)) / known.dot(rhs)))
     row["linear_iterations"] = ksp.getIterationNumber()
     row["memory_mib"] = resident_mib(comm, "VmHWM") - before
     row["elastic_assembly_s"] = None

@@ -15,7 +15,8 @@ from ..material.laws import Law
 from ..results.curve import moving_grip
 from ..runtime.errors import InputError, SolverFailure
 from ..solve.newton import Newton
-from ..solve.stepping import march
+from ..solve.settings import Settings
+from ..solve.stepping import LoadStepping
 from .camera import camera_displacements, camera_points, field_distance
 from .extrapolation import Estimate, estimate
 from .strips import LENGTH, STRIPS, WIDTH, Discretisation, Strip, strip_scene, strip_values
@@ -42,7 +43,8 @@ def solve_member(
         curve[accepted.load] = measure(scene, accepted.load)[1]
 
     newton = Newton(scene, tolerance, linear_solver=linear_solver)
-    outcome = march(newton, len(LOADS) - 1, on_accept=accept, milestones=LOADS)
+    settings = Settings(steps=len(LOADS) - 1, path_tolerance=None, milestones=tuple(LOADS))
+    outcome = LoadStepping(newton, settings, on_accept=accept).run()
     wall = time.perf_counter() - began
     if outcome.reason:
         raise SolverFailure(f"{how}: {outcome.reason}")

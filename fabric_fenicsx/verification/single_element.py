@@ -18,7 +18,8 @@ from ..scene.scene import Scene
 from ..scene.supports import rolling_ends
 from ..sheets.blank import Blank
 from ..solve.newton import Newton
-from ..solve.stepping import march
+from ..solve.settings import Settings
+from ..solve.stepping import LoadStepping
 
 FREE = "free uniaxial a"
 MODELS = "hyperelastic", "FABRIC"
@@ -178,7 +179,8 @@ def free_uniaxial(
             stress = scene.reaction("moving grip")[0] / membrane.fabric.thickness
             found.append((across.mean(), stress))
 
-    outcome = march(Newton(scene, tolerance), steps=len(eps_a) - 1, on_accept=accept)
+    settings = Settings(steps=len(eps_a) - 1, path_tolerance=None)
+    outcome = LoadStepping(Newton(scene, tolerance), settings, on_accept=accept).run()
     if outcome.reached < 1 or len(found) != len(eps_a):
         raise SolverFailure(outcome.reason or "free uniaxial tension needed cuts")
     lateral, stress = np.array(found).T

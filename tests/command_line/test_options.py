@@ -1,5 +1,7 @@
 """Messages speak of parameters; a command line speaks of its options."""
 
+from dataclasses import replace
+
 import pytest
 
 import fabric_fenicsx as ff
@@ -35,7 +37,7 @@ def test_the_library_speaks_of_parameters(tmp_path):
     job = ff.Tensile(nx=4, element="P1", strain=0.01).job(steps=1)
     with pytest.raises(ff.InputError, match="`resume=True` finds no checkpoint in .*`out`"):
         job.run(tmp_path / "none", resume=True)
-    job.limits = ff.Limits(strain=1e-4)
+    job = replace(job, limits=ff.Limits(strain=1e-4))
     with pytest.raises(ff.SolverFailure, match="`Limits.strain`") as failure:
         job.run(tmp_path / "out", pictures=False)
     with pytest.raises(ff.InputError, match="`out` .* holds results .*`overwrite=True` to lose"):

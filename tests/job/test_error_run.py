@@ -100,12 +100,10 @@ def test_a_job_of_ones_own_says_what_is_coarser():
 
 
 def test_a_coarser_run_that_fails_costs_the_errors_alone():
-    job = ff.Tensile(**COARSE).job(steps=2)
-
     def refused():
         raise ff.InputError("no such mesh; allowed is another")
 
-    job.coarser, job.error = refused, True
+    job = ff.Tensile(**COARSE).job(steps=2, coarser=refused, error=True)
     summary = job.run().summary
     assert summary["converged"] and "error" not in summary
     assert any(

@@ -151,9 +151,7 @@ def test_a_picture_of_a_field_that_the_finished_run_did_not_keep(tmp_path):
 
 def test_the_force_and_travel_of_a_moving_support_are_measured():
     measured = ff.Tensile(**COARSE).job(steps=2).run()
-    job = ff.Tensile(**COARSE).job(steps=2)
-    job.measure = None
-    plain = job.run()
+    plain = ff.Tensile(**COARSE).job(steps=2, measure=None).run()
     for mine, row in zip(plain.rows, measured.rows):
         assert mine["displacement_mm"] == pytest.approx(row["displacement_mm"])
         assert mine["reaction_N"] == pytest.approx(row["reaction_N"])
@@ -167,9 +165,11 @@ def test_a_field_is_drawn(tmp_path):
 
 
 def test_quantities_and_tables_of_ones_own(folder):
-    job = ff.Tensile(**COARSE).job(steps=4)
-    job.quantities = lambda result: {"mean_eps_a": float(np.mean(result.fields["eps_a"]))}
-    job.tables = lambda result, folder: (folder / "own.txt").write_text("own")
+    job = ff.Tensile(**COARSE).job(
+        steps=4,
+        quantities=lambda result: {"mean_eps_a": float(np.mean(result.fields["eps_a"]))},
+        tables=lambda result, folder: (folder / "own.txt").write_text("own"),
+    )
     result = job.run(folder, pictures=False)
     assert math.isclose(result.summary["quantities"]["mean_eps_a"], 0.03, rel_tol=0.1)
     assert (folder / "own.txt").read_text() == "own"
@@ -241,7 +241,7 @@ def test_a_surface_that_gives_no_number_on_the_way_is_named():
 
     job, _ = ball_under_a_sheet(lambda load: (0, 0, -32 + 4 * load), Cut(30))
     with pytest.raises(ff.SolverFailure, match="gave up") as failure:
-        replace(job, viscosity=False).run()
+        replace(job, viscosity="off").run()
     warnings = failure.value.result.summary["warnings"]
     assert any("the surface Cut of ball gives no number at (" in text for text in warnings)
 
@@ -334,8 +334,7 @@ def test_a_warning_carries_its_level_once(folder, capsys):
     try:
         for handler in handlers:
             log.addHandler(handler)
-        job = ff.Tensile(**COARSE).job(steps=2)
-        job.warnings = ["100 % odd"]
+        job = ff.Tensile(**COARSE).job(steps=2, warnings=["100 % odd"])
         job.run(folder, pictures=False)
     finally:
         for handler in handlers:

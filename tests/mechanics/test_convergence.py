@@ -4,7 +4,7 @@ elements."""
 import numpy as np
 import pytest
 import ufl
-from builders import compiled_as_it_stands
+from builders import compiled_as_it_stands, march
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -18,7 +18,6 @@ from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, on_edge
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import march
 
 COMM = MPI.COMM_WORLD
 LENGTH, WIDTH = 100.0, 60.0

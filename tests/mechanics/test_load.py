@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import Elastic, alone, rotation, run, sheet
+from builders import Elastic, alone, march, rotation, run, sheet
 
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
@@ -14,7 +14,6 @@ from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.stack import Stack
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import march
 
 LENGTH, WIDTH, TENSION = 40.0, 10.0, 8.0
 FLAT = np.eye(3)

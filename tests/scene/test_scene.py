@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import ufl
-from builders import sheet
+from builders import march, sheet
 from mpi4py import MPI
 
 from fabric_fenicsx.material.presets import load
@@ -21,7 +21,6 @@ from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.tool import Tool
 

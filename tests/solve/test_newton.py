@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import ufl
-from builders import sheet
+from builders import march, sheet
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -20,9 +20,10 @@ from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve import linear
+from fabric_fenicsx.solve.directions import Directions
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import Viscosity, march
+from fabric_fenicsx.solve.viscosity import Viscosity
 
 COMM = MPI.COMM_WORLD
 KOMEILI = PRESETS["komeili"]
@@ -46,10 +47,8 @@ def strip(
 
 def negative_pivots(newton):
     """Of the tangent at the present state, factored anew."""
-    newton.scene.tangent(newton.A)
-    newton.snes.ksp.setOperators(newton.A)
-    newton.snes.ksp.setUp()
-    return newton.snes.ksp.pc.getFactorMatrix().getInertia()[0]
+    newton.tangent.assemble()
+    return newton.tangent.negative_pivots()
 
 
 @pytest.mark.versions
@@ -60,7 +59,7 @@ def test_few_unknowns_are_ordered_by_minimum_degree(monkeypatch):
         monkeypatch.setattr(linear, "FEW_UNKNOWNS", few)
         newton = Newton(strip(nx=4))
         march(newton, steps=1)
-        found.append(newton.snes.ksp.pc.getFactorMatrix().getMumpsIcntl(7))
+        found.append(newton.tangent.ksp.pc.getFactorMatrix().getMumpsIcntl(7))
     assert found[0] == found[2] == 0 != found[1]
 
 
@@ -88,8 +87,8 @@ def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch, angle, s
     monkeypatch.setattr(
         Scene, "tangent", lambda *args, **kw: (tangents.append(1), tangent(*args, **kw))
     )
-    for near in (Newton.NEAR, 0.0):
-        monkeypatch.setattr(Newton, "NEAR", near)
+    for near in (Directions.NEAR, 0.0):
+        monkeypatch.setattr(Directions, "NEAR", near)
         tangents.clear()
         scene = strip(angle, nx=32)
         newton = Newton(scene, tolerance=1e-9)
@@ -121,7 +120,7 @@ def test_unknown_solver_is_named():
 
 
 def test_a_solver_that_petsc_lacks_is_named(monkeypatch):
-    monkeypatch.setattr("fabric_fenicsx.solve.newton.is_there", lambda name: name != "cg-hypre")
+    monkeypatch.setattr("fabric_fenicsx.solve.linear.is_there", lambda name: name != "cg-hypre")
     with pytest.raises(InputError, match="this PETSc has no hypre; allowed are .*cg-gamg$"):
         Newton(strip(), linear_solver="cg-hypre")
 
@@ -252,8 +251,8 @@ def test_steps_are_cut_and_grow_again():
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({"steps": 0}, "steps is 0"),
-        ({"steps": float("nan")}, "steps is nan"),
+        ({"steps": 0}, "`steps` is 0"),
+        ({"steps": float("nan")}, "`steps` is nan"),
         ({"max_step": 0}, "`max_step` is 0"),
     ],
 )
@@ -332,7 +331,7 @@ def test_drag_comes_when_cutting_does_not_help_and_fades():
 
     newton = Brittle(strip())
     newton.drags = []
-    outcome = march(newton, steps=10, viscosity=False)
+    outcome = march(newton, steps=10, viscosity="off")
     assert outcome.reached < 0.31 and "brittle" in outcome.reason
 
 
@@ -357,10 +356,10 @@ def test_a_march_goes_on_from_a_state_under_drag():
 
 def test_drag_fades_at_rest_however_hard_the_steps_are():
     viscosity = Viscosity(drag=1e-3, stiffness=1.0, easy_steps_asked=16)
-    viscosity.note_accepted(easy=False, at_rest=False)
+    viscosity.note_accepted(uncut=False, at_rest=False)
     assert viscosity.drag == 1e-3
     for _ in range(20):
-        viscosity.note_accepted(easy=False, at_rest=True)
+        viscosity.note_accepted(uncut=False, at_rest=True)
     assert viscosity.drag == 0
 
 

@@ -2,6 +2,7 @@
 
 import builders
 import pytest
+from builders import march
 
 from fabric_fenicsx.mechanics.load import EdgeTension
 from fabric_fenicsx.mechanics.term import Term
@@ -9,8 +10,8 @@ from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve.judges import FINEST
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import FINEST, march
 
 
 class Losing(Term):

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import Elastic, alone, displacement, everywhere, near, run
+from builders import Elastic, alone, displacement, everywhere, march, near, run
 from builders import sheet as flat
 from mpi4py import MPI
 from scipy import sparse
@@ -18,7 +18,6 @@ from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import march
 from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
 from fabric_fenicsx.tools.tool import Tool
 

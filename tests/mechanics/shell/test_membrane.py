@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from builders import alone, compiled_as_it_stands, rotation, sheet
+from builders import alone, compiled_as_it_stands, march, rotation, sheet
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -22,7 +22,6 @@ from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import march
 
 COMM = MPI.COMM_WORLD
 KOMEILI = PRESETS["komeili"]

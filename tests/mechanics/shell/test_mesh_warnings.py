@@ -5,7 +5,7 @@ import math
 import builders
 import numpy as np
 import pytest
-from builders import alone
+from builders import alone, march
 from mpi4py import MPI
 
 from fabric_fenicsx.material.presets import load
@@ -24,7 +24,6 @@ from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import march
 
 COMM = MPI.COMM_WORLD
 KOMEILI = load("komeili")

@@ -4,7 +4,7 @@ import builders
 import numpy as np
 import pytest
 import ufl
-from builders import COMM, alone, near, rotation, run
+from builders import COMM, alone, march, near, rotation, run
 from dolfinx import fem
 from mpi4py import MPI
 from scipy import sparse
@@ -19,7 +19,6 @@ from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.checkpoint import Checkpoint
 from fabric_fenicsx.solve.newton import Newton
-from fabric_fenicsx.solve.stepping import march
 
 DC04 = ff.load_metal("dc04")
 INCOMPRESSIBLE = DC04.replace(nu=0.5)  # so that stress keeps its direction as metal yields
@@ -145,7 +144,7 @@ def bent(curvatures, points, metal):
 
     states = []
     outcome = march(
-        Newton(scene), steps, on_accept=lambda s: (note(s), states.append(s)), viscosity=False
+        Newton(scene), steps, on_accept=lambda s: (note(s), states.append(s)), viscosity="off"
     )
     assert not outcome.reason, outcome.reason
     return np.array(moments), states

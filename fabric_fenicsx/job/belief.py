@@ -1,0 +1,110 @@
+"""What speaks against a result: beyond limits, or worth a warning."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
+from ..results.history import ENERGIES, energy_balance
+from ..scene.scene import Scene
+from ..solve.limits import EDGES, Limits
+
+UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
+NOT_BELIEVED = "the result is not to be believed: "
+
+
+def not_believed(wrong: Sequence[str]) -> str:
+    """One sentence of all that is wrong with a result, "" if nothing is."""
+    return NOT_BELIEVED + "; ".join(wrong) if wrong else ""
+
+
+def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
+    """What no later state mends, a sentence each: tools too deep in the sheet, and yarns stretched
+    too far."""
+    wrong = limits.exceeded({"penetration": scene.penetration_of_thickness()})
+    if wrong:
+        wrong = [f"{wrong[0]}; deepest is {scene.where_deepest()}"]
+    over = scene.overstretched(limits.strain)
+    if over > EDGES:
+        wrong.append(
+            f"yarns are stretched by more than {100 * limits.strain:.3g} % in {100 * over:.3g} % "
+            f"of the sheet; allowed is {100 * EDGES:.3g} % of it (`Limits.strain`)"
+        )
+    return wrong
+
+
+def beyond_limits_at_end(
+    scene: Scene, limits: Limits, rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
+) -> list[str]:
+    """What is wrong with the run as a whole, a sentence each. rows: of its history; energy: as in
+    summary.json [N mm]."""
+    # of stretching; kinds that only some terms have are its too, as of metal
+    kept = energy["strain"] + sum(
+        value for kind, value in energy.items() if kind not in (*ENERGIES, "external_work")
+    )
+    found = {
+        "imbalance": energy_balance(rows, energy)["energy_imbalance"],
+        "viscous": energy["viscous"] / max(abs(kept), 1e-300),
+    }
+    return limits.exceeded(found) + _passed_through(scene)
+
+
+def _passed_through(scene):
+    """A sentence for each sheet that has passed through itself, which nothing resists."""
+    blank = scene.blank
+    found = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
+    return [
+        f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
+        f"({', '.join(f'{x:.4g}' for x in places[0])}) mm; allowed is none, as contact of a "
+        "sheet with itself is not modelled"
+        for part, places in found.items()
+        if len(places)
+    ]
+
+
+def warnings_at_start(scene: Scene) -> list[str]:
+    """What speaks against a scene before it is loaded, in words."""
+    found = [scene.check_held()]
+    if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
+        from ..mechanics.contact.tool_warnings import tool_warnings
+
+        found += tool_warnings(scene)
+    return [words for words in found if words]
+
+
+def warnings_at_end(
+    scene: Scene, rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
+) -> list[str]:
+    """What speaks against the result though nothing failed, in words. rows, energy: as of
+    `beyond_limits_at_end`."""
+    untouched = ""
+    if scene.tools():
+        from ..mechanics.contact.tool_warnings import untouched_warning
+
+        untouched = untouched_warning(scene)
+    found = [untouched, crossing_warning(scene.blank)]
+    if not (untouched or any(energy.values()) or scene.u.norm()):
+        found.append(
+            "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
+            "that moves would, as `clamped_ends(stroke)`"
+        )
+    balance = energy_balance(rows, energy)
+    if branches := ", ".join(f"{load:.6g}" for load in balance["branches"]):
+        found.append(
+            f"the path branches at load {branches}: the equilibrium there was a saddle, and "
+            "one of the ways down was taken; others may lead to other results"
+        )
+    if balance["energy_imbalance"] > UNBALANCED:
+        found.append(
+            "work of supports and tools and stored energy differ by "
+            f"{100 * balance['energy_imbalance']:.3g} %; {_cause(energy)}"
+        )
+    return [words for words in [*found, *scene.warnings()] if words]
+
+
+def _cause(energy):
+    """Of work that does not match the energies."""
+    below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
+    if not below:
+        return "take smaller steps (`max_step`), unless the sheet snapped"
+    told = " and ".join(f"{kind} {energy[kind]:.3g} N mm" for kind in below)
+    return f"what should resist drives the sheet, as energies are below 0: {told}"

@@ -1,0 +1,175 @@
+"""A job under way: what is written with each state that it reaches."""
+
+import logging
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+from tqdm import tqdm
+
+from .. import dolfinx_compat as compat
+from ..results.curve import default_measure
+from ..results.history import ENERGIES, History, energy_balance, viscous_words
+from ..results.output import Output
+from ..results.result import Result
+from ..runtime import timing
+from ..runtime.signals import StopSignals
+from ..solve.checkpoint import Checkpoint
+from ..solve.newton import Newton
+from ..solve.progress import Accepted, Outcome, Progress
+from ..solve.report import Report
+from ..solve.stepping import LoadStepping
+from . import belief
+
+if TYPE_CHECKING:
+    from .job import Job
+
+log = logging.getLogger("fabric_fenicsx")
+
+
+class Run:
+    """The run of a `job` in a `folder`, from rest or from a `Progress`: it writes history, fields
+    and checkpoint at each accepted state, and the summary at the end.
+
+    start, notes: as `Checkpoint.load` gives them, None and empty for a run from rest. stopped: the
+    signal that ended the run, in words, or ""; wrong: why the result is not to be believed, or "".
+    """
+
+    def __init__(
+        self,
+        job: "Job",
+        output: Output,
+        folder: Path,
+        newton: Newton,
+        checkpoint: Checkpoint,
+        start: Progress | None,
+        notes: Mapping[str, Any],
+    ) -> None:
+        from ..results.fields import FieldSeries  # imports pyvista: longer than a coarse run
+
+        self.job, self.output, self.folder, self.scene = job, output, folder, job.scene
+        self._newton, self._checkpoint, self._start = newton, checkpoint, start
+        comm = self.scene.comm
+        for warning in [*job.warnings, *belief.warnings_at_start(self.scene)]:
+            output.warn(warning)
+        if comm.rank == 0:
+            for old in [folder / "summary.json", *folder.glob("*.png")]:
+                old.unlink(missing_ok=True)  # of an earlier run, not of this one
+        self.history = History(folder / "history.csv", comm, notes.get("rows", ()))
+        with timing.phase("output"):
+            self.series = FieldSeries(folder, self.scene, notes.get("states", ()))
+        self._measure = job.measure or default_measure(self.scene)
+        self._bar = tqdm(
+            total=1.0,
+            initial=start.load if start else 0.0,
+            desc=folder.name if folder != output.path else output.name,
+            disable=None if comm.rank == 0 else True,
+            bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]",
+        )
+        self._wrong_now: list[str] = []  # what is wrong with the last accepted state
+        self.stopped, self.wrong = "", ""
+
+    def to_full_load(self) -> Result:
+        """Step to full load; the `Result`, whose summary is written."""
+        signals = StopSignals(self.scene.comm)
+        stepping = LoadStepping(
+            self._newton,
+            self.job,
+            self._start,
+            on_accept=self._accept,
+            on_reject=self._reject,
+            stop=lambda: signals() or belief.not_believed(self._wrong_now),
+        )
+        try:
+            outcome = stepping.run()
+        finally:
+            signals.forget()
+            self._bar.close()
+            self.history.close()
+        self.stopped = signals()
+        return self._result(outcome)
+
+    def _accept(self, accepted: Accepted) -> None:
+        scene, output, rows = self.scene, self.output, self.history.rows
+        if not accepted.load and any(term.prestressed for term in scene.terms):
+            moved = scene.u.norm(PETSc.NormType.NORM_INFINITY)
+            output.say(
+                f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
+            )
+        self._wrong_now = belief.beyond_limits_now(scene, self.job.limits)
+        measured = self._measure(scene, accepted.load)
+        with timing.phase("output"):
+            self.history.add(accepted, *measured, scene.history)
+            if len(rows) == 1:
+                scene.summary()  # so that names given twice are refused now, not at the end
+        output.warn(viscous_words(rows, accepted.load))
+        self._bar.update(accepted.load - self._bar.n)
+        words = (
+            f"step {accepted.progress.step:.3g}, iterations {accepted.report.iterations}, energy "
+            f"{sum(accepted.energies.values()):.4g} N mm"
+        )
+        self._bar.set_postfix_str(words, refresh=False)
+        if scene.comm.rank == 0:
+            log.debug("load %.6g accepted: %s", accepted.load, words)
+        with timing.phase("output"):
+            if self._is_written():
+                self.series.write(accepted.load)
+            notes = {"rows": rows, "states": self.series.states}
+            self._checkpoint.save(accepted.progress, notes)
+
+    def _reject(self, load: float, report: Report) -> None:
+        if self.scene.comm.rank == 0:
+            words = "step to load %.6g rejected after %d iterations: %s"
+            log.warning(words, load, report.iterations, report.reason)
+
+    def _is_written(self):
+        """Whether the last accepted state is one of those written for ParaView."""
+        return (len(self.history.rows) - 1) % self.job.every == 0
+
+    def _result(self, outcome: Outcome) -> Result:
+        scene, output, rows = self.scene, self.output, self.history.rows
+        with timing.phase("output"):
+            fields = scene.cell_fields()
+            if not self._is_written():
+                self.series.write(outcome.reached, fields)
+        result = Result({}, rows, fields, self.folder, scene)
+        energy = self._energy()
+        for warning in belief.warnings_at_end(scene, rows, energy):
+            output.warn(warning)
+        wrong = belief.beyond_limits_at_end(scene, self.job.limits, rows, energy)
+        self.wrong = outcome.reason or belief.not_believed(self._wrong_now + wrong)
+        result.summary = output.summarise(
+            self.folder,
+            converged=not self.wrong,
+            stroke_reached=outcome.reached,
+            reason=self.wrong or "full load reached",
+            **self._facts(),
+            steps_accepted=outcome.accepted,
+            steps_rejected=outcome.rejected,
+            newton_iterations=outcome.iterations,
+            energy=energy,
+            reaction_N=rows[-1]["reaction_N"],
+            **energy_balance(rows, energy),
+            quantities=self.job.quantities(result) if self.job.quantities else {},
+        )
+        return result
+
+    def _facts(self):
+        """What the scene is, for the summary."""
+        blank = self.scene.blank
+        kind = "P" if compat.cell_name(blank.mesh) == "triangle" else "Q"
+        return {
+            "element": f"{kind}{blank.degree}",
+            "dofs": blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim,
+            "cells": blank.mesh.topology.index_map(2).size_global,
+            **self.scene.summary(),
+        }
+
+    def _energy(self):
+        """Energies of the last state by kind, and the work done [N mm]: those of its row, as terms
+        have since taken anew what they held in its solve."""
+        row = self.history.rows[-1]
+        kinds = {**dict.fromkeys(ENERGIES), **self.scene.energies()}
+        work = {"external_work": row["external_work_Nmm"]}
+        return {kind: row[f"{kind}_energy_Nmm"] for kind in kinds} | work

@@ -1,0 +1,60 @@
+"""What a converged step must pass to be accepted: each judge gives a reason against it, or ""."""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+from ..scene.scene import Scene
+
+SMALL_WORK = 0.1  # of the energies, below which a step's work is not what its balance is of
+FINEST = 8  # of these make the largest step; smaller ones are not judged by their balance
+
+
+@dataclass(frozen=True)
+class StraightPath:
+    """A state lies near the straight continuation of the path: at most twice `accuracy` off, over
+    its displacement. None: anywhere."""
+
+    accuracy: float | None
+
+    def objection(self, deviation: float) -> str:
+        """deviation: distance from the continuation over the displacement's norm."""
+        if self.accuracy and deviation > 2 * self.accuracy:
+            return f"the path is not known to {self.accuracy:g}"
+        return ""
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """At most the share `allowed` of a step's work is missing from the energies. None: any.
+
+    Steps below 1/`FINEST` of the `largest` are not judged: what is lost in a snap is missing with
+    any step.
+    """
+
+    allowed: float | None
+    largest: float
+
+    def objection(self, taken: float, work: float, rise: float, stored: float) -> str:
+        """taken: the step's load factor; work done in it, rise of the energies, and what these were
+        before [N mm]."""
+        if not self.allowed or taken <= 1.5 * self.largest / FINEST:
+            return ""
+        missing = abs(work - rise) / max(abs(work), abs(rise), SMALL_WORK * abs(stored), 1e-300)
+        if missing <= self.allowed:
+            return ""
+        return (
+            f"{100 * missing:.3g} % of the step's work is not in the energies; allowed is "
+            f"{100 * self.allowed:g} %"
+        )
+
+
+def upset_objection(scene: Scene, x: PETSc.Vec) -> str:
+    """Contact, taken anew after a solution x, leaves a residual below all forces on the scene:
+    otherwise it would settle after hundreds of iterations, if ever."""
+    residual = x.duplicate()
+    scene.set(x)
+    scene.residual(residual)
+    if residual.norm() > scene.force_scale():
+        return "contact changed by more than all forces after a solution"
+    return ""

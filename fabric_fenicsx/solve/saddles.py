@@ -1,0 +1,74 @@
+"""Saddles of the energy: whether a state is one, and the way down from it."""
+
+import numpy as np
+from petsc4py import PETSc
+
+from .ending import End, SolveFailed
+from .line_search import ROUNDING
+from .objective import Objective
+from .report import Report
+from .tangent import Tangent
+
+
+class Saddles:
+    """Tells saddles from minima by the tangent's negative pivots, and leaves them.
+
+    It leaves along a direction of negative curvature that depends on neither the ranks nor chance.
+    smallest: displacement that counts as 0 [mm].
+    """
+
+    MOST = 5  # to be left in one solve
+    EASY = 5  # iterations, within which a solve counts as easy
+    INVERSE_ITERATIONS, HALVINGS = 50, 30
+    FIRST = 1e10  # of the smallest displacement, the first step down
+
+    def __init__(self, objective: Objective, tangent: Tangent, smallest: float) -> None:
+        self._objective, self._tangent, self._smallest = objective, tangent, smallest
+        self._scene = objective.scene
+        self._d, self._trial = (objective.r.duplicate() for _ in range(2))
+
+    def is_here(self, x: PETSc.Vec, report: Report) -> bool:
+        """Whether the tangent at x, where a solve has converged, has negative pivots. After an easy
+        solve where none was met yet the last tangent is believed."""
+        easy = 0 < report.iterations <= self.EASY and not report.cuts
+        if (easy and not self._tangent.negative_pivots_met) or not self._tangent.tells_inertia:
+            return False
+        self._scene.set(x)
+        self._tangent.assemble()
+        report.negative_pivots = self._tangent.negative_pivots()
+        return report.negative_pivots > 0
+
+    def leave(self, x: PETSc.Vec, energy: float, report: Report) -> float:
+        """Move x downhill from the saddle that it is at; the energy there [N mm]. Raises
+        SolveFailed."""
+        report.saddles += 1
+        if report.saddles > self.MOST:
+            raise SolveFailed(End.SADDLE)
+        d, trial = self._softest_direction(report), self._trial
+        for _ in range(self.HALVINGS):
+            for sign in (1.0, -1.0):
+                x.copy(trial)
+                trial.axpy(sign, d)
+                found = self._objective(trial)
+                within_rounding = abs(found - energy) <= ROUNDING * abs(energy)
+                if sign * self._objective.r.dot(d) < 0 if within_rounding else found < energy:
+                    trial.copy(x)
+                    return found
+            d.scale(0.5)
+        raise SolveFailed(End.SADDLE)
+
+    def _softest_direction(self, report):
+        """A direction of negative curvature, by inverse iteration, as long as the first step."""
+        d, trial = self._d, self._trial
+        d.array[:] = self._scene.blank.generic_displacement().ravel()
+        d.array[self._scene.held] = 0
+        shift, curvature = 0.0, np.inf
+        for _ in range(self.INVERSE_ITERATIONS):
+            d.scale(1 / d.norm())
+            d.copy(trial)
+            shift += self._tangent.solve(trial, d, report)
+            before, curvature = curvature, 1 / d.dot(trial) - shift
+            if curvature < 0 and abs(before - curvature) <= 0.1 * abs(curvature):
+                break
+        d.scale(self.FIRST * self._smallest / d.norm(PETSc.NormType.NORM_INFINITY))
+        return d

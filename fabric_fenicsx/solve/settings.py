@@ -1,0 +1,99 @@
+"""What is asked of the solver: each option declared once, with default, rule and help."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from ..runtime.fields import COUNT, POSITIVE, Rule, check_fields, choice, number
+from .limits import Limits
+from .linear import LINEAR_SOLVERS
+
+LOAD_FACTOR = Rule("a load factor above 0 and up to 1", lambda v: 0 < v <= 1)
+BELOW_ONE = Rule("a number above 0 and below 1", lambda v: 0 < v < 1)
+
+LOOSER = 4.0  # path tolerance and limits: a mesh twice as coarse is off by as much
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Options of load stepping and Newton's method, for `Job`, the command line and stepping alike.
+
+    - steps: the first load step is 1/steps; max_step: the largest, by default as large. A step that
+      fails is halved; one that passes uncut lets the next grow
+    - tolerance: the residual's norm over that of the forces on the sheet; path_tolerance: a looser
+      one of the states between the start and full load or a milestone, None: the same
+    - viscosity: "auto" lets steps that halving does not mend have a drag on every node, which is
+      strengthened until they pass. It fades in those that follow, at full load in steps without
+      load, so the last state is in equilibrium without it
+    - accuracy: largest distance of a state from the straight continuation of the path, over the
+      displacement's norm, for scenes that depend on the path; steps beyond twice that are cut.
+      None: any
+    - balance: largest share of a step's work that may be missing from the energies; a step beyond
+      is halved. None: any
+    - linear_solver: one of `solve.linear.LINEAR_SOLVERS`
+    - every: accepted steps between states written for ParaView
+    - limits: beyond which a result is not believed
+    - milestones: load factors to be hit exactly
+
+    Raises InputError for a value that is not allowed.
+    """
+
+    steps: int = number(20, COUNT, "load steps", "solver")
+    max_step: float | None = number(None, LOAD_FACTOR, "largest load step (1/steps)", "solver")
+    tolerance: float = number(
+        1e-8, BELOW_ONE, "residual of the last state, over the forces on the sheet", "solver"
+    )
+    path_tolerance: float | None = number(
+        1e-4,
+        BELOW_ONE,
+        "the same of states before full load: the curve is as good as this",
+        "solver",
+    )
+    viscosity: str = choice(
+        "auto",
+        ("auto", "off"),
+        "auto: steps that fail get a drag on the nodes, which fades",
+        "solver",
+    )
+    accuracy: float | None = number(
+        None,
+        POSITIVE,
+        "largest share of the displacement by which a step may leave the straight continuation of "
+        "the path; a step beyond is cut",
+        "solver",
+    )
+    balance: float | None = number(
+        None,
+        POSITIVE,
+        "largest share of a step's work that may be missing from the energies; a step beyond is "
+        "halved",
+        "solver",
+    )
+    linear_solver: str = choice(
+        "mumps-cholesky", tuple(LINEAR_SOLVERS), "solver of the linear systems", "solver"
+    )
+    every: int = number(5, COUNT, "accepted steps between states written for ParaView", "output")
+    limits: Limits = field(default_factory=Limits)
+    milestones: Sequence[float] = ()
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    def coarser_settings(self) -> "Settings":
+        """Those of the same run on a mesh twice as coarse, with half the steps."""
+        path, limits = self.path_tolerance, dataclasses.asdict(self.limits)
+        own = {each.name: getattr(self, each.name) for each in dataclasses.fields(Settings)}
+        return dataclasses.replace(
+            Settings(**own),
+            steps=(self.steps + 1) // 2,
+            max_step=self.max_step and min(1.0, 2 * self.max_step),
+            path_tolerance=path and min(1e-1, LOOSER * path),
+            accuracy=self.accuracy and 2 * self.accuracy,
+            balance=self.balance and 2 * self.balance,
+            limits=Limits(**{name: LOOSER * limit for name, limit in limits.items()}),
+        )
+
+    @property
+    def largest_step(self) -> float:
+        """Load factor."""
+        return self.max_step or 1.0 / self.steps
