@@ -24,10 +24,6 @@ OLD, NEW = VERSION < (0, 8), VERSION >= (0, 11)
 if not OLD:
     import basix.ufl
 
-# PETSc 3.25 has renamed it
-_Reason = PETSc.SNES.ConvergedReason
-DIVERGED_NAN = getattr(_Reason, "DIVERGED_FUNCTION_NANORINF", None) or _Reason.DIVERGED_FNORM_NAN
-
 # None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional
 # may be computed side by side; sums may be taken in another order and quotients as products; and
 # instructions are ordered for few registers.

@@ -114,6 +114,19 @@ def test_linear_solvers_agree(solver):
     assert found[1] == pytest.approx(found[0], rel=1e-8)
 
 
+def test_petscs_own_options_of_the_linear_solver_have_a_prefix():
+    options = PETSc.Options("fabric_")
+    options["mat_mumps_icntl_7"] = 6
+    try:
+        linear._order_is_given.cache_clear()
+        newton = Newton(strip(nx=4))
+        assert newton.solve_for(newton.x).converged
+        assert newton.tangent.ksp.pc.getFactorMatrix().getMumpsIcntl(7) == 6
+    finally:
+        options.delValue("mat_mumps_icntl_7")
+        linear._order_is_given.cache_clear()
+
+
 def test_unknown_solver_is_named():
     with pytest.raises(InputError, match="'magic'; allowed are mumps-cholesky"):
         Newton(strip(), linear_solver="magic")

@@ -1,0 +1,47 @@
+"""Options of the solver: each checked where it is declared."""
+
+import dataclasses
+
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.command_line.study import parser
+from fabric_fenicsx.runtime.fields import declared
+from fabric_fenicsx.solve.settings import Settings
+
+
+@pytest.mark.parametrize(
+    "name, value, allowed",
+    [
+        ("steps", 0, "a whole number of 1 or more"),
+        ("max_step", 1.5, "a load factor above 0 and up to 1"),
+        ("tolerance", 1.0, "a number above 0 and below 1"),
+        ("path_tolerance", "loose", "a number above 0 and below 1"),
+        ("viscosity", "on", "one of auto, off"),
+        ("balance", 0, "a number above 0"),
+        ("linear_solver", "magic", "one of mumps-cholesky"),
+        ("every", 2.5, "a whole number of 1 or more"),
+    ],
+)
+def test_a_value_that_is_not_allowed_is_named(name, value, allowed):
+    with pytest.raises(ff.InputError, match=f"`{name}` is .*; allowed is {allowed}"):
+        Settings(**{name: value})
+
+
+def test_a_limit_is_above_0():
+    with pytest.raises(ff.InputError, match="`Limits.strain` is 0; allowed is a number above 0"):
+        ff.Limits(strain=0)
+
+
+@pytest.mark.parametrize("each", declared(Settings), ids=lambda each: each.name)
+def test_an_option_has_the_default_of_its_field(each):
+    args = parser(ff.Tensile, "").parse_args([])
+    expected = None if each.name in ff.Tensile.FULL else each.default
+    assert getattr(args, each.name) == expected
+
+
+def test_a_job_has_every_setting_and_the_coarser_run_takes_them_all():
+    job = ff.Tensile(nx=4, element="P1").job(steps=5, viscosity="off", linear_solver="mumps-lu")
+    coarse = job.coarser_settings()
+    assert (coarse.steps, coarse.viscosity, coarse.linear_solver) == (3, "off", "mumps-lu")
+    assert {each.name for each in dataclasses.fields(Settings)} <= {*vars(job)}
