@@ -32,8 +32,8 @@ def solve_lagged(
                 break
             now = asked
         elif moving and (objection := upset_objection(scene, x)):
-            report.fail(objection)
+            report.object(objection)
             break
     else:
-        report.fail(f"contact was not settled by {MOST} solutions")
+        report.object(f"contact was not settled by {MOST} solutions")
     return report, sum(every)

@@ -57,7 +57,7 @@ class Newton:
             end = self._iterate(x, max(self.tolerance, tolerance), minimum)
             self.report.converged, self.report.reason = True, end.value
         except SolveFailed as failure:
-            self.report.fail(str(failure))
+            self.report.object(str(failure))
         return self.report
 
     def _iterate(self, x, tolerance, minimum):

@@ -20,6 +20,7 @@ class Report:
     scale: float = 0.0
     residuals: list[float] = field(default_factory=list)
 
-    def fail(self, reason: str) -> None:
-        """Note that the solution is not accepted after all."""
-        self.converged, self.reason = False, reason
+    def object(self, objection: str) -> None:
+        """Note why the solution is not accepted after all; "" is no objection."""
+        if objection:
+            self.converged, self.reason = False, objection

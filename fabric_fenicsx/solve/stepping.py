@@ -96,82 +96,89 @@ class LoadStepping:
         self.scene.drag = 0.0
         if not self._in_equilibrium:  # whoever listens hears of one state at least
             self._tell(Report(reason=reason), self._energies())
-        at = self.progress
-        return Outcome(at.load, reason, at.accepted, at.rejected, at.iterations)
+        progress = self.progress
+        return Outcome(
+            progress.load, reason, progress.accepted, progress.rejected, progress.iterations
+        )
 
     def _begin(self):
         """Put the scene where progress stands."""
-        scene, at, newton = self.scene, self.progress, self.newton
+        scene, progress, newton = self.scene, self.progress, self.newton
         check = scene.check_start if self._is_new else scene.check_held
         check()
-        scene.set(at.x)
-        scene.at(at.load)
-        if at.memory:
-            scene.recall(at.memory)
-        if at.solver:
-            newton.recall(at.solver)
+        scene.set(progress.x)
+        scene.at(progress.load)
+        if progress.memory:
+            scene.recall(progress.memory)
+        if progress.solver:
+            newton.recall(progress.solver)
         scene.accept()
         self._restore()
-        if not at.memory:
-            scene.support_work.accept(at.load, scene.held_forces(), at.x.array[scene.held])
+        if not progress.memory:
+            scene.support_work.accept(
+                progress.load, scene.held_forces(), progress.x.array[scene.held]
+            )
         if self._is_new:
-            at.stored = sum(self._energies().values())
-            self._in_equilibrium = newton.is_at_rest(at.x)
+            progress.stored = sum(self._energies().values())
+            self._in_equilibrium = newton.is_at_rest(progress.x)
             if self._in_equilibrium:
                 self._tell(Report(converged=True), self._energies())
 
     def _is_finished(self):
-        at = self.progress
-        return at.load >= 1 and not at.viscosity.drag and self._in_equilibrium
+        progress = self.progress
+        return progress.load >= 1 and not progress.viscosity.drag and self._in_equilibrium
 
     def _step(self):
         """One attempt, which is accepted, or after which the next is smaller or damped; why to give
         up, or ""."""
-        attempt = self._next()
+        attempt = self._next_load()
         self._solve(attempt)
+        self._judge(attempt)
         if attempt.report.converged:
             return self._accept(attempt)
         return self._back_off(attempt)
 
-    def _next(self):
-        """The next load, attempted."""
-        at, steps = self.progress, self.settings.steps
-        load = at.load + at.step if self._in_equilibrium else at.load
+    def _next_load(self):
+        """What is to be attempted next."""
+        progress, steps = self.progress, self.settings.steps
+        load = progress.load + progress.step if self._in_equilibrium else progress.load
         if abs(load * steps - round(load * steps)) < 1e-9:  # so that tenths are tenths
             load = round(load * steps) / steps
-        goal = min((m for m in self.settings.milestones if m > at.load), default=1.0)
+        goal = min((m for m in self.settings.milestones if m > progress.load), default=1.0)
         # nor is a sliver left before it
-        if self._in_equilibrium and load > goal - 1e-3 * at.step:
+        if self._in_equilibrium and load > goal - 1e-3 * progress.step:
             load = goal
         is_on_the_way = self._in_equilibrium and load != goal
         tolerance = (self.settings.path_tolerance or 0.0) if is_on_the_way else 0.0
-        return Attempt(load, load - at.load, tolerance, self.scene.held_values(load))
+        return Attempt(load, load - progress.load, tolerance, self.scene.held_values(load))
 
     def _solve(self, attempt):
-        """Find the attempt's state, and have it judged."""
-        scene, at, x = self.scene, self.progress, self.newton.x
+        """Find the attempt's state, from a prediction."""
+        scene, progress, x = self.scene, self.progress, self.newton.x
         scene.at(attempt.load)
         self._predict(attempt)
         x.copy(self._predicted)
-        scene.drag, scene.origin = at.viscosity.drag, at.x
-        report, iterations = solve_lagged(
+        scene.drag, scene.origin = progress.viscosity.drag, progress.x
+        attempt.report, iterations = solve_lagged(
             self.newton, x, attempt.tolerance, moving=bool(attempt.taken)
         )
-        attempt.report = report
-        at.iterations += iterations
-        if self.path.accuracy and at.last_step:
+        progress.iterations += iterations
+        if self.path.accuracy and progress.last_step:
             self._predicted.axpy(-1.0, x)
             attempt.deviation = self._predicted.norm() / max(x.norm(), 1e-300)
-        if report.converged and (objection := self.path.objection(attempt.deviation)):
-            report.fail(objection)
+
+    def _judge(self, attempt):
+        """Have the judges object to the attempt's state, if there is one."""
+        report, stored = attempt.report, self.progress.stored
+        if report.converged:
+            report.object(self.path.objection(attempt.deviation))
         if not report.converged:
             return
         self._measure(attempt)
         # work of the first step is a trapezoid's, which halving does not mend
-        if self._in_equilibrium and at.last_step:
-            known = attempt.taken, attempt.work, attempt.energy - at.stored, at.stored
-            if objection := self.balance.objection(*known):
-                report.fail(objection)
+        if self._in_equilibrium and self.progress.last_step:
+            known = attempt.taken, attempt.work, attempt.energy - stored, stored
+            report.object(self.balance.objection(*known))
 
     def _measure(self, attempt):
         """Energies, forces and work of the attempt's state."""
@@ -184,54 +191,54 @@ class LoadStepping:
         attempt.work = scene.work() + scene.comm.allreduce(of_supports)
 
     def _accept(self, attempt):
-        scene, at = self.scene, self.progress
-        at.viscosity.energy += attempt.drained
-        at.previous, at.x = at.x, at.previous
-        self.newton.x.copy(at.x)
+        scene, progress = self.scene, self.progress
+        progress.viscosity.energy += attempt.drained
+        progress.previous, progress.x = progress.x, progress.previous
+        self.newton.x.copy(progress.x)
         scene.support_work.accept(attempt.load, attempt.forces, attempt.values)
         scene.accept()
-        at.memory, at.solver = scene.memory(), self.newton.memory()
+        progress.memory, progress.solver = scene.memory(), self.newton.memory()
         if self._in_equilibrium:
-            at.accepted += 1
-            at.work += attempt.work
+            progress.accepted += 1
+            progress.work += attempt.work
         else:
-            self._in_equilibrium, at.work = True, attempt.energy
-        at.load, at.stored = attempt.load, attempt.energy
-        at.last_step = attempt.taken or at.last_step
-        at.step = self._next_step_size(attempt)
-        at.viscosity.note_accepted(uncut=not self._cuts, at_rest=not attempt.taken)
+            self._in_equilibrium, progress.work = True, attempt.energy
+        progress.load, progress.stored = attempt.load, attempt.energy
+        progress.last_step = attempt.taken or progress.last_step
+        progress.step = self._next_step_size(attempt)
+        progress.viscosity.note_accepted(uncut=not self._cuts, at_rest=not attempt.taken)
         self._tell(attempt.report, attempt.energies)
-        self._steps_at_rest += at.load == 1 and not attempt.taken
-        if at.viscosity.drag and self._steps_at_rest == STEPS_AT_REST:
+        self._steps_at_rest += progress.load == 1 and not attempt.taken
+        if progress.viscosity.drag and self._steps_at_rest == STEPS_AT_REST:
             return f"the state at full load still creeps after {STEPS_AT_REST} steps at rest"
         return ""
 
     def _next_step_size(self, attempt):
-        at, accuracy = self.progress, self.path.accuracy
+        progress, accuracy = self.progress, self.path.accuracy
         if accuracy and attempt.deviation:
             growth = np.clip(np.sqrt(accuracy / attempt.deviation), CUT, GROWTH)
             return min(max(attempt.taken * growth, 2 * SMALLEST), self.largest)
         if self._cuts:  # not by iterations: these may differ by rounding
-            return at.step
-        return min(GROWTH * at.step, self.largest)
+            return progress.step
+        return min(GROWTH * progress.step, self.largest)
 
     def _back_off(self, attempt):
         """Return to the last accepted state. The next attempt has a drag or a smaller step; why
         neither is left, or ""."""
-        at, taken = self.progress, attempt.taken
-        at.rejected += 1
+        progress, taken = self.progress, attempt.taken
+        progress.rejected += 1
         self._cuts += 1
         self.on_reject(attempt.load, attempt.report)
         self._restore()
-        viscosity, gave_up = at.viscosity, f"gave up at load factor {at.load:.6g}"
-        viscosity.stiffness = viscosity.stiffness or self.newton.stiffness(at.x)
+        viscosity, gave_up = progress.viscosity, f"gave up at load factor {progress.load:.6g}"
+        viscosity.stiffness = viscosity.stiffness or self.newton.stiffness(progress.x)
         if not np.isfinite(viscosity.stiffness):
             return f"{gave_up}: the tangent of the state there is not a number"
         is_hard = self.settings.viscosity == "auto" and taken <= HARD * self.largest
         if is_hard and viscosity.strengthen():
             return ""
         if taken > 2 * SMALLEST:
-            at.step = CUT * taken
+            progress.step = CUT * taken
             return ""
         even = f", even with a step of {taken:.3g}" if taken else ""
         return f"{gave_up}: {attempt.report.reason}{even}"
@@ -245,18 +252,18 @@ class LoadStepping:
 
     def _predict(self, attempt):
         """Make `newton.x` the start of an attempt: extrapolated if cells allow it."""
-        scene, at, x = self.scene, self.progress, self.newton.x
-        at.x.copy(x)
+        scene, progress, x = self.scene, self.progress, self.newton.x
+        progress.x.copy(x)
         if not attempt.taken:
             return
-        if at.last_step:
-            share = attempt.taken / at.last_step
-            x.axpby(-share, 1 + share, at.previous)
+        if progress.last_step:
+            share = attempt.taken / progress.last_step
+            x.axpby(-share, 1 + share, progress.previous)
             x.array[scene.held] = attempt.values
             scene.set(x)
             if scene.energy() != scene.INVERTED:
                 return
-            at.x.copy(x)
+            progress.x.copy(x)
         self.newton.follow_supports(x, attempt.values - x.array[scene.held])
 
     def _energies(self):
@@ -264,7 +271,9 @@ class LoadStepping:
 
     def _tell(self, report, energies):
         """Whoever listens, of the accepted state."""
-        now, at = time.perf_counter(), self.progress
-        wall = now - self._clock if at.load or at.iterations else 0.0
-        self.on_accept(Accepted(at.load, energies, at.work, report, self._cuts, wall, at))
+        now, progress = time.perf_counter(), self.progress
+        wall = now - self._clock if progress.load or progress.iterations else 0.0
+        self.on_accept(
+            Accepted(progress.load, energies, progress.work, report, self._cuts, wall, progress)
+        )
         self._clock, self._cuts = now, 0
