@@ -8,7 +8,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from .runtime.version import __version__
 
 # pip's DOLFINx wants this before mpi4py, petsc4py and dolfinx; Debian's has no such package
 with suppress(ModuleNotFoundError):

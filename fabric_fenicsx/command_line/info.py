@@ -18,7 +18,7 @@ from importlib import import_module
 from importlib.metadata import version as installed
 from typing import TYPE_CHECKING
 
-from .. import __version__
+from ..runtime.version import __version__
 
 if TYPE_CHECKING:
     from mpi4py import MPI

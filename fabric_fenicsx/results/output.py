@@ -19,10 +19,10 @@ import petsc4py
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from .. import __version__
 from ..runtime import timing
 from ..runtime.errors import InputError
 from ..runtime.files import LOCK_FILE, lock_folder, replace_file
+from ..runtime.version import __version__
 
 log = logging.getLogger("fabric_fenicsx")
 # the files by which a folder is known to hold results

@@ -43,6 +43,25 @@ def show(folder=None, picture=None, spacing=None):
     for source in pv.GetSources().values():
         pv.Hide(source, view)
 
+    sheet = _sheet(pv, view, path)
+    _yarns(pv, view, sheet, spacing, 3 if picture else 2)
+    _look(pv, sheet, view)  # at the sheet, before there are tools
+    path = os.path.join(folder, "tools.pvd")
+    if os.path.isfile(path):
+        tools = pv.Show(pv.PVDReader(registrationName="tools", FileName=path), view)
+        tools.ColorArrayName = ["POINTS", ""]
+        tools.AmbientColor = tools.DiffuseColor = TOOL_COLOUR
+        tools.Opacity = 0.3
+
+    pv.SetActiveSource(sheet)
+    pv.Render(view)
+    if picture:
+        pv.SaveScreenshot(str(picture), view, ImageResolution=PIXELS)
+    return view
+
+
+def _sheet(pv, view, path):
+    """The sheet of the last state in the file `path`, deformed and coloured."""
     fields = pv.PVDReader(registrationName="fields", FileName=path)
     time = list(fields.TimestepValues)[-1]
     scene = pv.GetAnimationScene()
@@ -62,7 +81,11 @@ def show(folder=None, picture=None, spacing=None):
     display.NonlinearSubdivisionLevel = 3
     display.Ambient, display.Diffuse = 0.3, 0.75
     _colour(pv, sheet, display, view)
+    return sheet
 
+
+def _yarns(pv, view, sheet, spacing, width):
+    """Lines of this width along the yarns, `spacing` [mm] apart, None for a round one."""
     spacing = spacing or _round(max(_span(sheet, f"yarn_coordinate_{k}") for k in "ab") / YARNS)
     for k in "ab":
         name = f"yarn_coordinate_{k}"
@@ -82,21 +105,7 @@ def show(folder=None, picture=None, spacing=None):
         drawn = pv.Show(lines, view)
         drawn.ColorArrayName = ["POINTS", ""]
         drawn.AmbientColor = drawn.DiffuseColor = YARN_COLOUR
-        drawn.LineWidth = 3 if picture else 2
-
-    _look(pv, sheet, view)  # at the sheet, before there are tools
-    path = os.path.join(folder, "tools.pvd")
-    if os.path.isfile(path):
-        tools = pv.Show(pv.PVDReader(registrationName="tools", FileName=path), view)
-        tools.ColorArrayName = ["POINTS", ""]
-        tools.AmbientColor = tools.DiffuseColor = TOOL_COLOUR
-        tools.Opacity = 0.3
-
-    pv.SetActiveSource(sheet)
-    pv.Render(view)
-    if picture:
-        pv.SaveScreenshot(str(picture), view, ImageResolution=PIXELS)
-    return view
+        drawn.LineWidth = width
 
 
 def _of_active_source():
