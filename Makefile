@@ -76,7 +76,7 @@ help:
 install: $(VENV)/installed
 
 study: $(VENV)/installed
-	$(SCREEN) $(MPIRUN) $(PYTHON) studies/$(STUDY).py $(or $(ARGS),--overwrite)
+	$(SCREEN) $(MPIRUN) $(PYTHON) $(or $(wildcard benchmarks/$(STUDY).py),studies/$(STUDY).py) $(or $(ARGS),--overwrite)
 
 test: $(VENV)/installed
 	$(SCREEN) $(PYTHON) -m pytest -n 3 --dist worksteal $(if $(ONLY),-m "$(ONLY)") tests || { cat .pytest_cache/crash_*.txt; exit 1; }

@@ -1,54 +1,20 @@
 """Forming of a woven ply over a generic double dome: Figs 11 to 16 of Schäfer et al., for a single
 ply between rigid tools."""
 
-from functools import partial
-
 from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.material.laws import coupling_variants
-from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scenarios.forming import Forming
-from fabric_fenicsx.verification import sweeps
 
 
 def options():
     p = parser(Forming, __doc__)
     p.group("test")
     p.option("--compare", action="store_true", help="run all variants of the couplings", free=True)
-    p.option(
-        "--sweep",
-        action="store_true",
-        help="run meshes, steps, tolerances, penalties and slips against finer ones",
-    )
     return p
-
-
-def sweep(study: Study):
-    """Each setting of `sweeps.SWEEPS` against its finest value, as a table."""
-    args, folder, rows = study.args, study.folder(), []
-
-    def swept(name, value):
-        setattr(args, name, value)
-        summary = study.run(study.scenario(Forming), f"{name}_{value:g}").summary
-        return sweeps.row(name, value, summary)
-
-    for name, values in (sweeps.QUICK_SWEEPS if args.quick else sweeps.SWEEPS).items():
-        usual = getattr(args, name)
-        found = [study.once(f"{name} {v:g}", partial(swept, name, v)) for v in values]
-        setattr(args, name, usual)
-        for words in sweeps.judge(found):
-            study.say(words)
-        rows += found
-    study.write_table(folder / "sweep.csv", rows)
-    study.summarise(folder, converged=True, stroke_reached=1.0, quantities={"rows": rows})
 
 
 def main(study: Study):
     args = study.args
-    if args.sweep and args.compare:
-        raise InputError("--sweep and --compare are both given; allowed is one of them")
-    if args.sweep:
-        sweep(study)
-        return
     fabrics = coupling_variants(study.fabric) if args.compare else {"": study.fabric}
     results = {}
     for label, fabric in fabrics.items():

@@ -204,6 +204,7 @@ def launch(shared_path, run_script):
 
     def run(name, *options, ranks=1, out=True, kill_at_row=None, overwrite=True, apart=False):
         script, folder = ROOT / "studies" / f"{name}.py", shared_path / "out"
+        script = script if script.exists() else ROOT / "benchmarks" / script.name
         words = [str(script), *map(str, options)]
         if out:
             words += ["--out", str(folder)]

@@ -8,9 +8,9 @@ the exact one: root mean square and largest [deg].
 import sys
 
 import numpy as np
+from nets import spherical_net  # beside this file
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.verification import spherical_net
 
 given = [float(word) for word in sys.argv[1:]]
 nx, friction = int(given[0]) if given else 10, given[1] if given[1:] else 0.02

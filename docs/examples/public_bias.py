@@ -8,11 +8,11 @@ import sys
 from dataclasses import dataclass
 
 import numpy as np
+from nets.relaxed_net import relaxed_net  # beside this file
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.functions import log, sin
 from fabric_fenicsx.material.validation import above_zero
-from fabric_fenicsx.verification.relaxed_net import relaxed_net
 
 
 @dataclass(frozen=True)

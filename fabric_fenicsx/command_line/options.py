@@ -26,7 +26,8 @@ def exit_status(error: Exception) -> tuple[int, str]:
 
 def program(name: str) -> str:
     """How study `name` was started: by `fabric` or as a script."""
-    return f"fabric {name}" if _by_fabric() else f"studies/{name}.py"
+    script = Path(sys.argv[0])
+    return f"fabric {name}" if _by_fabric() else f"{script.parent.name}/{script.name}"
 
 
 def restart_command(ranks: int = 1) -> str:

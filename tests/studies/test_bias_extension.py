@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
+from bench.reference import curve_distance
 from mpi4py import MPI
 
 from fabric_fenicsx.scenarios.transition import transition_width
 from fabric_fenicsx.verification.pin_jointed import PinJointedStrip
-from fabric_fenicsx.verification.reference import curve_distance
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 

@@ -4,12 +4,12 @@ import math
 from dataclasses import dataclass
 
 import pytest
+from nets.relaxed_net import relaxed_net
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.validation import above_zero
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.verification.pin_jointed import PinJointedStrip
-from fabric_fenicsx.verification.relaxed_net import relaxed_net
 
 
 @dataclass(frozen=True)

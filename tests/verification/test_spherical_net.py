@@ -5,8 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
-
-from fabric_fenicsx.verification import spherical_net
+from nets import spherical_net
 
 
 def exact_angle(s):

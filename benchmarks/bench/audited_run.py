@@ -7,11 +7,11 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from ..results import measures
-from ..scene.scene import Scene
-from ..solve.newton import Newton
-from ..solve.settings import Settings
-from ..solve.stepping import LoadStepping
+from fabric_fenicsx.results import measures
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.settings import Settings
+from fabric_fenicsx.solve.stepping import LoadStepping
 
 TOLERANCE = 1e-8  # of the residual over the reaction
 

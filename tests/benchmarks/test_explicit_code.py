@@ -4,15 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-import fabric_fenicsx as ff
-from fabric_fenicsx.verification.explicit_code import (
+from bench.explicit_code import (
     bias_curve,
     check_angle,
     formed_places,
     punch_force,
     shear_angles,
 )
+
+import fabric_fenicsx as ff
 
 FOLDER = Path(__file__).parents[2] / "studies/reference/openradioss"
 

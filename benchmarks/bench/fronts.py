@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.errors import SolverFailure
+from fabric_fenicsx.runtime.errors import SolverFailure
+
 from .cost_plan import Configuration
 from .strips import STRIPS
 

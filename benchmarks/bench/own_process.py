@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-from ..runtime.ranks import RANKS_ENVIRONMENT, on_ranks
+from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
+
 from .cost_plan import Configuration
 
 

@@ -3,10 +3,11 @@ reason."""
 
 import textwrap
 
+from bench.hard_cases import CASES, Setting, run_case
+
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.scenarios.scenario import Scenario
-from fabric_fenicsx.verification.hard_cases import CASES, Setting, run_case
 
 
 def options():

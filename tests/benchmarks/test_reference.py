@@ -5,10 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from fabric_fenicsx.verification.camera import camera_points, field_distance
-from fabric_fenicsx.verification.extrapolation import estimate
-from fabric_fenicsx.verification.reference import curve_distance
+from bench.camera import camera_points, field_distance
+from bench.extrapolation import estimate
+from bench.reference import curve_distance
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 

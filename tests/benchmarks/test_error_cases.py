@@ -1,9 +1,8 @@
 """How estimated errors are held against true ones."""
 
 import pytest
-
-from fabric_fenicsx.verification import error_cases
-from fabric_fenicsx.verification.error_cases import judge, line
+from bench import error_cases
+from bench.error_cases import judge, line
 
 
 def row(quantity, true, estimated, bar=0.0):

@@ -8,6 +8,12 @@ import sys
 from dataclasses import asdict
 from pathlib import Path
 
+from bench import fronts
+from bench.cost import cost
+from bench.cost_plan import Configuration, plan, plan_sizes
+from bench.own_process import run_apart
+from bench.reference import read_references
+from bench.strips import STRIPS
 from tqdm import tqdm
 
 from fabric_fenicsx.command_line.options import option_type
@@ -15,15 +21,9 @@ from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.fields import POSITIVE
 from fabric_fenicsx.scenarios.scenario import Scenario
-from fabric_fenicsx.verification import fronts
-from fabric_fenicsx.verification.cost import cost
-from fabric_fenicsx.verification.cost_plan import Configuration, plan, plan_sizes
-from fabric_fenicsx.verification.own_process import run_apart
-from fabric_fenicsx.verification.reference import read_references
-from fabric_fenicsx.verification.strips import STRIPS
 
-REFERENCE = Path(__file__).resolve().parent / "reference"
-SCENES = "of studies/reference.py (all, with --quick the first two)"
+REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference"
+SCENES = "of benchmarks/reference.py (all, with --quick the first two)"
 ERRORS = "what errors are to"
 LIMIT = "of one configuration, starting included [s]"
 SIZES = "instead: one tangent and its solution, over mesh sizes"
@@ -81,7 +81,7 @@ def main(study):
     common = fronts.recommended_for_all(strips)
     study.write_table(folder / "table.csv", rows)
     if not args.no_pictures:
-        from fabric_fenicsx.verification.cost_picture import draw_fronts
+        from bench.cost_picture import draw_fronts
 
         draw_fronts(folder / "front.png", strips)
     study.summarise(

@@ -5,8 +5,9 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from .. import dolfinx_compat as compat
-from ..scene.scene import Scene
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.scene.scene import Scene
+
 from .strips import LENGTH, WIDTH
 
 SPACING = 2.5  # mm, of the points whose displacements tell the fields

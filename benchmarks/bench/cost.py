@@ -13,16 +13,17 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from .. import dolfinx_compat as compat
-from ..material.laws import Law
-from ..mechanics.shell.membrane import QUADRATURE_DEGREE
-from ..mechanics.term import SceneFacts, Term
-from ..results.curve import moving_grip
-from ..runtime import timing
-from ..scene.scene import Scene
-from ..solve.newton import Newton
-from ..solve.settings import Settings
-from ..solve.stepping import LoadStepping
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.material.laws import Law
+from fabric_fenicsx.mechanics.shell.membrane import QUADRATURE_DEGREE
+from fabric_fenicsx.mechanics.term import SceneFacts, Term
+from fabric_fenicsx.results.curve import moving_grip
+from fabric_fenicsx.runtime import timing
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.settings import Settings
+from fabric_fenicsx.solve.stepping import LoadStepping
+
 from .camera import camera_displacements, field_distance
 from .cost_plan import Configuration
 from .reference import curve_distance, reference_curve, reference_grid

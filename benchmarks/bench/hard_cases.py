@@ -10,15 +10,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from ..material import stability
-from ..material.laws.coupled import WovenFabric
-from ..mechanics.load import DeadPressure
-from ..mechanics.shell.membrane import Membrane
-from ..meshes.specimen import specimen
-from ..results import measures
-from ..scene.scene import Scene
-from ..scene.supports import Support, clamped_ends, frame, on_edge, rolling_ends
-from ..sheets.blank import Blank
+from fabric_fenicsx.material import stability
+from fabric_fenicsx.material.laws.coupled import WovenFabric
+from fabric_fenicsx.mechanics.load import DeadPressure
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.results import measures
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support, clamped_ends, frame, on_edge, rolling_ends
+from fabric_fenicsx.sheets.blank import Blank
+
 from .audited_run import AuditedRun
 
 SQUEEZE = -0.005  # eps_b of the frame in which bands are looked for

@@ -1,6 +1,6 @@
 """Plans of runs: one factor at a time from the baseline."""
 
-from fabric_fenicsx.verification.cost_plan import Configuration, plan, plan_sizes, varied
+from bench.cost_plan import Configuration, plan, plan_sizes, varied
 
 
 def test_the_last_factor_is_the_fastest():

@@ -24,10 +24,10 @@ def committed(scene):
 def partly_here(monkeypatch):
     """Runs of the study in this process, which saves starts of others, but for those of which
     ranks or memory count."""
+    from bench import cost, own_process
     from mpi4py import MPI
 
     from fabric_fenicsx.material.presets import load
-    from fabric_fenicsx.verification import cost, own_process
 
     apart = own_process.run_apart
 
@@ -114,7 +114,7 @@ def test_cost_over_sizes(launch, hang):
         (("--limit", "0"), ["--limit", "above 0"]),
         (
             ("--reference", "nowhere"),
-            ["--reference nowhere", "tensile.json", "studies/reference.py"],
+            ["--reference nowhere", "tensile.json", "benchmarks/reference.py"],
         ),
         (("--without", "biaxial"), ["--material komeili", "reference"]),
     ],
@@ -148,7 +148,7 @@ def test_a_run_past_the_limit_is_told(launch):
 @pytest.mark.parametrize("scene", SCENES)
 def test_the_reference_tells_value_error_and_command(scene):
     found = committed(scene)
-    assert found["command"] == f".venv/bin/python studies/reference.py --scenes {scene}"
+    assert found["command"] == f".venv/bin/python benchmarks/reference.py --scenes {scene}"
     for name in ("reaction_N", "energy_Nmm", "centre_eps_a", "centre_eps_b", "centre_shear_deg"):
         quantity = found["quantities"][name]
         value, error = quantity["value"], quantity["error"]

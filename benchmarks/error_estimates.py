@@ -4,6 +4,8 @@ or to a finer mesh. Mesh, element and steps are the runs' own."""
 from functools import cache
 from pathlib import Path
 
+from bench import error_cases
+from bench.reference import read_references
 from tqdm import tqdm
 
 from fabric_fenicsx.command_line.study import parser, run
@@ -11,10 +13,8 @@ from fabric_fenicsx.scenarios.bias_extension import BiasExtension
 from fabric_fenicsx.scenarios.forming import Forming
 from fabric_fenicsx.scenarios.scenario import Scenario
 from fabric_fenicsx.scenarios.tensile import Tensile
-from fabric_fenicsx.verification import error_cases
-from fabric_fenicsx.verification.reference import read_references
 
-REFERENCE = Path(__file__).resolve().parent / "reference"
+REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference"
 TESTS = {
     "tensile": (Tensile, {}),
     "bias10": (BiasExtension, {}),

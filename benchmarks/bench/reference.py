@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..material.laws import Law
-from ..results.curve import moving_grip
-from ..runtime.errors import InputError, SolverFailure
-from ..solve.newton import Newton
-from ..solve.settings import Settings
-from ..solve.stepping import LoadStepping
+from fabric_fenicsx.material.laws import Law
+from fabric_fenicsx.results.curve import moving_grip
+from fabric_fenicsx.runtime.errors import InputError, SolverFailure
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.settings import Settings
+from fabric_fenicsx.solve.stepping import LoadStepping
+
 from .camera import camera_displacements, camera_points, field_distance
 from .extrapolation import Estimate, estimate
 from .strips import LENGTH, STRIPS, WIDTH, Discretisation, Strip, strip_scene, strip_values
@@ -205,11 +206,11 @@ def read_references(
         except (OSError, ValueError, LookupError, TypeError):
             raise InputError(
                 f"`reference` {folder} holds no readable {file}; allowed is a folder that "
-                "studies/reference.py wrote"
+                "benchmarks/reference.py wrote"
             ) from None
         if own != fabric.dumps():
             raise InputError(
                 f"`material` {material} is not that of {name}.json in {folder}; "
-                "allowed is the one that studies/reference.py was run with"
+                "allowed is the one that benchmarks/reference.py was run with"
             )
     return found

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from ..results import measures
-from ..results.error import field_differences
-from ..results.result import Result
+from fabric_fenicsx.results import measures
+from fabric_fenicsx.results.error import field_differences
+from fabric_fenicsx.results.result import Result
+
 from .reference import curve_distance, reference_curve
 
 Row = dict[str, Any]
@@ -162,7 +163,7 @@ def line(row: Row) -> str:
 def draw(path: Path, rows: Sequence[Row]) -> None:
     """Estimated errors over true ones, both relative to the largest true one of the quantity and
     test; above the line estimates cover the truth."""
-    from ..results.pictures import curves
+    from fabric_fenicsx.results.pictures import curves
 
     largest: dict[tuple[str, str], float] = {}
     for row in rows:

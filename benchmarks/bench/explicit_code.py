@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
-from ..runtime.errors import InputError
+from fabric_fenicsx.runtime.errors import InputError
 
 if TYPE_CHECKING:
     import pyvista

@@ -3,11 +3,12 @@ mesh with the same law and tools: yarns at 0/90, or with --fibre-angle 45 at +-4
 
 from pathlib import Path
 
+from bench import explicit_code
+
 from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.scenarios.forming import Forming
-from fabric_fenicsx.verification import explicit_code
 
-REFERENCE = Path(__file__).resolve().parent / "reference" / "openradioss"
+REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference" / "openradioss"
 SAME = {  # as in OpenRadioss, which has no bending: ours is small
     "material": str(REFERENCE / "tab.toml"),
     "holder": "force",

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from .. import dolfinx_compat as compat
-from ..material.laws import Law
-from ..mechanics.shell.membrane import Membrane
-from ..meshes.specimen import specimen
-from ..results import measures
-from ..scene.scene import Scene
-from ..scene.supports import clamped_ends
-from ..sheets.blank import Blank
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.material.laws import Law
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.results import measures
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import clamped_ends
+from fabric_fenicsx.sheets.blank import Blank
 
 LENGTH, WIDTH = 200.0, 50.0
 

@@ -4,10 +4,11 @@ other runs are measured by. Mesh, element and steps are the scenes' own."""
 import shlex
 import sys
 
+from bench.reference import convergence, make_reference, solve_member
+from bench.strips import STRIPS
+
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.scenarios.scenario import Scenario
-from fabric_fenicsx.verification.reference import convergence, make_reference, solve_member
-from fabric_fenicsx.verification.strips import STRIPS
 
 
 def options():
@@ -32,7 +33,7 @@ def main(study):
     for name in args.scenes:
         found[name] = make_reference(name, lambda *how, name=name: solve(name, *how), args.quick)
         if study.comm.rank == 0:
-            command = shlex.join([".venv/bin/python", "studies/reference.py", *sys.argv[1:]])
+            command = shlex.join([".venv/bin/python", "benchmarks/reference.py", *sys.argv[1:]])
             found[name].write(folder, command, study.fabric)
         r = found[name].quantities["reaction_N"]
         order = "finest mesh" if r["order"] is None else f"order {r['order']:.2g}"

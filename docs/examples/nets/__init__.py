@@ -1,0 +1,1 @@
+"""Nets of yarns that do not stretch."""
