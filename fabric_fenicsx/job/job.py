@@ -10,7 +10,6 @@ from typing import Any
 
 from ..mechanics.given import entries, of_scene
 from ..results.curve import Curves, Measure
-from ..results.history import check_notes
 from ..results.output import Output, read_converged
 from ..results.result import LAST_PICTURE, Result, draw_state
 from ..runtime.errors import InputError, Interrupted, SolverFailure
@@ -109,8 +108,7 @@ class Job(Settings):
         start, notes = None, dict[str, Any]()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
-            start, notes = checkpoint.load(scene.memory(), newton.memory())
-            check_notes(notes, checkpoint.path)
+            start, notes = checkpoint.load(scene.memory())
             if start.load == 1 and not start.viscosity.drag:
                 known = read_converged(folder / "summary.json") if comm.rank == 0 else None
                 if known := comm.bcast(known):

@@ -1,7 +1,6 @@
 """history.csv: one row an accepted step, written as it comes."""
 
 import csv
-import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,8 +32,6 @@ COLUMNS = (
 )
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
 OF_TERMS = ("min_stability",)  # of these the columns that terms fill
-# None where nothing was factorised, or no law told
-MAY_BE_EMPTY = "negative_pivots", *OF_TERMS
 
 
 class History:
@@ -105,34 +102,6 @@ class History:
         """Close the file."""
         if self._file:
             self._file.close()
-
-
-def check_notes(notes: Mapping[str, Any], path: Path) -> None:
-    """Raise InputError unless `notes` of the checkpoint `path` hold rows of a history and states
-    that were written."""
-
-    def numbers(values):
-        return all(isinstance(v, (int, float)) and math.isfinite(v) for v in values)
-
-    rows, states = notes.get("rows"), notes.get("states")
-    if not isinstance(rows, list) or not isinstance(states, list):
-        wrong = "its notes lack rows or states"
-    elif any(
-        not isinstance(row, dict) or not set(COLUMNS) <= set(row) == set(rows[0]) for row in rows
-    ):
-        wrong = "its rows are none of a history"
-    elif any(
-        not numbers(v for k, v in row.items() if v is not None or k not in MAY_BE_EMPTY)
-        for row in rows
-    ):
-        wrong = "its rows are none of a history"
-    elif any(not isinstance(s, list) or len(s) != 2 or not isinstance(s[1], list) for s in states):
-        wrong = "its states are none of a time series"
-    elif any(not numbers([state[0], *state[1]]) for state in states):
-        wrong = "its states are none of a time series"
-    else:
-        return
-    raise InputError(f"checkpoint {path} is damaged: {wrong}; allowed is one that a study wrote")
 
 
 def energy_balance(

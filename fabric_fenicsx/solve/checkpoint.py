@@ -1,6 +1,7 @@
 """Checkpoints: an accepted state in one file that any number of ranks can go on from."""
 
 import dataclasses
+import hashlib
 import io
 import json
 import math
@@ -20,12 +21,10 @@ from ..sheets.blank import Blank
 from .progress import Progress
 from .viscosity import Viscosity
 
-# of the file; the first told a slit's lips apart by chance, those after it had other names, and
-# none of the first five the numbers of terms
-FORMAT = 6
+FORMAT = 7  # counted up with each change of what the file holds
 COUNTS = ("accepted", "rejected", "iterations")
 SCALARS = ("load", "step", "last_step", "work", "stored", "solver", *COUNTS)
-NODAL = ("x", "around", "u", "previous")
+PLACES = ("x", "around")  # of the nodes
 MEMORY = "memory "  # before the names of the terms' arrays
 CELLS = MEMORY + OF_CELLS  # and of those of cells
 CENTRES = "centres"  # of the cells, where a term remembers some
@@ -70,28 +69,27 @@ class Checkpoint:
             memory[CENTRES] = self.comm.gather(self._centres)
         if self.comm.rank != 0:
             return
-        parts |= memory
+        parts |= memory | dict(zip(PLACES, self._known))
         meta = {"format": FORMAT, "problem": self.problem, "notes": notes} | {
             k: getattr(progress, k) for k in SCALARS
         }
         meta["viscosity"] = dataclasses.asdict(progress.viscosity)
+        arrays = {"meta": np.array(json.dumps(meta))}
+        arrays |= {name: np.concatenate(values) for name, values in parts.items()}
         content = io.BytesIO()
-        arrays = {k: np.concatenate(v) for k, v in (parts | dict(zip(NODAL, self._known))).items()}
-        np.savez(content, meta=json.dumps(meta), **arrays)
+        np.savez(content, checksum=np.array(_checksum(arrays)), **arrays)
         replace_file(self.path, content.getvalue(), lasting=True)
 
     def load(
-        self,
-        memory: Mapping[str, np.ndarray] | None = None,
-        solver: Mapping[str, Any] | None = None,
+        self, memory: Mapping[str, np.ndarray] | None = None
     ) -> tuple[Progress, dict[str, Any]]:
-        """The saved `Progress` and notes. memory, solver: what scene and solver would give now,
-        whose names and shapes the saved ones must have (None: any).
+        """The saved `Progress` and notes. memory: the arrays that the scene's terms remember now;
+        the saved ones must have their names and widths (None: any).
 
-        Raises InputError, on all ranks, if there is no such file, if something in it is missing, of
-        another shape or not finite, and if it is of another problem, mesh or version.
+        Raises InputError, on all ranks, if there is no such file, if it is damaged or of another
+        format, and if it is of another problem or mesh.
         """
-        content = self.comm.bcast(self._read(memory, solver) if self.comm.rank == 0 else None)
+        content = self.comm.bcast(self._read(memory) if self.comm.rank == 0 else None)
         if isinstance(content, str):
             raise InputError(content)
         meta, arrays = content
@@ -117,9 +115,10 @@ class Checkpoint:
 
     def _found(self, saved, places, extent, what):
         """Which of the `saved` nodes or cells (n, k) those at this rank's `places` (m, k) are."""
-        count = self.comm.allreduce(len(places))
-        distance, which = cKDTree(saved).query(places)
-        off = self.comm.allreduce(distance.max(initial=0.0), MPI.MAX)
+        count, off, which = self.comm.allreduce(len(places)), math.inf, None
+        if saved.shape[1] == places.shape[1]:  # both in a plane, or both in space
+            distance, which = cKDTree(saved).query(places)
+            off = self.comm.allreduce(distance.max(initial=0.0), MPI.MAX)
         if count != len(saved) or off > 1e-9 * extent.max():
             raise InputError(
                 f"checkpoint {self.path} is of another mesh, with {len(saved)} {what}, now there "
@@ -133,7 +132,7 @@ class Checkpoint:
             )
         return which
 
-    def _read(self, memory, solver):
+    def _read(self, memory):
         """Meta data and arrays of the file, or what is wrong with it."""
         if not self.path.is_file():
             return (
@@ -142,25 +141,26 @@ class Checkpoint:
             )
         try:
             with np.load(self.path) as file:
-                meta = json.loads(str(file["meta"]))
-                arrays = {k: file[k] for k in file.files if k != "meta"}
+                arrays = {k: file[k] for k in file.files}
+            meta = json.loads(str(arrays["meta"]))
+            version = meta.get("format", 1)
         except Exception as e:  # readers raise whatever their parsing stumbles on
             reason = " ".join(str(e).split()) or type(e).__name__
             return (
                 f"checkpoint {self.path} cannot be read ({reason}); allowed is "
                 "one that a study wrote"
             )
-        version = meta.get("format", 1) if isinstance(meta, dict) else None
         if version != FORMAT:
             return (
                 f"checkpoint {self.path} is of format {version}; allowed is {FORMAT}, "
                 "which this version writes"
             )
-        wrong = self._wrong_meta(meta, solver) or self._wrong_arrays(
-            arrays, memory, begun=bool(meta["accepted"])
-        )
-        if wrong:
-            return f"checkpoint {self.path} is damaged: {wrong}; allowed is one that a study wrote"
+        if str(arrays.pop("checksum", "")) != _checksum(arrays):
+            return (
+                f"checkpoint {self.path} is damaged, as its content has another checksum; "
+                "allowed is one that a study wrote"
+            )
+        del arrays["meta"]
         for key, now in self.problem.items():
             if meta["problem"].get(key) != now:
                 return (
@@ -168,66 +168,29 @@ class Checkpoint:
                     f"now it is {now}; allowed is the same problem, or a run "
                     "that begins anew (`overwrite`)"
                 )
+        saved = _sizes({k: v for k, v in arrays.items() if k.startswith(MEMORY)})
+        now = _sizes({MEMORY + k: v for k, v in (memory or {}).items()})
+        if memory is not None and (saved or meta["accepted"]) and saved != now:
+            return (
+                f"checkpoint {self.path} remembers {_listed(saved)} where the terms remember "
+                f"{_listed(now)}; allowed is the same problem"
+            )
         return meta, arrays
 
-    @staticmethod
-    def _wrong_meta(meta, solver):
-        """What is missing in the meta data, or is no number where it should be one."""
-        missing = [k for k in ("problem", "notes", "viscosity", *SCALARS) if k not in meta]
-        if missing:
-            return f"{', '.join(missing)} is missing"
-        for name in ("problem", "notes", "viscosity", "solver"):
-            if not isinstance(meta[name], dict):
-                return f"{name} is {meta[name]!r}"
-        fields = [f.name for f in dataclasses.fields(Viscosity)]
-        if sorted(meta["viscosity"]) != sorted(fields):
-            return (
-                f"viscosity has {', '.join(meta['viscosity']) or 'nothing'} where "
-                f"{', '.join(fields)} should be"
-            )
-        if solver is not None and meta["solver"] and sorted(meta["solver"]) != sorted(solver):
-            return f"solver has {', '.join(meta['solver'])} where {', '.join(solver)} should be"
-        numbers = (
-            {k: meta[k] for k in SCALARS if k != "solver"} | meta["viscosity"] | meta["solver"]
-        )
-        if meta["last_step"] is None:  # before the first step
-            del numbers["last_step"]
-        for name, value in numbers.items():
-            if not isinstance(value, (int, float)) or not math.isfinite(value):
-                return f"{name} is {value!r}"
-        if not (0 <= meta["load"] <= 1 and meta["step"] > 0):
-            return f"load is {meta['load']} and step {meta['step']}"
-        for name in COUNTS:
-            if not isinstance(meta[name], int) or meta[name] < 0:
-                return f"{name} is {meta[name]}"
-        return ""
 
-    def _wrong_arrays(self, arrays, memory, begun):
-        """What is missing in the arrays, of another shape or not finite."""
-        of_cells = any(k.startswith(CELLS) for k in arrays)
-        fixed = (*NODAL, CENTRES) if of_cells else NODAL
-        missing = [k for k in fixed if k not in arrays]
-        if missing:
-            return f"{', '.join(missing)} is missing"
-        gdim, nodes = self.blank.mesh.geometry.dim, len(np.atleast_1d(arrays["x"]))
-        cells = len(np.atleast_1d(arrays[CENTRES])) if of_cells else 0
-        shapes = {"x": (nodes, 3), "around": (nodes, gdim), CENTRES: (cells, gdim)}
-        shapes |= {"u": (nodes, gdim), "previous": (nodes, gdim)}
-        names = sorted(k.removeprefix(MEMORY) for k in arrays if k not in fixed)
-        if memory is not None and (names or begun):
-            if names != sorted(memory):
-                return (
-                    f"it remembers {', '.join(names) or 'nothing'} where "
-                    f"{', '.join(memory) or 'nothing'} should be"
-                )
-            for name, values in memory.items():
-                rows = cells if name.startswith(OF_CELLS) else nodes
-                shapes[MEMORY + name] = rows, *values.shape[1:]
-        for name in (*fixed, *(k for k in arrays if k not in fixed)):
-            values, rows = arrays[name], cells if name.startswith(CELLS) else nodes
-            shape = shapes.get(name, (rows, *values.shape[1:]))
-            if values.shape != shape:
-                return f"{name} has shape {values.shape} where {shape} should be"
-            if values.dtype.kind != "f" or not np.isfinite(values).all():
-                return f"{name} has values that are no finite numbers"
-        return ""
+def _checksum(arrays):
+    """SHA-256 of arrays by name."""
+    digest = hashlib.sha256()
+    for name, values in sorted(arrays.items()):
+        digest.update(f"{name} {values.dtype} {values.shape} ".encode() + values.tobytes())
+    return digest.hexdigest()
+
+
+def _sizes(memory):
+    """{name: numbers a node or cell} of arrays that terms remember."""
+    return {name.removeprefix(MEMORY): values.shape[1:] for name, values in memory.items()}
+
+
+def _listed(sizes):
+    words = (f"{name} {size}" for name, size in sorted(sizes.items()))
+    return ", ".join(words) or "nothing"

@@ -2,7 +2,6 @@
 report."""
 
 import csv
-import math
 import os
 import random
 import re
@@ -20,7 +19,6 @@ from mpi4py import MPI
 from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.results.fields import read_last
-from fabric_fenicsx.results.history import COLUMNS, check_notes
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.files import lock_folder
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
@@ -169,33 +167,10 @@ def test_a_spoilt_checkpoint_is_refused(launch, ranks):
     again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=ranks)
     assert again.status == 2 and again.err.count("studies/tensile.py: error: ") == 1, again.err
     assert "Traceback" not in again.err
-    assert (
-        "checkpoint.npz is damaged: u has values that are no finite numbers; allowed" in again.err
-    )
+    assert "checkpoint.npz is damaged, as its content has another checksum; allowed" in again.err
     assert {k: v for k, v in everything(done.folder).items() if k.name != "log.txt"} == {
         k: v for k, v in before.items() if k.name != "log.txt"
     }
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize(
-    "notes",
-    [
-        {},
-        {"rows": [], "states": {}},
-        {"rows": [{"load": 0.0}], "states": []},
-        {"rows": [dict.fromkeys(COLUMNS, math.nan)], "states": []},
-        {"rows": [], "states": [[0.0]]},
-        {"rows": [], "states": [["much", [0]]]},
-    ],
-)
-def test_notes_that_are_no_history_are_refused(notes):
-    with pytest.raises(
-        InputError, match="checkpoint c.npz is damaged: its .*; allowed is one that a study wrote"
-    ):
-        check_notes(notes, Path("c.npz"))
-    row = dict.fromkeys(COLUMNS, 1.0) | {"negative_pivots": None}
-    check_notes({"rows": [row], "states": [[0.5, [0, 1]]]}, Path("c.npz"))
 
 
 @pytest.mark.mpi
