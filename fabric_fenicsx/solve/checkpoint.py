@@ -115,7 +115,7 @@ class Checkpoint:
 
     def _found(self, saved, places, extent, what):
         """Which of the `saved` nodes or cells (n, k) those at this rank's `places` (m, k) are."""
-        count, off, which = self.comm.allreduce(len(places)), math.inf, None
+        count, off, which = self.comm.allreduce(len(places)), math.inf, np.empty(0, int)
         if saved.shape[1] == places.shape[1]:  # both in a plane, or both in space
             distance, which = cKDTree(saved).query(places)
             off = self.comm.allreduce(distance.max(initial=0.0), MPI.MAX)
