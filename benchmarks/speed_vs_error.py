@@ -19,7 +19,7 @@ from tqdm import tqdm
 from fabric_fenicsx.command_line.options import option_type
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.fields import POSITIVE
+from fabric_fenicsx.runtime.rules import POSITIVE
 from fabric_fenicsx.scenarios.scenario import Scenario
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference"

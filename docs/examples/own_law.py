@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.functions import negative, positive, tan
-from fabric_fenicsx.material.validation import above_zero
+from fabric_fenicsx.runtime.rules import above_zero
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ import sys
 import textwrap
 from pathlib import Path
 
-from ..material.validation import unknown_key
 from ..runtime.errors import InputError
+from ..runtime.rules import unknown_key
 from . import info
 from .options import STUDIES, Parser, exit_status
 

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..runtime.errors import InputError, Interrupted
-from ..runtime.fields import Rule
 from ..runtime.ranks import on_ranks
+from ..runtime.rules import Rule
 
 STUDIES = Path(__file__).parents[1] / "studies"  # a link in the repository, a copy where installed
 
@@ -59,8 +59,8 @@ def option_type(rule: Rule) -> Callable[[str], Any]:
 
     def convert(text: str) -> Any:
         try:
-            return rule.check("", text)
-        except InputError:
+            return rule.check("", float(text))
+        except (ValueError, InputError):
             raise argparse.ArgumentTypeError(f"is {text}; allowed is {rule.allowed}") from None
 
     return convert

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ..runtime.errors import InputError
+from ..runtime.rules import Rule, above_zero, shown, unknown_key
 from .units import check_unit, power_of_key, suffixes
-from .validation import Rule, above_zero, check_number, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
 
@@ -88,9 +88,9 @@ def read_numbers(
             raise unknown_key(key, (*rules, *also), where + key)
         if name in found:
             raise InputError(f"{where}{key} repeats {where}{spelled[name]}; allowed is {name} once")
-        power = power_of_key(name, rules[name].kind, key, units, where + key)
-        number = Decimal(repr(check_number(rules[name], value, where + key))).scaleb(power)
-        found[name] = check_number(rules[name], float(number), where + key)
+        power = power_of_key(name, rules[name].unit, key, units, where + key)
+        number = Decimal(repr(rules[name].check(where + key, value))).scaleb(power)
+        found[name] = rules[name].check(where + key, float(number))
         spelled[name] = key
     return found
 
@@ -101,7 +101,7 @@ def _name_of(key, rules):
     begun = [name for name in rules if key == name or key.startswith(f"{name}_")]
     longest = max(begun, key=len, default=None)
     for name in sorted(begun, key=len, reverse=True):
-        if key == name or key.removeprefix(f"{name}_") in suffixes(rules[name].kind):
+        if key == name or key.removeprefix(f"{name}_") in suffixes(rules[name].unit):
             return name
     near = difflib.get_close_matches(key, list(rules), n=1)
     return longest if near in ([], [longest]) else None

@@ -13,10 +13,17 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from ..runtime.errors import InputError
+from ..runtime.rules import (
+    above_zero,
+    check_complete,
+    fraction,
+    not_negative,
+    shown,
+    unknown_key,
+)
 from .files import read_numbers
 from .laws.base import Parameters
 from .units import power_of_key
-from .validation import Rule, above_zero, check_complete, not_negative, shown, unknown_key
 
 CURVES: "dict[str, type[Hardening]]" = {}  # by their names in material files
 WHERE = "hardening."
@@ -65,7 +72,7 @@ class Swift(Hardening):
     rules = {
         "K": above_zero("stress"),
         "eps0": above_zero(),
-        "n": Rule("", "from 0 to 1", lambda v: 0 <= v <= 1),
+        "n": fraction(),
     }
 
     K: float

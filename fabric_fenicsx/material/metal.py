@@ -8,11 +8,11 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 from ..runtime.errors import InputError
+from ..runtime.rules import Rule, above_zero, check_complete, shown
 from .files import SHEET, read_sheet_numbers, take_table, take_units
 from .hardening import Hardening, Swift, hardening_from
 from .laws.base import Material
 from .units import UNITS
-from .validation import Rule, above_zero, check_complete, shown
 
 LAW = "metal"  # that material files name
 
@@ -27,7 +27,7 @@ class Metal(Material):
 
     rules: ClassVar[Mapping[str, Rule]] = {
         "E": above_zero("stress"),
-        "nu": Rule("", "from 0 to 0.5", lambda v: 0 <= v <= 0.5),
+        "nu": Rule("a number from 0 to 0.5", lambda v: 0 <= v <= 0.5),
         **SHEET,
     }
 

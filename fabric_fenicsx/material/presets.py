@@ -8,10 +8,10 @@ from types import MappingProxyType
 from typing import Any
 
 from ..runtime.errors import InputError
+from ..runtime.rules import shown, unknown_key
 from .files import read_toml
 from .laws import LAWS, Law
 from .laws.coupled import WovenFabric
-from .validation import shown, unknown_key
 
 _KOMEILI = WovenFabric.balanced(  # Table 1
     a=4130.0,

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from ..runtime.errors import InputError
-from .validation import unknown_key
+from ..runtime.rules import unknown_key
 
 # kind -> unit -> power of ten to the first one of its kind, which is the package's own
 UNITS = {

@@ -3,39 +3,11 @@
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from .errors import InputError
-
-
-@dataclass(frozen=True)
-class Rule:
-    """Finite numbers of one `kind` that pass `test`, in words `allowed`."""
-
-    allowed: str
-    test: Callable[[Any], bool]
-    kind: type = float
-
-    def check(self, name: str, value: Any) -> Any:
-        """`value` as `kind`; InputError, which calls it `name`, if the rule does not allow it."""
-        try:
-            number = self.kind(value)
-            good = math.isfinite(number) and self.test(number) and number == float(value)
-            good = good and not isinstance(value, bool)
-        except (TypeError, ValueError, OverflowError):
-            good = False
-        if not good:
-            raise InputError(f"{name} is {value}; allowed is {self.allowed}")
-        return number
-
-
-FRACTION = Rule("a fraction above 0 and up to 1, where 0.1 is 10 %", lambda v: 0 < v <= 1)
-COUNT = Rule("a whole number of 1 or more", lambda v: v >= 1, int)
-POSITIVE = Rule("a number above 0", lambda v: v > 0)
-FROM_ZERO = Rule("a number from 0", lambda v: v >= 0)
-BETWEEN_YARNS = Rule("an angle above 0 and below 180 deg", lambda v: 0 < v < 180)
-FINITE = Rule("a finite number", lambda v: True)
+from .rules import Rule
 
 
 def declared(owner: Any) -> list[dataclasses.Field]:

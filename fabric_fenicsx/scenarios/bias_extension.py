@@ -15,7 +15,8 @@ from ..mechanics.shell.bending import Bending
 from ..meshes.specimen import PATTERNS, can_be_graded
 from ..results import measures
 from ..runtime.errors import InputError
-from ..runtime.fields import FINITE, FROM_ZERO, choice, number
+from ..runtime.fields import choice, number
+from ..runtime.rules import FINITE, FROM_ZERO
 from ..scene.supports import Supports, clamped_ends
 from ..verification.pin_jointed import PinJointedStrip
 from .scenario import ELEMENTS

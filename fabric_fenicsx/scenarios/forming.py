@@ -22,7 +22,8 @@ from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
-from ..runtime.fields import COUNT, FINITE, FROM_ZERO, POSITIVE, choice, number, switch, text
+from ..runtime.fields import choice, number, switch, text
+from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE
 from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.blank import Blank

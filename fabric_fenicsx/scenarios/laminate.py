@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 
 from ..job.job import Result
 from ..material.metal import load_metal
-from ..runtime.fields import FRACTION, POSITIVE, number, text
+from ..runtime.fields import number, text
+from ..runtime.rules import POSITIVE, SHARE
 from ..tools.double_dome import DoubleDome
 from .dome import dome_of
 from .forming import Forming
@@ -36,7 +37,7 @@ class Laminate(Forming):
     metal_thickness: float = number(
         None, POSITIVE, "of each sheet, in place of the metal's [mm]", "laminate"
     )
-    metal_area: float = number(AREA, FRACTION, "of a sheet of metal, of a ply's", "laminate")
+    metal_area: float = number(AREA, SHARE, "of a sheet of metal, of a ply's", "laminate")
 
     def prepare(self) -> None:
         """Make the plies, unless they are given as `stack`; the rest as `Forming` does."""

@@ -12,7 +12,8 @@ from ..material.laws.base import stresses_of_energy
 from ..material.paths import conjugate, gradient
 from ..results import measures
 from ..runtime.errors import InputError
-from ..runtime.fields import POSITIVE, Rule, choice, number
+from ..runtime.fields import choice, number
+from ..runtime.rules import POSITIVE, Rule
 from ..scene.scene import Scene
 from ..scene.supports import Supports, frame
 from .scenario import ELEMENTS, Scenario

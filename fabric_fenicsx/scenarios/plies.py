@@ -15,9 +15,9 @@ from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
-from ..material.validation import shown, unknown_key
 from ..runtime.errors import InputError
-from ..runtime.fields import BETWEEN_YARNS, COUNT, FINITE, FROM_ZERO, POSITIVE, check_fields, number
+from ..runtime.fields import check_fields, number
+from ..runtime.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..sheets.blank import Blank, layout
 
 # Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric, of tools on metal
@@ -38,7 +38,7 @@ class Ply:
     metal: Metal | None = None
     name: str = ""
     fibre_angle: float = number(0.0, FINITE, "of yarns a from the length [deg]")
-    yarn_angle: float = number(90.0, BETWEEN_YARNS, "from yarns a to yarns b [deg]")
+    yarn_angle: float = number(90.0, BELOW_180, "from yarns a to yarns b [deg]")
     length: float = number(None, POSITIVE, "of the whole ply [mm]")
     width: float = number(None, POSITIVE, "of the whole ply [mm]")
     thickness: float = number(None, POSITIVE, "in place of the material's [mm]")

@@ -13,7 +13,6 @@ from .. import dolfinx_compat as compat
 from ..job.job import Job, Result
 from ..material.laws import Law
 from ..material.presets import checked_fabric, load
-from ..material.validation import unknown_key
 from ..mechanics.shell import mesh_warnings
 from ..mechanics.shell.membrane import INTEGRATION, Membrane
 from ..mechanics.term import Term
@@ -21,16 +20,8 @@ from ..meshes.specimen import PATTERNS
 from ..results.curve import Curves
 from ..runtime import timing
 from ..runtime.errors import InputError
-from ..runtime.fields import (
-    BETWEEN_YARNS,
-    COUNT,
-    FINITE,
-    check_fields,
-    choice,
-    declared,
-    number,
-    text,
-)
+from ..runtime.fields import check_fields, choice, declared, number, text
+from ..runtime.rules import BELOW_180, COUNT, FINITE, unknown_key
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..sheets.blank import Blank, layout
@@ -82,11 +73,11 @@ class Scenario:
     )
     fibre_angle: float = number(0.0, FINITE, "from the length to yarns a [deg]", "mesh")
     yarn_angle: float = number(
-        90.0, BETWEEN_YARNS, "from yarns a to yarns b in the flat sheet [deg]", "weave"
+        90.0, BELOW_180, "from yarns a to yarns b in the flat sheet [deg]", "weave"
     )
     weave_angle: float | None = number(
         None,
-        BETWEEN_YARNS,
+        BELOW_180,
         "from yarns a to yarns b where the weave is free of shear (the yarn angle) [deg]",
         "weave",
     )

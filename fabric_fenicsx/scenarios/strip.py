@@ -12,7 +12,8 @@ from ..material import curves
 from ..material.curves import Curve
 from ..results.curve import Curves
 from ..runtime.errors import InputError
-from ..runtime.fields import FRACTION, POSITIVE, number, text
+from ..runtime.fields import number, text
+from ..runtime.rules import POSITIVE, SHARE
 from ..scene.scene import Scene
 from .scenario import Scenario
 
@@ -70,7 +71,7 @@ class StripTest(Scenario):
         None, POSITIVE, "of the specimen, along the load (200, or the mesh's) [mm]"
     )
     width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
-    strain: float = number(0.10, FRACTION, "nominal strain at full load: 0.1 is 10 %")
+    strain: float = number(0.10, SHARE, "nominal strain at full load: 0.1 is 10 %")
     measured: str | None = text(
         None,
         "test to lay over the curve: a CSV file as `identify` reads it, or a folder of some",

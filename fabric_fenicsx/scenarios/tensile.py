@@ -10,7 +10,8 @@ from ..job.job import Result
 from ..material.curves import Curve
 from ..results import measures
 from ..runtime.errors import InputError
-from ..runtime.fields import FINITE, FRACTION, choice, number
+from ..runtime.fields import choice, number
+from ..runtime.rules import FINITE, SHARE
 from ..scene.supports import Supports, clamped_ends, rolling_ends
 from .strip import StripTest
 
@@ -25,7 +26,7 @@ class Tensile(StripTest):
     COMPARED = "a tension test along the load: uniaxial_a with `fibre_angle` 0, uniaxial_b with 90"
     HEADLINES = ("log_eps_22_middle", "width_at_middle_mm", "nominal_stress_MPa")
 
-    strain: float = number(0.03, FRACTION, "nominal strain at full load: 0.1 is 10 %")
+    strain: float = number(0.03, SHARE, "nominal strain at full load: 0.1 is 10 %")
     grips: str = choice(
         "clamped",
         ("clamped", "rollers"),

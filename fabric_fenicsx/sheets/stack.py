@@ -7,6 +7,7 @@ import numpy as np
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
+from ..runtime.rules import POSITIVE
 from .blank import Blank
 from .parts import Part
 
@@ -82,10 +83,7 @@ def _check(sheets):
         raise InputError(f"the stack has sheets of {sorted(kinds)}s; allowed is one kind of cells")
     for sheet in sheets:
         blank, where = sheet.blank, f"sheet {sheet.name} of the stack"
-        if not (np.isfinite(sheet.thickness) and sheet.thickness > 0):
-            raise InputError(
-                f"{where} has thickness {sheet.thickness}; allowed is a number above 0 [mm]"
-            )
+        POSITIVE.check(f"thickness of {where}", sheet.thickness)
         if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
             raise InputError(
                 f"{where} lies in a plane mesh or along turned axes; allowed is a sheet in space "

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..runtime.fields import POSITIVE, check_fields, number
+from ..runtime.fields import check_fields, number
+from ..runtime.rules import POSITIVE
 
 GROUP = "limits, beyond which a result is not believed (exit status 3)"  # of options
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further

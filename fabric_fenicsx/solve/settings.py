@@ -4,7 +4,8 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..runtime.fields import COUNT, POSITIVE, Rule, check_fields, choice, number
+from ..runtime.fields import check_fields, choice, number
+from ..runtime.rules import COUNT, POSITIVE, Rule
 from .limits import Limits
 from .linear import LINEAR_SOLVERS
 

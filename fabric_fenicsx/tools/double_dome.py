@@ -8,13 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from ..runtime.errors import InputError
+from ..runtime.rules import FROM_ZERO, POSITIVE, Rule
 from .surfaces import ImplicitSurface, in_frame, tangent_vectors
-from .values import checked_number
+
+WALL = Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90)
 
 
-def _dimension(default, allowed, text, low=0.0, high=math.inf, closed=False):
-    limits = {"allowed": allowed, "low": low, "high": high, "closed": closed}
-    return field(default=default, metadata={"limits": limits, "help": text})
+def _dimension(default, rule, text):
+    return field(default=default, metadata={"rule": rule, "help": text})
 
 
 def _in_range(given):
@@ -23,9 +24,8 @@ def _in_range(given):
     right, wrong = {}, []
     for each in fields(DoubleDome):
         if each.name in given:
-            limits = each.metadata["limits"]
             try:
-                right[each.name] = checked_number(each.name, given[each.name], **limits)
+                right[each.name] = each.metadata["rule"].check(each.name, given[each.name])
             except InputError as error:
                 wrong.append(str(error))
     return right, wrong
@@ -68,7 +68,7 @@ class DoubleDome(ImplicitSurface):
     - wall_angle: of the wall from the vertical [deg]
     - top_radius: of the rounding between top and wall [mm]
     - entry_radius: of the fillet between wall and flange [mm]
-    - saddle_depth: by which the top lies lower at the middle [mm]
+    - saddle_depth: by which the top is lower at the middle [mm]
     - saddle_length: along x, over which the top is lowered [mm]
 
     F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline, with
@@ -80,20 +80,18 @@ class DoubleDome(ImplicitSurface):
     range, and values that do not fit together.
     """
 
-    dome_distance: float = _dimension(304.0, "above 0", "between the centres of the domes [mm]")
-    dome_radius: float = _dimension(65.0, "above 0", "of a dome's outline [mm]")
-    waist: float = _dimension(55.0, "above 0", "half width of the outline at the middle [mm]")
-    depth: float = _dimension(60.0, "above 0", "height of the domes over the flange [mm]")
-    wall_angle: float = _dimension(
-        10.0, "at least 0 and below 90", "of the wall from the vertical [deg]", high=90, closed=True
-    )
-    top_radius: float = _dimension(40.0, "above 0", "of the rounding between top and wall [mm]")
-    entry_radius: float = _dimension(15.0, "above 0", "of the fillet between wall and flange [mm]")
+    dome_distance: float = _dimension(304.0, POSITIVE, "between the centres of the domes [mm]")
+    dome_radius: float = _dimension(65.0, POSITIVE, "of a dome's outline [mm]")
+    waist: float = _dimension(55.0, POSITIVE, "half width of the outline at the middle [mm]")
+    depth: float = _dimension(60.0, POSITIVE, "height of the domes over the flange [mm]")
+    wall_angle: float = _dimension(10.0, WALL, "of the wall from the vertical [deg]")
+    top_radius: float = _dimension(40.0, POSITIVE, "of the rounding between top and wall [mm]")
+    entry_radius: float = _dimension(15.0, POSITIVE, "of the fillet between wall and flange [mm]")
     saddle_depth: float = _dimension(
-        15.0, "at least 0", "by which the top lies lower at the middle [mm]", closed=True
+        15.0, FROM_ZERO, "by which the top is lower at the middle [mm]"
     )
     saddle_length: float = _dimension(
-        304.0, "above 0", "along x, over which the top is lowered [mm]"
+        304.0, POSITIVE, "along x, over which the top is lowered [mm]"
     )
     # what follows from them; each dome has its own, ClassVar only says that they are no fields
     _waist_curvature: ClassVar[float]

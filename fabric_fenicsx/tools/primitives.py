@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
+from ..runtime.rules import FROM_ZERO, POSITIVE, Rule
 from .surfaces import Nearest, Surface
-from .values import checked_number, checked_vector
+from .values import checked_vector
 
 
 class Plane(Surface):
@@ -42,7 +43,7 @@ class _Round(Surface):
     _any: np.ndarray
 
     def __init__(self, centre: np.ndarray, radius: float) -> None:
-        self.centre, self.radius = centre, checked_number("radius", radius, "above 0", low=0)
+        self.centre, self.radius = centre, POSITIVE.check("radius", radius)
         self.radii = (self.radius, math.inf)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
@@ -98,10 +99,10 @@ class Torus(Surface):
             checked_vector("centre", centre),
             checked_vector("axis", axis, unit=True),
         )
-        self.tube = checked_number("tube", tube, "above 0", low=0)
-        self.ring = checked_number(
-            "ring", ring, f"above the tube's radius {self.tube:g}", low=self.tube
-        )
+        self.tube = POSITIVE.check("tube", tube)
+        self.ring = Rule(
+            f"a number above the tube's radius {self.tube:g}", lambda v: v > self.tube
+        ).check("ring", ring)
         self.radii = (self.tube, self.ring - self.tube)
         self._bar = Cylinder(self.centre, self.axis, self.ring)
 
@@ -142,16 +143,15 @@ class Plate(Surface):
             raise InputError(
                 f"corner is {corner}, but a round opening has none; allowed is to give width, too"
             )
-        self.length = checked_number("length", length, "above 0", low=0)
-        self.width = (
-            self.length if width is None else checked_number("width", width, "above 0", low=0)
-        )
+        self.length = POSITIVE.check("length", length)
+        self.width = self.length if width is None else POSITIVE.check("width", width)
         half = min(self.length, self.width) / 2
         corner = half if width is None else corner or 0.0
-        self.corner = checked_number(
-            "corner", corner, f"from 0 to {half:g}, half the opening", 0, half * (1 + 1e-12), True
-        )
-        self.entry = checked_number("entry", entry, "at least 0", low=0, closed=True)
+        self.corner = Rule(
+            f"a number from 0 to {half:g}, half the opening",
+            lambda v: 0 <= v <= half * (1 + 1e-12),
+        ).check("corner", corner)
+        self.entry = FROM_ZERO.check("entry", entry)
         self.centre = checked_vector("centre", centre)
         self.radii = (self.entry or math.inf, self.corner or math.inf)
 

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-from .values import checked_number, checked_points
+from ..runtime.rules import Rule
+from .values import checked_points
 
 # unit vectors (26, 3), one of which is less than 30 deg from any direction
 AROUND = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]]), -1).reshape(-1, 3)
@@ -323,10 +324,10 @@ class Offset(Surface):
 
     def __init__(self, surface: Surface, distance: float) -> None:
         inside, outside = radii_of(surface)
-        allowed = f"above {-inside:g} and below {outside:g}, the radii of the surface"
+        allowed = f"a number above {-inside:g} and below {outside:g}, the radii of the surface"
         name = f"distance of the offset of surface {type(surface).__name__}"
         self.surface = surface
-        self.distance = checked_number(name, distance, allowed, -inside, outside)
+        self.distance = Rule(allowed, lambda v: -inside < v < outside).check(name, distance)
         self.radii = (inside + self.distance, outside - self.distance)
 
     def from_behind(self) -> Surface:

@@ -12,13 +12,13 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
+from ..runtime.rules import BELOW_180, POSITIVE
 from .closest_triangles import ClosestTriangles
 from .curved_triangles import CurvedTriangles, row_dots
 from .files import FORMATS, read_triangles
 from .projection import Projection, least_radii
 from .surfaces import Nearest, Surface
 from .triangles import repaired
-from .values import checked_number
 
 CREASE = 35.0  # deg
 
@@ -60,7 +60,7 @@ class TriangulatedSurface(Surface):
         normals: ArrayLike | None = None,
         crease: float = CREASE,
     ) -> None:
-        self.crease = checked_number("crease", crease, "above 0 and below 180 deg", 0, 180)
+        self.crease = BELOW_180.check("crease", crease)
         found = repaired(points, triangles, normals)
         self.turned, self.one_sided = found.turned, found.one_sided
         self.curved = curved = CurvedTriangles(
@@ -97,7 +97,7 @@ class TriangulatedSurface(Surface):
         Raises InputError if it cannot be read or has no triangle, or for a chord that is not above
         0.
         """
-        path, chord = Path(path), checked_number("chord", chord, "above 0", low=0)
+        path, chord = Path(path), POSITIVE.check("chord", chord)
         found, wrong = comm.bcast(_read(path, chord) if comm.rank == 0 else None)
         if wrong:
             raise InputError(f"surface file {path} {wrong}; allowed is {FORMATS}")

@@ -1,33 +1,11 @@
-"""Numbers, vectors and points that tools are given, checked."""
+"""Vectors and points that tools are given, checked."""
 
-import math
-from numbers import Real
 from reprlib import repr as shown
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-
-
-def checked_number(
-    name: str,
-    value: Any,
-    allowed: str = "of either sign",
-    low: float = -math.inf,
-    high: float = math.inf,
-    closed: bool = False,
-) -> float:
-    """`value` as a float above `low` (or at it if `closed`) and below `high`.
-
-    Raises InputError for any other, which says what is `allowed` in words.
-    """
-    if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
-        number = float(value)
-        if low < number < high or (closed and number == low):
-            return number
-    raise InputError(f"{name} is {shown(value)}; allowed is a finite number, {allowed}")
 
 
 def checked_vector(name: str, value: ArrayLike, unit: bool = False) -> np.ndarray:

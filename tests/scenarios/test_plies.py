@@ -96,7 +96,10 @@ def table(words, unit='unit = "mm"'):
         (table("[[ply]]\nlength = nan"), "length of ply 2 is nan; allowed is a number above 0"),
         (table("thickness = -1"), "thickness of ply 1 is -1; allowed is a number above 0"),
         (table("friction = -0.1"), "friction of ply 1 is -0.1; allowed is a number from 0"),
-        (table('fibre_angle = "bias"'), "fibre_angle of ply 1 is bias; allowed is a finite number"),
+        (
+            table('fibre_angle = "bias"'),
+            "fibre_angle of ply 1 is 'bias'; allowed is a finite number",
+        ),
         (table("yarn_angle = 180"), "yarn_angle of ply 1 is 180; allowed is an angle above 0"),
         (table("nx = true"), "nx of ply 1 is True; allowed is a whole number of 1 or more"),
         (table('fabric = "silk"'), "fabric of ply 1: "),

@@ -140,9 +140,9 @@ def bent():
         (lambda s: [], "the stack has no sheet; allowed are one or more"),
         (lambda s: [s[0], (*s[1][:2], "lower")], "['lower', 'lower']; allowed are different names"),
         (lambda s: [(*s[0][:2], "")], "are named ['']; allowed are different names"),
-        (lambda s: [(s[0][0], 0.0, "a")], "sheet a of the stack has thickness 0.0; allowed"),
-        (lambda s: [(s[0][0], float("nan"), "a")], "sheet a of the stack has thickness nan;"),
-        (lambda s: [(s[0][0], float("inf"), "a")], "sheet a of the stack has thickness inf;"),
+        (lambda s: [(s[0][0], 0.0, "a")], "thickness of sheet a of the stack is 0.0; allowed"),
+        (lambda s: [(s[0][0], float("nan"), "a")], "thickness of sheet a of the stack is nan;"),
+        (lambda s: [(s[0][0], float("inf"), "a")], "thickness of sheet a of the stack is inf;"),
         (
             lambda s: [(ff.Blank.rectangle(20, 10, nx=4, element="P1"), 1.0, "a")],
             "sheet a of the stack lies in a plane mesh or along turned axes; allowed",

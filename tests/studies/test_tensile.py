@@ -448,7 +448,7 @@ def test_a_pre_sheared_strip_comes_to_rest_before_load(launch):
 LAW_FILE = """
 from dataclasses import dataclass
 import fabric_fenicsx as ff
-from fabric_fenicsx.material.validation import above_zero
+from fabric_fenicsx.runtime.rules import above_zero
 
 @dataclass(frozen=True)
 class Straight(ff.Law):

@@ -426,52 +426,52 @@ def test_modifiers():
             lambda: Sphere(1, [0, 0, math.nan]),
             "centre is [0, 0, nan]; allowed are three finite numbers",
         ),
-        (lambda: Sphere(0, [0, 0, 0]), "radius is 0; allowed is a finite number, above 0"),
+        (lambda: Sphere(0, [0, 0, 0]), "radius is 0; allowed is a number above 0"),
         (
             lambda: Cylinder([0, 0, 0], "x", 1),
             "axis is 'x'; allowed are three finite numbers, not all 0",
         ),
         (
             lambda: Torus([0, 0, 0], [0, 0, 1], 5, 6),
-            "ring is 5; allowed is a finite number, above the tube's radius 6",
+            "ring is 5; allowed is a number above the tube's radius 6",
         ),
-        (lambda: Plate(0), "length is 0; allowed is a finite number, above 0"),
+        (lambda: Plate(0), "length is 0; allowed is a number above 0"),
         (
             lambda: Plate(9, 4, 3),
-            "corner is 3; allowed is a finite number, from 0 to 2, half the opening",
+            "corner is 3; allowed is a number from 0 to 2, half the opening",
         ),
         (lambda: Plate(9, corner=3), "corner is 3, but a round opening has none"),
-        (lambda: Plate(9, entry=-1), "entry is -1; allowed is a finite number, at least 0"),
+        (lambda: Plate(9, entry=-1), "entry is -1; allowed is a number from 0"),
         (
             lambda: DoubleDome(dome_distance=0),
-            "dome_distance is 0; allowed is a finite number, above 0",
+            "dome_distance is 0; allowed is a number above 0",
         ),
         (
             lambda: DoubleDome(dome_radius="65"),
-            "dome_radius is '65'; allowed is a finite number, above 0",
+            "dome_radius is '65'; allowed is a number above 0",
         ),
-        (lambda: DoubleDome(waist=-1), "waist is -1; allowed is a finite number, above 0"),
-        (lambda: DoubleDome(depth=math.inf), "depth is inf; allowed is a finite number, above 0"),
+        (lambda: DoubleDome(waist=-1), "waist is -1; allowed is a number above 0"),
+        (lambda: DoubleDome(depth=math.inf), "depth is inf; allowed is a number above 0"),
         (
             lambda: DoubleDome(wall_angle=-5),
-            "wall_angle is -5; allowed is a finite number, at least 0 and below 90",
+            "wall_angle is -5; allowed is an angle from 0, below 90 deg",
         ),
         (
             lambda: DoubleDome(wall_angle=90),
-            "wall_angle is 90; allowed is a finite number, at least 0 and below 90",
+            "wall_angle is 90; allowed is an angle from 0, below 90 deg",
         ),
-        (lambda: DoubleDome(top_radius=0), "top_radius is 0; allowed is a finite number, above 0"),
+        (lambda: DoubleDome(top_radius=0), "top_radius is 0; allowed is a number above 0"),
         (
             lambda: DoubleDome(entry_radius=True),
-            "entry_radius is True; allowed is a finite number, above 0",
+            "entry_radius is True; allowed is a number above 0",
         ),
         (
             lambda: DoubleDome(saddle_depth=-1),
-            "saddle_depth is -1; allowed is a finite number, at least 0",
+            "saddle_depth is -1; allowed is a number from 0",
         ),
         (
             lambda: DoubleDome(saddle_length=0),
-            "saddle_length is 0; allowed is a finite number, above 0",
+            "saddle_length is 0; allowed is a number above 0",
         ),
         (
             lambda: DoubleDome(waist=70),
@@ -520,18 +520,18 @@ def test_modifiers():
             lambda: DoubleDome(hight=3, waist=-1, length=4, depth="x"),
             "hight, length: no dimension of the double dome has this name; allowed are "
             f"{', '.join(each.name for each in fields(DoubleDome))}; waist is -1; allowed is a "
-            "finite number, above 0; depth is 'x'; allowed is a finite number, above 0",
+            "number above 0; depth is 'x'; allowed is a number above 0",
         ),
         (
             lambda: DoubleDome(top_radius=0, waist=70, saddle_depth=70),
-            "top_radius is 0; allowed is a finite number, above 0; "
+            "top_radius is 0; allowed is a number above 0; "
             "waist is 70; allowed is above 0 and at most dome_radius = 65, with dome_distance 304; "
             "saddle_depth is 70; allowed is below depth = 60",
         ),
         (
             lambda: Offset(Sphere(10, [0, 0, 0]), -10),
             (
-                "distance of the offset of surface Sphere is -10; allowed is a finite number, "
+                "distance of the offset of surface Sphere is -10; allowed is a number "
                 "above -10 and below inf, "
                 "the radii of the surface"
             ),
@@ -571,7 +571,7 @@ def test_modifiers():
         (lambda: Tool(Tool(Sphere(3))), "surface of tool is a Tool; allowed is a surface, as "),
         (
             lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], crease=0),
-            "crease is 0; allowed is a finite number",
+            "crease is 0; allowed is an angle above 0 and below 180 deg",
         ),
         (
             lambda: TriangulatedSurface.read("none.stl"),

@@ -9,7 +9,7 @@ from builders import Elastic, Springs, sheet
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.functions import log, sqrt, where
 from fabric_fenicsx.material.laws import LAWS
-from fabric_fenicsx.material.validation import above_zero
+from fabric_fenicsx.runtime.rules import above_zero
 
 KOMEILI = ff.load("komeili")
 BALL = ff.Sphere(radius=30)

@@ -7,8 +7,8 @@ import pytest
 from nets.relaxed_net import relaxed_net
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material.validation import above_zero
 from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.runtime.rules import above_zero
 from fabric_fenicsx.verification.pin_jointed import PinJointedStrip
 
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from ...runtime.errors import InputError
+from ...runtime.rules import unknown_key
 from ..files import read_numbers, read_sheet_numbers
 from ..laws.coupled import SHEAR, YARN
 from ..units import UNITS, factors
-from ..validation import unknown_key
 from . import checks
 from .forces import of_fabric, response
 from .model import (

@@ -13,10 +13,10 @@ import tomli_w
 from numpy.typing import ArrayLike
 
 from ...runtime.errors import InputError
+from ...runtime.rules import Rule, check_complete, shown, unknown_key
 from ..files import SHEET, read_sheet_numbers, read_toml, take_units, write_whole
 from ..hyperdual import HyperDual
 from ..units import UNITS
-from ..validation import Rule, check_complete, check_number, shown, unknown_key
 
 COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
 LAWS: "dict[str, type[Law]]" = {}  # by their names in material files
@@ -75,7 +75,7 @@ class Parameters:
 
     def __post_init__(self) -> None:
         for name, rule in self.rules.items():
-            object.__setattr__(self, name, check_number(rule, getattr(self, name), name))
+            object.__setattr__(self, name, rule.check(name, getattr(self, name)))
 
     def symbols(self, make: Callable[[float], Any]) -> Self:
         """A copy, not checked, of which each number v of the energy is make(v); so make may give
@@ -155,11 +155,11 @@ class Law(Material):
                 f"than {', '.join(sorted(LAWS))}"
             )
         for name, rule in cls.rules.items():
-            if not (isinstance(rule, Rule) and rule.kind in ("", *UNITS)):
-                kind = rule.kind if isinstance(rule, Rule) else rule
+            if not (isinstance(rule, Rule) and rule.unit in ("", *UNITS)):
+                unit = rule.unit if isinstance(rule, Rule) else rule
                 raise InputError(
-                    f"rule of {name} of law {cls.law} is for {shown(kind)}; allowed is one of "
-                    f"`material.validation`, as above_zero(kind), for {', '.join(UNITS)} or none"
+                    f"rule of {name} of law {cls.law} is for {shown(unit)}; allowed is one of "
+                    f"`runtime.rules`, as above_zero(unit), for {', '.join(UNITS)} or none"
                 )
         LAWS[cls.law] = cls
 
@@ -183,7 +183,7 @@ class Law(Material):
                     "in `rules`"
                 )
         for name, rule in SHEET.items():
-            object.__setattr__(self, name, check_number(rule, getattr(self, name), name))
+            object.__setattr__(self, name, rule.check(name, getattr(self, name)))
         if not isinstance(self.name, str):
             raise InputError(f"name is {shown(self.name)}; allowed is a text")
 

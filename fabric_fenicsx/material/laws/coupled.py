@@ -8,20 +8,19 @@ from typing import Any, Self
 import numpy as np
 
 from ...runtime.errors import InputError
-from ..files import SHEET, read_numbers, read_sheet_numbers, take_table, take_units
-from ..functions import exp, negative, positive
-from ..units import UNITS
-from ..validation import (
+from ...runtime.rules import (
     Rule,
     above_zero,
     check_complete,
-    check_number,
     fraction,
     not_negative,
     of_either_sign,
     shown,
     unknown_key,
 )
+from ..files import SHEET, read_numbers, read_sheet_numbers, take_table, take_units
+from ..functions import exp, negative, positive
+from ..units import UNITS
 from .base import COUPLINGS, Derivatives, Law, Parameters, check_couplings
 
 YARN: dict[str, Rule] = {
@@ -61,7 +60,7 @@ class Yarn(Parameters):
 
     def __post_init__(self) -> None:
         for name, rule in YARN.items():
-            number = check_number(rule, getattr(self, name), f"Yarn.{name}")
+            number = rule.check(f"Yarn.{name}", getattr(self, name))
             object.__setattr__(self, name, number)
 
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
+from ...runtime.rules import Rule, above_zero, fraction, not_negative
 from ..functions import cos, log, negative, positive, tan, where
-from ..validation import Rule, above_zero, fraction, not_negative
 from .base import Law
 
 
@@ -28,7 +28,7 @@ class Law58(Law):
         **dict.fromkeys(("E_a", "E_b", "G_0", "G_T"), above_zero("stress")),
         **dict.fromkeys(("B_a", "B_b"), not_negative("stress")),
         "flex": fraction(),
-        "gamma_T": Rule("", "above 0 and below pi / 2", lambda v: 0 < v < 1.57),
+        "gamma_T": Rule("an angle above 0 and below pi / 2", lambda v: 0 < v < 1.57),
     }
 
     E_a: float

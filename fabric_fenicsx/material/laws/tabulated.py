@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from ...runtime.errors import InputError
+from ...runtime.rules import check_complete
 from ..files import SHEET, read_sheet_numbers, take_units
 from ..functions import where
 from ..units import ANGLE, STRAIN, factors
-from ..validation import check_complete
 from .base import Derivatives, Law, Parameters
 
 MIN_POINTS = 3

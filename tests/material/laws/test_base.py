@@ -17,9 +17,9 @@ from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS, load
-from fabric_fenicsx.material.validation import above_zero
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.runtime.rules import above_zero
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.verification.derivatives import check_derivatives
 
@@ -180,12 +180,12 @@ def test_a_material_file_names_its_law(tmp_path):
             "law 'law85' is unknown (did you mean law58?); allowed are coupled, law58, tabulated, ",
         ),
         ("E_a = 1335.0", "", "missing E_a; allowed is to give all, at the top of the file"),
-        ("flex = 0.001", "flex = 2", "flex is 2; allowed is a finite number, from 0 to 1"),
+        ("flex = 0.001", "flex = 2", "flex is 2; allowed is a number from 0 to 1"),
         ("flex = 0.001", "flx = 2", "flx is unknown (did you mean flex?)"),
         (
             "gamma_T = 0.8",
             "gamma_T = 45",
-            "gamma_T is 45; allowed is a finite number, above 0 and below pi",
+            "gamma_T is 45; allowed is an angle above 0 and below pi",
         ),
     ):
         path.write_text(text.replace(old, new))
@@ -198,7 +198,7 @@ def test_a_material_file_names_its_law(tmp_path):
     PRESETS["komeili"].to_toml(path)
     path.write_text('law = "coupled"\n' + path.read_text())
     assert load(path) == PRESETS["komeili"]
-    with pytest.raises(InputError, match="E_a is -1; allowed is a finite number, above 0"):
+    with pytest.raises(InputError, match="E_a is -1; allowed is a number above 0"):
         LAW58.replace(E_a=-1)
     with pytest.raises(InputError, match="replace: p_min is unknown; allowed are"):
         LAW58.replace(p_min=1)
@@ -353,7 +353,7 @@ def test_a_fabric_is_at_rest_without_strain(energy, words, caplog):
     "rules, words",
     [
         ({"E": above_zero("pressure")}, "rule of E of law own is for 'pressure'; allowed is one"),
-        ({"E": "stress"}, "rule of E of law own is for 'stress'; allowed is one of `material"),
+        ({"E": "stress"}, "rule of E of law own is for 'stress'; allowed is one of `runtime"),
         ({"E": above_zero("stress"), "F": above_zero()}, "law own has no number F; allowed is"),
     ],
 )

@@ -165,14 +165,14 @@ def test_symbols():
     "value", [math.nan, math.inf, True, np.True_, "1", None, 1j, [1.0], 10**400, np.ones(1)]
 )
 def test_not_a_finite_number(name, value):
-    with pytest.raises(InputError, match=rf"{name} is .*; allowed is a finite number, \w+"):
+    with pytest.raises(InputError, match=rf"{name} is .*; allowed is a \w+"):
         KOMEILI.replace(**{name: value})
 
 
 @pytest.mark.parametrize(
     ("allowed", "good", "bad"),
     [
-        ("at least 0", {"a": 0, "c": 0, "s_T": 0, "s_C": 0, "s3": 0}, -1e-9),
+        ("from 0", {"a": 0, "c": 0, "s_T": 0, "s_C": 0, "s3": 0}, -1e-9),
         ("above 0", {"b": 1e-9, "d": 1e-9, "s1": 1e-9, "thickness": 1e-9, "density": 1e-9}, 0),
         ("from 0 to 1", {"p_min": 1}, 1.001),
         ("from 0 to 1", {"p_min": 0}, -0.001),
@@ -181,9 +181,7 @@ def test_not_a_finite_number(name, value):
 def test_ranges(allowed, good, bad):
     KOMEILI.replace(**good)
     for name in good:
-        with pytest.raises(
-            InputError, match=f"{name} is {bad}; allowed is a finite number, {allowed}"
-        ):
+        with pytest.raises(InputError, match=f"{name} is {bad}; allowed is a number {allowed}"):
             KOMEILI.replace(**{name: bad})
 
 
@@ -226,16 +224,16 @@ def test_units_and_layouts_give_the_same_fabric(tmp_path, text):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("a = 4130", "a = -1", "yarns.a is -1; allowed is a finite number, at least 0"),
+        ("a = 4130", "a = -1", "yarns.a is -1; allowed is a number from 0"),
         (
             "a = 4130",
             "a_GPa = nan",
-            "yarns.a_GPa is nan; allowed is a finite number, at least 0",
+            "yarns.a_GPa is nan; allowed is a number from 0",
         ),
         (
             "a = 4130",
             "a_GPa = 1e308",
-            "yarns.a_GPa is inf; allowed is a finite number, at least 0",
+            "yarns.a_GPa is inf; allowed is a number from 0",
         ),
         ("a = 4130", "a = 1\na_Pa = 1", "yarns.a_Pa repeats yarns.a; allowed is a once"),
         ("a = 4130", "a = 1\na = 2", "is not valid TOML"),
@@ -244,8 +242,8 @@ def test_units_and_layouts_give_the_same_fabric(tmp_path, text):
             "a_psi = 1",
             "yarns.a_psi: stress unit 'psi' is unknown; allowed are MPa, kPa, Pa, GPa",
         ),
-        ("a = 4130", "a = '1'", "yarns.a is '1'; allowed is a finite number"),
-        ("a = 4130", "a = true", "yarns.a is True; allowed is a finite number"),
+        ("a = 4130", "a = '1'", "yarns.a is '1'; allowed is a number from 0"),
+        ("a = 4130", "a = true", "yarns.a is True; allowed is a number from 0"),
         ("a = 4130", "", "missing yarns.a; allowed is to give all, in [yarns] or [warp]"),
         ("[yarns]", "[warp]", "missing weft.a, weft.b, weft.d"),
         (
@@ -262,7 +260,7 @@ def test_units_and_layouts_give_the_same_fabric(tmp_path, text):
         (
             "[shear]",
             "[weft]\np_min = 1.5\n[shear]",
-            "weft.p_min is 1.5; allowed is a finite number, from 0 to 1",
+            "weft.p_min is 1.5; allowed is a number from 0 to 1",
         ),
         ("[shear]", "[sheer]", "sheer is unknown (did you mean shear?)"),
         ("s1 = 25.06e-3", "", "missing shear.s1; allowed is to give all, in [shear]"),
