@@ -53,9 +53,6 @@ MANY_ARGUMENTS = {
     "tools.projection.Projection._at_edges",
 }
 IN_CIRCLES = {
-    "job.error_run",
-    "job.job",
-    "job.run",
     "mechanics.assembly",
     "mechanics.given",
     "mechanics.shell.membrane",

@@ -4,20 +4,18 @@ import dataclasses
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..results.history import History
 from ..results.output import Output
 from ..results.result import Result
 from ..runtime.errors import InputError, SolverFailure
-
-if TYPE_CHECKING:
-    from .job import Job
+from .fields import JobFields
 
 FOLDER = "coarse"  # in the run's own
 
 
-def coarsened(job: "Job", made: "Job") -> "Job":
+def coarsened(job: JobFields, made: Any) -> Any:
     """The job `made` on a mesh twice as coarse, with the settings of `job` that go with it."""
     settings = job.coarser_settings()
     given = {each.name: getattr(settings, each.name) for each in dataclasses.fields(settings)}
@@ -26,7 +24,7 @@ def coarsened(job: "Job", made: "Job") -> "Job":
 
 
 def estimated(
-    job: "Job", result: Result, output: Output, problem: Mapping[str, Any]
+    job: JobFields, result: Result, output: Output, problem: Mapping[str, Any]
 ) -> dict[str, Any]:
     """What the summary says of the errors of `result`, which `job` gave: `error` {quantity:
     absolute error}, and what the run on the coarser mesh was. Empty, with a warning, if that run

@@ -2,31 +2,32 @@
 
 import logging
 import tempfile
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ..mechanics.given import entries, of_scene
-from ..results.curve import Curves, Measure
 from ..results.output import Output, read_converged
 from ..results.result import LAST_PICTURE, Result, draw_state
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.together import all_or_none
-from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
-from ..solve.settings import Settings
+from .error_run import estimated
+from .fields import JobFields
 from .run import Run
 
 log = logging.getLogger("fabric_fenicsx")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job(Settings):
+class Job(JobFields):
     """Load stepping of `scene` from rest to full load, with history, fields, checkpoint, summary.
-    How it is solved say the fields of `Settings`, all of them keywords: `Job(scene, steps=40)`.
+
+    All else are keywords, as in `Job(scene, steps=40)`: the solver's, which are the fields of
+    `Settings`, and
 
     - error: whether errors are estimated from the same run on a mesh twice as coarse; coarser:
       function that makes this job on that mesh; order: that of forces and energies in the size of
@@ -40,19 +41,6 @@ class Job(Settings):
     - beside: curves drawn into curve.png besides the run's, {label: (displacements [mm], forces
       [N])}
     """
-
-    scene: Scene = field(kw_only=False)
-    error: bool = False
-    coarser: "Callable[[], Job] | None" = None
-    order: float = 1.0
-    headlines: Sequence[str] = ()
-    measure: Measure | None = None
-    quantities: Callable[[Result], dict[str, Any]] | None = None
-    tables: Callable[[Result, Path], None] | None = None
-    pictures: Callable[[Result, Path], None] | None = None
-    warnings: Iterable[str] = ()
-    beside: Curves = field(default_factory=dict)
-    name: str = "job"
 
     def run(
         self,
@@ -149,8 +137,6 @@ class Job(Settings):
 
     def _estimate(self, output, result, problem, series):
         """Add to result, history.csv, fields and summary.json how far they are off."""
-        from .error_run import estimated
-
         facts = estimated(self, result, output, problem)
         result.summary = output.amend(result.folder, result.summary, **facts)
         if facts:

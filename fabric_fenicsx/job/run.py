@@ -3,7 +3,7 @@
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from petsc4py import PETSc
 from tqdm import tqdm
@@ -21,9 +21,7 @@ from ..solve.progress import Accepted, Outcome, Progress
 from ..solve.report import Report
 from ..solve.stepping import LoadStepping
 from . import belief
-
-if TYPE_CHECKING:
-    from .job import Job
+from .fields import JobFields
 
 log = logging.getLogger("fabric_fenicsx")
 
@@ -38,7 +36,7 @@ class Run:
 
     def __init__(
         self,
-        job: "Job",
+        job: JobFields,
         output: Output,
         folder: Path,
         newton: Newton,

@@ -1,0 +1,29 @@
+"""What a job is given."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ..results.curve import Curves, Measure
+from ..results.result import Result
+from ..scene.scene import Scene
+from ..solve.settings import Settings
+
+
+@dataclass(frozen=True, kw_only=True)
+class JobFields(Settings):
+    """What a `Job` is given; it says what each field is."""
+
+    scene: Scene = field(kw_only=False)
+    error: bool = False
+    coarser: Callable[[], Any] | None = None
+    order: float = 1.0
+    headlines: Sequence[str] = ()
+    measure: Measure | None = None
+    quantities: Callable[[Result], dict[str, Any]] | None = None
+    tables: Callable[[Result, Path], None] | None = None
+    pictures: Callable[[Result, Path], None] | None = None
+    warnings: Iterable[str] = ()
+    beside: Curves = field(default_factory=dict)
+    name: str = "job"
