@@ -22,11 +22,10 @@ if TYPE_CHECKING:
     from .material.laws.tabulated import TabulatedFabric
     from .material.metal import Metal, load_metal
     from .material.presets import load
-    from .mechanics.contact.contact import Contact
-    from .mechanics.contact.friction import Friction
-    from .mechanics.contact.pressing import BlankHolderPressure
+    from .mechanics.contact.coulomb import Coulomb
+    from .mechanics.contact.holder_pressure import BlankHolderPressure
     from .mechanics.contact.sheet_contact import SheetContact
-    from .mechanics.contact.sheet_friction import SheetFriction
+    from .mechanics.contact.tool_contact import Contact
     from .mechanics.load import DeadPressure, EdgeTension
     from .mechanics.shell.bending import Bending
     from .mechanics.shell.membrane import Membrane
@@ -62,14 +61,13 @@ _HOMES = {
     "material.metal": ("Metal", "load_metal"),
     "material.presets": ("load",),
     "mechanics.shell.bending": ("Bending",),
-    "mechanics.contact.contact": ("Contact",),
-    "mechanics.contact.friction": ("Friction",),
+    "mechanics.contact.coulomb": ("Coulomb",),
+    "mechanics.contact.tool_contact": ("Contact",),
     "mechanics.load": ("DeadPressure", "EdgeTension"),
     "mechanics.shell.membrane": ("Membrane",),
     "mechanics.shell.metal": ("SheetMetal",),
-    "mechanics.contact.pressing": ("BlankHolderPressure",),
+    "mechanics.contact.holder_pressure": ("BlankHolderPressure",),
     "mechanics.contact.sheet_contact": ("SheetContact",),
-    "mechanics.contact.sheet_friction": ("SheetFriction",),
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),
     "scenarios.forming": ("Forming",),

@@ -20,11 +20,10 @@ def under(x):
     return 1.0 * (np.hypot(x[:, 0], x[:, 1]) > 43)
 
 
-holder = ff.BlankHolderPressure(0.05, (0, 0, -1), under)  # 0.05 MPa downwards
+holder = ff.BlankHolderPressure(0.05, (0, 0, -1), under, friction=0.25)  # 0.05 MPa downwards
 planes = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry, at points (3, n)
 terms = [ff.Membrane(fabric), ff.Bending(modulus=100.0, symmetric=planes), holder]
-terms += [ff.Contact(plate), ff.Contact(ball)]
-terms += [ff.Friction(tool, 0.25) for tool in (holder.tool, plate, ball)]
+terms += [ff.Contact(tool, friction=0.25) for tool in (plate, ball)]
 supports = [ff.Support("plane x = 0", planes[0], (0,)), ff.Support("plane y = 0", planes[1], (1,))]
 scene = ff.Scene(ply, terms, supports=supports)
 result = ff.Job(scene, steps=8).run("results/holder", overwrite=True)

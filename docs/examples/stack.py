@@ -11,8 +11,7 @@ for name, angle in {"lower": 45, "upper": 0}.items():  # the lowest first
     sheets.append((ply, fabric.thickness, name))
     terms += [ff.Membrane(fabric).on(name), ff.Bending(modulus=100.0).on(name)]
 ball = ff.Tool(ff.Sphere(radius=30), lambda load: (50.0, 50.0, 4.0 * load - 30.5), name="ball")
-terms += [ff.Contact(ball), ff.Friction(ball, 0.25)]
-terms += [ff.SheetContact("lower", "upper"), ff.SheetFriction("lower", "upper", 0.334)]
+terms += [ff.Contact(ball, friction=0.25), ff.SheetContact("lower", "upper", friction=0.334)]
 scene = ff.Scene(ff.Stack(sheets), terms, supports=ff.clamped_ends())
 result = ff.Job(scene, steps=4).run("results/stack", overwrite=True)
 pair = result.summary["sheet_contacts"]["lower, upper"]

@@ -1,5 +1,6 @@
 """What a scene was given, as plain data that tells it from one with other numbers."""
 
+import dataclasses
 import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ from mpi4py import MPI
 from ..material.laws.base import Material
 from ..tools.surfaces import Surface
 from ..tools.tool import Tool
+from .contact.coulomb import Coulomb
 
 if TYPE_CHECKING:
     from ..scene.scene import Scene
@@ -37,6 +39,8 @@ def plain(value: Any) -> Any:
         return [plain(each) for each in value]
     if isinstance(value, Material):
         return value.dumps()
+    if isinstance(value, Coulomb):
+        return plain(dataclasses.asdict(value))
     kind = type(value).__name__
     if isinstance(value, Tool):
         ways = {"path": value.path} | ({"force": value.force} if value.force else {})

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mechanics.contact.nodes import PressingTerm
+from ..mechanics.contact.pressing_term import PressingTerm
 from ..runtime.errors import InputError
 from ..scene.scene import Scene
 from . import measures

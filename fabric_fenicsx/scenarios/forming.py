@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from ..job.job import Result
-from ..mechanics.contact.contact import Contact
-from ..mechanics.contact.friction import Friction
-from ..mechanics.contact.nodes import PressingTerm
-from ..mechanics.contact.pressing import BlankHolderPressure
+from ..mechanics.contact.coulomb import Coulomb
+from ..mechanics.contact.holder_pressure import BlankHolderPressure
+from ..mechanics.contact.pressing_term import PressingTerm
 from ..mechanics.contact.pressure_law import stack_penalty
 from ..mechanics.contact.sheet_contact import SheetContact
+from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell import mesh_warnings
 from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
@@ -280,27 +280,32 @@ class Forming(Scenario):
         return surface, asked if rounded and not isinstance(surface, DoubleDome) else found
 
     def terms(self) -> list[Term]:
-        """Bending, contact with the tools, blank holder, friction."""
+        """Bending, contact with the tools, blank holder."""
         terms = [*self._bending(), self._contact(self.die), self._contact(self.punch_tool)]
         between: list[Term] = []
-        mu: float | dict[str, float] = self.friction
         if isinstance(self.blank, Stack):
             planes = () if self.full else PLANES
             terms += stacking.metals(self.plies, planes)
             between = stacking.between(self.blank, self.plies, self.slip, self.lag, planes)
-        if any(ply.metal for ply in self.plies):
-            mu = {p.name: self.metal_friction if p.metal else self.friction for p in self.plies}
         terms += [
             *self._blank_holder(stacking.neighbours(between, self.plies) if between else ()),
             *between,
         ]
         self.pressing = [term for term in terms if isinstance(term, PressingTerm)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
-        rubbed = [term.tool for term in self.pressing] if mu else []
-        return terms + [Friction(tool, mu, self.slip, self.lag) for tool in rubbed]
+        return terms
 
     def _contact(self, tool):
-        return Contact(tool, penalty=self.penalty, permitted=self.permitted)
+        friction = self._tool_friction()
+        return Contact(tool, penalty=self.penalty, permitted=self.permitted, friction=friction)
+
+    def _tool_friction(self):
+        """On the tools, of each ply if one is of metal."""
+        coefficient: float | dict[str, float] = self.friction
+        if any(ply.metal for ply in self.plies):
+            metal, fabric = self.metal_friction, self.friction
+            coefficient = {ply.name: metal if ply.metal else fabric for ply in self.plies}
+        return Coulomb(coefficient, self.slip, self.lag)
 
     def _bending(self) -> list[Term]:
         if not self.bending_modulus:
@@ -322,8 +327,9 @@ class Forming(Scenario):
         if self.holder == "pressure":
             under = holding.on_flange(self.die, t)
             self.warnings += holding.loose_ends_warnings(under, stacking.least_corner(self.blank))
+            friction = self._tool_friction()
             pressure = BlankHolderPressure(
-                self.holder_pressure, UP, under, lag=self.lag, against=against
+                self.holder_pressure, UP, under, lag=self.lag, against=against, friction=friction
             )
             if not isinstance(self.blank, Stack):
                 return [pressure]

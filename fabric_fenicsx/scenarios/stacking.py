@@ -5,9 +5,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ..mechanics.contact.contact import Contact
+from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.sheet_contact import SheetContact
-from ..mechanics.contact.sheet_friction import SheetFriction
+from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.metal import SheetMetal
 from ..mechanics.shell.morley import Where
@@ -47,15 +47,16 @@ def metals(plies: Sequence[Ply], planes: Sequence[Where]) -> list[Term]:
 def between(
     stack: Stack, plies: Sequence[Ply], slip: float, lag: float, planes: Sequence[Where]
 ) -> list[Term]:
-    """Contact and friction of each ply with the next, and of two plies with a smaller one between
-    them. planes: of symmetry; slip, lag: as in `SheetFriction`."""
+    """Contact with friction of each ply with the next, and of two plies with a smaller one between
+    them. planes: of symmetry; slip, lag: as in `Coulomb`."""
     terms: list[Term] = []
     for lower, upper in _facing(stack, plies):
         names = lower.name, upper.name
         layer = 0.0 if lower.metal and upper.metal else stack.play
-        terms.append(SheetContact(*names, lag=lag, layer=layer, symmetric=planes))
-        if mu := lower.friction_to(upper):
-            terms.append(SheetFriction(*names, mu, slip, lag))
+        friction = Coulomb(lower.friction_to(upper), slip, lag)
+        terms.append(
+            SheetContact(*names, lag=lag, layer=layer, symmetric=planes, friction=friction)
+        )
     return terms
 
 

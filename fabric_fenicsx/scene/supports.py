@@ -142,7 +142,7 @@ def check_held(scene: "Scene") -> str:
             return (
                 f"nothing but the shapes of tools without friction holds {blank.name}, which may "
                 f"{free} until it is formed: steps are slow till then and may fail; allowed, too, "
-                "are `Friction` and supports that only locate it (`Support(..., locates=True)`)"
+                "are friction and supports that only locate it (`Support(..., locates=True)`)"
             )
         free = shapes_leave
     if free:
@@ -151,7 +151,7 @@ def check_held(scene: "Scene") -> str:
             f"the supports ({names}) leave {blank.name} free to {free}"
             + (", which contact without friction does not resist" if smooth else "")
             + "; allowed are supports, or a term's `resists`, that hold every rigid motion"
-            + (", or `Friction`" if smooth else "")
+            + (", or friction, as `Contact(tool, friction=0.25)`" if smooth else "")
         )
     return ""
 

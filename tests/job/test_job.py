@@ -94,15 +94,14 @@ def loaded(
     ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True, fibre_angle=turn)
     ball = ff.Tool(ff.Sphere(radius), path=lambda load: (10, 5, height + 0.01 * load))
     terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=modulus), Bedding(k)]
-    terms += [ff.DeadPressure(pressure, (0, 0, -1)), ff.Contact(ball)]
-    terms.append(ff.Friction(ball, mu))
+    terms += [ff.DeadPressure(pressure, (0, 0, -1)), ff.Contact(ball, friction=mu)]
     return ff.Job(ff.Scene(ply, terms, ff.clamped_ends(stroke)), steps=2)
 
 
 OTHER = {
     "k": (1.0, "k of term 3, bedding = 0.01, now it is 1.0"),
     "pressure": (2e-3, "pressure of term 4, dead pressure = 0.001, now it is 0.002"),
-    "mu": (0.3, "coefficient of term 6, friction = 0.25, now it is 0.3"),
+    "mu": (0.3, "coulomb.coefficient of term 5, contact = 0.25, now it is 0.3"),
     "modulus": (50.0, "modulus of term 2, bending = 100.0, now it is 50.0"),
     "radius": (31.0, "tool.surface.radius of term 5, contact = 30.0, now it is 31.0"),
     "height": (-32.0, "tool.path of term 5, contact = .*-30.99"),

@@ -13,9 +13,8 @@ from mpi4py import MPI
 from fabric_fenicsx.job.job import Job
 from fabric_fenicsx.material.metal import load_metal
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.contact import Contact
-from fabric_fenicsx.mechanics.contact.friction import Friction
 from fabric_fenicsx.mechanics.contact.pressure_law import default_penalty
+from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.bending import Bending, plate_stiffness
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.shell.metal import SheetMetal
@@ -109,22 +108,17 @@ def test_a_term_is_once_in_a_scene():
 
 
 def test_what_the_scene_knows_is_not_asked_twice():
-    """Thickness, penalty and stiffness from the fabric, the normal force from what presses, in any
-    order."""
+    """Thickness, penalty and stiffness from the fabric, in any order."""
     blank = sheet(20.0, 10.0, 4, 2, spatial=True)
     ball, table = (
         Tool(Sphere(8.0, (5, 5, -9)), name="ball"),
         Tool(Plane((0, 0, -1), (0, 0, 1)), name="table"),
     )
-    friction, contact, bending = (
-        Friction(ball, 0.2),
-        Contact(ball),
-        Bending(modulus=100.0, twist_modulus=1.0),
-    )
+    contact, bending = Contact(ball), Bending(modulus=100.0, twist_modulus=1.0)
     flat, t = Contact(table), KOMEILI.thickness
     scene = Scene(
         blank,
-        [friction, bending, flat, contact, Membrane(KOMEILI)],
+        [bending, flat, contact, Membrane(KOMEILI)],
         [Support("all", everywhere, (0,))],
     )
     assert contact.thickness == flat.thickness == t and scene.fabric is KOMEILI
@@ -132,17 +126,12 @@ def test_what_the_scene_knows_is_not_asked_twice():
     assert flat.penalty == default_penalty(KOMEILI, 10 * t)
     D = plate_stiffness(100.0, t)
     assert bending.stiffnesses == pytest.approx([D, D, 0.04 * D])
-    assert scene.tools() == [table, ball] and friction.nodes is contact.nodes
+    assert scene.tools() == [table, ball]
 
 
 @pytest.mark.parametrize(
     "terms, words",
     [
-        (lambda ball: [Friction(ball, 0.2)], "friction on ball finds no term .*; allowed is one"),
-        (
-            lambda ball: [Friction(ball, 0.2), Contact(ball, 1, 1), Contact(ball, 1, 1)],
-            "finds 2 terms",
-        ),
         (
             lambda ball: [Contact(ball)],
             "contact with ball is given no thickness, and no term .*; allowed",

@@ -19,7 +19,7 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.contact import Contact
+from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.results.fields import UNITS, FieldSeries, read_last, yarn_coordinates
 from fabric_fenicsx.scene.scene import Scene

@@ -247,9 +247,10 @@ def test_a_holder_begins_with_sheets_pressed_as_it_presses(laid):
 
 
 def test_friction_of_tools_is_that_of_the_sheet_they_touch(laid):
-    friction = next(t for t in laid.scene.terms if isinstance(t, ff.Friction))
     part = laid.blank.part("sheet").nodes
-    assert np.allclose(friction.mu[part], 0.1) and np.allclose(friction.mu[~part], 0.25)
+    for term in laid.pressing:
+        mu = term.friction.coefficient
+        assert np.allclose(mu[part], 0.1) and np.allclose(mu[~part], 0.25)
 
 
 def test_fabric_and_metal_in_one_ply():

@@ -9,8 +9,7 @@ from builders import march, sheet
 from mpi4py import MPI
 
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.contact import Contact
-from fabric_fenicsx.mechanics.contact.friction import Friction
+from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.shell.bending import Bending
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
@@ -185,13 +184,13 @@ LEFT = "left", lambda x: x[0] < 1e-6
             r"\(left\) leave blank free to (move along its length|turn about its normal), which",
         ),
         (
-            lambda: [Friction(BALLS[0], 0.0)],
+            lambda: [Contact(PLATES[0], friction=0.0)],
             [],
             0,
-            "`resists`, that hold every rigid motion, or `Friction`$",
+            "`resists`, that hold every rigid motion, or friction, as `Contact",
         ),
         (lambda: [], [Support(*LEFT, (0, 1))], 0, ""),
-        (lambda: [Friction(BALLS[0], 0.2)], [], 0, ""),
+        (lambda: [Contact(PLATES[0], friction=0.2)], [], 0, ""),
         (lambda: [Contact(BALLS[1])], [], 0, "free to turn about its normal, which contact"),
         (lambda: [], [], 3, "free to turn about its normal, which contact"),
         (lambda: [], [Support(*LEFT, (1,))], 3, ""),
@@ -236,7 +235,8 @@ def test_smooth_tools_hold_a_flat_sheet_by_their_shapes_or_not_at_all(terms, wor
             made.check_start()
     else:
         assert "holds blank, which may move along" in made.check_held()
-    rubbing = terms()
-    assert scene(*rubbing, Friction(rubbing[0].tool, 0.2)).check_held() == ""
+    tools = [term.tool for term in made.terms if isinstance(term, Contact)]
+    rubbing = [Contact(tool, friction=0.2) for tool in tools]
+    assert scene(*rubbing).check_held() == ""
     for tool in (*PLATES, WEDGE):
         assert tool.displacement.tolist() == [0, 0, 0]

@@ -1,6 +1,4 @@
-"""Forces on the nodes of a sheet: whose they are, and what friction asks of those who press."""
-
-from typing import Protocol
+"""The nodes of a sheet that tools press."""
 
 import numpy as np
 import ufl
@@ -12,8 +10,6 @@ from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...sheets.blank import Blank
 from ...sheets.parts import Part
-from ...tools.tool import Tool
-from ..term import Term
 
 
 class Nodes:
@@ -59,52 +55,3 @@ class Nodes:
     def total(self, values: np.ndarray) -> np.ndarray:
         """Sum over all ranks' nodes of values (count, ...)."""
         return self.comm.allreduce(values.sum(0), MPI.SUM)
-
-
-class TangentialForces(Protocol):
-    """What rubs on a tool: who moves that tool by force has it in the balance."""
-
-    def forces(self) -> np.ndarray:
-        """Of the tool on this rank's nodes, (nodes, 3) [N]."""
-
-    def blocks(self) -> np.ndarray:
-        """By which `forces` fall as nodes move, (nodes, 3, 3) [N/mm]."""
-
-
-class PressingTerm(Term):
-    """A term by which a tool presses the sheet's nodes: all that friction with that tool asks.
-
-    tool: whose motion friction follows; nodes: that it may press; prescribed: whether the normal
-    forces follow from the load factor alone, so that friction takes those of the present load.
-    """
-
-    tool: Tool
-    nodes: Nodes
-    prescribed = False
-
-    def normal_forces(self) -> np.ndarray:
-        """Of the tool on this rank's nodes, (nodes, 3) [N]; a tool moved by force is then where
-        its force is balanced, on all ranks."""
-        raise NotImplementedError
-
-    def normals(self) -> np.ndarray:
-        """Unit vectors along which this rank's nodes are or would be pressed, (nodes, 3)."""
-        raise NotImplementedError
-
-    def force(self) -> np.ndarray:
-        """Of the tool on the ply, of all ranks (3,) [N]."""
-        raise NotImplementedError
-
-    def add_friction(self, friction: TangentialForces) -> None:
-        """Have friction help to balance the force that moves the tool."""
-
-    def rebalance(self) -> None:
-        """Balance the tool's force anew, as friction with it has changed."""
-
-    def tool_force(self, tool: Tool) -> np.ndarray:
-        """As in `Term`."""
-        return self.force() if tool is self.tool else np.zeros(3)
-
-    def applied_forces(self) -> np.ndarray:
-        """As in `Term`."""
-        return self.normal_forces().ravel()

@@ -1,7 +1,7 @@
 """Contact of a sheet with another one: a penalty at points of one over the smooth face of the
 other."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import basix
@@ -15,12 +15,14 @@ from ...tools.tool import Tool
 from ..shell.morley import Where
 from ..term import SceneFacts, Term, Triplets
 from .aitken import Aitken
-from .contact import MORE
+from .coulomb import Coulomb, as_coulomb
 from .faces import Face
 from .facing import Facing
+from .friction import Friction
 from .nodes import Nodes
 from .pairs import Pairs
 from .pressure_law import PERMITTED, SMOOTHING, LayeredLaw, PressureLaw, chord, stack_penalty
+from .tool_contact import MORE
 
 POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
@@ -49,6 +51,8 @@ class SheetContact(Term):
     - layer [mm]: distance of the faces at which pressure begins, by default 0
     - pressing [MPa]: what presses the layer out, see `LayeredLaw`
     - symmetric: as in `Bending`
+    - friction: its coefficient, or a `Coulomb` with its options; it acts at the same points, on the
+      flat triangles of the last accepted state
 
     settled: force by which the lower sheet presses the upper one, and the sum of normal forces, in
     the last accepted state before faces were taken anew, of all ranks (4,) [N]. Raises InputError
@@ -58,6 +62,7 @@ class SheetContact(Term):
     """
 
     energy_kind, rough = "contact", 1e-3
+    friction: Friction | None = None
     units = {"sheet_pressure": "MPa", "sliding": "mm", "sliding_size": "mm"}
 
     def __init__(
@@ -70,6 +75,7 @@ class SheetContact(Term):
         layer: float = 0.0,
         pressing: float = PRESSING,
         symmetric: Where | Sequence[Where] = (),
+        friction: float | Coulomb = 0.0,
     ) -> None:
         self.sheets = lower, upper
         self.name = f"contact of {lower} and {upper}"
@@ -86,6 +92,11 @@ class SheetContact(Term):
         self._given, self.lag, self._rule = penalty, lag, POINTS[points]
         self.layer, self._pressing = layer, pressing
         self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
+        self.coulomb = as_coulomb(friction, self.name, LAG)
+        if self.coulomb and isinstance(self.coulomb.coefficient, Mapping):
+            raise InputError(
+                f"{self.name} has friction of several sheets; allowed is one number from 0"
+            )
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
@@ -125,6 +136,9 @@ class SheetContact(Term):
         self.settled = self._totals()
         self._check_start()
         self._first = self._accepted
+        if self.coulomb:
+            given = self.coulomb.largest, self.normal_forces(), self._normals()
+            self.friction = Friction(self.coulomb, *given, comm)
 
     def _thickness(self, part):
         if part.thickness is None:
@@ -203,9 +217,12 @@ class SheetContact(Term):
         self._load = load
         self._relaxed.start(self._accepted_place)
         self._take(self._accepted)
+        if self.friction:
+            self.friction.restore()
 
     def accept(self) -> None:
         """Take the faces as they are."""
+        slid = self._slid()  # since the last accepted state
         now = self.facing()
         if now is not self._now:
             self.settled = self._totals()
@@ -214,8 +231,18 @@ class SheetContact(Term):
         at = self._accepted.points
         self._depth *= self._load > 0  # states before the last one at load 0 are not in equilibrium
         self._depth[at] = np.maximum(self._depth[at], -self._accepted.gap - self.layer)
+        if self.friction:
+            self.friction.accept(slid, self.normal_forces(), self._normals())
+            self.pattern += 1
 
     def update_lagged(self) -> bool:
+        """Take the faces anew if needed, and have friction take the normal forces; whether any
+        did."""
+        moved = self._update_faces()
+        rubbed = self.friction is not None and self.friction.update_lagged(self.normal_forces())
+        return moved or rubbed
+
+    def _update_faces(self):
         """Take the faces as they are, or part of the way there, if that changes forces by more than
         `lag` of their sum."""
         before, taken = self._forces_of_all(), (self._now, self.pattern)
@@ -284,26 +311,59 @@ class SheetContact(Term):
         blocks[at] += change[:, None, None] * normal[:, :, None] * normal[:, None]
         self._cached = self.blank.u.x.array.copy(), (pressure, forces, blocks, energy)
 
+    def stored_by_kind(self) -> dict[str, float]:
+        """As in `Term`: of contact, and what friction took."""
+        kinds = {"contact": self._state()[3]}
+        return kinds | {"friction": self.friction.energy(self._slid())} if self.friction else kinds
+
     def stored(self) -> float:
         """As in `Term`."""
-        return self._state()[3]
+        return sum(self.stored_by_kind().values())
 
     def add_forces(self, f: np.ndarray) -> None:
         """As in `Term`."""
         self._now.pairs.add(-self._state()[1], f)
+        if self.friction:
+            forces = self.friction.forces(self._slid())
+            self._accepted.flat.add(-forces[self._accepted.points], f)
 
     def tangent(self) -> Triplets:
         """As in `Term`."""
-        pairs = self._now.pairs
-        return pairs.rows, pairs.cols, pairs.values(self._state()[2])
+        pairs, flat = self._now.pairs, self._accepted.flat
+        pressed = pairs.rows, pairs.cols, pairs.values(self._state()[2])
+        if not self.friction:
+            return pressed
+        blocks = self.friction.blocks(self._slid())[self._accepted.points]
+        rubbed = flat.rows, flat.cols, flat.values(blocks)
+        rows, cols, values = (np.concatenate(both) for both in zip(pressed, rubbed))
+        return rows, cols, values
+
+    def _slid(self):
+        """How far the points moved on the other sheet since the last accepted state (count, 3)
+        [mm]; 0 of those that lay over none."""
+        slid = np.zeros((self.count, 3))
+        slid[self._accepted.points] = self._accepted.moved()
+        return slid
+
+    def _normals(self):
+        """Unit normals of the accepted faces at all points, (count, 3); 0 where there is none."""
+        normals, gradient = np.zeros((self.count, 3)), self._accepted.normal
+        normals[self._accepted.points] = gradient / np.linalg.norm(gradient, axis=1)[:, None]
+        return normals
 
     def cell_memory(self) -> dict[str, np.ndarray]:
-        """Largest overlap at each point in accepted states, (cells, points) [mm]."""
-        return {"depth": self.among_cells(self._depth)}
+        """Largest overlap at each point in accepted states, (cells, points) [mm]; elastic slip
+        (cells, 3 points) [mm] and energy taken by friction (cells, points) [N mm]."""
+        known = {"depth": self._depth} | (self.friction.memory() if self.friction else {})
+        return {name: self.among_cells(values) for name, values in known.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """As in `Term`."""
-        self._depth = self.of_points(memory["depth"])
+        known = {name: self.of_points(rows) for name, rows in memory.items()}
+        self._depth = known["depth"]
+        if self.friction:
+            self.friction.recall(known)
+            self._accepted = self.facing()
 
     def among_cells(self, values: np.ndarray) -> np.ndarray:
         """Values of all points (count, ...) as rows of the blank's owned cells, 0 elsewhere."""

@@ -14,8 +14,8 @@ from ...tools.tool import Tool
 from ..shell.bending import Bending
 from ..shell.membrane import Membrane
 from ..shell.mesh_warnings import around
-from .contact import Contact
-from .friction import Friction
+from .pressing_term import PressingTerm
+from .tool_contact import Contact
 
 if TYPE_CHECKING:
     from ...scene.scene import Scene
@@ -33,8 +33,8 @@ def tool_warnings(scene: "Scene") -> list[str]:
     say, and tools on one side of a sheet that nothing presses on them."""
     much: dict[float, list[str]] = {}
     for term in scene.terms:
-        if isinstance(term, Friction) and (most := term.largest) > COEFFICIENT:
-            much.setdefault(most, []).append(term.tool.name)
+        if isinstance(term, PressingTerm) and term.coulomb and term.coulomb.largest > COEFFICIENT:
+            much.setdefault(term.coulomb.largest, []).append(term.tool.name)
     told = [cell_size_warning(scene.blank, scene.tools())]
     told += [
         f"friction on {', '.join(names)} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
@@ -52,7 +52,7 @@ def tool_warnings(scene: "Scene") -> list[str]:
 def _one_sided(scene, nodes):
     """A sentence if tools on one side alone, at start and end of their paths, hold the sheet along
     its normal, else ""."""
-    holding = [t for t in scene.terms if not isinstance(t, (Bending, Friction, Membrane))]
+    holding = [t for t in scene.terms if not isinstance(t, (Bending, Membrane))]
     if not all(isinstance(term, Contact) for term in holding) or not holding:
         return ""  # what is else there may press it
     held = bool((scene.held % scene.blank.mesh.geometry.dim == 2).any())

@@ -12,10 +12,9 @@ from scipy.spatial import Delaunay
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.contact import Contact
-from fabric_fenicsx.mechanics.contact.friction import Friction
-from fabric_fenicsx.mechanics.contact.pressing import BlankHolderPressure
+from fabric_fenicsx.mechanics.contact.holder_pressure import BlankHolderPressure
 from fabric_fenicsx.mechanics.contact.pressure_law import default_penalty
+from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
@@ -141,12 +140,17 @@ def test_tangent_of_a_scene_without_bending():
     hold stays out."""
     blank = sheet(10, 10, 4, 4)
     held, pushed = (
-        Contact(Tool(Sphere(8.0, (5, 5, s * (8 + T / 2 - 0.01))), force=f, name="ball"), T, K)
-        for s, f in ((1, None), (-1, (0.2, 0, 1)))
+        Contact(
+            Tool(Sphere(8.0, (5, 5, s * (8 + T / 2 - 0.01))), force=f, name="ball"),
+            T,
+            K,
+            friction=mu,
+        )
+        for s, f, mu in ((1, None, 0.0), (-1, (0.2, 0, 1), 0.3))
     )
     scene = Scene(
         blank,
-        [Elastic(), held, pushed, Friction(pushed.tool, 0.3)],
+        [Elastic(), held, pushed],
         [Support("end", near(0, 0.0), (0, 1, 2))],
     )
     x = blank.coordinates()[: scene.u.local_size // 3]
@@ -445,18 +449,11 @@ def test_bad_contact_is_refused(options, words):
 
 @pytest.mark.mpi
 def test_contact_without_a_tool_and_twice_with_one_are_refused():
-    for made in (Contact, lambda given: Friction(given, 0.25)):
-        with pytest.raises(InputError, match="is given Plane; allowed is a tool, as `Tool"):
-            made(PLANE)
+    with pytest.raises(InputError, match="is given Plane; allowed is a tool, as `Tool"):
+        Contact(PLANE)
     table = Tool(PLANE, name="table")
     with pytest.raises(InputError, match="2 contacts with table given; allowed is one"):
         Scene(sheet(10, 10, 2, 2), [Contact(table, T, K), Contact(table, T, K)])
-
-
-@pytest.mark.mpi
-def test_friction_on_a_tool_that_presses_nothing_is_refused():
-    with pytest.raises(InputError, match="on table finds no term .* allowed is one, as `Contact"):
-        Scene(sheet(10, 10, 2, 2), [Friction(Tool(PLANE, name="table"), 0.25)])
 
 
 @pytest.mark.mpi
@@ -555,6 +552,6 @@ def test_forces_that_pinch_a_sheet_are_no_measure_of_what_it_bears():
     sides = [Support("grip", everywhere, (0, 1))]
     scene = Scene(blank, [Elastic(), table, pressing], sides)
     states = run(scene, 2)
-    gross = np.linalg.norm(COMM.allreduce(np.linalg.norm(pressing.normal_forces())))
+    gross = np.linalg.norm(COMM.allreduce(np.linalg.norm(pressing.pressing_forces())))
     assert states[-1].report.scale < 2e-3 * gross and len(pressing.normal_forces())
     assert sum(states[0].energies.values()) > 0 and closed(states[0], 1e-9) is None

@@ -32,8 +32,10 @@ def pull_out(path, rigid=True, cells=6, others=4, mu=MU, steps=8):
             for n, name in zip((others, cells, others), NAMES)
         ]
     )
-    contacts = [ff.SheetContact(*pair, PENALTY) for pair in (NAMES[:2], NAMES[1:])]
-    frictions = [ff.SheetFriction(*pair, mu, SLIP) for pair in (NAMES[:2], NAMES[1:])]
+    friction = ff.Coulomb(mu, SLIP)
+    contacts = [
+        ff.SheetContact(*pair, PENALTY, friction=friction) for pair in (NAMES[:2], NAMES[1:])
+    ]
     press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(len(x))).on("upper")
 
     def pulled(x):
@@ -48,7 +50,7 @@ def pull_out(path, rigid=True, cells=6, others=4, mu=MU, steps=8):
         ff.Support("grip", pulled, (0,), moved),
         ff.Support("across", between("middle"), (1,)),
     ]
-    scene = ff.Scene(stack, [Elastic(1e4), *contacts, *frictions, press], held)
+    scene = ff.Scene(stack, [Elastic(1e4), *contacts, press], held)
     depth = contacts[0].depth_under(PRESSURE)
     z = stack.coordinates()[:, 2]
     stack.u.x.array[2::3] = -depth * np.rint(z / T)
@@ -145,8 +147,8 @@ def test_sheets_that_stick_pull_as_one():
         ff.Support("end", lambda x: held(x) & near(0, 0.0)(x), (0,)),
         ff.Support("grip", lambda x: held(x) & near(0, LENGTH)(x), (0,), moved),
     ]
-    contact, friction = ff.SheetContact("a", "b", PENALTY), ff.SheetFriction("a", "b", 5.0, slip)
-    scene = ff.Scene(stack, [Elastic(1e4), contact, friction, press], supports)
+    contact = ff.SheetContact("a", "b", PENALTY, friction=ff.Coulomb(5.0, slip))
+    scene = ff.Scene(stack, [Elastic(1e4), contact, press], supports)
     stack.u.x.array[2::3] = np.where(free(stack.coordinates().T), -contact.depth_under(PRESSURE), 0)
     run(scene, 1)
     b = math.sqrt(2 * 5.0 * PRESSURE * WIDTH / slip / rigidity)
@@ -190,14 +192,16 @@ def test_two_layers_around_a_bar(drawn, mu):
 
     stack = ff.Stack([(rectangle(length, width, 24, 1, spatial=True), T, name) for name in "ab"])
     bar = ff.Tool(ff.Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar")
-    contacts = [ff.Contact(bar, T, PENALTY).on("a"), ff.SheetContact("a", "b", PENALTY)]
-    frictions = [ff.Friction(bar, MU, 1e-3), ff.SheetFriction("a", "b", MU / 2, 1e-3)]
+    contacts = [
+        ff.Contact(bar, T, PENALTY, friction=ff.Coulomb(MU, 1e-3)).on("a"),
+        ff.SheetContact("a", "b", PENALTY, friction=ff.Coulomb(MU / 2, 1e-3)),
+    ]
     weights = [
         ff.EdgeTension(lambda load: pull * min(1.0, 2 * load), out * (-1, 1, 1), near(0, 0.0)).on(n)
         for n in "ab"
     ]
     supports = [end("a"), end("b"), ff.Support("side", near(1, 0.0), (1,))]
-    scene = ff.Scene(stack, [Elastic(1e4), *contacts, *frictions, *weights], supports)
+    scene = ff.Scene(stack, [Elastic(1e4), *contacts, *weights], supports)
     x = stack.coordinates().T
     stack.u.x.array[:] = (around(x) - x).T.ravel()
     run(scene, 20)
@@ -214,16 +218,15 @@ def test_forces_and_tangent_are_derivatives(distance):
     stack = ff.Stack(
         [(rectangle(20, 10, n, n // 2, spatial=True), T, name) for n, name in ((4, "a"), (6, "b"))]
     )
-    friction = ff.SheetFriction("a", "b", MU, SLIP)
-    contact = ff.SheetContact("a", "b", PENALTY)
-    scene = ff.Scene(stack, [Elastic(), friction, contact])
+    contact = ff.SheetContact("a", "b", PENALTY, friction=ff.Coulomb(MU, SLIP))
+    scene = ff.Scene(stack, [Elastic(), contact])
     X, u = stack.coordinates(), stack.u.x.array.reshape(-1, 3)
     on_b = X[:, 2] > T / 2
     u[:, 2] = 0.01 * (X[:, 0] - 7) ** 2 - on_b * 0.03 * X[:, 1] / 8 + on_b * 0.005
     scene.accept()
     assert 0 < (contact.normal_forces() > 0).sum() < contact.count
     u[on_b] += distance * SLIP * np.array([0.7, 0.4, 0.0]) * (0.5 + X[on_b, :1] / 20)
-    forces, stiffness = off_differences(scene, friction, 1e-3)
+    forces, stiffness = off_differences(scene, contact, 1e-3)
     assert forces < 1e-6
     assert stiffness < 1e-6
 
@@ -234,22 +237,31 @@ def test_forces_and_tangent_are_derivatives(distance):
 @pytest.mark.parametrize(
     "given, words",
     [
-        ({"mu": -0.1}, "friction of a and b has coefficient -0.1; allowed is a number from 0"),
-        ({"mu": math.nan}, "friction of a and b has coefficient nan; allowed is a number from 0"),
-        ({"slip": 0.0}, "friction of a and b has slip 0.0; allowed is a number above 0"),
-        ({"lag": math.inf}, "friction of a and b has lag inf; allowed is a number above 0"),
+        ({"coefficient": -0.1}, "friction has coefficient -0.1; allowed is a number from 0"),
+        ({"coefficient": math.nan}, "friction has coefficient nan; allowed is a number from 0"),
+        ({"coefficient": {"a": 0.1, "b": -1}}, "coefficient -1; allowed is a number from 0"),
+        ({"slip": 0.0}, "friction has slip 0.0; allowed is a number above 0"),
+        ({"slip": math.inf}, "friction has slip inf; allowed is a number above 0"),
+        ({"lag": 0.0}, "friction has lag 0.0; allowed is a number above 0"),
+        ({"lag": math.nan}, "friction has lag nan; allowed is a number above 0"),
     ],
 )
 def test_numbers_that_are_not_allowed(given, words):
-    with pytest.raises(ff.InputError) as error:
-        ff.SheetFriction(**({"lower": "a", "upper": "b", "mu": MU} | given))
-    assert str(error.value) == words
+    with pytest.raises(ff.InputError, match=words):
+        ff.Coulomb(**({"coefficient": MU} | given))
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("count", [0, 2])
-def test_friction_needs_one_contact_of_its_sheets(count):
-    stack = ff.Stack([(rectangle(20, 10, 4, 2, spatial=True), T, name) for name in "ab"])
-    contacts = [ff.SheetContact("a", "b", PENALTY) for _ in range(count)]
-    with pytest.raises(ff.InputError, match=f"finds {count} terms that are the contact of these"):
-        ff.Scene(stack, [Elastic(), *contacts, ff.SheetFriction("b", "a", MU)])
+def test_errors_name_whose_friction_it_is():
+    words = "contact of a and b: friction has coefficient -1; allowed is a number from 0"
+    with pytest.raises(ff.InputError, match=words):
+        ff.SheetContact("a", "b", friction=-1)
+    words = "contact of a and b has friction of several sheets; allowed is one number from 0"
+    with pytest.raises(ff.InputError, match=words):
+        ff.SheetContact("a", "b", friction={"a": 0.1})
+
+
+def test_between_sheets_friction_follows_the_normal_forces_within_a_step():
+    """Unlike on tools, where it may be one step behind."""
+    assert ff.SheetContact("a", "b", friction=0.3).coulomb.lag == 0.01
+    assert ff.SheetContact("a", "b", friction=ff.Coulomb(0.3, lag=0.1)).coulomb.lag == 0.1
+    assert ff.Contact(ff.Tool(ff.Sphere(1.0)), friction=0.3).coulomb.lag == math.inf

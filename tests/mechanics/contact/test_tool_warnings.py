@@ -6,8 +6,7 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.contact import Contact
-from fabric_fenicsx.mechanics.contact.friction import Friction
+from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.contact.tool_warnings import cell_size_warning, tool_warnings
 from fabric_fenicsx.mechanics.load import DeadPressure
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
@@ -66,7 +65,7 @@ def test_what_is_doubted_of_tools(surface, mu, words):
     blank = sheet()
     way = (10, 10, -5.5) if isinstance(surface, Bump) else (0, 0, -1)
     tool = Tool(surface, lambda load: way, name="tip")
-    terms = [Membrane(KOMEILI), Contact(tool), Friction(tool, mu)]
+    terms = [Membrane(KOMEILI), Contact(tool, friction=mu)]
     told = tool_warnings(Scene(blank, terms, clamped_ends()))
     assert len(told) == len(words) and all(map(str.startswith, told, words))
 
@@ -88,7 +87,7 @@ def test_a_sheet_that_nothing_presses_on_its_tool(surfaces, loads, supports, sai
     terms = [Membrane(KOMEILI), *loads]
     for surface in surfaces:
         tool = Tool(surface, name="tool")
-        terms += [Contact(tool), Friction(tool, 0.25)]
+        terms.append(Contact(tool, friction=0.25))
     told = tool_warnings(Scene(sheet(), terms, supports))
     words = "blank has tools on one side alone (tool), and no support holds it along z: "
     assert [text.startswith(words) for text in told] == [True] * said

@@ -1,6 +1,6 @@
 """Contact of a sheet with rigid tools: a penalty at its nodes."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +12,9 @@ from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
 from ..term import SceneFacts, Triplets
 from ..work import Work
-from .nodes import Nodes, PressingTerm, TangentialForces
+from .coulomb import Coulomb
+from .nodes import Nodes
+from .pressing_term import PressingTerm
 from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, chord, default_penalty
 
 MORE = 4.0  # times the present pressure, up to which a node's pressure is anticipated
@@ -45,10 +47,12 @@ class Contact(PressingTerm):
     - permitted: if given [mm], the surface is shifted (augmented Lagrangian) until no node is
       deeper than that; what work the shift does is not counted, about the energy that contact
       would hold without it
+    - friction: its coefficient, on a stack also one for each sheet {name: coefficient}, or a
+      `Coulomb` with its options
 
-    A tool moved by force is where its contact balances the force, at any displacement of the sheet.
-    Raises InputError for a blank in a plane or of other than linear cells, for numbers not above 0,
-    and where a default asks for a material that no term of the scene has.
+    A tool moved by force is where contact and friction balance the force, at any displacement of
+    the sheet. Raises InputError for a blank in a plane or of other than linear cells, for numbers
+    not above 0, and where a default asks for a material that no term of the scene has.
     """
 
     name, energy_kind = "contact", "contact"
@@ -62,8 +66,10 @@ class Contact(PressingTerm):
         penalty: float | None = None,
         smoothing: float | None = None,
         permitted: float | None = None,
+        friction: float | Mapping[str, float] | Coulomb = 0.0,
     ) -> None:
-        self.tool = checked_tool("contact", tool)
+        tool = checked_tool("contact", tool)
+        super().__init__(tool, friction, f"contact with {tool.name}")
         given = {"thickness": thickness, "penalty": penalty, "smoothing": smoothing}
         for name, value in (given | {"permitted penetration": permitted}).items():
             if value is not None and not (np.isfinite(value) and value > 0):
@@ -71,8 +77,6 @@ class Contact(PressingTerm):
                     f"contact with {tool.name} has {name} {value}; allowed is a number above 0"
                 )
         self._given, self.permitted = given, permitted
-        # that take part in the balance of the tool's force
-        self._frictions: list[TangentialForces] = []
         # the last displacement, and what was found at it
         self._found: tuple[np.ndarray, ContactState] | None = None
         self._load, self._work = 0.0, Work()
@@ -99,6 +103,7 @@ class Contact(PressingTerm):
         self._depth = np.zeros(self.nodes.count)
         self._lost = ""  # where the tool's surface gave no number
         self.accept()
+        self.start_friction()
 
     def _of_material(
         self, scene: SceneFacts, name: str, of: Callable[[Material], float]
@@ -143,6 +148,8 @@ class Contact(PressingTerm):
             self._accepted_shift,
             None,
         )
+        if self.friction:
+            self.friction.restore()
 
     def accept(self) -> None:
         """Take the present place of the tool and shift of its surface as the last accepted ones."""
@@ -151,31 +158,35 @@ class Contact(PressingTerm):
         self._work.accept(self._load, self.force(), self.tool.displacement)
         # at load 0 the last state counts: those before it were not in equilibrium
         self._depth = np.fmax(self._depth if self._load else 0.0, -self.state().gap)
+        self.accept_friction()
 
     def work(self) -> float:
         """Work of the tool's motion since the last accepted state, on rank 0 [N mm]."""
         work = self._work.since(self._load, self.force(), self.tool.displacement)
-        return work if self.nodes.comm.rank == 0 else 0.0
+        return (work if self.nodes.comm.rank == 0 else 0.0) + self.friction_work()
 
     def update_lagged(self) -> bool:
-        """Shift the surface by what is penetrated, if more than permitted; whether it was."""
+        """Shift the surface by what is penetrated, if more than permitted, and have friction take
+        the normal forces; whether any did."""
+        shifted = self._shift_surface()
+        rubbed = self.friction is not None and self.friction.update_lagged(self.normal_forces())
+        if rubbed and self.tool.force:
+            self.rebalance()
+        return shifted or rubbed
+
+    def _shift_surface(self):
         if self.permitted is None or self.penetration() <= self.permitted:
             return False
         self._shift, self._found = np.maximum(0.0, self._shift - self.state().gap), None
         return True
 
-    def add_friction(self, friction: TangentialForces) -> None:
-        """As in `PressingTerm`."""
-        self._frictions.append(friction)
-
     def rebalance(self) -> None:
-        """As in `PressingTerm`; a tool on a path is where it is."""
-        if self.tool.force:
-            self._found = None
+        """Have the state found anew, and a tool moved by force its place, as friction changed."""
+        self._found = None
 
-    def stored(self) -> float:
-        """Energy of this rank's nodes [N mm]."""
-        return float(self.state().energy.sum())
+    def stored_by_kind(self) -> dict[str, float]:
+        """As in `Term`: of contact, and what friction took."""
+        return {"contact": float(self.state().energy.sum()), **super().stored_by_kind()}
 
     def potential(self) -> float:
         """That of the force which moves the tool, on rank 0 [N mm]."""
@@ -186,13 +197,9 @@ class Contact(PressingTerm):
             else 0.0
         )
 
-    def add_forces(self, f: np.ndarray) -> None:
-        """Add the energy's derivative to f, of this rank's degrees of freedom [N]."""
-        f[: 3 * self.nodes.count] -= self.state().forces.ravel()
-
     def tangent(self) -> Triplets:
         """As in `Term`, (9 nodes,) each [N/mm]."""
-        return self.nodes.rows, self.nodes.cols, self.state().blocks.ravel()
+        return self.nodes.rows, self.nodes.cols, self._blocks(self.state()).ravel()
 
     def anticipate(self, f: np.ndarray) -> None:
         """Let `tangent` be, until the sheet moves, the law's slope up to the pressure that
@@ -226,11 +233,15 @@ class Contact(PressingTerm):
 
     def normal_forces(self) -> np.ndarray:
         """As in `PressingTerm`."""
-        return self.state().forces
+        return self.nodes.areas * self.state().pressure
 
     def normals(self) -> np.ndarray:
         """Of the tool nearest to this rank's nodes, (nodes, 3)."""
         return self.state().normal
+
+    def pressing_forces(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        return self.state().forces
 
     def memory(self) -> dict[str, np.ndarray]:
         """Of the last accepted state: shift of the surface, travel of the tool and depths [mm],
@@ -242,6 +253,7 @@ class Contact(PressingTerm):
             "travel": travel,
             "depth": self._depth[:, None],
             "work": work,
+            **super().memory(),
         }
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
@@ -251,6 +263,7 @@ class Contact(PressingTerm):
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
         self._found = u, self._state_at(self.nodes.places + u)
+        self.recall_friction(memory)
 
     # -- results
 
@@ -354,7 +367,7 @@ class Contact(PressingTerm):
 
     def _blocks(self, now):
         """By which forces of contact and friction fall as nodes move, (nodes, 3, 3) [N/mm]."""
-        return sum((friction.blocks() for friction in self._frictions), now.blocks)
+        return now.blocks + self.friction.blocks(self.slid()) if self.friction else now.blocks
 
     def _balanced(self, x):
         """The `ContactState` where the tool's force is in balance, sought from where the tool is
@@ -378,7 +391,9 @@ class Contact(PressingTerm):
         low, high = None, None
         for _ in range(100):
             now, travel = self._state_at(x), tool.travel
-            forces = sum((friction.forces() for friction in self._frictions), now.forces)
+            forces = now.forces
+            if self.friction:
+                forces = forces + self.friction.forces(self.slid())
             missing = tool.push - nodes.total(forces) @ tool.direction
             if abs(missing) <= 1e-12 * tool.push:
                 return now

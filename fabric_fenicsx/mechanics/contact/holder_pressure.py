@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,9 @@ from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
 from ..term import SceneFacts
-from .nodes import Nodes, PressingTerm
+from .coulomb import Coulomb
+from .nodes import Nodes
+from .pressing_term import PressingTerm
 from .sheet_contact import SheetContact
 
 UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
@@ -20,9 +22,6 @@ UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they
 
 class BlankHolderPressure(PressingTerm):
     """Dead `pressure` [MPa] along `direction` (3,) on the parts of the sheet under a holder.
-
-    Give `Friction(holder.tool, mu)`, too: without it the holder does not hold the sheet in its
-    plane.
 
     pressure: a number, there from the start, or a function of the load factor. A `Contact` bears
     it on the other side of the sheet.
@@ -32,12 +31,15 @@ class BlankHolderPressure(PressingTerm):
     against: contacts with and between the sheets that lie on this one, from it to the last. The
     pressure then acts only where all of them lie on one another, as a plate's does that rests on
     the whole stack: a rim that reaches beyond the next sheet is not pressed.
-    tool: moves with the holder along a path, for its friction; by default one at rest. Raises
-    InputError for a direction or pressure that is not finite or below 0, for `under` of another
-    shape, and as `Nodes` does.
+    tool: moves with the holder along a path, for its friction; by default one at rest.
+    friction: of the holder's side, a coefficient or a `Coulomb`, as of `Contact`: without it the
+    holder does not hold the sheet in its plane.
+
+    Raises InputError for a direction or pressure that is not finite or below 0, for `under` of
+    another shape, and as `Nodes` does.
     """
 
-    name, prescribed = "blank holder", True
+    name, energy_kind = "blank holder", "friction"
 
     def __init__(
         self,
@@ -47,12 +49,14 @@ class BlankHolderPressure(PressingTerm):
         tool: Tool | None = None,
         lag: float | None = None,
         against: Sequence[SheetContact] = (),
+        friction: float | Mapping[str, float] | Coulomb = 0.0,
     ) -> None:
         self.under, self.lag, self._against = under, lag, list(against)
         self._given = {"pressure": pressure}
         self._pressure = pressure if callable(pressure) else lambda load: pressure
         self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
-        self.tool = tool or Tool(Plane((0, 0, 0), self.direction), name=self.name)
+        tool = tool or Tool(Plane((0, 0, 0), self.direction), name=self.name)
+        super().__init__(tool, friction, self.name)
         if self.tool.force:
             raise InputError(
                 f"{self.tool.name} presses without contact and is moved by force; allowed is a path"
@@ -71,6 +75,7 @@ class BlankHolderPressure(PressingTerm):
         self._accepted_areas = self._pressed()
         self.at(0.0)
         self.accept()
+        self.start_friction()
 
     def at(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
@@ -80,15 +85,24 @@ class BlankHolderPressure(PressingTerm):
             raise InputError(
                 f"pressure of the blank holder is {self.now} MPa; allowed is a number from 0"
             )
+        if self.friction:  # as these forces follow from the load alone
+            self.friction.press(self.normal_forces())
 
     def accept(self) -> None:
         """Count `work` from the present state, and press what is under the holder now."""
         self._from, self._before = self.nodes.displacement(), self.now
-        self._accepted_force = self.nodes.total(self.normal_forces())
+        self._accepted_force = self.nodes.total(self.pressing_forces())
         self._areas = self._accepted_areas = self._pressed()
+        self.accept_friction()
 
     def update_lagged(self) -> bool:
-        """Press the areas under the holder now, if they differ by more than `lag`; whether so."""
+        """Press the areas under the holder now, if they differ by more than `lag`, and have
+        friction follow; whether any did."""
+        updated = self._update_areas()
+        rubbed = self.friction is not None and self.friction.update_lagged(self.normal_forces())
+        return updated or rubbed
+
+    def _update_areas(self):
         if self.lag is None or self._updates == UPDATES:
             return False
         now = self._pressed()
@@ -101,19 +115,24 @@ class BlankHolderPressure(PressingTerm):
     def work(self) -> float:
         """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
         moved = (self._areas[:, None] * (self.nodes.displacement() - self._from)).sum(0)
-        return float(0.5 * (self._before + self.now) * (moved @ self.direction))
+        pressed = float(0.5 * (self._before + self.now) * (moved @ self.direction))
+        return pressed + self.friction_work()
 
     def potential(self) -> float:
         """Of this rank's nodes [N mm]."""
-        return -float((self.normal_forces() * self.nodes.displacement()).sum())
+        return -float((self.pressing_forces() * self.nodes.displacement()).sum())
 
-    def add_forces(self, f: np.ndarray) -> None:
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
         """As in `Term`."""
-        f[: 3 * self.nodes.count] -= self.normal_forces().ravel()
+        self.recall_friction(memory)
 
     def normal_forces(self) -> np.ndarray:
         """As in `PressingTerm`."""
-        return self.now * self._areas[:, None] * self.direction
+        return self.now * self._areas
+
+    def pressing_forces(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        return self.normal_forces()[:, None] * self.direction
 
     def normals(self) -> np.ndarray:
         """As in `PressingTerm`."""

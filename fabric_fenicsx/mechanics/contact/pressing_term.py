@@ -1,0 +1,152 @@
+"""What presses the nodes of a sheet and rubs on them: tools and blank holders."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...tools.tool import Tool
+from ..term import NO_TANGENT, Term, Triplets
+from .coulomb import Coulomb, as_coulomb
+from .friction import Friction
+from .nodes import Nodes
+
+NEVER = np.inf  # how normal forces on tools lag by default: they follow one step behind
+
+
+class PressingTerm(Term):
+    """A term by which a `tool` presses the sheet's `nodes`, with friction.
+
+    An heir tells what presses (`normal_forces`, `normals`, `pressing_forces`), and calls
+    `start_friction` last in its `set_up`. In `at`, `update_lagged`, `accept` and `recall` it does
+    its own part first, then friction's. coulomb: the law of friction, or None without.
+    """
+
+    tool: Tool
+    nodes: Nodes
+    coulomb: Coulomb | None
+    friction: Friction | None = None
+
+    def __init__(
+        self, tool: Tool, friction: float | Mapping[str, float] | Coulomb, owner: str
+    ) -> None:
+        self.tool, self.coulomb = tool, as_coulomb(friction, owner, NEVER)
+        if self.coulomb:
+            self.resists = (*self.resists, "slide")
+
+    # -- what an heir tells
+
+    def normal_forces(self) -> np.ndarray:
+        """Sizes of the forces by which the tool presses this rank's nodes, (nodes,) [N]."""
+        raise NotImplementedError
+
+    def normals(self) -> np.ndarray:
+        """Unit vectors along which this rank's nodes are or would be pressed, (nodes, 3)."""
+        raise NotImplementedError
+
+    def pressing_forces(self) -> np.ndarray:
+        """Forces by which the tool presses this rank's nodes, without friction, (nodes, 3) [N]. A
+        tool moved by force is then where its force is balanced, on all ranks."""
+        raise NotImplementedError
+
+    def force(self) -> np.ndarray:
+        """Sum of the `pressing_forces` of all ranks, (3,) [N]."""
+        raise NotImplementedError
+
+    # -- friction
+
+    def start_friction(self) -> None:
+        """Begin friction in the present state."""
+        self._note_start()
+        self._friction_force = np.zeros(3)  # in the last accepted state, before it was accepted
+        if self.coulomb:
+            given = (self._coefficient(self.coulomb), self.normal_forces(), self.normals())
+            self.friction = Friction(self.coulomb, *given, self.nodes.comm)
+            self._friction_at_start = np.zeros(3)
+
+    def _coefficient(self, coulomb):
+        """Of all nodes, or of each."""
+        if not isinstance(coulomb.coefficient, Mapping):
+            return coulomb.coefficient
+        found = np.zeros(self.nodes.count)
+        for name, coefficient in coulomb.coefficient.items():
+            found[self.blank.part(name).nodes] = coefficient
+        return found
+
+    def _note_start(self):
+        """Sliding counts from here."""
+        self._start = self.nodes.displacement(), self.tool.displacement.copy()
+
+    def slid(self) -> np.ndarray:
+        """How far this rank's nodes moved relative to the tool since the last accepted state,
+        (nodes, 3) [mm]."""
+        place, tool = self._start
+        return self.nodes.displacement() - place - (self.tool.displacement - tool)
+
+    def accept_friction(self) -> None:
+        """Have friction take the present state as the last accepted one."""
+        if self.friction:
+            slid = self.slid()
+            self._friction_force = self.friction.total(slid)
+            self.friction.accept(slid, self.normal_forces(), self.normals())
+            self._note_start()
+            self._friction_at_start = self.friction.total(self.slid())
+
+    def friction_work(self) -> float:
+        """Work of the tool's motion against friction since the last accepted state, by trapezoids,
+        on rank 0 [N mm]."""
+        if not self.friction:
+            return 0.0
+        moved = self.tool.displacement - self._start[1]
+        work = 0.5 * (self._friction_at_start + self.friction.total(self.slid())) @ moved
+        return float(work) if self.nodes.comm.rank == 0 else 0.0
+
+    def forces(self) -> np.ndarray:
+        """Forces of the tool on this rank's nodes, friction included (nodes, 3) [N]."""
+        pressing = self.pressing_forces()
+        return pressing + self.friction.forces(self.slid()) if self.friction else pressing
+
+    # -- what a scene calls
+
+    def stored_by_kind(self) -> dict[str, float]:
+        """As in `Term`: what friction took."""
+        if not self.friction:
+            return {}
+        self.pressing_forces()  # so that a tool moved by force is where it is balanced
+        return {"friction": self.friction.energy(self.slid())}
+
+    def stored(self) -> float:
+        """Energy of this rank's nodes, what friction took included [N mm]."""
+        return sum(self.stored_by_kind().values())
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """As in `Term`."""
+        f[: 3 * self.nodes.count] -= self.forces().ravel()
+
+    def applied_forces(self) -> np.ndarray:
+        """As in `Term`."""
+        return self.forces().ravel()
+
+    def tangent(self) -> Triplets:
+        """As in `Term`: that of friction, (9 nodes,) each [N/mm]."""
+        if not self.friction:
+            return NO_TANGENT
+        return self.nodes.rows, self.nodes.cols, self.friction.blocks(self.slid()).ravel()
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Elastic slip (nodes, 3) [mm] and energy taken by friction (nodes, 1) [N mm] in the last
+        accepted state."""
+        if not self.friction:
+            return {}
+        known = self.friction.memory()
+        return {"slip": known["slip"], "energy": known["energy"][:, None]}
+
+    def recall_friction(self, memory: dict[str, Any]) -> None:
+        """Give friction back what `memory` told of it."""
+        if self.friction:
+            self.friction.recall({"slip": memory["slip"], "energy": memory["energy"][:, 0]})
+            self._note_start()
+
+    def tool_force(self, tool: Tool) -> np.ndarray:
+        """As in `Term`."""
+        return self.force() + self._friction_force if tool is self.tool else np.zeros(3)
