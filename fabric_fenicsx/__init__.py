@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from .material.presets import load
     from .mechanics.contact.coulomb import Coulomb
     from .mechanics.contact.holder_pressure import BlankHolderPressure
+    from .mechanics.contact.pressure_law import SoftLayer
     from .mechanics.contact.sheet_contact import SheetContact
     from .mechanics.contact.tool_contact import Contact
     from .mechanics.load import DeadPressure, EdgeTension
@@ -67,6 +68,7 @@ _HOMES = {
     "mechanics.shell.membrane": ("Membrane",),
     "mechanics.shell.metal": ("SheetMetal",),
     "mechanics.contact.holder_pressure": ("BlankHolderPressure",),
+    "mechanics.contact.pressure_law": ("SoftLayer",),
     "mechanics.contact.sheet_contact": ("SheetContact",),
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),

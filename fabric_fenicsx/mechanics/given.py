@@ -12,7 +12,6 @@ from mpi4py import MPI
 from ..material.laws.base import Material
 from ..tools.surfaces import Surface
 from ..tools.tool import Tool
-from .contact.coulomb import Coulomb
 
 if TYPE_CHECKING:
     from ..scene.scene import Scene
@@ -39,8 +38,6 @@ def plain(value: Any) -> Any:
         return [plain(each) for each in value]
     if isinstance(value, Material):
         return value.dumps()
-    if isinstance(value, Coulomb):
-        return plain(dataclasses.asdict(value))
     kind = type(value).__name__
     if isinstance(value, Tool):
         ways = {"path": value.path} | ({"force": value.force} if value.force else {})
@@ -48,6 +45,8 @@ def plain(value: Any) -> Any:
         return plain({"name": value.name, "surface": value.surface} | at)
     if isinstance(value, Surface):
         return {"kind": kind} | plain(value.given())
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return plain({each.name: getattr(value, each.name) for each in dataclasses.fields(value)})
     return kind
 
 

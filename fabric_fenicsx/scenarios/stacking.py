@@ -114,7 +114,7 @@ def press(
         u[at, 2] = share[at] * (rise + depths[at]) + play
         if k:
             pair = pairs[k - 1]
-            loose = stack.play - pair.layer
-            rise += pair.layer + pair.depth_under(pressure) + (0.0 if stiff else loose)
+            loose = stack.play - pair.layer.thickness
+            rise += pair.layer.thickness + pair.depth_under(pressure) + (0.0 if stiff else loose)
             play += loose if stiff else 0.0
     stack.u.x.scatter_forward()

@@ -1,12 +1,14 @@
 """Coulomb's law of friction, as a potential of points that slip."""
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...runtime.errors import InputError
+from ...runtime.rules import FROM_ZERO, POSITIVE
 
 
 @dataclass(frozen=True)
@@ -31,12 +33,10 @@ class Coulomb:
 
     def __post_init__(self) -> None:
         for value in self.coefficients:
-            if not (np.isfinite(value) and value >= 0):
-                raise InputError(f"friction has coefficient {value}; allowed is a number from 0")
-        if not (np.isfinite(self.slip) and self.slip > 0):
-            raise InputError(f"friction has slip {self.slip}; allowed is a number above 0")
-        if self.lag is not None and not self.lag > 0:
-            raise InputError(f"friction has lag {self.lag}; allowed is a number above 0")
+            FROM_ZERO.check("coefficient of friction", value)
+        POSITIVE.check("slip of friction", self.slip)
+        if self.lag not in (None, math.inf):
+            POSITIVE.check("lag of friction", self.lag)
 
     @property
     def coefficients(self) -> list[float]:

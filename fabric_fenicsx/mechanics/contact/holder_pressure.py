@@ -161,7 +161,7 @@ class BlankHolderPressure(PressingTerm):
         """Areas (nodes,) of the sheet over which all the others lie [mm^2]."""
         if not self._against:
             return self.nodes.areas
-        covered = self._against[-1].covered()
+        covered = self._against[-1].points.covered()
         for contact in reversed(self._against[:-1]):
-            covered = contact.covered(covered)
+            covered = contact.points.covered(covered)
         return covered

@@ -1,6 +1,7 @@
 """The law of contact: pressure over depth, and its default numbers."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import numpy as np
@@ -8,6 +9,7 @@ import numpy as np
 from ...material import kernel
 from ...material.laws.base import Material
 from ...material.metal import Metal
+from ...runtime.rules import FROM_ZERO, POSITIVE
 
 STRAIN = 0.02  # along all directions; its pull over the tightest radius sets the penalty
 FLAT_RADIUS = 10.0  # thicknesses: what counts as the least radius of a tool that is flat
@@ -78,17 +80,33 @@ class PressureLaw(NamedTuple):
         return np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)
 
 
-class LayeredLaw(NamedTuple):
-    """Pressure p = p_L (e / L)^2 at depths e in a soft layer; beyond it that of the `face` below is
-    added, at the depth e - L. layer L [mm], pressing p_L [MPa]: what presses the layer out."""
+@dataclass(frozen=True)
+class SoftLayer:
+    """A soft layer on a face: its thickness L [mm], 0 for none, and the pressure p_L [MPa] that
+    presses it out. Raises InputError for other numbers."""
 
-    layer: float
-    pressing: float
+    thickness: float
+    pressing: float = 5.0
+
+    def __post_init__(self) -> None:
+        FROM_ZERO.check("thickness of the soft layer", self.thickness)
+        POSITIVE.check("pressing of the soft layer", self.pressing)
+
+
+class LayeredLaw(NamedTuple):
+    """Pressure p = p_L (e / L)^2 at depths e in a soft `layer`; beyond it that of the `face` below
+    is added, at the depth e - L."""
+
+    layer: SoftLayer
     face: PressureLaw
 
+    def at(self, places: np.ndarray) -> Self:
+        """As in `PressureLaw`."""
+        return self._replace(face=self.face.at(places))
+
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As of `PressureLaw`."""
-        L, p_L, face = self
+        """As in `PressureLaw`."""
+        L, p_L, face = self.layer.thickness, self.layer.pressing, self.face
         energy, pressure, slope = face(np.maximum(e - L, 0.0))
         share = e / L
         return (
@@ -98,8 +116,8 @@ class LayeredLaw(NamedTuple):
         )
 
     def depth(self, p: np.ndarray) -> np.ndarray:
-        """As of `PressureLaw`."""
-        L, p_L, face = self
+        """As in `PressureLaw`."""
+        L, p_L, face = self.layer.thickness, self.layer.pressing, self.face
         e, beyond = np.asarray(L * np.sqrt(np.minimum(p, p_L) / p_L)), p > p_L
         p = np.asarray(p)[beyond]
         deep = L + face.depth(p - p_L)

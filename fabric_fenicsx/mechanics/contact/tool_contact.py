@@ -1,37 +1,26 @@
 """Contact of a sheet with rigid tools: a penalty at its nodes."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from ...material.laws.base import Material
 from ...runtime.errors import InputError
+from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
 from ..term import SceneFacts, Triplets
 from ..work import Work
+from .balance import Resistance, find_balance
 from .coulomb import Coulomb
 from .nodes import Nodes
+from .pressing import Pressed, anticipate, press
 from .pressing_term import PressingTerm
-from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, chord, default_penalty
+from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, default_penalty
 
-MORE = 4.0  # times the present pressure, up to which a node's pressure is anticipated
 PROBED = 1000  # nodes of a rank that tell how a tool may hold the sheet; triangles cost 1 ms each
-
-
-class ContactState(NamedTuple):
-    """What a tool does to n nodes: gap (n,) [mm] between its surface and the ply's face, normal
-    (n, 3), pressure (n,) [MPa], forces (n, 3) [N], the blocks (n, 3, 3) [N/mm] by which these fall
-    as nodes move, and energy (n,) [N mm]."""
-
-    gap: np.ndarray
-    normal: np.ndarray
-    pressure: np.ndarray
-    forces: np.ndarray
-    blocks: np.ndarray
-    energy: np.ndarray
 
 
 class Contact(PressingTerm):
@@ -72,13 +61,11 @@ class Contact(PressingTerm):
         super().__init__(tool, friction, f"contact with {tool.name}")
         given = {"thickness": thickness, "penalty": penalty, "smoothing": smoothing}
         for name, value in (given | {"permitted penetration": permitted}).items():
-            if value is not None and not (np.isfinite(value) and value > 0):
-                raise InputError(
-                    f"contact with {tool.name} has {name} {value}; allowed is a number above 0"
-                )
+            if value is not None:
+                POSITIVE.check(f"{name} of the contact with {tool.name}", value)
         self._given, self.permitted = given, permitted
         # the last displacement, and what was found at it
-        self._found: tuple[np.ndarray, ContactState] | None = None
+        self._found: tuple[np.ndarray, Pressed] | None = None
         self._load, self._work = 0.0, Work()
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -202,27 +189,12 @@ class Contact(PressingTerm):
         return self.nodes.rows, self.nodes.cols, self._blocks(self.state()).ravel()
 
     def anticipate(self, f: np.ndarray) -> None:
-        """Let `tangent` be, until the sheet moves, the law's slope up to the pressure that
-        balances the other forces.
-
-        f: energy's derivative at this rank's degrees of freedom [N]. A node that nothing presses
-        any more then leaves the tool in one correction; with the tangent its depth is but halved,
-        as the law starts with slope 0.
-        """
-        now, n = self.state(), self.nodes.count
-        p = now.pressure
-        pressed = np.flatnonzero(p > 0)
-        p, normal, areas = p[pressed], now.normal[pressed], self.nodes.areas[pressed]
-        balancing = p + (f[: 3 * n].reshape(-1, 3)[pressed] * normal).sum(1) / areas
-        balancing = np.clip(balancing, 0.0, MORE * p)
-        law = self._law.at(pressed)
-        slope = law(law.depth(p))[2]
-        slope_between = chord(law, p, balancing)
-        blocks = now.blocks.copy()
-        blocks[pressed] += (
-            (areas * (slope_between - slope))[:, None, None] * normal[:, :, None] * normal[:, None]
-        )
-        self._found = self.nodes.displacement(), now._replace(blocks=blocks)
+        """Until the sheet moves, let `tangent` be the law's slope up to the pressure that balances
+        the other forces, see `pressing.anticipate`."""
+        now, areas = self.state(), self.nodes.areas
+        others = (f[: 3 * self.nodes.count].reshape(-1, 3) * now.normal).sum(1)
+        now = anticipate(self._law, areas, now, others / np.maximum(areas, 1e-300))
+        self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
         """As in `Term`; None of a tool that is not moved by force."""
@@ -338,8 +310,8 @@ class Contact(PressingTerm):
 
     # --
 
-    def state(self) -> ContactState:
-        """The `ContactState` at the sheet's present displacement."""
+    def state(self) -> Pressed:
+        """This rank's nodes as they are pressed at the sheet's present displacement."""
         u = self.nodes.displacement()
         known = self._found is not None and np.array_equal(u, self._found[0])
         if self.tool.force:  # its balance asks all ranks, also those on which no node moved
@@ -354,59 +326,40 @@ class Contact(PressingTerm):
         lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
         if len(lost):
             self._lost = f"({', '.join(f'{each:.4g}' for each in x[lost[0]])}) mm"
-        law, areas = self._law, self.nodes.areas
         gap = nearest.gap - self.thickness / 2
         gap[self.nodes.others] = np.inf
-        rest = law(self._shift)[0] if self._shift.any() else 0.0
-        energy, pressure, slope = law(np.maximum(0.0, self._shift - gap))
-        normal = nearest.normal
-        blocks = (areas * slope)[:, None, None] * normal[:, :, None] * normal[:, None]
-        blocks -= (areas * pressure)[:, None, None] * nearest.curvature
-        forces = (areas * pressure)[:, None] * normal
-        return ContactState(gap, normal, pressure, forces, blocks, areas * (energy - rest))
+        return press(
+            self._law, self.nodes.areas, gap, nearest.normal, nearest.curvature, self._shift
+        )
 
     def _blocks(self, now):
         """By which forces of contact and friction fall as nodes move, (nodes, 3, 3) [N/mm]."""
         return now.blocks + self.friction.blocks(self.slid()) if self.friction else now.blocks
 
     def _balanced(self, x):
-        """The `ContactState` where the tool's force is in balance, sought from where the tool is
-        and, as a trial state may have sent it past the sheet, from where it was accepted; of no
-        number if there is none."""
-        for start in (self.tool.travel, self._accepted_travel):
-            self.tool.travel = start
-            now = self._balanced_near(x)
-            if now:
+        """The nodes at x as they are pressed where the tool's force is in balance, sought from
+        where the tool is and, as a trial state may have sent it past the sheet, from where it was
+        accepted; forces and energy are no numbers if there is none."""
+        tool, nodes, now = self.tool, self.nodes, None
+
+        def look(travel):
+            nonlocal now
+            tool.travel = travel
+            now = self._state_at(x)
+            forces = now.forces + self.friction.forces(self.slid()) if self.friction else now.forces
+            free = nodes.comm.allreduce(now.gap.min(initial=np.inf), MPI.MIN)
+            return Resistance(
+                float(nodes.total(forces) @ tool.direction),
+                float(nodes.total(self._blocks(now) @ tool.direction) @ tool.direction),
+                max(free, 0.0),
+            )
+
+        reach, soft = float(np.min(self.thickness)) / 4, float(np.min(self.smoothing))
+        for start in (tool.travel, self._accepted_travel):
+            if find_balance(tool.push, look, start, reach, soft):
                 return now
-        self.tool.travel = start
+        tool.travel = start
         now = self._state_at(x)
         return now._replace(
             energy=np.full_like(now.energy, np.nan), forces=np.full_like(now.forces, np.nan)
         )
-
-    def _balanced_near(self, x):
-        """The same by Newton's method on the tool's travel, bracketed; None if it finds nothing."""
-        tool, nodes, comm = self.tool, self.nodes, self.nodes.comm
-        back = quarter = float(np.min(self.thickness)) / 4
-        low, high = None, None
-        for _ in range(100):
-            now, travel = self._state_at(x), tool.travel
-            forces = now.forces
-            if self.friction:
-                forces = forces + self.friction.forces(self.slid())
-            missing = tool.push - nodes.total(forces) @ tool.direction
-            if abs(missing) <= 1e-12 * tool.push:
-                return now
-            low, high = (travel, high) if missing > 0 else (low, travel)
-            stiffness = nodes.total(self._blocks(now) @ tool.direction) @ tool.direction
-            free = max(comm.allreduce(now.gap.min(initial=np.inf), MPI.MIN), 0.0)
-            # without contact as far as no point is passed
-            step = missing / stiffness if stiffness > 0 else free + float(np.min(self.smoothing))
-            new = travel + float(np.clip(step, -back, free + quarter))
-            back = back if high is None or low is not None else 2 * back
-            if low is not None and high is not None and not low < new < high:
-                new = 0.5 * (low + high)
-                if new in (low, high):
-                    return now
-            tool.travel = new
-        return None

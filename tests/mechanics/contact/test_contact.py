@@ -428,10 +428,13 @@ PLANE = Plane((0, 0, 0), (0, 0, 1))
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({"thickness": 0.0}, "contact with table has thickness 0.0; allowed is a number above 0"),
-        ({"penalty": math.nan}, "penalty nan"),
-        ({"smoothing": -1.0}, "smoothing -1.0"),
-        ({"permitted": 0.0}, "permitted penetration 0.0"),
+        (
+            {"thickness": 0.0},
+            "thickness of the contact with table is 0.0; allowed is",
+        ),
+        ({"penalty": math.nan}, "penalty of the contact with table is nan"),
+        ({"smoothing": -1.0}, "smoothing of the contact with table is -1.0"),
+        ({"permitted": 0.0}, "permitted penetration of the contact with table is 0.0"),
         ({"blank": {"degree": 2}}, "other than linear cells; allowed are P1 and Q1"),
         (
             {"blank": {"frame": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}},

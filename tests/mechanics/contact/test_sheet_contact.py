@@ -88,7 +88,7 @@ def test_the_back_of_a_fold_is_not_pressed():
     x = np.where((lower & (X[:, 0] > 40))[:, None], fold, X)
     x[~lower, 0] -= 3.0
     stack.u.x.array[:] = (x - X).ravel()
-    facing = contact.facing()
+    facing = contact.points.facing()
     assert COMM.allreduce(len(facing.gap)) > 1000
     assert facing.gap.min(initial=0) > -1e-9 and (facing.normal[:, 2] > 0).all()
 
@@ -100,7 +100,7 @@ def test_patch_forces(pressed):
     assert top.force() == pytest.approx([0, 0, -load], abs=1e-9 * load)
     assert bottom.force() == pytest.approx([0, 0, load], abs=1e-9 * load)
     for pair in pairs:
-        assert pair.settled[:3] == pytest.approx([0, 0, load], abs=1e-9 * load)
+        assert pair.totals[:3] == pytest.approx([0, 0, load], abs=1e-9 * load)
 
 
 def nodal_forces(scene, term):
@@ -137,7 +137,9 @@ def test_penetration_is_reported(pressed):
         entry = result.summary["sheet_contacts"][", ".join(pair.sheets)]
         found = entry["penetration_of_thickness"]
         assert found == pair.penetration_of_thickness() == pair.deepest() / T
-        largest = COMM.allreduce(float((pair.normal_forces() / pair.areas).max(initial=0)), MPI.MAX)
+        largest = COMM.allreduce(
+            float((pair.normal_forces() / pair.points.areas).max(initial=0)), MPI.MAX
+        )
         assert found == pytest.approx(pair.depth_under(largest) / T, rel=1e-3)
         assert entry["normal_force_N"] == pytest.approx(load, rel=1e-6)
 
@@ -177,7 +179,11 @@ STATES = {
 def test_forces_and_tangent_are_derivatives(state, points):
     scene, pair = two(**STATES[state], points=points)
     touching = (pair.normal_forces() > 0).sum()
-    assert 0 < touching < pair.count if state == "partly" else touching > 0.9 * pair.count
+    assert (
+        0 < touching < pair.points.count
+        if state == "partly"
+        else touching > 0.9 * pair.points.count
+    )
     forces, stiffness = off_differences(scene, pair)
     assert forces < 1e-6
     assert stiffness < 1e-6
@@ -187,13 +193,13 @@ def test_forces_and_tangent_are_derivatives(state, points):
 def test_derivatives_where_points_slide_over_edges(taken):
     """By more than a cell, before the faces are taken anew and after."""
     scene, pair = two(**STATES["pressed"])
-    before = pair.facing().pairs
+    before = pair.points.facing().pairs
     stack = scene.blank
     u, on_upper = stack.u.x.array.reshape(-1, 3), stack.coordinates()[:, 2] > T / 2
     u[on_upper] += (2.9, 1.3, -0.06)
     if taken:
         assert scene.update_lagged()
-    assert (pair.facing().pairs is not before) and (pair.normal_forces() > 0).any()
+    assert (pair.points.facing().pairs is not before) and (pair.normal_forces() > 0).any()
     forces, stiffness = off_differences(scene, pair)
     assert forces < 1e-6
     assert stiffness < 1e-6
@@ -229,7 +235,10 @@ def test_a_soft_layer_presses_before_the_faces_meet():
     layer, pressing, k, z = 0.2, 3.0, 7.0, 0.05
     scene = ff.Scene(
         laid(0.0),
-        [*membranes("ab"), ff.SheetContact("a", "b", penalty=k, pressing=pressing, layer=layer)],
+        [
+            *membranes("ab"),
+            ff.SheetContact("a", "b", penalty=k, layer=ff.SoftLayer(layer, pressing)),
+        ],
     )
     contact, face = scene.terms[-1], PressureLaw(k, SMOOTHING * PERMITTED * T)
     upper = scene.blank.part("b").nodes
@@ -293,7 +302,7 @@ def test_the_sheet_of_smaller_cells_has_the_points():
         )
         pair = ff.SheetContact("a", "b", 50.0)
         ff.Scene(stack, [*membranes("ab"), pair])
-        assert COMM.allreduce(pair.count) == 3 * 4 * 18
+        assert COMM.allreduce(pair.points.count) == 3 * 4 * 18
 
 
 @pytest.mark.mpi
@@ -319,11 +328,13 @@ def test_default_penalty_is_that_of_the_softer_fabric():
 @pytest.mark.parametrize(
     "given, words",
     [
-        ({"penalty": 0.0}, "contact of a and b has penalty 0.0; allowed is a number above 0"),
-        ({"penalty": math.nan}, "contact of a and b has penalty nan; allowed is a number above 0"),
-        ({"lag": -1.0}, "contact of a and b has lag -1.0; allowed is a number above 0"),
-        ({"pressing": 0.0}, "contact of a and b has pressing 0.0; allowed is a number above 0"),
-        ({"layer": -0.1}, "contact of a and b has layer -0.1; allowed is a number from 0"),
+        ({"penalty": 0.0}, "penalty of the contact of a and b is 0.0; allowed is"),
+        (
+            {"penalty": math.nan},
+            "penalty of the contact of a and b is nan; allowed is",
+        ),
+        ({"lag": -1.0}, "lag of the contact of a and b is -1.0; allowed is"),
+        ({"layer": -0.1}, "contact of a and b: thickness of the soft layer is -0.1; allowed is"),
         ({"points": 2}, "contact of a and b has 2 points in a cell; allowed are 1, 3, 6"),
         ({"upper": "a"}, "contact of a and a is of one sheet; allowed are two different ones"),
     ],
@@ -331,7 +342,7 @@ def test_default_penalty_is_that_of_the_softer_fabric():
 def test_numbers_that_are_not_allowed(given, words):
     with pytest.raises(ff.InputError) as error:
         ff.SheetContact(**({"lower": "a", "upper": "b"} | given))
-    assert str(error.value) == words
+    assert words in str(error.value)
 
 
 def side_by_side():
@@ -425,7 +436,7 @@ def test_a_holder_presses_where_all_sheets_lie_on_one_another():
     pairs = [ff.SheetContact("low", "mid", 50.0), ff.SheetContact("mid", "top", 50.0)]
     press = ff.BlankHolderPressure(2.0, (0, 0, 1), lambda x: np.ones(len(x)), against=pairs)
     scene = ff.Scene(stack, [*membranes(sizes), press.on("low"), *pairs])
-    assert COMM.allreduce(pairs[1].covered().sum()) == pytest.approx(16 * 8)
+    assert COMM.allreduce(pairs[1].points.covered().sum()) == pytest.approx(16 * 8)
     assert press.force() == pytest.approx([0, 0, 2.0 * 16 * 8], rel=1e-9)
     forces = press.normal_forces()
     beyond = (stack.coordinates()[: len(forces), 0] > 16 + 1e-6) | ~stack.part("low").nodes

@@ -224,7 +224,7 @@ def test_forces_and_tangent_are_derivatives(distance):
     on_b = X[:, 2] > T / 2
     u[:, 2] = 0.01 * (X[:, 0] - 7) ** 2 - on_b * 0.03 * X[:, 1] / 8 + on_b * 0.005
     scene.accept()
-    assert 0 < (contact.normal_forces() > 0).sum() < contact.count
+    assert 0 < (contact.normal_forces() > 0).sum() < contact.points.count
     u[on_b] += distance * SLIP * np.array([0.7, 0.4, 0.0]) * (0.5 + X[on_b, :1] / 20)
     forces, stiffness = off_differences(scene, contact, 1e-3)
     assert forces < 1e-6
@@ -237,13 +237,16 @@ def test_forces_and_tangent_are_derivatives(distance):
 @pytest.mark.parametrize(
     "given, words",
     [
-        ({"coefficient": -0.1}, "friction has coefficient -0.1; allowed is a number from 0"),
-        ({"coefficient": math.nan}, "friction has coefficient nan; allowed is a number from 0"),
-        ({"coefficient": {"a": 0.1, "b": -1}}, "coefficient -1; allowed is a number from 0"),
-        ({"slip": 0.0}, "friction has slip 0.0; allowed is a number above 0"),
-        ({"slip": math.inf}, "friction has slip inf; allowed is a number above 0"),
-        ({"lag": 0.0}, "friction has lag 0.0; allowed is a number above 0"),
-        ({"lag": math.nan}, "friction has lag nan; allowed is a number above 0"),
+        ({"coefficient": -0.1}, "coefficient of friction is -0.1; allowed is a number from 0"),
+        ({"coefficient": math.nan}, "coefficient of friction is nan; allowed is a number from 0"),
+        (
+            {"coefficient": {"a": 0.1, "b": -1}},
+            "coefficient of friction is -1; allowed is a number from 0",
+        ),
+        ({"slip": 0.0}, "slip of friction is 0.0; allowed is a number above 0"),
+        ({"slip": math.inf}, "slip of friction is inf; allowed is a number above 0"),
+        ({"lag": 0.0}, "lag of friction is 0.0; allowed is a number above 0"),
+        ({"lag": math.nan}, "lag of friction is nan; allowed is a number above 0"),
     ],
 )
 def test_numbers_that_are_not_allowed(given, words):
@@ -252,7 +255,7 @@ def test_numbers_that_are_not_allowed(given, words):
 
 
 def test_errors_name_whose_friction_it_is():
-    words = "contact of a and b: friction has coefficient -1; allowed is a number from 0"
+    words = "contact of a and b: coefficient of friction is -1; allowed is a number from 0"
     with pytest.raises(ff.InputError, match=words):
         ff.SheetContact("a", "b", friction=-1)
     words = "contact of a and b has friction of several sheets; allowed is one number from 0"

@@ -1,0 +1,71 @@
+"""How the faces of two sheets are held during a solve."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from .aitken import Aitken
+from .sheet_points import Facing, SheetPoints
+
+
+class HeldFaces:
+    """The `Facing` that contact uses within a solve, so that its energy has no kinks.
+
+    After a solve the faces are looked at again. If that changes the forces on the points by more
+    than `lag` of their sum, they are taken anew, where solutions alternate only part of the way
+    (see `Aitken`), and the solve is to be repeated.
+
+    accepted, now: those of the last accepted state and of the present solve; pattern: a number that
+    changes when one of them does.
+    """
+
+    def __init__(self, points: SheetPoints, lag: float, owned: int) -> None:
+        self._points, self.lag = points, lag
+        self._place = self._u.copy()  # of the last accepted state
+        self._aitken = Aitken(points.blank.mesh.comm, owned, self._place)
+        self.accepted = self.now = points.facing()
+        self.pattern = 0
+
+    @property
+    def _u(self):
+        return self._points.blank.u.x.array
+
+    def restore(self) -> None:
+        """Go back to the faces of the last accepted state."""
+        self._aitken.start(self._place)
+        self._take(self.accepted)
+
+    def accept(self) -> None:
+        """Take the faces as they are, and those are the accepted ones."""
+        self.begin_here()
+        self._place = self._u.copy()
+        self._take(self.accepted)
+
+    def begin_here(self) -> None:
+        """Have the faces as they are the accepted ones, from which sliding counts."""
+        present = self._points.facing()
+        if present is not self.accepted:
+            self.accepted = present
+            self.pattern += 1
+
+    def update(self, forces: Callable[[Facing], np.ndarray]) -> bool:
+        """Take the faces anew if they are off by more than `lag`; whether they were, the same on
+        all ranks. forces: function of a `Facing` to the forces on all points (count, 3) [N]."""
+        present = self._points.facing()
+        before, after = forces(self.now), forces(present)
+        sizes = [np.linalg.norm(each, axis=1).sum() for each in (after - before, after)]
+        changed, total = self._points.blank.mesh.comm.allreduce(np.array(sizes))
+        if changed <= self.lag * total:
+            return False
+        place, found = self._aitken.next(self._u), self._u.copy()
+        if self._aitken.share < 1:
+            self._u[:] = place
+            present = self._points.facing()
+            self._u[:] = found
+        self._take(present)
+        return True
+
+    def _take(self, facing):
+        if facing is not self.now:
+            self.now = facing
+            self.pattern += 1

@@ -1,0 +1,60 @@
+"""What presses: forces of points that are pressed into a face, for tools and for sheets."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .pressure_law import LayeredLaw, PressureLaw, chord
+
+ANTICIPATED = 4.0  # times the present pressure, up to which the next one is anticipated
+
+
+class Pressed(NamedTuple):
+    """What a face does to n points: gap (n,) [mm] between both, below 0 where they overlap, its
+    gradient `normal` (n, 3), pressure (n,) [MPa], forces on the points (n, 3) [N], `blocks`
+    (n, 3, 3) [N/mm] by which these fall as points move, and energy (n,) [N mm]."""
+
+    gap: np.ndarray
+    normal: np.ndarray
+    pressure: np.ndarray
+    forces: np.ndarray
+    blocks: np.ndarray
+    energy: np.ndarray
+
+
+def press(
+    law: PressureLaw | LayeredLaw,
+    areas: np.ndarray,
+    gap: np.ndarray,
+    normal: np.ndarray,
+    curvature: np.ndarray,
+    shift: float | np.ndarray = 0.0,
+) -> Pressed:
+    """Points of `areas` (n,) [mm^2] pressed by a law at gaps (n,) [mm], with the gaps' gradients
+    (n, 3) and Hessians (n, 3, 3) [1/mm]. shift: by which the face is raised, one or for each point
+    (n,) [mm]; the energy is that beyond the shift's own."""
+    energy, pressure, slope = law(np.maximum(0.0, shift - gap))
+    if np.any(shift):
+        energy = energy - law(np.asarray(shift))[0]
+    force = areas * pressure
+    blocks = (areas * slope)[:, None, None] * normal[:, :, None] * normal[:, None]
+    blocks -= force[:, None, None] * curvature
+    return Pressed(gap, normal, pressure, force[:, None] * normal, blocks, areas * energy)
+
+
+def anticipate(
+    law: PressureLaw | LayeredLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray
+) -> Pressed:
+    """The same points with other blocks: of the law's slope up to the pressure that balances the
+    other forces. missing (n,): what is missing to that pressure [MPa].
+
+    A point that nothing presses any more then leaves the face in one correction of Newton's method.
+    With the tangent its depth is but halved, as the law starts with slope 0.
+    """
+    at = np.flatnonzero(now.pressure > 0)
+    p, normal, law = now.pressure[at], now.normal[at], law.at(at)
+    balancing = np.clip(p + missing[at], 0.0, ANTICIPATED * p)
+    change = areas[at] * (chord(law, p, balancing) - law(law.depth(p))[2])
+    blocks = now.blocks.copy()
+    blocks[at] += change[:, None, None] * normal[:, :, None] * normal[:, None]
+    return now._replace(blocks=blocks)

@@ -1,0 +1,160 @@
+"""Where the points of a sheet lie over another sheet."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import basix
+import numpy as np
+from mpi4py import MPI
+from scipy import sparse
+
+from ...sheets.parts import Part
+from ..shell.morley import Where
+from .faces import Face
+from .nodes import Nodes
+from .pairs import Pairs
+
+POINTS = {1: 1, 3: 2, 6: 4}  # of a cell: degree that they integrate exactly
+REACH = 1.0  # of the distance between the sheets, by which points may rise that are followed
+
+
+class Facing(NamedTuple):
+    """The points of a sheet that lie over the other one, with the sheets in one shape.
+
+    - points (n,): their numbers among all points; areas (n,): that they stand for [mm^2]
+    - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
+      (n, 3, 3) [1/mm]
+    - pairs: what the points move with on the smooth faces; relative (n, 3): their displacement
+      relative to the other sheet in that shape [mm]
+    - flat, from_flat: the same on flat triangles, for sliding
+    """
+
+    points: np.ndarray
+    areas: np.ndarray
+    gap: np.ndarray
+    normal: np.ndarray
+    curvature: np.ndarray
+    pairs: Pairs
+    relative: np.ndarray
+    flat: Pairs
+    from_flat: np.ndarray
+
+    def paraboloid(self) -> tuple[np.ndarray, np.ndarray]:
+        """Gap (n,) [mm] and its gradient (n, 3) at the present displacement, from place, gradient
+        and Hessian of then: without kinks."""
+        moved = self.pairs.relative() - self.relative
+        turned = np.einsum("nij,nj->ni", self.curvature, moved)
+        gap = self.gap + ((self.normal + 0.5 * turned) * moved).sum(1)
+        return gap, self.normal + turned
+
+    def slid(self) -> np.ndarray:
+        """Displacement relative to the other sheet since then, (n, 3) [mm], on flat triangles."""
+        return self.flat.relative() - self.from_flat
+
+
+class SheetPoints:
+    """Points in the cells of one of two sheets, and the smooth `Face` of the other one below them.
+
+    The points are in the sheet of smaller cells, in the upper one if they are equal.
+
+    - part: the sheet with the points; side: 1 if it is the upper one, else -1
+    - areas (count,): undeformed areas that this rank's `count` points stand for [mm^2]
+    - distance [mm]: of the mid-surfaces where the gap is 0
+    - nodes: of the whole blank
+    """
+
+    def __init__(
+        self, lower: Part, upper: Part, rule: int, distance: float, symmetric: Sequence[Where]
+    ) -> None:
+        self.blank, self._lower, self._upper = lower.blank, lower, upper
+        parts = lower, upper
+        comm, self.distance = self.blank.mesh.comm, distance
+        areas = [self.blank.areas()[part.cells] for part in parts]
+        sizes = [comm.allreduce(each.sum()) / comm.allreduce(len(each)) for each in areas]
+        over = 1 if sizes[1] <= sizes[0] * (1 + 1e-6) else 0
+        self.part = parts[over]
+        self.side = 1.0 if over else -1.0  # the face below the points looks at them
+        self._face = Face(parts[1 - over], self.side, list(symmetric))
+        self._own = Face(self.part, 1.0, list(symmetric))
+        # other sheets may lie between them
+        apart = abs(self._own.flat_height() - self._face.flat_height())
+        self._reach = apart + REACH * distance
+        places, weights = basix.make_quadrature(basix.CellType.triangle, POINTS[rule])
+        N = np.column_stack([1 - places.sum(1), places])
+        self.per_cell = len(N)
+        self._weights = self._own.own_weights(N)
+        self._flat_weights = self._own.own_weights(N, flat=True)
+        self._flat = self._own.flat(N)
+        self.areas = (areas[over][:, None] * weights / weights.sum()).ravel()
+        self.count = len(self.areas)
+        self.nodes = Nodes(self.blank)
+        self._below = np.full(self.count, -1)  # what was found last
+        self._found: tuple[np.ndarray, Facing] | None = None
+
+    def facing(self) -> Facing:
+        """The points over the other sheet at the present displacement, on all ranks together."""
+        u = self.blank.u.x.array
+        known = self._found is not None and np.array_equal(u, self._found[0])
+        if self._found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
+            self._found = u.copy(), self._faced()
+        return self._found[1]
+
+    def _faced(self):
+        face, own = self._face, self._own
+        face.take()
+        own.take()
+        points = own.points(self._weights, self._flat)
+        # a sheet that is folded over shows its back to points of the other one
+        ahead = self.side * (self._flat_weights @ own.normals)
+        over = face.below(points, self._below, self._reach, ahead)
+        self._below = over.triangle
+        at = np.flatnonzero(over.triangle >= 0)
+        nodes = np.concatenate([own.nodes, face.nodes])
+
+        def pairs_of(own, is_flat):
+            below = face.weights(over.triangle[at], over.weights[at], is_flat)
+            return Pairs(self.blank, nodes, sparse.hstack([own[at], -below]).tocsr())
+
+        pairs, flat = pairs_of(self._weights, False), pairs_of(self._flat_weights, True)
+        return Facing(
+            at,
+            self.areas[at],
+            over.gap[at] - self.distance,
+            over.normal[at],
+            over.curvature[at],
+            pairs,
+            pairs.relative(),
+            flat,
+            flat.relative(),
+        )
+
+    def of_all(self, facing: Facing, values: np.ndarray, other: float = 0.0) -> np.ndarray:
+        """Values (n, ...) at the points of a `Facing` as values of all points (count, ...), `other`
+        at those that lie over nothing."""
+        found = np.full((self.count, *values.shape[1:]), other)
+        found[facing.points] = values
+        return found
+
+    def among_cells(self, values: np.ndarray) -> np.ndarray:
+        """Values of all points (count, ...) as rows of the blank's owned cells, 0 elsewhere."""
+        wide = self.per_cell * int(np.prod(values.shape[1:]))
+        rows = np.zeros((len(self.blank.areas()), wide))
+        rows[self.part.cells] = values.reshape(-1, wide)
+        return rows
+
+    def of_cells(self, rows: np.ndarray) -> np.ndarray:
+        """The reverse of `among_cells`, (count, k), or (count,) of one number a point."""
+        values = rows[self.part.cells]
+        wide = values.shape[1] // self.per_cell
+        return values.reshape((self.count, wide) if wide > 1 else self.count)
+
+    def covered(self, above: np.ndarray | None = None) -> np.ndarray:
+        """Areas of the lower sheet over which the upper one lies, at this rank's owned nodes (n,)
+        [mm^2]. above (n,): such areas of the upper sheet, if only those count."""
+        now, forces = self.facing(), np.zeros(3 * self.nodes.count)
+        areas = now.areas
+        if above is not None:
+            share = np.where(self._upper.nodes, above / self.nodes.areas, 0.0)
+            areas = areas * abs(now.flat.apart(np.tile(share[:, None], 3)))[:, 0]
+        now.flat.add(np.tile(areas[:, None], 3), forces)
+        return np.where(self._lower.nodes, abs(forces[::3]), 0.0)

@@ -1,0 +1,75 @@
+"""Where points of a sheet lie over another one, and how that is held, without any law."""
+
+import numpy as np
+import pytest
+from builders import COMM
+from builders import sheet as rectangle
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.contact.held_faces import HeldFaces
+from fabric_fenicsx.mechanics.contact.sheet_points import SheetPoints
+
+T = 1.0
+
+
+@pytest.fixture
+def points():
+    """Of two flat sheets, the upper one of smaller cells."""
+    sheets = [
+        (rectangle(20, 10, n, n // 2, spatial=True), T, name) for n, name in ((4, "a"), (6, "b"))
+    ]
+    stack = ff.Stack(sheets)
+    return SheetPoints(stack.part("a"), stack.part("b"), 3, T, [])
+
+
+def lift(points, by):
+    """Move the upper sheet up, by a function of places (n, 3)."""
+    blank = points.blank
+    x = blank.coordinates()
+    blank.u.x.array.reshape(-1, 3)[:, 2] = np.where(x[:, 2] > T / 2, by(x), 0.0)
+
+
+@pytest.mark.mpi
+def test_points_stand_for_the_area_of_the_sheet_of_smaller_cells(points):
+    assert points.part.name == "b" and points.side == 1
+    assert COMM.allreduce(points.areas.sum()) == pytest.approx(200)
+    facing = points.facing()
+    assert COMM.allreduce(len(facing.gap)) == COMM.allreduce(points.count)
+    assert abs(facing.gap).max(initial=0) < 1e-12
+
+
+@pytest.mark.mpi
+def test_the_gap_is_held_as_a_paraboloid(points):
+    """Exact, as long as a flat sheet only rises."""
+    start = points.facing()
+    lift(points, lambda x: 0.2)
+    gap, normal = start.paraboloid()
+    assert gap == pytest.approx(0.2) and normal[:, 2] == pytest.approx(1.0)
+    assert points.facing() is not start and points.facing() is points.facing()
+
+
+@pytest.mark.mpi
+def test_values_of_points_go_to_cells_and_back(points):
+    values = np.arange(3.0 * points.count).reshape(-1, 3)
+    for each in (values, values[:, 0]):
+        assert np.array_equal(points.of_cells(points.among_cells(each)), each)
+
+
+@pytest.mark.mpi
+def test_faces_are_taken_anew_only_if_forces_change(points):
+    held = HeldFaces(points, 0.01, 3 * points.nodes.count)
+    start, pattern = held.now, held.pattern
+
+    def forces(facing):
+        return points.of_all(facing, facing.normal)
+
+    lift(points, lambda x: 1e-3 * x[:, 0])  # turns normals by 0.1 %
+    assert not held.update(forces) and held.now is start and held.pattern == pattern
+    lift(points, lambda x: 0.05 * x[:, 0])
+    lower = points.blank.coordinates()[:, 2] < T / 2
+    points.blank.u.x.array.reshape(-1, 3)[lower, 2] = 0.05 * points.blank.coordinates()[lower, 0]
+    assert held.update(forces) and held.now is not start and held.pattern > pattern
+    held.restore()
+    assert held.now is start is held.accepted
+    held.accept()
+    assert held.accepted is points.facing()

@@ -1,0 +1,134 @@
+"""What presses, alone: points pressed by a law, a tool in balance, points that rub."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from fabric_fenicsx.mechanics.contact.balance import Resistance, find_balance
+from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
+from fabric_fenicsx.mechanics.contact.friction import Friction
+from fabric_fenicsx.mechanics.contact.pressing import anticipate, press
+from fabric_fenicsx.mechanics.contact.pressure_law import LayeredLaw, PressureLaw, SoftLayer
+from fabric_fenicsx.runtime.errors import InputError
+
+FACE = PressureLaw(1000.0, 1e-3)
+LAWS = FACE, LayeredLaw(SoftLayer(0.1), FACE)
+AREAS = np.array([1.0, 2.0, 3.0, 4.0])
+UP = np.tile([0.0, 0.0, 1.0], (4, 1))
+FLAT = np.zeros((4, 3, 3))
+
+
+def pressed(law, z, **options):
+    """Points at heights z (n,) over a plane."""
+    return press(law, AREAS, z, UP, FLAT, **options)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("shift", [0.0, 2e-3])
+def test_forces_and_blocks_are_derivatives_of_the_energy(law, shift):
+    z, h = np.array([1e-2, -5e-4, -3e-3, -0.12]), 1e-7
+    now, up, down = (pressed(law, z + d, shift=shift) for d in (0, h, -h))
+    force = -(up.energy - down.energy) / (2 * h)
+    assert now.forces[:, 2] == pytest.approx(force, rel=1e-6, abs=1e-9)
+    assert now.forces[:, 2] == pytest.approx(AREAS * now.pressure)
+    stiffness = -(up.forces - down.forces)[:, 2] / (2 * h)
+    assert now.blocks[:, 2, 2] == pytest.approx(stiffness, rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_point_that_others_pull_off_leaves_the_face_in_one_correction(law):
+    """With the law's own slope its depth would be halved."""
+    depth = 0.5e-3
+    now = pressed(law, np.full(4, -depth))
+    anticipated = anticipate(law, AREAS, now, -2 * now.pressure)
+    step = now.forces[:, 2] / anticipated.blocks[:, 2, 2]
+    assert step == pytest.approx(depth)
+    assert now.forces[:, 2] / now.blocks[:, 2, 2] == pytest.approx(depth / 2)
+
+
+def test_what_touches_nothing_is_not_anticipated():
+    now = pressed(FACE, np.full(4, 1.0))
+    assert not anticipate(FACE, AREAS, now, np.full(4, 5.0)).blocks.any()
+
+
+@pytest.mark.parametrize("start", [-3.0, 0.5, 4.0])
+def test_a_tool_is_found_where_its_force_is_in_balance(start):
+    """On a law that starts with slope 0, after a gap of 1 mm."""
+    seen = []
+
+    def look(travel):
+        seen.append(travel)
+        e = max(travel - 1.0, 0.0)
+        return Resistance(50 * e**2, 100 * e, max(1.0 - travel, 0.0))
+
+    assert find_balance(2.0, look, start, reach=0.25, soft=0.01)
+    assert seen[-1] == pytest.approx(1.2) and len(seen) < 40
+
+
+def test_a_tool_that_meets_nothing_finds_no_balance():
+    assert not find_balance(1.0, lambda travel: Resistance(0.0, 0.0, 1.0), 0.0, 0.25, 0.01)
+
+
+# -- friction at points
+
+
+LIMIT = 0.3 * AREAS
+
+
+def friction(**options):
+    """Points pressed by 1 N for each area."""
+    return Friction(Coulomb(0.3, 0.1, **options), 0.3, AREAS, UP, MPI.COMM_SELF)
+
+
+def along(x):
+    return np.tile([x, 0.0, 0.0], (4, 1))
+
+
+def test_points_stick_then_slide_and_keep_what_is_elastic():
+    rubbing = friction()
+    assert rubbing.forces(along(0.05))[:, 0] == pytest.approx(-LIMIT / 2)
+    assert rubbing.forces(along(0.5))[:, 0] == pytest.approx(-LIMIT)
+    assert rubbing.energy(along(0.5)) == pytest.approx(LIMIT.sum() * 0.45)
+    rubbing.accept(along(0.5), AREAS, UP)
+    assert rubbing.energy(along(0.0)) == pytest.approx(LIMIT.sum() * 0.45)
+    assert rubbing.forces(along(-0.1))[:, 0] == pytest.approx(0, abs=1e-12)
+
+
+def test_motion_along_the_normal_rubs_on_nothing():
+    assert not friction().forces(np.array(UP)).any()
+
+
+def test_blocks_are_derivatives_of_the_forces():
+    rubbing, h, d = friction(), 1e-7, np.array([0.6, 0.5, 0.3])
+    for x in (0.03, 0.2):
+        change = rubbing.forces(along(x) + h * d) - rubbing.forces(along(x) - h * d)
+        assert -rubbing.blocks(along(x)) @ d == pytest.approx(change / (2 * h), rel=1e-5, abs=1e-6)
+
+
+def test_normal_forces_are_taken_anew_beyond_the_lag_and_forgotten_by_restore():
+    rubbing = friction(lag=0.1)
+    assert not rubbing.update_lagged(1.05 * AREAS)
+    assert rubbing.update_lagged(2 * AREAS)
+    assert rubbing.forces(along(1.0))[:, 0] == pytest.approx(-2 * LIMIT)
+    rubbing.restore()
+    assert rubbing.forces(along(1.0))[:, 0] == pytest.approx(-LIMIT)
+    assert not friction().update_lagged(2 * AREAS)  # one step behind, by default
+
+
+def test_what_is_remembered_is_taken_back():
+    first, second = friction(), friction()
+    first.accept(along(0.15), AREAS, UP)
+    second.recall(first.memory())
+    second.accept(along(0.0), AREAS, UP)
+    for x in (0.0, 0.02, 0.3):
+        assert second.forces(along(x)) == pytest.approx(first.forces(along(x)))
+        assert second.energy(along(x)) == pytest.approx(first.energy(along(x)))
+
+
+# -- a soft layer
+
+
+@pytest.mark.parametrize("thickness, pressing", [(-0.1, 5.0), (np.nan, 5.0), (0.1, 0.0)])
+def test_a_layer_of_other_numbers_is_refused(thickness, pressing):
+    with pytest.raises(InputError, match="of the soft layer is .*; allowed is a number"):
+        SoftLayer(thickness, pressing)
