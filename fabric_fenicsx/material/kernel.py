@@ -69,6 +69,55 @@ def evaluate(
     inverted or not symmetric at a point, for fibres that are no unit vectors or parallel, and as
     `check_weave_angle` does.
     """
+    given, C = _deformation(stretch, gradient, cauchy_green)
+    (a1, a2), (b1, b2) = _directions(fibres, len(C))
+    C11, C12, C22 = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
+    J2 = C11 * C22 - C12**2
+    Cb1, Cb2 = C11 * b1 + C12 * b2, C12 * b1 + C22 * b2
+    I4 = a1 * (C11 * a1 + C12 * a2) + a2 * (C12 * a1 + C22 * a2)
+    I6, I8 = a1 * Cb1 + a2 * Cb2, b1 * Cb1 + b2 * Cb2
+    cosine, sine = a1 * b1 + a2 * b2, np.abs(a1 * b2 - a2 * b1)
+    area = np.sqrt(J2) * sine
+    if weave_angle is not None:
+        weave = check_weave_angle(weave_angle)
+        cosine, sine = np.cos(weave), np.sin(weave)
+    gamma = shear_angle(I6, area, cosine, sine)
+
+    W = fabric.derivatives(nominal_strain(I4), nominal_strain(I8), gamma, tangent)
+    slopes, bends = _in_invariants(W, I4, I6, I8, area)
+    # dI/dC in Voigt's 11, 22, 12: dI4/dC = a a, dI6/dC = sym(a b), dI8/dC = b b
+    M = [
+        np.stack(np.broadcast_arrays(a1 * a1, a2 * a2, a1 * a2), -1),
+        np.stack(np.broadcast_arrays(a1 * b1, a2 * b2, (a1 * b2 + a2 * b1) / 2), -1),
+        np.stack(np.broadcast_arrays(b1 * b1, b2 * b2, b1 * b2), -1),
+    ]
+    # S = 2 dW/dC; eqs (11), (12)
+    S11, S22, S12 = np.moveaxis(2 * sum(w[:, None] * m for w, m in zip(slopes, M)), 1, 0)
+    S = np.stack([S11, S12, S12, S22], -1).reshape(-1, 2, 2)
+    push = given
+    if cauchy_green is not None:  # U of C in closed form (Cayley-Hamilton)
+        J = np.sqrt(J2)
+        push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
+    dSdE = None
+    if bends is not None:
+        dSdE = np.zeros((len(C), 3, 3))
+        for (i, j), bend in bends.items():
+            pair = (4 * bend)[:, None, None] * M[i][:, :, None] * M[j][:, None, :]
+            dSdE += pair if i == j else pair + pair.swapaxes(1, 2)
+
+    return State(
+        invariants=np.stack([I4, I6, I8, gamma], -1),
+        energy=W.parts.sum(-1),
+        energy_parts=W.parts,
+        S=S,
+        cauchy=np.einsum("nij,njk,nlk->nil", push, S, push) / np.sqrt(J2)[:, None, None],
+        strain_state=1 + (I8 <= 1) + 2 * (I4 <= 1),
+        tangent=dSdE,
+    )
+
+
+def _deformation(stretch, gradient, cauchy_green):
+    """The measure that is given, (n, rows, 2), and C (n, 2, 2) of it."""
     measures = [x for x in (stretch, gradient, cauchy_green) if x is not None]
     if len(measures) != 1:
         raise InputError(
@@ -83,98 +132,58 @@ def evaluate(
         )
     given = given.reshape(-1, rows, columns)
     C = given if cauchy_green is not None else np.einsum("nki,nkj->nij", given, given)
-    C11, C12, C22 = C[:, 0, 0], C[:, 0, 1], C[:, 1, 1]
     with np.errstate(invalid="ignore"):
-        J2 = C11 * C22 - C12**2
+        J2 = C[:, 0, 0] * C[:, 1, 1] - C[:, 0, 1] ** 2
         inverted = (np.linalg.det(given) <= 0) if rows == 2 else (J2 <= 0)
-        bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C11 <= 0) | inverted)
+        bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C[:, 0, 0] <= 0) | inverted)
     if bad.size:
         raise InputError(
             f"the deformation at point {bad[0]} is {given[bad[0]].tolist()}; "
             "allowed are finite ones with J > 0"
         )
-
     if gradient is None:
         skew = np.abs(given[:, 0, 1] - given[:, 1, 0]).max(initial=0.0)
         if skew > 1e-12 * np.abs(given).max(initial=0.0):
             raise InputError(
                 "stretch or Cauchy-Green tensors are not symmetric; allowed are symmetric ones"
             )
+    return given, C
+
+
+def _directions(fibres, count):
+    """Components of a0 and b0, two arrays (2, 1 or count)."""
     a, b = (np.asarray(v, float).reshape(-1, 2) for v in (np.eye(2) if fibres is None else fibres))
     for name, v in (("a0", a), ("b0", b)):
-        if len(v) not in (1, len(C)) or not (np.abs((v**2).sum(1) - 1) < 1e-9).all():
+        if len(v) not in (1, count) or not (np.abs((v**2).sum(1) - 1) < 1e-9).all():
             raise InputError(
-                f"fibres {name} of shape {v.shape} are not unit vectors, one or {len(C)}; "
+                f"fibres {name} of shape {v.shape} are not unit vectors, one or {count}; "
                 "allowed are unit vectors (2,) or (n, 2)"
             )
     if (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
         raise InputError("fibres a0 and b0 are parallel; allowed is any other angle")
-    (a1, a2), (b1, b2) = (np.moveaxis(v, 1, 0) for v in (a, b))
-    Cb1, Cb2 = C11 * b1 + C12 * b2, C12 * b1 + C22 * b2
-    I4 = a1 * (C11 * a1 + C12 * a2) + a2 * (C12 * a1 + C22 * a2)
-    I6, I8 = a1 * Cb1 + a2 * Cb2, b1 * Cb1 + b2 * Cb2
-    cosine, sine = a1 * b1 + a2 * b2, np.abs(a1 * b2 - a2 * b1)
-    area = np.sqrt(J2) * sine
-    if weave_angle is None:
-        gamma = shear_angle(I6, area, cosine, sine)
-    else:
-        weave = check_weave_angle(weave_angle)
-        gamma = shear_angle(I6, area, np.cos(weave), np.sin(weave))
+    return a.T, b.T
 
-    strains = nominal_strain(I4), nominal_strain(I8), gamma
-    parts, (Wa, Wb, Wg), second = fabric.derivatives(*strains, tangent)
-    la, lb = np.sqrt(I4), np.sqrt(I8)
+
+def _in_invariants(W, I4, I6, I8, area):
+    """First derivatives of the energy in I4, I6, I8, and its second ones {(i, j): (n,)}, None if
+    `W` has none, from those in the strains along a and b and gamma."""
+    (Wa, Wb, Wg), la, lb = W.first, np.sqrt(I4), np.sqrt(I8)
     g4, g6, g8 = -I6 / (2 * I4 * area), 1 / area, -I6 / (2 * I8 * area)  # d(gamma)/d(I4, I6, I8)
-    # S = 2 dW/dC with dI4/dC = a a, dI8/dC = b b, dI6/dC = sym(a b); eqs (11), (12)
-    M4 = np.stack(np.broadcast_arrays(a1 * a1, a2 * a2, a1 * a2), -1)
-    M8 = np.stack(np.broadcast_arrays(b1 * b1, b2 * b2, b1 * b2), -1)
-    M6 = np.stack(np.broadcast_arrays(a1 * b1, a2 * b2, (a1 * b2 + a2 * b1) / 2), -1)
-    dW = [Wa / (2 * la) + Wg * g4, Wg * g6, Wb / (2 * lb) + Wg * g8]
-    S11, S22, S12 = np.moveaxis(2 * sum(w[:, None] * M for w, M in zip(dW, (M4, M6, M8))), 1, 0)
-    S = np.stack([S11, S12, S12, S22], -1).reshape(-1, 2, 2)
-
-    if cauchy_green is not None:  # U of C in closed form (Cayley-Hamilton)
-        J = np.sqrt(J2)
-        push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
-    else:
-        push = given
-    cauchy = np.einsum("nij,njk,nlk->nil", push, S, push) / np.sqrt(J2)[:, None, None]
-
-    dSdE = None
-    if second is not None:
-        a3 = area**3
-        bent = {  # d2(gamma)/dI dI
-            "44": I6 / (2 * I4**2 * area) + I6 * I8 / (4 * I4 * a3),
-            "48": I6 / (4 * a3),
-            "46": -I8 / (2 * a3),
-            "66": I6 / a3,
-            "68": -I4 / (2 * a3),
-            "88": I6 / (2 * I8**2 * area) + I6 * I4 / (4 * I8 * a3),
-        }
-        Waa, Wab, Wbb, Wag, Wbg, Wgg = second
-        W44, W88 = Waa / (4 * I4) - Wa / (4 * la**3), Wbb / (4 * I8) - Wb / (4 * lb**3)
-        W48, W4g, W8g = Wab / (4 * la * lb), Wag / (2 * la), Wbg / (2 * lb)
-        H = {
-            "44": W44 + 2 * W4g * g4 + Wgg * g4**2,
-            "88": W88 + 2 * W8g * g8 + Wgg * g8**2,
-            "66": Wgg * g6**2,
-            "48": W48 + W4g * g8 + W8g * g4 + Wgg * g4 * g8,
-            "46": W4g * g6 + Wgg * g4 * g6,
-            "68": W8g * g6 + Wgg * g6 * g8,
-        }
-        M = {"4": M4, "6": M6, "8": M8}
-        dSdE = np.zeros((len(C), 3, 3))
-        for ij, h in H.items():
-            i, j = ij[0], ij[1]
-            pair = (4 * (h + Wg * bent[ij]))[:, None, None] * M[i][:, :, None] * M[j][:, None, :]
-            dSdE += pair if i == j else pair + pair.swapaxes(1, 2)
-
-    return State(
-        invariants=np.stack([I4, I6, I8, gamma], -1),
-        energy=parts.sum(-1),
-        energy_parts=parts,
-        S=S,
-        cauchy=cauchy,
-        strain_state=1 + (I8 <= 1) + 2 * (I4 <= 1),
-        tangent=dSdE,
-    )
+    slopes = [Wa / (2 * la) + Wg * g4, Wg * g6, Wb / (2 * lb) + Wg * g8]
+    if W.second is None:
+        return slopes, None
+    Waa, Wab, Wbb, Wag, Wbg, Wgg = W.second
+    W44, W88 = Waa / (4 * I4) - Wa / (4 * la**3), Wbb / (4 * I8) - Wb / (4 * lb**3)
+    W48, W4g, W8g = Wab / (4 * la * lb), Wag / (2 * la), Wbg / (2 * lb)
+    a3 = area**3
+    g44 = I6 / (2 * I4**2 * area) + I6 * I8 / (4 * I4 * a3)
+    g46, g48, g66, g68 = -I8 / (2 * a3), I6 / (4 * a3), I6 / a3, -I4 / (2 * a3)
+    g88 = I6 / (2 * I8**2 * area) + I6 * I4 / (4 * I8 * a3)
+    return slopes, {
+        (0, 0): W44 + 2 * W4g * g4 + Wgg * g4**2 + Wg * g44,
+        (2, 2): W88 + 2 * W8g * g8 + Wgg * g8**2 + Wg * g88,
+        (1, 1): Wgg * g6**2 + Wg * g66,
+        (0, 2): W48 + W4g * g8 + W8g * g4 + Wgg * g4 * g8 + Wg * g48,
+        (0, 1): W4g * g6 + Wgg * g4 * g6 + Wg * g46,
+        (1, 2): W8g * g6 + Wgg * g6 * g8 + Wg * g68,
+    }

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -30,33 +30,110 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     """Fit the law to the curves; InputError if they determine nothing or are too few, SolverFailure
     if the fit fails."""
     problem = Problem(sheet, curves)
+    default, source, reason = _assumptions(problem, sheet)
+    _check_yarns(sheet, problem.names, reason, source)
+    theta, staged, fitted = _regression(problem, default, reason, source)
+    theta, sd, estimated = _weighted_fit(problem, theta, fitted)
+    free = [k for k in range(len(theta)) if k not in reason]
+    found = _statistics(problem, theta, free, sd)
+    if estimated is None and not all(c.noise for c in curves):
+        estimated = NOISE * math.sqrt(found.variance)
+    bound = _at_bound(problem, theta, free, fitted)
+    determined = {
+        problem.names[k]: Determined(
+            float(theta[k]),
+            float(e),
+            tuple(np.clip([theta[k] - half, theta[k] + half], *problem.box(k)).tolist()),
+            unit_of(problem.names[k]),
+            float(staged[k]),
+            bool(half > abs(theta[k])),
+            k in bound,
+        )
+        for k, e, half in zip(free, found.error, found.half)
+    }
+    assumed = {
+        problem.names[k]: Assumed(
+            float(theta[k]),
+            unit_of(problem.names[k]),
+            source[problem.names[k]],
+            why,
+            _moves(problem, theta, free, found, sd, k),
+        )
+        for k, why in sorted(reason.items())
+    }
+    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet)
+    softest, convex = _physics(problem, fabric)
+    predicted = problem.predict(theta)
+    fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
+    warnings = [
+        *_noise_warnings(curves, found),
+        *_physics_warnings(softest, convex),
+        *_parameter_warnings(determined),
+        *filter(None, (toe_warning(*each) for each in fits)),
+        *unit_warnings(curves),
+        *fabric.plausibility_warnings(),
+    ]
+    return Identification(
+        fabric,
+        determined,
+        assumed,
+        found.correlation,
+        fits,
+        found.dof,
+        found.variance,
+        estimated,
+        softest,
+        convex,
+        warnings,
+        sheet.areal_weight,
+    )
+
+
+def _assumptions(problem, sheet):
+    """What holds unless it is fitted: values (parameters,), where each is from {name: source}, and
+    why some can't be fitted {number: reason}."""
     names, values = problem.names, true_values(DEFAULTS, sheet.balanced)
-    source = dict.fromkeys(names, "Table 1 of Schäfer et al.")
-    for name in names:
+    source, reason = dict.fromkeys(names, "Table 1 of Schäfer et al."), {}
+    problem.prepare(np.array(list(values.values())))
+    for k, name in enumerate(names):
         for key in (base(name), name):
             if key in sheet.assumed:
                 values[name], source[name] = sheet.assumed[key], "sheet.toml"
-    default = np.array([values[n] for n in names])
-    problem.prepare(np.array(list(true_values(DEFAULTS, sheet.balanced).values())))
-    reason = {}
-    for k, name in enumerate(names):
         if not math.isfinite(problem.natural[k]):
             reason[k] = "no test depends on it"
         elif base(name) == "p_min" and not problem.has_contraction(name):
             reason[k] = (
                 "no test shows tension with a negative strain across; c is fitted for this value"
             )
-    _check_yarns(sheet, names, reason, source)
-    theta, staged, fitted = _regression(problem, default, reason, source)
-    free = [k for k in range(len(names)) if k not in reason]
+    return np.array([values[n] for n in names]), source, reason
 
+
+def _weighted_fit(problem, theta, fitted):
+    """Values fitted again while deviations depend on the fit, with the deviations (N,), and the
+    noise that was estimated as in `_weights`."""
     sd, estimated = _weights(problem, theta)
-    by_prediction = estimated is not None or any(c.noise and c.noise[0] == "value" for c in curves)
-    for _ in range(3 if by_prediction else 0):  # deviations depend on the fit
+    by_prediction = any(c.noise and c.noise[0] == "value" for c in problem.curves)
+    for _ in range(3 if by_prediction or estimated is not None else 0):
         theta = problem.fit(theta, fitted, sd)
         sd, estimated = _weights(problem, theta)
-    predicted = problem.predict(theta)
-    residual = (predicted - problem.measured) / sd
+    return theta, sd, estimated
+
+
+class _Statistics(NamedTuple):
+    """Degrees of freedom, variance of the weighted residuals, and for the free parameters (k,):
+    standard errors, half widths of the 95 % intervals, correlation (k, k), and the weighted
+    Jacobian (N, k), for natural changes."""
+
+    dof: int
+    variance: float
+    error: np.ndarray
+    half: np.ndarray
+    correlation: np.ndarray
+    jacobian: np.ndarray
+
+
+def _statistics(problem, theta, free, sd):
+    residual = (problem.predict(theta) - problem.measured) / sd
     dof = len(residual) - len(free)
     variance = float(residual @ residual) / dof
     J = problem.jacobian(theta, free) * problem.natural[free] / sd[:, None]
@@ -65,79 +142,46 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     error = np.sqrt(np.diag(covariance)) * problem.natural[free]
     spread = np.sqrt(np.diag(inverse @ inverse.T))
     correlation = inverse @ inverse.T / np.outer(spread, spread)
-    quantile = stats.t.ppf(0.975, dof)
-    if estimated is None and not all(c.noise for c in curves):
-        estimated = NOISE * math.sqrt(variance)
+    return _Statistics(dof, variance, error, stats.t.ppf(0.975, dof) * error, correlation, J)
 
-    units = {n: unit_of(n) for n in names}
-    bound = _at_bound(problem, theta, free, fitted)
-    determined = {
-        names[k]: Determined(
-            float(theta[k]),
-            float(e),
-            tuple(np.clip([theta[k] - quantile * e, theta[k] + quantile * e], *box).tolist()),
-            units[names[k]],
-            float(staged[k]),
-            bool(quantile * e > abs(theta[k])),
-            k in bound,
-        )
-        for k, e, box in zip(free, error, map(problem.box, free))
-    }
-    assumed = {
-        names[k]: Assumed(
-            float(theta[k]),
-            units[names[k]],
-            source[names[k]],
-            why,
-            _moves(problem, theta, free, J, sd, k, quantile * error),
-        )
-        for k, why in sorted(reason.items())
-    }
-    value = dict(zip(names, map(float, theta)))
+
+def _fabric(value, sheet):
+    """The fabric of values {name: number}."""
     warp, weft = (
         Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN})
         for yarn in ("warp", "weft")
     )
     shear: dict[str, Any] = {n: value[n] for n in SHEAR}
-    fabric = WovenFabric(
+    return WovenFabric(
         warp, weft, **shear, thickness=sheet.thickness, density=sheet.density, name=sheet.name
     )
-    softest, convex = _physics(problem, fabric)
-    warnings = []
-    if all(c.noise for c in curves) and variance > stats.chi2.ppf(0.999, dof) / dof:
-        warnings.append(
-            f"the curves lie {math.sqrt(variance):.2g} times their stated noise from the law, "
-            "and the intervals are widened by that"
+
+
+def _noise_warnings(curves, found):
+    if (
+        all(c.noise for c in curves)
+        and found.variance > stats.chi2.ppf(0.999, found.dof) / found.dof
+    ):
+        yield (
+            f"the curves lie {math.sqrt(found.variance):.2g} times their stated noise from the "
+            "law, and the intervals are widened by that"
         )
+
+
+def _physics_warnings(softest, convex):
     if softest is not None and softest <= 0:
-        warnings.append(f"the shear stiffness falls to {softest:.3g} MPa over the measured angles")
+        yield f"the shear stiffness falls to {softest:.3g} MPa over the measured angles"
     if convex is False:
-        warnings.append("the energy is not convex in (eps_a, eps_b) over the measured tension")
-    warnings += [
-        f"{n} is held by a bound from physics" for n, p in determined.items() if p.at_bound
-    ]
-    warnings += [
-        f"{n} is weakly determined, as its interval is wider than +-100 %"
-        for n, p in determined.items()
-        if p.weak
-    ]
-    fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
-    warnings += filter(None, (toe_warning(*each) for each in fits))
-    warnings += [*unit_warnings(curves), *fabric.plausibility_warnings()]
-    return Identification(
-        fabric,
-        determined,
-        assumed,
-        correlation,
-        fits,
-        dof,
-        variance,
-        estimated,
-        softest,
-        convex,
-        warnings,
-        sheet.areal_weight,
-    )
+        yield "the energy is not convex in (eps_a, eps_b) over the measured tension"
+
+
+def _parameter_warnings(determined):
+    for name, parameter in determined.items():
+        if parameter.at_bound:
+            yield f"{name} is held by a bound from physics"
+    for name, parameter in determined.items():
+        if parameter.weak:
+            yield f"{name} is weakly determined, as its interval is wider than +-100 %"
 
 
 def _check_yarns(sheet, names, reason, source):
@@ -156,16 +200,14 @@ def _check_yarns(sheet, names, reason, source):
             )
 
 
-def _moves(problem, theta, free, weighted, sd, k, half):
-    """How the fitted parameters change if the assumed one k is 10 % larger: {name: change}.
-
-    Only changes beyond `half` count, half the widths of the intervals (len(free),). weighted: the
-    Jacobian of the fitted ones over the deviations, per natural change."""
+def _moves(problem, theta, free, found, sd, k):
+    """How the fitted parameters change if the assumed one k is 10 % larger: {name: change}. Only
+    changes beyond half the widths of their intervals count."""
     if not free or not np.isfinite(problem.natural[k]):
         return {}
     more = 0.1 * theta[k] * (problem.jacobian(theta, [k])[:, 0] / sd)
-    change = -np.linalg.lstsq(weighted, more, rcond=None)[0] * problem.natural[free]
-    least = np.maximum(half, 1e-3 * np.abs(theta[free]))
+    change = -np.linalg.lstsq(found.jacobian, more, rcond=None)[0] * problem.natural[free]
+    least = np.maximum(found.half, 1e-3 * np.abs(theta[free]))
     return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
 
 
@@ -179,25 +221,8 @@ def _regression(problem, default, reason, source):
     couplings = [k for k, n in enumerate(names) if base(n) not in STAGE_1]
     uncoupled = ~np.any(problem.effect[:, couplings] > 0, axis=1)
     while True:
-        free = [k for k in range(len(names)) if k not in reason]
-        if not free:
-            tests = ", ".join(sorted({c.test for c in problem.curves}))
-            raise InputError(
-                f"the curves, of the tests {tests}, determine no parameter; allowed are more tests"
-            )
-        if len(problem.measured) <= len(free):
-            raise InputError(
-                f"there are {len(problem.measured)} measured values for {len(free)} parameters; "
-                "allowed are more values than parameters"
-            )
-        theta = default.copy()
-        for k in reason:
-            lower = names[k].replace(base(names[k]), HIGHER.get(base(names[k]), "-"))
-            if lower in names and names.index(lower) in free and source[names[k]] != "sheet.toml":
-                theta[k], source[names[k]] = 0.0, "0, as the lower term alone is fitted"
-        for k in free:
-            if names[k] in SHEAR:  # a straight line through the largest angle
-                theta[k] = problem.natural[k] if names[k] == "s1" else 0.0
+        free = _free(problem, reason)
+        theta = _start(problem, default, reason, source, free)
         sd = problem.deviation(problem.measured)
         first = [
             k
@@ -209,44 +234,83 @@ def _regression(problem, default, reason, source):
         lone = [k for k in free if base(names[k]) in ("a", "b") and k not in first]
         theta = problem.fit(theta, lone, sd)
         problem.rescale(theta)
-        bad = problem.undetermined(
-            theta, free, slack=1e3
-        )  # what no values could separate; the rest is judged at the fit
-        if not bad:
-            rest = [k for k in free if k not in first]
-            try:
-                staged = problem.fit(theta, rest, sd, most=QUICK)
-                theta = problem.fit(staged, free, sd, most=QUICK)
-            except (
-                NotConverged
-            ) as stuck:  # in a valley of parameters that the data do not separate?
-                bad = problem.undetermined(stuck.theta, free)
-                if not bad:
-                    staged = problem.fit(stuck.theta, rest, sd)
-                    theta = problem.fit(staged, free, sd)
-        if not bad:
-            residual = (problem.predict(theta) - problem.measured) / sd
-            bad = problem.undetermined(
-                theta, free, sd * math.sqrt(residual @ residual / (len(residual) - len(free)))
-            )
+        rest = [k for k in free if k not in first]
+        theta, staged, bad = _joint_fit(problem, theta, free, rest, sd)
         if not bad:
             s3 = names.index("s3")
             return theta, staged, [k for k in free if k != s3 or theta[s3] > 0]
-        k, half = min(bad, key=lambda item: GIVEN_UP.index(base(names[item[0]])))
-        yarn = names[k].removesuffix(base(names[k]))
-        rival = yarn + "p_min"
-        tied = k in lone or (base(names[k]) == "c" and any(names[f] == f"{yarn}a" for f in lone))
-        if tied and rival in (names[f] for f in free):
-            # where all tension is coupled, little but the products p_min a and p_min b is seen
-            k, why = names.index(rival), f"the data cannot tell it from {names[k]}"
-        elif half > (1 if base(names[k]) == "p_min" else 1e2 * max(abs(theta[k]), abs(default[k]))):
-            why = "the data cannot tell it from others"
-        else:
-            why = f"the data leave it at +-{half:.2g}"
-        if lone and base(names[k]) == "p_min":
-            why += "; a and b are fitted for this value, "
-            why += "a test with held sides or a biaxial one would tell"
+        k, why = _given_up(problem, bad, free, lone, np.maximum(abs(theta), abs(default)))
         reason[k] = why
+
+
+def _free(problem, reason):
+    """Parameters to be fitted; InputError if there are none, or more than measured values."""
+    free = [k for k in range(len(problem.names)) if k not in reason]
+    if not free:
+        tests = ", ".join(sorted({c.test for c in problem.curves}))
+        raise InputError(
+            f"the curves, of the tests {tests}, determine no parameter; allowed are more tests"
+        )
+    if len(problem.measured) <= len(free):
+        raise InputError(
+            f"there are {len(problem.measured)} measured values for {len(free)} parameters; "
+            "allowed are more values than parameters"
+        )
+    return free
+
+
+def _start(problem, default, reason, source, free):
+    """Values that a fit begins with; higher terms that are not fitted are 0 beside a lower one that
+    is, which `source` then tells."""
+    names, theta = problem.names, default.copy()
+    for k in reason:
+        lower = names[k].replace(base(names[k]), HIGHER.get(base(names[k]), "-"))
+        if lower in names and names.index(lower) in free and source[names[k]] != "sheet.toml":
+            theta[k], source[names[k]] = 0.0, "0, as the lower term alone is fitted"
+    for k in free:
+        if names[k] in SHEAR:  # a straight line through the largest angle
+            theta[k] = problem.natural[k] if names[k] == "s1" else 0.0
+    return theta
+
+
+def _joint_fit(problem, theta, free, rest, sd):
+    """Stage 2, of the parameters `rest`, and the fit of all that are free: values after it, those
+    before it, and what the data do not determine, as `Problem.undetermined` has it."""
+    # what no values could separate; the rest is judged at the fit
+    if bad := problem.undetermined(theta, free, slack=1e3):
+        return theta, theta, bad
+    try:
+        staged = problem.fit(theta, rest, sd, most=QUICK)
+        theta = problem.fit(staged, free, sd, most=QUICK)
+    except NotConverged as stuck:  # in a valley of parameters that the data do not separate?
+        if bad := problem.undetermined(stuck.theta, free):
+            return theta, theta, bad
+        staged = problem.fit(stuck.theta, rest, sd)
+        theta = problem.fit(staged, free, sd)
+    residual = (problem.predict(theta) - problem.measured) / sd
+    variance = residual @ residual / (len(residual) - len(free))
+    return theta, staged, problem.undetermined(theta, free, sd * math.sqrt(variance))
+
+
+def _given_up(problem, bad, free, lone, size):
+    """Which of the parameters in `bad` becomes an assumption, and why; lone: those of tension that
+    is coupled at every point; size: of all parameters."""
+    names = problem.names
+    k, half = min(bad, key=lambda item: GIVEN_UP.index(base(names[item[0]])))
+    yarn = names[k].removesuffix(base(names[k]))
+    rival = yarn + "p_min"
+    tied = k in lone or (base(names[k]) == "c" and any(names[f] == f"{yarn}a" for f in lone))
+    if tied and rival in (names[f] for f in free):
+        # where all tension is coupled, little but the products p_min a and p_min b is seen
+        k, why = names.index(rival), f"the data cannot tell it from {names[k]}"
+    elif half > (1 if base(names[k]) == "p_min" else 1e2 * size[k]):
+        why = "the data cannot tell it from others"
+    else:
+        why = f"the data leave it at +-{half:.2g}"
+    if lone and base(names[k]) == "p_min":
+        why += "; a and b are fitted for this value, "
+        why += "a test with held sides or a biaxial one would tell"
+    return k, why
 
 
 def _weights(problem, theta):
