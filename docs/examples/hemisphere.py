@@ -14,8 +14,8 @@ import fabric_fenicsx as ff
 
 given = [float(word) for word in sys.argv[1:]]
 nx, friction = int(given[0]) if given else 10, given[1] if given[1:] else 0.02
-no = dict.fromkeys(("a", "p_min", "c", "s_T", "s_C", "s2", "s3"), 0.0)  # of what has no part in it
-fabric = ff.WovenFabric.balanced(b=2e4, d=20.0, s1=0.01, thickness=0.4, density=0.75, **no)
+yarn = ff.Yarn(b=2e4, d=20.0)
+fabric = ff.WovenFabric(yarn, yarn, s1=0.01, thickness=0.4)
 round_ = {"dome_distance": 1e-3, "dome_radius": 50.0, "waist": 50.0, "wall_angle": 0.0}
 dome = ff.DoubleDome(depth=60.0, top_radius=49.9, entry_radius=10.0, saddle_depth=0.0, **round_)
 size = {"length": 200.0, "width": 200.0, "nx": nx, "dome": dome, "stroke": 40.0}

@@ -12,8 +12,8 @@ import numpy as np
 import fabric_fenicsx as ff
 
 L, W, H, B = 100.0, 152.0, 0.2, 4 / 3  # length, width, thickness [mm], bending stiffness [N mm]
-no = dict.fromkeys(("a", "p_min", "c", "s_T", "s_C", "s2", "s3"), 0.0)
-film = ff.WovenFabric.balanced(b=2e4, d=2e3, s1=0.5, thickness=H, density=1.0, **no)
+yarn = ff.Yarn(b=2e4, d=2e3)
+film = ff.WovenFabric(yarn, yarn, s1=0.5, thickness=H)
 edges = [lambda x: x[1] < 1e-6, lambda x: x[1] > W - 1e-6]  # as if it went on beyond
 
 for tension in (1.0, 4.0, 16.0):

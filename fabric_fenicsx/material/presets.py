@@ -11,16 +11,13 @@ from ..runtime.errors import InputError
 from ..runtime.rules import shown, unknown_key
 from .files import read_toml
 from .laws import LAWS, Law
-from .laws.coupled import WovenFabric
+from .laws.coupled import WovenFabric, Yarn
 
-_KOMEILI = WovenFabric.balanced(  # Table 1
-    a=4130.0,
-    b=667.5,
-    d=0.65,
-    p_min=0.75,
-    c=23.67,
-    s_T=1467.6,
-    s_C=100.0,
+# Table 1
+_YARN = Yarn(a=4130.0, b=667.5, d=0.65, p_min=0.75, c=23.67, s_T=1467.6, s_C=100.0)
+_KOMEILI = WovenFabric(
+    _YARN,
+    _YARN,
     s1=25.06e-3,
     s2=-186.79e-3,
     s3=562.39e-3,

@@ -133,49 +133,14 @@ def corner_normals(
     """The `Corners` for edges that are sharp where facets turn by more than `crease` [rad]. Normals
     given (m, 3, 3), 0 where not known, are taken as they are, and edges are sharp where they say
     so."""
-    m = len(triangles)
     region, plane, region_area = flat_regions(points, triangles, across, tolerance)
     _, area = facet_normals(points, triangles)
-    size = np.bincount(region, minlength=m)[region]
-    # a vertex inside a region: only a true plane has such
-    low, high = np.full(len(points), m), np.full(len(points), -1)
-    np.minimum.at(low, triangles.ravel(), np.repeat(region, 3))
-    np.maximum.at(high, triangles.ravel(), np.repeat(region, 3))
-    open_edge = across.triangle < 0
-    rim = np.zeros(len(points), dtype=bool)
-    for k in range(3):
-        rim[triangles[open_edge[:, k]][:, [NEXT[k], LAST[k]]]] = True
-    inner = (low == high) & ~rim
-    sure = np.zeros(m, dtype=bool)
-    sure[low[inner]] = True
-    sure = sure[region]
-
-    other = np.maximum(across.triangle, 0)
-    turn = np.einsum("mi,mki->mk", plane, plane[other])
-    sharp = open_edge | (turn < math.cos(crease))
-    sharp |= (
-        sure[:, None]
-        & sure[other]
-        & (turn < math.cos(FLAT_MEET))
-        & (region[:, None] != region[other])
-    )
-    # a CAD model knows where it is sharp; where it has no normal, at poles, it is not
-    if given is not None:
-        sharp = open_edge.copy()
-        for k in range(3):
-            back = across.edge[:, k]
-            for here, there in ((NEXT, LAST), (LAST, NEXT)):
-                n, o = given[:, here[k]], given[other[:, k], np.array(there)[back]]
-                sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(KINK))
-    # corners that are joined across edges that are not sharp
-    t, edge = np.nonzero(~sharp)
-    nxt, last = np.array(NEXT), np.array(LAST)
-    o, back = across.triangle[t, edge], across.edge[t, edge]
-    rows = np.concatenate([3 * t + nxt[edge], 3 * t + last[edge]])
-    cols = np.concatenate([3 * o + last[back], 3 * o + nxt[back]])
-    graph = sparse.coo_matrix((np.ones(len(rows)), (rows, cols)), shape=(3 * m, 3 * m))
-    count, name = connected_components(graph, directed=False)
-    name = name.reshape(m, 3)
+    sure = _true_planes(points, triangles, across, region)
+    if given is None:
+        sharp = _turned_edges(across, region, plane, sure, crease)
+    else:
+        sharp = _model_edges(across, given)
+    count, name = _smooth_vertices(across, sharp)
 
     def gathered(values):
         total = np.zeros((count, 3))
@@ -188,17 +153,72 @@ def corner_normals(
     if given is not None:
         known = gathered(given)
         return Corners(name, np.where(known.any(1)[:, None], known, normals), sharp, region)
-    # vertices of planes
+    best, fixed = _planes_at_vertices(name, count, region, region_area, sure)
+    normals[fixed] = plane[best[fixed]]
+    return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp, region)
+
+
+def _true_planes(points, triangles, across, region):
+    """Which triangles are of a flat region with a vertex inside it: only a true plane has such."""
+    low, high = np.full(len(points), len(triangles)), np.full(len(points), -1)
+    np.minimum.at(low, triangles.ravel(), np.repeat(region, 3))
+    np.maximum.at(high, triangles.ravel(), np.repeat(region, 3))
+    open_edge = across.triangle < 0
+    rim = np.zeros(len(points), dtype=bool)
+    for k in range(3):
+        rim[triangles[open_edge[:, k]][:, [NEXT[k], LAST[k]]]] = True
+    inner = (low == high) & ~rim
+    sure = np.zeros(len(triangles), dtype=bool)
+    sure[low[inner]] = True
+    return sure[region]
+
+
+def _turned_edges(across, region, plane, sure, crease):
+    """Sharp edges (m, 3): open ones, and those where facets turn by more than `crease`, or true
+    planes by more than `FLAT_MEET`."""
+    other = np.maximum(across.triangle, 0)
+    turn = np.einsum("mi,mki->mk", plane, plane[other])
+    sharp = (across.triangle < 0) | (turn < math.cos(crease))
+    planes = sure[:, None] & sure[other] & (region[:, None] != region[other])
+    return sharp | (planes & (turn < math.cos(FLAT_MEET)))
+
+
+def _model_edges(across, given):
+    """Sharp edges (m, 3) by the normals of a CAD model, which knows where it is sharp; where it has
+    no normal, at poles, it is not."""
+    sharp, other = across.triangle < 0, np.maximum(across.triangle, 0)
+    for k in range(3):
+        back = across.edge[:, k]
+        for here, there in ((NEXT, LAST), (LAST, NEXT)):
+            n, o = given[:, here[k]], given[other[:, k], np.array(there)[back]]
+            sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(KINK))
+    return sharp
+
+
+def _smooth_vertices(across, sharp):
+    """How many smooth vertices there are, and that of each corner (m, 3): one for all corners that
+    are joined across edges that are not sharp."""
+    m, nxt, last = len(sharp), np.array(NEXT), np.array(LAST)
+    t, edge = np.nonzero(~sharp)
+    o, back = across.triangle[t, edge], across.edge[t, edge]
+    rows = np.concatenate([3 * t + nxt[edge], 3 * t + last[edge]])
+    cols = np.concatenate([3 * o + last[back], 3 * o + nxt[back]])
+    graph = sparse.coo_matrix((np.ones(len(rows)), (rows, cols)), shape=(3 * m, 3 * m))
+    count, name = connected_components(graph, directed=False)
+    return count, name.reshape(m, 3)
+
+
+def _planes_at_vertices(name, count, region, region_area, sure):
+    """For each smooth vertex a triangle of the best plane there, and whether the vertex has that
+    plane's normal."""
+    size = np.bincount(region, minlength=len(region))[region]
     score = np.where(sure, region_area.max(), 0.0) + np.where(size >= 2, region_area, 0.0)
     order = np.argsort(np.repeat(score, 3), kind="stable")
-    # a triangle of the best plane there, and the area of the next
     best, second = np.empty(count, dtype=np.int64), np.zeros(count)
     best[name.ravel()[order]] = order // 3
     rest = np.where(region[best][name] == region[:, None], 0.0, region_area[:, None])
-    np.maximum.at(second, name.ravel(), rest.ravel())
-    fixed = sure[best] | ((size[best] >= 2) & (region_area[best] >= DOMINANT * second))
-    normals[fixed] = plane[best[fixed]]
-    return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp, region)
+    np.maximum.at(second, name.ravel(), rest.ravel())  # the area of the next plane
+    return best, sure[best] | ((size[best] >= 2) & (region_area[best] >= DOMINANT * second))
 
 
 def _arcs(points, triangles, name, normals, fixed):

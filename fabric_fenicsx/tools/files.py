@@ -51,21 +51,11 @@ def _mesh_of_model(path, chord):
     A first mesh finds the curvature, from which the sizes of the second follow.
     """
     import gmsh
-    from scipy.spatial import cKDTree
 
     gmsh.initialize(readConfigFiles=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        if path.suffix.lower() in (".step", ".stp"):  # IGES files are read in mm anyhow
-            gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-        gmsh.model.add(path.stem)
-        gmsh.model.occ.importShapes(str(path))
-        if path.suffix.lower() in (".iges", ".igs"):
-            gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges
-        gmsh.model.occ.synchronize()
-        faces = [tag for _, tag in gmsh.model.getEntities(2)]
-        if not faces:
-            raise ValueError("no face in it")
+        faces = _faces_of_model(gmsh, path)
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         most = np.linalg.norm(high - low) / 20
         for option in ("FromPoints", "ExtendFromBoundary"):
@@ -74,42 +64,63 @@ def _mesh_of_model(path, chord):
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 2 * np.pi / TURN)
         gmsh.option.setNumber("Mesh.Algorithm", 6)
         gmsh.model.mesh.generate(2)
-        places, sizes = [], []
-        for face in faces:
-            _, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
-            bend = np.maximum(np.abs(gmsh.model.getCurvature(2, face, parameters)), 1e-9)
-            places.append(place.reshape(-1, 3))
-            sizes.append(np.minimum(np.sqrt(8 * chord / bend), TURN / bend))
-        tree, sizes = cKDTree(np.vstack(places)), np.minimum(np.concatenate(sizes), most)
-        near = min(8, len(sizes))
-
-        grid = float(np.quantile(sizes, 0.05)) / 2
-
-        @cache  # gmsh asks many times at almost the same place
-        def size_in(*cell):
-            distance, number = tree.query([grid * (each + 0.5) for each in cell], near)
-            return float(np.min(sizes[number] + 0.3 * distance))
-
-        def size_at(dim, tag, x, y, *z):
-            return size_in(x // grid, y // grid, z[0] // grid)
-
+        size_at = _sizes_by_curvature(gmsh, faces, chord, most)
         gmsh.model.mesh.clear()
         gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 0)
         gmsh.model.mesh.setSizeCallback(size_at)
         gmsh.model.mesh.generate(2)
-        corners, normals = [], []
-        for face in faces:
-            tags, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
-            _, cells = gmsh.model.mesh.getElementsByType(2, face)
-            order = np.argsort(tags)
-            at = order[np.searchsorted(tags[order], cells)].reshape(-1, 3)
-            corner = place.reshape(-1, 3)[at]
-            normal = np.array(gmsh.model.getNormal(face, parameters)).reshape(-1, 3)[at]
-            facet = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-            against = np.einsum("mci,mi->", normal, facet) < 0
-            corners.append(corner)
-            normals.append(-normal if against else normal)
+        corners, normals = zip(*(_triangles_of_face(gmsh, face) for face in faces))
     finally:
         gmsh.finalize()
     points = np.vstack(corners).reshape(-1, 3)
     return points, np.arange(len(points)).reshape(-1, 3), np.vstack(normals)
+
+
+def _faces_of_model(gmsh, path):
+    """Numbers of the faces of the model in a file, which is the current one then."""
+    if path.suffix.lower() in (".step", ".stp"):  # IGES files are read in mm anyhow
+        gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
+    gmsh.model.add(path.stem)
+    gmsh.model.occ.importShapes(str(path))
+    if path.suffix.lower() in (".iges", ".igs"):
+        gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges
+    gmsh.model.occ.synchronize()
+    faces = [tag for _, tag in gmsh.model.getEntities(2)]
+    if not faces:
+        raise ValueError("no face in it")
+    return faces
+
+
+def _sizes_by_curvature(gmsh, faces, chord, most):
+    """Function that gmsh asks for sizes of cells [mm], by the curvature at the nodes of a mesh."""
+    from scipy.spatial import cKDTree
+
+    places, sizes = [], []
+    for face in faces:
+        _, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
+        bend = np.maximum(np.abs(gmsh.model.getCurvature(2, face, parameters)), 1e-9)
+        places.append(place.reshape(-1, 3))
+        sizes.append(np.minimum(np.sqrt(8 * chord / bend), TURN / bend))
+    tree, sizes = cKDTree(np.vstack(places)), np.minimum(np.concatenate(sizes), most)
+    near = min(8, len(sizes))
+    grid = float(np.quantile(sizes, 0.05)) / 2
+
+    @cache  # gmsh asks many times at almost the same place
+    def size_in(*cell):
+        distance, number = tree.query([grid * (each + 0.5) for each in cell], near)
+        return float(np.min(sizes[number] + 0.3 * distance))
+
+    return lambda dim, tag, x, y, *z: size_in(x // grid, y // grid, z[0] // grid)
+
+
+def _triangles_of_face(gmsh, face):
+    """Corners and normals (m, 3, 3) of the triangles on a face."""
+    tags, place, parameters = gmsh.model.mesh.getNodes(2, face, True, True)
+    _, cells = gmsh.model.mesh.getElementsByType(2, face)
+    order = np.argsort(tags)
+    at = order[np.searchsorted(tags[order], cells)].reshape(-1, 3)
+    corner = place.reshape(-1, 3)[at]
+    normal = np.array(gmsh.model.getNormal(face, parameters)).reshape(-1, 3)[at]
+    facet = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    against = np.einsum("mci,mi->", normal, facet) < 0
+    return corner, -normal if against else normal

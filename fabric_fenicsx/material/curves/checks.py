@@ -1,12 +1,12 @@
 """Values that a test curve cannot have, and curves that contradict each other."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from ...runtime.errors import InputError
-from .model import STRAINS, TESTS, Curve, Response, unit_inside, units
+from .model import STRAINS, TESTS, Curve, Response, Table, unit_inside, units
 
 # beyond it a wrong unit is the likely reason
 _RANGE = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
@@ -25,22 +25,20 @@ def _told(value: float, column: str) -> str:
     return f"{value:.4g} {unit_inside(column)}".removesuffix(" -")
 
 
-def check_values(
-    name: str,
-    columns: Mapping[str, np.ndarray],
-    header: Mapping[str, str],
-    rows: Sequence[int],
-    runs: str,
-    measured: Sequence[str],
-    free: int | None,
-) -> None:
-    """InputError by row for values that the test `name` cannot have.
+def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) -> None:
+    """InputError by row for values that the test `name` cannot have; runs: the strain that is
+    raised; measured: what the law is fitted to."""
+    _check_strains(name, table)
+    _check_way(table, runs)
+    strains = [table.columns[c] for c in STRAINS if c in table.columns and c not in measured]
+    undeformed = np.flatnonzero(~np.any(strains, axis=0))
+    for column in measured:
+        _check_response(name, table, column, undeformed)
 
-    columns: (n,) each, in inner units; header: the unit of each in the file; rows: (n,) line
-    numbers; runs: the strain that is raised; measured: what the law is fitted to; free: 0 or 1 if
-    the yarns across that direction are free.
-    """
-    test, x = TESTS[name], columns[runs]
+
+def _check_strains(name, table):
+    """Strains that are too large or of the wrong sign."""
+    test, columns = TESTS[name], table.columns
     for column in STRAINS:
         if column not in columns:
             continue
@@ -48,59 +46,61 @@ def check_values(
         if (far := np.flatnonzero(np.abs(columns[column]) > most)).size:
             value = f"{columns[column][far[0]]:.4g} {unit}"
             allowed = f"within +-{most:.3g} (is the unit in the header right?)"
-            raise _fail(rows[far[0]], f"{column} is {value}; allowed is {allowed}")
+            raise _fail(table.rows[far[0]], f"{column} is {value}; allowed is {allowed}")
     first = columns[test.strains[0]]
     if test.sign and (wrong := np.flatnonzero(test.sign * first < 0)).size:
         allowed = f"{'at least' if test.sign > 0 else 'at most'} 0 in the test {name}"
         raise _fail(
-            rows[wrong[0]], f"{test.strains[0]} is {first[wrong[0]]:.4g}; allowed is {allowed}"
+            table.rows[wrong[0]],
+            f"{test.strains[0]} is {first[wrong[0]]:.4g}; allowed is {allowed}",
         )
+
+
+def _check_way(table, runs):
+    """A strain that turns back, or hardly leaves 0."""
+    x, unit = table.columns[runs], table.header[runs]
     if (fallen := np.flatnonzero(np.diff(x) * np.sign(x[-1] - x[0]) <= 0)).size:
         k = fallen[0] + 1
         allowed = "to rise or fall strictly (keep one loading branch)"
-        raise _fail(rows[k], f"{runs} is {x[k]:.6g} after {x[k - 1]:.6g}; allowed is {allowed}")
-    least, other = _LEAST.get(header[runs], (0.0, ""))
-    if (reached := np.abs(x).max()) < least:
-        factor = units(runs)[header[runs]]
         raise _fail(
-            rows[int(np.abs(x).argmax())],
-            f"{runs} reaches {reached / factor:.3g} {header[runs]} only; allowed is "
-            f"{least / factor:.3g} "
-            f"{header[runs]} or more (is the unit {other} rather than {header[runs]}?)",
+            table.rows[k], f"{runs} is {x[k]:.6g} after {x[k - 1]:.6g}; allowed is {allowed}"
         )
-    undeformed = np.flatnonzero(
-        ~np.any([columns[c] for c in STRAINS if c in columns and c not in measured], axis=0)
-    )
-    for column in measured:
-        values, peak = columns[column], int(np.abs(columns[column]).argmax())
-        if not values[peak]:
-            raise _fail(rows[0], f"{column} is 0 in every row, so there is nothing to fit")
-        # compressed and sheared, k_SC can make it a pull
-        sign = (
-            -1
-            if column.startswith("eps")
-            else 0
-            if test.sign < 0 and "gamma" in columns
-            else test.sign
+    least, other = _LEAST.get(unit, (0.0, ""))
+    if (reached := np.abs(x).max()) < least:
+        factor = units(runs)[unit]
+        raise _fail(
+            table.rows[int(np.abs(x).argmax())],
+            f"{runs} reaches {reached / factor:.3g} {unit} only; allowed is {least / factor:.3g} "
+            f"{unit} or more (is the unit {other} rather than {unit}?)",
         )
-        if values[peak] * sign < 0:
-            why = "free sides narrow" if column.startswith("eps") else f"of the test {name}"
-            allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
-            raise _fail(
-                rows[peak],
-                f"{column} is {_told(values[peak], column)}; allowed is {allowed}",
-            )
-        if (off := undeformed[np.abs(values[undeformed]) > _OFFSET * abs(values[peak])]).size:
-            value = _told(values[off[0]], column)
-            allowed = f"up to {100 * _OFFSET:g} % of its peak there (take the offset off)"
-            raise _fail(
-                rows[off[0]],
-                f"{column} is {value} before anything is strained; allowed is {allowed}",
-            )
-        if name.startswith("uniaxial") and abs(values[-1]) < _FALLEN * abs(values[peak]):
-            value = f"{100 * values[-1] / values[peak]:.0f} % of its value in row {rows[peak]}"
-            allowed = f"{100 * _FALLEN:g} % or more (keep the rows before yarns break)"
-            raise _fail(rows[-1], f"{column} has fallen to {value}; allowed is {allowed}")
+
+
+def _check_response(name, table, column, undeformed):
+    """A measured column that is 0, of the wrong sign, not 0 in the rows without strain, or that
+    falls."""
+    test, values, rows = TESTS[name], table.columns[column], table.rows
+    peak = int(np.abs(values).argmax())
+    if not values[peak]:
+        raise _fail(rows[0], f"{column} is 0 in every row, so there is nothing to fit")
+    narrows = column.startswith("eps")
+    sign = -1 if narrows else test.sign
+    if not narrows and test.sign < 0 and "gamma" in table.columns:
+        sign = 0  # compressed and sheared, k_SC can make it a pull
+    if values[peak] * sign < 0:
+        why = "free sides narrow" if narrows else f"of the test {name}"
+        allowed = f"at {'least' if sign > 0 else 'most'} 0, {why} (is its sign turned?)"
+        raise _fail(rows[peak], f"{column} is {_told(values[peak], column)}; allowed is {allowed}")
+    if (off := undeformed[np.abs(values[undeformed]) > _OFFSET * abs(values[peak])]).size:
+        value = _told(values[off[0]], column)
+        allowed = f"up to {100 * _OFFSET:g} % of its peak there (take the offset off)"
+        raise _fail(
+            rows[off[0]],
+            f"{column} is {value} before anything is strained; allowed is {allowed}",
+        )
+    if name.startswith("uniaxial") and abs(values[-1]) < _FALLEN * abs(values[peak]):
+        value = f"{100 * values[-1] / values[peak]:.0f} % of its value in row {rows[peak]}"
+        allowed = f"{100 * _FALLEN:g} % or more (keep the rows before yarns break)"
+        raise _fail(rows[-1], f"{column} has fallen to {value}; allowed is {allowed}")
 
 
 def unit_warnings(curves: Sequence[Curve]) -> list[str]:

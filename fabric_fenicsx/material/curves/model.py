@@ -80,6 +80,16 @@ def keys_of(test: Kind) -> tuple[str, ...]:
 KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in keys_of(test)))
 
 
+class Table(NamedTuple):
+    """A file's columns {name: (n,)} in inner units, the unit of each in the file, line numbers (n,)
+    of the rows, and that of the header."""
+
+    columns: dict[str, np.ndarray]
+    header: dict[str, str]
+    rows: list[int]
+    top: int
+
+
 @dataclass(frozen=True)
 class Response:
     """A measured column: `values` (n,) in `unit`, and how the law predicts it.

@@ -24,6 +24,7 @@ from .model import (
     TESTS,
     Curve,
     Sheet,
+    Table,
     keys_of,
     unit_inside,
     units,
@@ -136,64 +137,24 @@ def _fail(row, text):
 
 
 def _parse(file, lines, thickness):
-    keys, table = _keys(lines)
-    if "test" not in keys:
-        raise InputError(f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}")
-    row, name = keys.pop("test")
-    if name not in TESTS:
-        raise _fail(row, str(unknown_key(name, TESTS, f"test {name!r}")))
+    keys, lines = _keys(lines)
+    name, noise = _test_of(keys), keys.pop("noise", None)
+    free, lateral, others = _lateral(keys, name)
     test = TESTS[name]
-    noise = keys.pop("noise", None)
-    for key, (row, _) in keys.items():
-        if key not in keys_of(test):
-            allowed = ", ".join(("noise", *keys_of(test)))
-            raise _fail(
-                row, f"the key {key} does not belong to the test {name}; allowed are {allowed}"
-            )
-    if missing := [key for key in test.keys if key not in keys]:
-        form = f"`# {missing[0]}: 200 mm`, for example"
-        if missing[0] == "lateral":
-            form = "`# lateral: held` (eps = 0 across) or `# lateral: free` (stress = 0 across)"
-        raise InputError(f"the test {name} needs a line for {missing[0]}; allowed is {form}")
-    free, measured, others = None, test.measured, {}
-    if "lateral" in keys:
-        row, lateral = keys.pop("lateral")
-        across = "b" if name[-1] == "a" else "a"
-        if lateral not in ("held", "free"):
-            raise _fail(row, f"lateral is {lateral!r}; allowed is held or free")
-        zero, other = f"eps_{across}", f"sigma_{across}"
-        if lateral == "free":
-            free, zero, other = "ab".index(name[-1]), other, zero
-        measured = (*measured, other)
-        other = "free" if lateral == "held" else "held"
-        others = {
-            zero: f"lateral: {lateral} says that {zero} is 0, but there is a column {zero}; "
-            f"allowed is `# lateral: {other}`, or the test biaxial if it was prescribed",
-        }
     lengths = {key: _quantity(key, row, text, _LENGTH) for key, (row, text) in keys.items()}
-    columns, rows, header = _columns(table, name, measured, others, thickness)
-    for raw, (column, key) in test.raw.items():
-        if raw not in columns:
-            continue
-        if key not in lengths:
-            unit = "N/mm" if raw == "F" else "%"
-            raise _fail(
-                table[0][0],
-                f"the column {raw} needs the strip's {key}; allowed is a line `# {key}: 50 mm`, "
-                f"or the column {column} [{unit}]",
-            )
-        columns[column] = of_fabric(raw, columns[raw], name, lengths, thickness)
-        header[column] = unit_inside(column)
-    found = [column for column in measured if column in columns]
+    table = _table(lines, name, (*test.measured, *lateral), others, thickness)
+    _convert_raw(table, name, lengths, thickness)
+    columns, rows = table.columns, table.rows
+    found = [column for column in (*test.measured, *lateral) if column in columns]
     if {"tau", "F_sh"} <= set(found):
         raise InputError("both columns tau and F_sh are given; allowed is one of them")
     if len(rows) < MIN_POINTS:
-        last = rows[-1] if rows else table[0][0]
         raise _fail(
-            last, f"the file ends after {len(rows)} points; allowed is {MIN_POINTS} or more"
+            rows[-1] if rows else table.top,
+            f"the file ends after {len(rows)} points; allowed is {MIN_POINTS} or more",
         )
     runs = max(test.strains, key=lambda column: np.ptp(columns[column]))
-    checks.check_values(name, columns, header, rows, runs, found, free)
+    checks.check_values(name, table, runs, found)
     strains = np.zeros((len(rows), 3))
     for column in (*test.strains, *test.optional):
         if column in columns:
@@ -202,7 +163,6 @@ def _parse(file, lines, thickness):
         response(column, columns[column], strains[:, 2], name, lengths, thickness)
         for column in found
     ]
-    noise = _noise(noise, responses, thickness)
     return Curve(
         file,
         name,
@@ -211,9 +171,68 @@ def _parse(file, lines, thickness):
         np.array(rows),
         STRAINS.index(runs),
         free,
-        noise,
+        _noise(noise, responses, thickness),
         lengths,
     )
+
+
+def _test_of(keys):
+    """The name of the test, taken out of the keys; InputError for keys that it does not have, or
+    lacks."""
+    if "test" not in keys:
+        raise InputError(f"no line `# test: ...` states the test; allowed are {', '.join(TESTS)}")
+    row, name = keys.pop("test")
+    if name not in TESTS:
+        raise _fail(row, str(unknown_key(name, TESTS, f"test {name!r}")))
+    known = ("noise", *keys_of(TESTS[name]))
+    for key, (row, _) in keys.items():
+        if key not in known:
+            raise _fail(
+                row,
+                f"the key {key} does not belong to the test {name}; allowed are {', '.join(known)}",
+            )
+    if missing := [key for key in TESTS[name].keys if key not in keys]:
+        form = f"`# {missing[0]}: 200 mm`, for example"
+        if missing[0] == "lateral":
+            form = "`# lateral: held` (eps = 0 across) or `# lateral: free` (stress = 0 across)"
+        raise InputError(f"the test {name} needs a line for {missing[0]}; allowed is {form}")
+    return name
+
+
+def _lateral(keys, name):
+    """What the key `lateral`, taken out of the keys, says: the yarns with free sides (0, 1 or
+    None), columns that may be measured besides, and what to say of a column that is 0."""
+    if "lateral" not in keys:
+        return None, (), {}
+    row, lateral = keys.pop("lateral")
+    if lateral not in ("held", "free"):
+        raise _fail(row, f"lateral is {lateral!r}; allowed is held or free")
+    across = "b" if name[-1] == "a" else "a"
+    strain, stress = f"eps_{across}", f"sigma_{across}"
+    zero, measured, other = (
+        (strain, stress, "free") if lateral == "held" else (stress, strain, "held")
+    )
+    words = (
+        f"lateral: {lateral} says that {zero} is 0, but there is a column {zero}; "
+        f"allowed is `# lateral: {other}`, or the test biaxial if it was prescribed"
+    )
+    return "ab".index(name[-1]) if lateral == "free" else None, (measured,), {zero: words}
+
+
+def _convert_raw(table, name, lengths, thickness):
+    """Add to the table what follows from what a machine writes."""
+    for raw, (column, key) in TESTS[name].raw.items():
+        if raw not in table.columns:
+            continue
+        if key not in lengths:
+            unit = "N/mm" if raw == "F" else "%"
+            raise _fail(
+                table.top,
+                f"the column {raw} needs the strip's {key}; allowed is a line `# {key}: 50 mm`, "
+                f"or the column {column} [{unit}]",
+            )
+        table.columns[column] = of_fabric(raw, table.columns[raw], name, lengths, thickness)
+        table.header[column] = unit_inside(column)
 
 
 def _keys(lines):
@@ -236,78 +255,90 @@ def _keys(lines):
     return keys, table
 
 
-def _columns(table, name, measured, others, thickness):
-    """Columns {name: (n,)} in inner units, their line numbers, and the header as {name: unit};
-    others: what to say of columns that the test cannot have."""
-    if not table:
+def _table(lines, name, measured, others, thickness):
+    """The `Table` of lines (row, text); measured: columns that the test may have measured; others:
+    what to say of columns that it cannot have."""
+    if not lines:
         raise InputError("there is no header; allowed is a line such as eps_a [%], sigma_a [MPa]")
-    line, text = table[0]
+    (top, text), *body = lines
     delimiter = ";" if ";" in text else ","
-    test = TESTS[name]
-    allowed = (*test.strains, *test.optional, *measured, *test.raw)
     header: dict[str, str] = {}
     for cell in next(csv.reader([text], delimiter=delimiter)):
-        match = re.fullmatch(r"\s*(\w+)\s*(?:\[\s*(.+?)\s*\])?\s*", cell)
-        column, unit = match.groups() if match else (cell.strip(), None)
-        if column not in COLUMNS:
-            raise _fail(line, str(unknown_key(column, allowed, f"column {column!r}")))
-        if column in others:
-            raise _fail(line, others[column])
-        if column not in allowed:
-            raise _fail(
-                line,
-                f"the column {column} does not belong to the test {name}; allowed are "
-                f"{', '.join(allowed)}",
-            )
+        column, unit = _column(top, cell, name, measured, others)
         if column in header:
-            raise _fail(line, f"the column {column} is repeated; allowed is once")
-        if unit is None:
-            raise _fail(
-                line,
-                f"the column {column} has no unit; allowed is {column} [{unit_inside(column)}], "
-                "for example",
-            )
-        if unit not in units(column):
-            raise _fail(
-                line, str(unknown_key(unit, units(column), f"unit [{unit}] of column {column}"))
-            )
+            raise _fail(top, f"the column {column} is repeated; allowed is once")
         header[column] = unit
-    told = set(header)
+    _check_header(top, name, header)
+    factors = {column: units(column, thickness)[unit] for column, unit in header.items()}
+    values = [
+        _numbers(row, next(csv.reader([text], delimiter=delimiter)), factors) for row, text in body
+    ]
+    columns = dict(zip(header, np.array(values).reshape(-1, len(header)).T))
+    return Table(columns, header, [row for row, _ in body], top)
+
+
+def _column(top, cell, name, measured, others):
+    """Name and unit of a column, from its cell in the header."""
+    test = TESTS[name]
+    allowed = (*test.strains, *test.optional, *measured, *test.raw)
+    match = re.fullmatch(r"\s*(\w+)\s*(?:\[\s*(.+?)\s*\])?\s*", cell)
+    column, unit = match.groups() if match else (cell.strip(), None)
+    if column not in COLUMNS:
+        raise _fail(top, str(unknown_key(column, allowed, f"column {column!r}")))
+    if column in others:
+        raise _fail(top, others[column])
+    if column not in allowed:
+        raise _fail(
+            top,
+            f"the column {column} does not belong to the test {name}; allowed are "
+            f"{', '.join(allowed)}",
+        )
+    if unit is None:
+        raise _fail(
+            top,
+            f"the column {column} has no unit; allowed is {column} [{unit_inside(column)}], "
+            "for example",
+        )
+    if unit not in units(column):
+        raise _fail(top, str(unknown_key(unit, units(column), f"unit [{unit}] of column {column}")))
+    return column, unit
+
+
+def _check_header(top, name, header):
+    """InputError for a header that lacks a column, or tells one twice."""
+    test, told = TESTS[name], set(header)
     for raw, (column, _) in test.raw.items():
         if raw in header and column in header:
-            raise _fail(line, f"both columns {column} and {raw} are given; allowed is one of them")
+            raise _fail(top, f"both columns {column} and {raw} are given; allowed is one of them")
         told |= {column} if raw in header else set()
     missing = [column for column in test.strains if column not in told]
     if not set(test.measured) & told:
         missing.append(" or ".join(test.measured))
     if missing:
-        raise _fail(line, f"the column {missing[0]} is missing, which the test {name} needs")
-    factors = [units(column, thickness)[unit] for column, unit in header.items()]
-    rows, values = [], []
-    for number, text in table[1:]:
-        cells = next(csv.reader([text], delimiter=delimiter))
-        if len(cells) != len(header):
+        raise _fail(top, f"the column {missing[0]} is missing, which the test {name} needs")
+
+
+def _numbers(row, cells, factors):
+    """Values of a row, each times the factor of its column."""
+    if len(cells) != len(factors):
+        raise _fail(
+            row,
+            f"there are {len(cells)} cells under {len(factors)} columns; "
+            "allowed is one number a column, with a decimal point",
+        )
+    found = []
+    for cell, (column, factor) in zip(cells, factors.items()):
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
             raise _fail(
-                number,
-                f"there are {len(cells)} cells under {len(header)} columns; "
-                "allowed is one number a column, with a decimal point",
+                row,
+                f"{column} is {cell.strip()!r}; allowed is a finite number with a decimal point",
             )
-        found = []
-        for cell, column, factor in zip(cells, header, factors):
-            try:
-                value = float(cell)
-            except ValueError:
-                value = math.nan
-            if not math.isfinite(value):
-                raise _fail(
-                    number,
-                    f"{column} is {cell.strip()!r}; allowed is a finite number with a "
-                    "decimal point",
-                )
-            found.append(value * factor)
-        rows.append(number)
-        values.append(found)
-    return dict(zip(header, np.array(values).reshape(-1, len(header)).T)), rows, header
+        found.append(value * factor)
+    return found
 
 
 def _quantity(key, row, text, factors):

@@ -39,9 +39,10 @@ SHEAR: dict[str, Rule] = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Yarn(Parameters):
-    """The seven parameters of one yarn direction; raises InputError for a value out of its range.
+    """The seven parameters of one yarn direction. Only b and d are needed: by default there is no
+    cubic term and no coupling. Raises InputError for a value out of its range.
 
     - a, b [MPa]: tension, cubic and quadratic term of the energy (eqs 15, 16)
     - d [MPa]: compression (eqs 22, 23)
@@ -50,13 +51,13 @@ class Yarn(Parameters):
     - s_C [-]: compression-shear coupling (eqs 28, 29)
     """
 
-    a: float
+    a: float = 0.0
     b: float
     d: float
-    p_min: float
-    c: float
-    s_T: float
-    s_C: float
+    p_min: float = 0.0
+    c: float = 0.0
+    s_T: float = 0.0
+    s_C: float = 0.0
 
     def __post_init__(self) -> None:
         for name, rule in YARN.items():
@@ -68,7 +69,7 @@ class Yarn(Parameters):
 class WovenFabric(Law):
     """A woven fabric: 17 parameters, thickness, density and the couplings that are on.
 
-    - warp, weft: yarns along a0 and b0 (`Yarn`)
+    - warp, weft: yarns along a0 and b0 (`Yarn`), the same one twice in a balanced fabric
     - s1, s2, s3: shear stress over shear angle [MPa] (eqs 24, 25)
     - thickness [mm], density [g/cm3]
     - couplings: any of `COUPLINGS`, spelled with "_", "-" or an en dash
@@ -82,8 +83,8 @@ class WovenFabric(Law):
     warp: Yarn
     weft: Yarn
     s1: float
-    s2: float
-    s3: float
+    s2: float = 0.0
+    s3: float = 0.0
     couplings: frozenset[str] = frozenset(COUPLINGS)
 
     def __post_init__(self) -> None:
@@ -92,25 +93,6 @@ class WovenFabric(Law):
                 raise InputError(f"{direction} is {shown(yarn)}; allowed is a Yarn")
         super().__post_init__()
         object.__setattr__(self, "couplings", check_couplings(self.couplings))
-
-    @classmethod
-    def balanced(
-        cls,
-        a: float,
-        b: float,
-        d: float,
-        p_min: float,
-        c: float,
-        s_T: float,
-        s_C: float,
-        s1: float,
-        s2: float,
-        s3: float,
-        **sheet: Any,
-    ) -> Self:
-        """The same yarn in both directions; `sheet` is thickness, density, couplings, name."""
-        yarn = Yarn(a, b, d, p_min, c, s_T, s_C)
-        return cls(yarn, yarn, s1, s2, s3, **sheet)
 
     @property
     def parameters(self) -> tuple[str, ...]:

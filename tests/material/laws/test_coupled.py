@@ -15,7 +15,7 @@ from fabric_fenicsx.runtime.errors import InputError
 
 KOMEILI = PRESETS["komeili"]
 UNBALANCED = KOMEILI.replace(
-    weft=Yarn(1 / 3, 0.1 + 0.2, 5e-324, 0.0, math.pi, 1e300, 0.0),
+    weft=Yarn(a=1 / 3, b=0.1 + 0.2, d=5e-324, c=math.pi, s_T=1e300),
     s2=-1 / 7,
     name='plain "2/2"\n\x7f µ',
     density=2 / 3,
