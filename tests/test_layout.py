@@ -38,9 +38,7 @@ LONG = {
     "mechanics.shell.morley.MorleyCells.curvature",
     "verification.derivatives._of_term",
 }
-MANY_ARGUMENTS = {
-    "sheets.blank.Blank.rectangle",
-}
+MANY_ARGUMENTS = set()
 IN_CIRCLES = {
     "mechanics.assembly",
     "mechanics.given",
@@ -53,8 +51,6 @@ IN_CIRCLES = {
     "scenarios.measuring",
     "scene.scene",
     "scene.supports",
-    "sheets.blank",
-    "sheets.parts",
 }
 
 

@@ -14,8 +14,7 @@ from .. import dolfinx_compat as compat
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..runtime.errors import InputError
-from ..sheets.blank import Blank
-from ..sheets.parts import Part
+from ..sheets.blank import Blank, Part
 from .given import of_term
 from .term_checks import check_form, check_words, one_number
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
-from ..sheets.parts import Part
+from ..sheets.blank import Part
 from . import measures
 from .result import Result
 

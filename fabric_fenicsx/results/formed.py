@@ -13,7 +13,7 @@ import pyvista
 from scipy.optimize import brentq
 
 from ..runtime.errors import InputError
-from ..sheets.parts import Part
+from ..sheets.blank import Part
 from ..tools.double_dome import DoubleDome
 from ..tools.tool import Tool
 from ..tools.triangulated import TriangulatedSurface

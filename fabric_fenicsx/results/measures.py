@@ -8,8 +8,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..scene.scene import Scene
-from ..sheets.blank import Blank
-from ..sheets.parts import Part
+from ..sheets.blank import Blank, Part
 
 SAME = 1e-6  # mm within which places are the same
 TAIL = 0.01  # share of the area beyond each of the two values that `bulk` gives

@@ -11,8 +11,7 @@ import numpy as np
 from ..mechanics.load import EdgeTension
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
-from ..sheets.blank import Blank
-from ..sheets.parts import Part
+from ..sheets.blank import Blank, Part
 from ..tools.tool import Tool
 
 # what holds the rim, and the field that only this way uses

@@ -18,7 +18,8 @@ from ..material.presets import checked_fabric, load
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, number
 from ..runtime.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
-from ..sheets.blank import Blank, layout
+from ..sheets.blank import Blank
+from ..sheets.layout import Layout, blank_options
 
 # Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric, of tools on metal
 FRICTION, METAL_FRICTION, TOOL_METAL_FRICTION = 0.334, 0.25, 0.1
@@ -97,8 +98,13 @@ class Ply:
         """Its `Blank` in space. sizes: length and width of a whole ply that has none of its own
         [mm]; share: of length and width that is modelled; options: as in `Blank.rectangle`."""
         if self.mesh:
-            angles = layout(options["element"], self.fibre_angle, self.yarn_angle)
-            return Blank.read(self.mesh, spatial=True, comm=options["comm"], **angles)
+            layout: Layout = {
+                "element": options["element"],
+                "fibre_angle": self.fibre_angle,
+                "yarn_angle": self.yarn_angle,
+            }
+            mine = blank_options(layout)
+            return Blank.read(self.mesh, spatial=True, comm=options["comm"], **mine)
         return Blank.rectangle(
             share * (self.length or sizes[0]),
             share * (self.width or sizes[1]),

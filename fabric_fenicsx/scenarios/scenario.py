@@ -24,7 +24,8 @@ from ..runtime.fields import check_fields, choice, declared, number, text
 from ..runtime.rules import BELOW_180, COUNT, FINITE, unknown_key
 from ..scene.scene import Scene
 from ..scene.supports import Supports
-from ..sheets.blank import Blank, layout
+from ..sheets.blank import Blank
+from ..sheets.layout import Layout, blank_options
 from ..solve.settings import Settings
 
 ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
@@ -200,14 +201,16 @@ class Scenario:
         sides = [getattr(self, name) for name in self.SIZES]
         length, width = (share * (size or 0.0) for size in sides)
         source = f"`mesh` {self.mesh}" if self.mesh else "the specimen"
-        yarns: dict[str, Any] = {
+        layout: Layout = {
             "element": self.element,
             "fibre_angle": self.fibre_angle,
             "yarn_angle": self.yarn_angle,
+            "turned": turned,
+            "centred": centred,
         }
         with timing.phase("setup"):
             if self.mesh:
-                options = layout(**yarns, turned=turned)
+                options = blank_options(layout)
                 blank = Blank.read(self.mesh, spatial=self.SPATIAL, comm=self.comm, **options)
             else:
                 blank = Blank.rectangle(
@@ -216,11 +219,9 @@ class Scenario:
                     nx=self.nx,
                     ny=self.ny,
                     pattern=self.pattern,
-                    turned=turned,
                     spatial=self.SPATIAL,
-                    centred=centred,
                     comm=self.comm,
-                    **yarns,
+                    **layout,
                 )
         if blank.mesh.geometry.dim == 3 and not self.SPATIAL:
             raise InputError(

@@ -18,8 +18,7 @@ from ..mechanics.told import OF_A_SHEET, OF_A_SUMMARY, check_arrays, told_by
 from ..mechanics.work import Work
 from ..runtime.errors import InputError
 from ..runtime.timing import phase
-from ..sheets.blank import Blank
-from ..sheets.parts import Part
+from ..sheets.blank import Blank, Part
 from ..tools.tool import Tool
 from .supports import Supports, check_held, locating_warning
 

@@ -1,18 +1,16 @@
-"""The sheet: its mesh, yarn directions and displacement."""
+"""The sheet: its mesh, yarn directions, displacement and parts."""
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable, Mapping
-from contextlib import redirect_stdout
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, Unpack
 
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.mesh import Mesh
+from dolfinx.mesh import Mesh, locate_entities_boundary, meshtags
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
@@ -22,8 +20,11 @@ from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from .cells import CELLS
 from .fibres import Direction, fibre_fields
-from .mesh_checks import MeshArrays, checked_mesh
-from .parts import Part
+from .layout import Layout, axes_of, blank_options
+from .mesh_checks import checked_mesh
+from .mesh_files import on_root, read_mesh
+
+SAME = 1e-15  # by which directions may differ that are taken as one
 
 
 class Blank:
@@ -226,7 +227,7 @@ class Blank:
         is no sheet, see `mesh_checks.checked_mesh`; what may be wrong with one that is used all the
         same stands in `warnings`.
         """
-        x, nodes, kind, warnings = _on_root(
+        x, nodes, kind, warnings = on_root(
             comm,
             lambda: checked_mesh(
                 np.asarray(points, float), np.asarray(cells), kind, source, spatial
@@ -247,39 +248,35 @@ class Blank:
         nx: int = 32,
         ny: int | None = None,
         pattern: str = "crossed",
-        element: str | None = None,
-        fibre_angle: float = 0.0,
-        yarn_angle: float = 90.0,
-        turned: float = 0.0,
         spatial: bool = False,
-        centred: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
+        **layout: Unpack[Layout],
     ) -> Self:
         """Rectangle of `length` x `width` [mm] in the plane z = 0, meshed from nx x ny rectangles.
 
         - ny: by default the number that makes the rectangles square
         - pattern: how they become cells, one of `meshes.specimen.PATTERNS`
-        - element: P1, P2, P3, Q1 or Q2; by default P2, if `spatial` P1
-        - fibre_angle: from the length to yarns a; yarn_angle: from yarns a to yarns b [deg]
-        - turned: from x to the length [rad]; the blank's frame is then its length and width
         - spatial: free to leave its plane
+        - element: P1, P2, P3, Q1 or Q2; by default P2, if `spatial` P1
+        - fibre_angle: from the length to yarns a (0), yarn_angle: from there to yarns b (90) [deg]
+        - turned: from x to the length [rad]; the blank's frame is then its length and width
         - centred: the origin is the centre; otherwise it is a corner
 
         Raises InputError as `specimen` does.
         """
         from ..meshes.specimen import specimen
 
-        element = element or ("P1" if spatial else "P2")
-        options = layout(element, fibre_angle, yarn_angle, turned)
+        layout.setdefault("element", "P1" if spatial else "P2")
+        options = blank_options(layout)
         points = cells = kind = None
         if comm.rank == 0:
             ny = ny or max(1, round(nx * width / length))
-            cell = "triangle" if element[0] == "P" else "quadrilateral"
+            cell = "triangle" if layout["element"][0] == "P" else "quadrilateral"
             points, cells, kind = specimen(
-                length, width, nx, ny, pattern, cell, math.radians(fibre_angle)
+                length, width, nx, ny, pattern, cell, math.radians(layout.get("fibre_angle", 0.0))
             )
-            points[:, :2] -= np.array([length, width]) / 2 if centred else 0.0
-            points[:, :2] = points[:, :2] @ axes_of(turned)
+            points[:, :2] -= np.array([length, width]) / 2 if layout.get("centred") else 0.0
+            points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
         return cls.from_arrays(comm, points, cells, kind, "the specimen", spatial, **options)
 
     @classmethod
@@ -294,37 +291,96 @@ class Blank:
         """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...),
         in mm; the rest, and what is raised, as in `from_arrays`; InputError also for a file that
         cannot be read or has solid or mixed cells."""
-        if not isinstance(path, (str, os.PathLike)):
-            raise InputError(
-                f"mesh file is given as {type(path).__name__}; allowed is its name, as a text or "
-                "a path"
-            )
-        points, cells, kind, _ = _on_root(comm, lambda: MeshArrays(*_read(Path(path)), []))
+        points, cells, kind, _ = on_root(comm, lambda: read_mesh(path))
         source = str(path)
         blank = cls.from_arrays(comm, points, cells, kind, source, spatial, **options)
         blank.from_file = True
         return blank
 
 
-def axes_of(turned: float) -> np.ndarray:
-    """Directions of length and width of a sheet `turned` from x [rad], as rows (2, 2)."""
-    return np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
+class Part:
+    """Cells of a `blank`: a sheet of a stack, a patch, or all of it.
 
+    - name: "" if it is all of the blank; thickness: of a stack's sheet, otherwise None [mm]
+    - cells (n,): this rank's owned cells
+    - nodes (owned nodes,): mask of those at the part's cells, also at cells of other ranks
+    - straight: directions of yarns a and b where they are the same in all cells, otherwise None
+    - orthogonal: whether the yarns are so in every point
+    """
 
-def layout(
-    element: str, fibre_angle: float, yarn_angle: float = 90.0, turned: float = 0.0
-) -> dict[str, Any]:
-    """Options of a `Blank` for an element's name, angles of its yarns [deg] and a sheet `turned` in
-    its plane [rad]."""
-    if not abs(fibre_angle) <= 360:
-        raise InputError(f"fibre angle is {fibre_angle:g} deg; allowed is from -360 to 360 deg")
-    a = math.radians(fibre_angle) + turned
-    options: dict[str, Any] = {"a": a, "degree": int(element[1])}
-    if turned:
-        options["frame"] = axes_of(turned)
-    if yarn_angle != 90:
-        options["b"] = a + math.radians(yarn_angle)
-    return options
+    def __init__(
+        self,
+        blank: Blank,
+        name: str = "",
+        local_cells: np.ndarray | None = None,
+        thickness: float | None = None,
+        orthogonal: bool | None = None,
+    ) -> None:
+        mesh = blank.mesh
+        self.blank, self.name, self.thickness = blank, name, thickness
+        self.is_whole = local_cells is None
+        owned = mesh.topology.index_map(2).size_local
+        local = np.arange(len(compat.dofmap(blank.V))) if local_cells is None else local_cells
+        self.cells = local[local < owned].astype(np.int32)
+        count = blank.V.dofmap.index_map.size_local
+        at = compat.dofmap(blank.V)[local].ravel()
+        self.nodes = np.zeros(count, dtype=bool)
+        self.nodes[at[at < count]] = True
+        fibres = [field.x.array.reshape(-1, mesh.geometry.dim) for field in (blank.a0, blank.b0)]
+        self.straight = _common(mesh.comm, [values[self.cells] for values in fibres])
+        crossed = self.straight is not None or compat.is_affine(mesh)
+        self.orthogonal = crossed if orthogonal is None else orthogonal and crossed
+        if not self.is_whole:
+            self._tags = meshtags(mesh, 2, np.sort(self.cells), np.ones(len(self.cells), np.int32))
+
+    def dx(self, degree: int | None = None) -> ufl.Measure:
+        """Integration over the part, exact for polynomials of this degree on cells with straight
+        sides; None: what UFL estimates. On P1 the displacement is of degree 1, so its square needs
+        2, on P2 4; with less, nothing tells that the energy is off.
+
+        All parts of a blank have the same subdomain number, so that they share compiled forms. So
+        a form must not mix parts.
+        """
+        metadata = {} if degree is None else {"quadrature_degree": degree}
+        if self.is_whole:
+            return ufl.Measure("dx", self.blank.mesh, metadata=metadata)
+        return ufl.Measure(
+            "dx", self.blank.mesh, subdomain_data=self._tags, subdomain_id=1, metadata=metadata
+        )
+
+    def ds(
+        self, edge: Callable[[np.ndarray], np.ndarray], degree: int | None = None
+    ) -> ufl.Measure:
+        """Integration over those sides at the part's outer edge that `edge` marks, a function of
+        points (3, n) [mm] to a mask (n,), true at both ends of a side; degree: as in `dx`.
+        InputError, on all ranks, if it marks none."""
+        mesh = self.blank.mesh
+        mesh.topology.create_connectivity(1, 2)
+        sides = np.unique(locate_entities_boundary(mesh, 1, edge)).astype(np.int32)
+        cells = mesh.topology.connectivity(1, 2)
+        of = np.array([cells.links(side)[0] for side in sides], dtype=np.int32)
+        sides = sides[np.isin(of, self.cells)]
+        if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
+            where = f"{self.name}, part of {self.blank.name}" if self.name else self.blank.name
+            raise InputError(
+                f"the edge marks no side of {where}; allowed is a function of points (3, n) that "
+                "is true at both ends of some sides"
+            )
+        tags = meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
+        metadata = {} if degree is None else {"quadrature_degree": degree}
+        return ufl.Measure("ds", mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)
+
+    def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
+        """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values
+        stay, and of two terms on one part the last one's. Cells without any get NaN, in whole
+        numbers 0."""
+        if self.is_whole:
+            fields[name] = values
+            return
+        shape = self.blank.mesh.topology.index_map(2).size_local, *values.shape[1:]
+        is_float = np.issubdtype(values.dtype, np.floating)
+        none = np.full(shape, np.nan if is_float else 0, dtype=values.dtype)
+        fields.setdefault(name, none)[self.cells] = values
 
 
 def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -336,64 +392,9 @@ def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return lows, highs
 
 
-def _on_root(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> MeshArrays:
-    """Mesh arrays made on rank 0; an InputError there is raised on every rank; other ranks get
-    empty parts."""
-    part: MeshArrays | None = None
-    error = None
-    if comm.rank == 0:
-        try:
-            part = make()
-        except InputError as e:
-            error = str(e)
-    known = part and (part.points.shape[1], part.cells.shape[1], part.kind, part.warnings)
-    error, known = comm.bcast((error, known))
-    if error:
-        raise InputError(error)
-    if part:
-        return part
-    gdim, nodes, kind, warnings = known
-    return MeshArrays(np.empty((0, gdim)), np.empty((0, nodes), dtype=np.int64), kind, warnings)
-
-
-def _read(path: Path) -> tuple[np.ndarray, np.ndarray, str]:
-    import meshio  # as long to import as a coarse solve takes, and only own meshes need it
-
-    if not path.is_file():
-        raise InputError(
-            f"mesh file {path} does not exist or is not a file; allowed is any mesh that gmsh or "
-            "meshio writes"
-        )
-    try:
-        with redirect_stdout(None):  # its reader of .msh prints an empty line
-            mesh = meshio.read(path)
-    # meshio's readers raise whatever their parsing stumbles on, or exit
-    except (Exception, SystemExit) as e:
-        reason = " ".join(str(e).split()) or type(e).__name__
-        raise InputError(
-            f"mesh file {path} cannot be read ({reason}); allowed is any mesh that gmsh or meshio "
-            "writes"
-        ) from None
-    solid = sorted({block.type for block in mesh.cells if block.dim == 3})
-    if solid:
-        raise InputError(
-            f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of "
-            f"{sorted(CELLS)}"
-        )
-    surface: dict[str, list[np.ndarray]] = {
-        block.type: []
-        for block in mesh.cells
-        if block.type in CELLS or block.type in ("quad8", "polygon")
-    }
-    for block in mesh.cells:
-        if block.type in surface:
-            surface[block.type].append(block.data)
-    if len(surface) > 1 or set(surface) - set(CELLS):
-        raise InputError(
-            f"mesh file {path} holds cells {sorted(surface)}; allowed is one kind out of "
-            f"{sorted(CELLS)}"
-        )
-    if not surface:
-        raise InputError(f"mesh file {path} holds no surface cells; allowed are {sorted(CELLS)}")
-    ((kind, blocks),) = surface.items()
-    return mesh.points, np.concatenate(blocks), kind
+def _common(comm: MPI.Comm, fields: list[np.ndarray]) -> list[list[float]] | None:
+    """The vectors that fields (cells, k) have in all cells of all ranks, None if one differs."""
+    values = np.hstack(fields)
+    low = comm.allreduce(values.min(0, initial=np.inf), np.minimum)
+    high = comm.allreduce(values.max(0, initial=-np.inf), np.maximum)
+    return high.reshape(len(fields), -1).tolist() if (high - low).max() <= SAME else None

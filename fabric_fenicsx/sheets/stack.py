@@ -8,8 +8,7 @@ import numpy as np
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.rules import POSITIVE
-from .blank import Blank
-from .parts import Part
+from .blank import Blank, Part
 
 FLAT = 1e-9  # of a sheet's size, what may lie off its plane
 

@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.laws.tabulated import Curve
-from fabric_fenicsx.sheets.parts import Part
+from fabric_fenicsx.sheets.blank import Part
 
 LEFT, RIGHT = (lambda x: x[0] < 40), (lambda x: x[0] > 40)
 

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
-from ...sheets.parts import Part
+from ...sheets.blank import Part
 from ...tools.facets import LAST, NEXT, vertex_normals
 from ..shell.morley import Where
 

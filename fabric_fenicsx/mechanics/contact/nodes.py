@@ -8,8 +8,7 @@ from petsc4py import PETSc
 
 from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
-from ...sheets.blank import Blank
-from ...sheets.parts import Part
+from ...sheets.blank import Blank, Part
 
 
 class Nodes:

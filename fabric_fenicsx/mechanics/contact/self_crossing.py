@@ -4,8 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ... import dolfinx_compat as compat
-from ...sheets.blank import Blank
-from ...sheets.parts import Part
+from ...sheets.blank import Blank, Part
 
 HALVES = {"triangle": [(0, 1, 2)], "quadrilateral": [(0, 1, 2), (1, 3, 2)]}  # by corners
 CORNERS = (0, 1), (1, 2), (2, 0)

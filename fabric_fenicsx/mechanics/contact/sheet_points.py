@@ -8,7 +8,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy import sparse
 
-from ...sheets.parts import Part
+from ...sheets.blank import Part
 from ..shell.morley import Where
 from .faces import Face
 from .nodes import Nodes

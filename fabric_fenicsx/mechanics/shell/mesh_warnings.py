@@ -9,8 +9,7 @@ from mpi4py import MPI
 from ... import dolfinx_compat as compat
 from ...material import kernel
 from ...runtime.errors import InputError
-from ...sheets.blank import Blank
-from ...sheets.parts import Part
+from ...sheets.blank import Blank, Part
 
 if TYPE_CHECKING:
     from .membrane import Membrane

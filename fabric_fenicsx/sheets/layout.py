@@ -1,0 +1,44 @@
+"""How a sheet and its yarns lie."""
+
+import math
+from typing import Any, TypedDict
+
+import numpy as np
+
+from ..runtime.errors import InputError
+
+
+class Layout(TypedDict, total=False):
+    """How a sheet and its yarns lie.
+
+    - element: P1, P2, P3, Q1 or Q2
+    - fibre_angle: from the length to yarns a; yarn_angle: from yarns a to yarns b [deg]
+    - turned: from x to the length [rad]; the blank's frame is then its length and width
+    - centred: the origin is the centre of a rectangle; otherwise it is a corner
+    """
+
+    element: str
+    fibre_angle: float
+    yarn_angle: float
+    turned: float
+    centred: bool
+
+
+def axes_of(turned: float) -> np.ndarray:
+    """Directions of length and width of a sheet `turned` from x [rad], as rows (2, 2)."""
+    return np.array([[math.cos(turned), math.sin(turned)], [-math.sin(turned), math.cos(turned)]])
+
+
+def blank_options(layout: Layout) -> dict[str, Any]:
+    """Options of a `Blank` that lies so; InputError for an angle beyond a full turn."""
+    fibre_angle, yarn_angle = layout.get("fibre_angle", 0.0), layout.get("yarn_angle", 90.0)
+    if not abs(fibre_angle) <= 360:
+        raise InputError(f"fibre angle is {fibre_angle:g} deg; allowed is from -360 to 360 deg")
+    turned = layout.get("turned", 0.0)
+    a = math.radians(fibre_angle) + turned
+    options: dict[str, Any] = {"a": a, "degree": int(layout["element"][1])}
+    if turned:
+        options["frame"] = axes_of(turned)
+    if yarn_angle != 90:
+        options["b"] = a + math.radians(yarn_angle)
+    return options
