@@ -35,7 +35,6 @@ TREES = {name: ast.parse(path.read_text()) for name, path in MODULES.items()}
 LONGEST, MOST_ARGUMENTS = 60, 8
 # What still breaks a rule. Whoever mends one takes it off; an entry that is not needed fails.
 LONG = {
-    "mechanics.shell.morley.MorleyCells.curvature",
     "verification.derivatives._of_term",
 }
 MANY_ARGUMENTS = set()

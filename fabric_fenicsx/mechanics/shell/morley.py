@@ -14,7 +14,7 @@ free of energy, as slopes are common to neighbours and Morley's triangle has no 
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from typing import Self
+from typing import NamedTuple, Self
 
 import dolfinx
 import numpy as np
@@ -212,61 +212,8 @@ class MorleyCells:
         of the undeformed sheet (cells, 3, gdim). stiffnesses: D_a, D_b, D_t [N mm], or the matrix
         (3, 3) that couples them. Free edges take the slopes of least energy, and so bear no
         moment."""
-        count, six, dim = self.count, self.six, self.corners.shape[2]
-        # slopes must not depend on a D_t near 0
-        plate = np.broadcast_to(np.diag([1, 1, np.sqrt(2)]), (count, 3, 3))
-        hessian = np.einsum("cke,cen->ckn", _relaxed(self.inverse, plate, self.free), self.jumps)
-        slopes = np.einsum("cek,ckn->cen", self.quadratic, hessian)
-        slopes[:, :, :3] += self.linear
-        # what a rank must know of the cells beyond its own
-        parts = [
-            slopes.reshape(count, 18),
-            six,
-            self.plane,
-            self.opposite.reshape(count, 3 * dim),
-            self.trust[:, None],
-        ]
-        sent = dolfinx.la.vector(self.index_map, sum(part.shape[1] for part in parts))
-        known = sent.array.reshape(-1, sum(part.shape[1] for part in parts))
-        known[:count] = np.concatenate(parts, 1)
-        sent.scatter_forward()
-        ends = np.cumsum([part.shape[1] for part in parts])[:-1]
-        their_slopes, their_six, their_plane, their_opposite, trust = np.split(known, ends, 1)
-        their_slopes, their_opposite = (
-            their_slopes.reshape(-1, 3, 6),
-            their_opposite.reshape(-1, 3, dim),
-        )
-        own = np.arange(count)
-        x = np.concatenate([self.corners, self.opposite, np.zeros((count, 6, dim))], 1)
-        self.nodes = np.concatenate([six, np.zeros((count, 6), int)], 1)
-        self.codes = np.zeros((count, 12), int)
-        self.codes[:, 3:6] = self.plane
-        bends = np.zeros((count, 3, 12))  # slope of an edge less that of the plane cell
-        bends[:, :, :3] = -self.linear
-        for e in range(3):
-            image = self.image[:, e]
-            other = np.where(self.beyond[:, e] < 0, own, self.beyond[:, e])
-            edge = np.where(self.beyond[:, e] < 0, e, self.edge_beyond[:, e])
-            share = trust[own, 0] / (trust[own, 0] + trust[other, 0])
-            share = np.where(self.free[:, e], 0, share)[:, None]
-            rest = np.where(self.free[:, e, None], 0, 1 - share)
-            bends[:, e, :6] += share * slopes[:, e]
-            theirs = their_slopes[other, edge]
-            follows = their_six[other, (edge + 1) % 3] == six[:, (e + 1) % 3]
-            place = np.empty((count, 6), int)  # of their six nodes among these 12
-            place[own, edge], place[own, 3 + edge] = 3 + e, e
-            for k in (1, 2):
-                place[own, (edge + k) % 3] = np.where(follows, (e + k) % 3, (e + 3 - k) % 3)
-                new, source = 5 + 2 * e + k, (edge + k) % 3
-                place[own, 3 + source] = new
-                self.nodes[:, new] = their_six[other, 3 + source]
-                plane = their_plane[other, source].astype(int)
-                self.codes[:, new] = plane + np.where(image, self.plane[:, e] * self.planes, 0)
-                x[:, new] = their_opposite[other, source]
-                x[image, new] = self._reflected(x[:, new], e)[image]
-            np.add.at(bends, (own[:, None], e, place), -rest * theirs)  # type: ignore[arg-type]
-        first, second = np.divmod(self.codes, self.planes)
-        self.codes[first == second] = 0
+        slopes = self._slopes()
+        bends, x = self._bends(slopes, self._known_beyond(slopes))
         out = self.out2
         spread = np.stack([out[:, :, 0] ** 2, out[:, :, 1] ** 2, out[:, :, 0] * out[:, :, 1]], 1)
         spread *= (self.length / self.area[:, None])[:, None]
@@ -285,6 +232,88 @@ class MorleyCells:
             np.abs(operator) < NO_WORK * np.abs(operator).max((1, 2), initial=0)[:, None, None]
         ] = 0
         return operator, np.einsum("ckn,cni->cki", operator, x)
+
+    def _slopes(self):
+        """Slopes out of the edges' middles (cells, 3, 6), of the six nodes' displacements, of each
+        cell's own quadratic."""
+        # slopes must not depend on a D_t near 0
+        plate = np.broadcast_to(np.diag([1, 1, np.sqrt(2)]), (self.count, 3, 3))
+        hessian = np.einsum("cke,cen->ckn", _relaxed(self.inverse, plate, self.free), self.jumps)
+        slopes = np.einsum("cek,ckn->cen", self.quadratic, hessian)
+        slopes[:, :, :3] += self.linear
+        return slopes
+
+    def _known_beyond(self, slopes):
+        """What a rank must know of the cells beyond its own, as a `_Beyond`."""
+        count, dim = self.count, self.corners.shape[2]
+        parts = [
+            slopes.reshape(count, 18),
+            self.six,
+            self.plane,
+            self.opposite.reshape(count, 3 * dim),
+            self.trust[:, None],
+        ]
+        sent = dolfinx.la.vector(self.index_map, sum(part.shape[1] for part in parts))
+        known = sent.array.reshape(-1, sum(part.shape[1] for part in parts))
+        known[:count] = np.concatenate(parts, 1)
+        sent.scatter_forward()
+        ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+        theirs, six, plane, opposite, trust = np.split(known, ends, 1)
+        return _Beyond(
+            theirs.reshape(-1, 3, 6),
+            six,
+            plane.astype(int),
+            opposite.reshape(-1, 3, dim),
+            trust[:, 0],
+        )
+
+    def _bends(self, slopes, known):
+        """Slopes of the edges less those of the plane cell (cells, 3, 12), of the 12 nodes'
+        displacements, and these nodes' positions (cells, 12, gdim). Numbers the nodes."""
+        count, six, own = self.count, self.six, np.arange(self.count)
+        x = np.zeros((count, 12, self.corners.shape[2]))
+        x[:, :3], x[:, 3:6] = self.corners, self.opposite
+        self.nodes = np.concatenate([six, np.zeros((count, 6), int)], 1)
+        self.codes = np.zeros((count, 12), int)
+        self.codes[:, 3:6] = self.plane
+        bends = np.zeros((count, 3, 12))
+        bends[:, :, :3] = -self.linear
+        for e in range(3):
+            image, free = self.image[:, e], self.free[:, e]
+            other = np.where(self.beyond[:, e] < 0, own, self.beyond[:, e])
+            edge = np.where(self.beyond[:, e] < 0, e, self.edge_beyond[:, e])
+            share = known.trust[own] / (known.trust[own] + known.trust[other])
+            share = np.where(free, 0, share)[:, None]
+            rest = np.where(free[:, None], 0, 1 - share)
+            bends[:, e, :6] += share * slopes[:, e]
+            follows = known.six[other, (edge + 1) % 3] == six[:, (e + 1) % 3]
+            place = np.empty((count, 6), int)  # of their six nodes among these 12
+            place[own, edge], place[own, 3 + edge] = 3 + e, e
+            for k in (1, 2):
+                place[own, (edge + k) % 3] = np.where(follows, (e + k) % 3, (e + 3 - k) % 3)
+                new, source = 5 + 2 * e + k, (edge + k) % 3
+                place[own, 3 + source] = new
+                self.nodes[:, new] = known.six[other, 3 + source]
+                mirrored = np.where(image, self.plane[:, e] * self.planes, 0)
+                self.codes[:, new] = known.plane[other, source] + mirrored
+                x[:, new] = known.opposite[other, source]
+                x[image, new] = self._reflected(x[:, new], e)[image]
+            theirs = known.slopes[other, edge]
+            np.add.at(bends, (own[:, None], e, place), -rest * theirs)  # type: ignore[arg-type]
+        first, second = np.divmod(self.codes, self.planes)
+        self.codes[first == second] = 0
+        return bends, x
+
+
+class _Beyond(NamedTuple):
+    """Slopes (cells, 3, 6), nodes (cells, 6), planes of mirrors (cells, 3), nodes opposite (cells,
+    3, gdim) and trust (cells,) of this rank's cells and of those beyond them."""
+
+    slopes: np.ndarray
+    six: np.ndarray
+    plane: np.ndarray
+    opposite: np.ndarray
+    trust: np.ndarray
 
 
 def _monomials(p):
