@@ -1,6 +1,6 @@
 """What accuracy costs: wall time, iterations and memory against the error to studies/reference,
 over elements, meshes, load steps, tolerances, linear solvers and ranks, one factor at a time from a
-baseline. Of the options that all studies share, those of the material and the output count."""
+baseline. Options of the material and the output count, others that studies share do not."""
 
 import argparse
 import json

@@ -132,8 +132,8 @@ def compare(
 
 
 def judge(rows: Sequence[Row]) -> list[Row]:
-    """Of each quantity, and of all: number of cases, share that estimates cover, and sharpness: the
-    median of estimated over true errors, of those that are known well enough to tell."""
+    """For each quantity, and for all: number of cases, share that estimates cover, and sharpness,
+    the median of estimated over true errors, of those that are known well enough to tell."""
     found = []
     for name in ["all", *dict.fromkeys(row["quantity"] for row in rows)]:
         mine = [row for row in rows if name in ("all", row["quantity"])]

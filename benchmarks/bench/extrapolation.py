@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-ORDERS = 0.5, 4.0  # of convergence that are believed
+ORDERS = 0.5, 4.0  # least and greatest order of convergence that is believed
 
 
 class Estimate(NamedTuple):

@@ -13,7 +13,7 @@ from fabric_fenicsx.runtime.errors import SolverFailure
 from .cost_plan import Configuration
 from .strips import STRIPS
 
-GOALS = 0.1, 0.01, 0.001  # of the error of a curve
+GOALS = 0.1, 0.01, 0.001  # errors of a curve
 Row = dict[str, Any]
 # column of the printed table -> its format
 PRINTED = {
@@ -160,8 +160,8 @@ def advice_lines(
 
 
 def size_exponents(rows: Sequence[Row]) -> dict[str, dict[str, float]]:
-    """Of rows of `cost.solution_cost`: exponents over the unknowns and costs an unknown, by solver,
-    and gains by ranks."""
+    """From rows of `cost.solution_cost`: exponents over the unknowns and costs an unknown, by
+    solver, and gains by ranks."""
     found: dict[str, dict[str, float]] = {}
     good, costs = succeeded(rows), ("tangent_s", "solve_s", "memory_mib")
     for solver in dict.fromkeys(r["linear_solver"] for r in good):

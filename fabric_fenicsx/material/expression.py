@@ -99,7 +99,7 @@ class _Quick(MultiFunction):
         return rest * ufl.exp(sum(powers[1:], powers[0]))
 
     def abs(self, o, x):
-        """Of a strain in which W is derived: a sign times it, as C would call a function."""
+        """A sign times a strain in which W is derived, where C would call a function."""
         if not isinstance(x, Variable):
             return self.reuse_if_untouched(o, x)
         return conditional(lt(x, 0), -1.0, 1.0) * x

@@ -113,8 +113,8 @@ def read_sheet_numbers(
     also: tuple[str, ...] = (),
     rules: Mapping[str, Rule] | None = None,
 ) -> tuple[dict[str, float], float | None]:
-    """Those of thickness [mm], density [g/cm3] and the names of `rules` that a table has, and the
-    areal weight [g/m2] if the density is from one: areal weight / thickness.
+    """The numbers that a table has of thickness [mm], density [g/cm3] and the names of `rules`, and
+    the areal weight [g/m2] if the density is from one: areal weight / thickness.
 
     also: keys that belong to others. Raises InputError by key.
     """
@@ -127,6 +127,6 @@ def read_sheet_numbers(
                 "density and areal_weight are both given; "
                 "allowed is one, as each follows from the other"
             )
-        # of g/(m2 mm), to the rounding of a number typed by hand
+        # from g/(m2 mm), rounded as a number typed by hand
         numbers["density"] = float(f"{1e-3 * weight / numbers['thickness']:.15g}")
     return numbers, weight

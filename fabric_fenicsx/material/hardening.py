@@ -81,7 +81,7 @@ class Swift(Hardening):
 
     @classmethod
     def of_tensile_test(cls, proof: float, offset: float, tensile: float, n: float) -> Self:
-        """That of a sheet with the stress `proof` at plastic strain `offset`, the tensile strength
+        """The curve of a sheet with stress `proof` at plastic strain `offset`, the tensile strength
         `tensile` (engineering, [MPa]) and exponent `n`, above 0: the largest force is where stress
         equals its slope (Considère), at p = n - eps0, so tensile = K n^n exp(eps0 - n)."""
         eps0 = 0.0

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 
-SMALL = 0.02  # of u, below which series replace quotients of differences
-TERMS = 10  # of the series, whose next one is then below 1e-17
+SMALL = 0.02  # value of u below which series replace quotients of differences
+TERMS = 10  # terms of the series; the next one is below 1e-17
 
 
 class Hencky(NamedTuple):
@@ -25,7 +25,7 @@ class Hencky(NamedTuple):
         m, d, o, D, slopes, bend = self.parts
         P, Q, R = stress.T
         L = Q * d + R * o
-        cross = -L / D**2  # of m with d / o: 2 d / o times the mixed derivative
+        cross = -L / D**2  # 2 d / o times this is the mixed derivative in m and d / o
         found = np.empty((len(m), 3, 3))
         found[:, 0, 0] = P * (1 / (2 * D) - (m / D) ** 2) + L * m / D**2
         found[:, 0, 1] = P * m * d / D**2 + d * cross - Q / (2 * D)

@@ -13,8 +13,8 @@ import numpy as np
 
 from .metal import Metal
 
-YIELDS = 1e-13  # of the yield stress, above which a stress yields
-FOUND = 4e-15  # of the yield stress and of what an increment's last digit makes of stress
+YIELDS = 1e-13  # excess over the yield stress, relative, from which a stress yields
+FOUND = 4e-15  # tolerance, relative to the yield stress and to the stress of an increment
 ITERATIONS = 100  # at most; each halves what is left of either excess or bracket, so they suffice
 
 
@@ -33,7 +33,7 @@ class Response(NamedTuple):
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:
-    """Of stresses (..., 3) as (m, d, o), (...)."""
+    """Equivalent stresses (...) of stresses (..., 3) as (m, d, o)."""
     return np.sqrt(stress[..., 0] ** 2 + 3 * (stress[..., 1] ** 2 + stress[..., 2] ** 2))
 
 

@@ -198,7 +198,7 @@ def smallest_eigenvalue(Q: np.ndarray, only_least: bool = False) -> tuple[np.nda
         (t1 * t1 - h1 * h1 - o1 * o1 - t2 * t2 + h2 * h2 + o2 * o2) / 2,
         t1 * t2 - h1 * h2 - o1 * o2,
     )
-    # of the quadratic's two curvatures; axis of the smaller
+    # difference of the quadratic's two curvatures; axis of the smaller one
     gap, turn = 2 * np.hypot(half, off), (np.arctan2(off, half) + np.pi) / 2
     c, s = np.cos(turn), np.sin(turn)
     (t1, t2), (h1, h2), (o1, o2) = (

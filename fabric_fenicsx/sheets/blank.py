@@ -157,7 +157,7 @@ class Blank:
         nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
         around = [0, 1, 2] if compat.cell_name(self.mesh) == "triangle" else [0, 1, 3, 2]
         x = self.mesh.geometry.x[nodes[:, around]]
-        along = self.along(x.reshape(-1, 3).T)  # of no cell on some ranks
+        along = self.along(x.reshape(-1, 3).T)  # some ranks have no cell
         return np.moveaxis(along.reshape(len(along), *x.shape[:2]), 0, -1)
 
     def areas(self) -> np.ndarray:

@@ -39,7 +39,7 @@ CELLS = {
         [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
     ),
 }
-FLAT = 1e-16  # of the squared longest edge, up to which a cell has no area
+FLAT = 1e-16  # squared area over the longest edge's fourth power: no area below it
 FINE = 40  # places along an edge at which a cell is looked at that may be turned over inside
 
 

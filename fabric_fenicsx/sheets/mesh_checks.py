@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 from ..runtime.errors import InputError
 from .cells import CELLS, at_place, check_shapes
 
-# of the angle between two cells at their edge, below which one lies on the other
+# cosine of the angle between two cells at their edge below which one lies on the other
 FOLDED = np.cos(np.radians(10))
-# of an edge, from which a node lies on it; curved ones are cut into straight ones
+# distance from an edge, over its length, of a node that lies on it; curved edges are cut
 NEAR = {1: 1e-3, 2: 3e-2}
-SAME = 1e-6  # of the mean edge at the sheet's rim, within which nodes are at the same place
+SAME = 1e-6  # distance of nodes at one place, over the mean edge at the sheet's rim
 
 
 class MeshArrays(NamedTuple):

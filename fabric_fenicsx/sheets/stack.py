@@ -10,7 +10,7 @@ from ..runtime.errors import InputError
 from ..runtime.rules import POSITIVE
 from .blank import Blank, Part
 
-FLAT = 1e-9  # of a sheet's size, what may lie off its plane
+FLAT = 1e-9  # distance from its plane of a sheet that is flat, over its size
 
 
 class Sheet(NamedTuple):
@@ -52,7 +52,7 @@ class Stack(Blank):
         points, cells, kept = _merged(self.sheets, self.heights - low, comm)
         kind = compat.cell_name(self.sheets[0].blank.mesh)
         mesh = compat.create_mesh(comm, cells, points, kind, 1)
-        # of each cell as it was given, by all ranks: its yarns and its sheet
+        # yarns and sheet of each cell in the order in which all ranks gave them
         known = np.concatenate(comm.allgather(kept))[mesh.topology.original_cell_index]
         a, b, number = np.split(known, [3, 6], axis=1)
         super().__init__(mesh, lambda x: a.T, lambda x: b.T, name=name)
@@ -67,7 +67,7 @@ class Stack(Blank):
 
     @property
     def thickness(self) -> float:
-        """Of all sheets together [mm]."""
+        """Thickness of all sheets together [mm]."""
         return sum(sheet.thickness for sheet in self.sheets)
 
 

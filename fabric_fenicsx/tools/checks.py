@@ -13,12 +13,12 @@ from .triangulated import TriangulatedSurface
 
 COARSE = 20.0  # deg, by which neighbouring facets turn on a surface that is to be smooth
 UNITS = {"metres": 1000.0, "inches": 25.4}
-# of the thickness: how far a flange may be off its plane, how deep a tool may be at the start, and
-# how far it may be off at the end
+# share of the thickness by which a flange may be off its plane, a tool may be deep in the sheet at
+# the start, and off it at the end
 FLANGE = 0.05
-MIRRORED = 0.25  # of the thickness, by which a punch and its mirror image may differ
+MIRRORED = 0.25  # share of the thickness by which a punch and its mirror image may differ
 EQUATION = 50  # points at which an equation's derivatives are compared with differences
-STEP = 1e-3  # mm, of these
+STEP = 1e-3  # step of these differences [mm]
 WRONG = 0.01, 0.1  # share by which derivatives are wrong, and of the points at which they may be
 
 

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from .curved_triangles import CurvedTriangles, row_dots
 
-ROOM = 0.2  # of a usual triangle's size, as far as candidates are kept for
-COVER = 1 / math.sqrt(3)  # of the longest edge: no point of a triangle is further from its corners
+ROOM = 0.2  # distance for which candidates are kept, over a usual triangle's size
+COVER = 1 / math.sqrt(3)  # times the longest edge: a triangle's points lie nearer to a corner
 KEPT = 4  # sets of candidates, of so many different numbers of points
 
 
@@ -36,7 +36,7 @@ class Candidates(NamedTuple):
 
     @classmethod
     def empty(cls, n: int) -> Self:
-        """Of n points, none of which was sought yet."""
+        """The candidates of n points that were not sought yet."""
         none = np.empty(0, dtype=np.int64)
         far, zeros = np.full(n, -np.inf), np.zeros((n, 3))
         unsure, ones, no_plane = np.full(n, -1.0), np.ones(n), np.full(n, -1)
@@ -154,9 +154,9 @@ class ClosestTriangles:
         return self._off_plane[plane]
 
     def _around(self, points, vertex):
-        """Of the triangles at a vertex each (n,): whether the closest point lies off the edges
-        across from the vertex, the triangle, the barycentric coordinates and the distance, (n,) or
-        (n, 3)."""
+        """The closest of the triangles at one vertex for each point (n,): whether the closest point
+        lies off the edges across from the vertex, the triangle, the barycentric coordinates and the
+        distance, (n,) or (n, 3)."""
         row, corner, first = self.surface.rings(vertex)
         weights, square = self._on_triangle(points[row], corner // 3)
         best = np.lexsort((square, row))[first]
@@ -216,7 +216,7 @@ class ClosestTriangles:
     def closest(
         self, points: np.ndarray, row: np.ndarray, triangle: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Of candidates, `triangle` (k,) for the points (n, 3) in `row` (k,), the closest: rows of
+        """The closest of candidates, `triangle` (k,) for the points (n, 3) in `row` (k,): rows of
         points, triangles, barycentric coordinates of the closest points and their distances [mm].
         A point has one row, and more where regions beyond sharp edges may be as near."""
         parts, part = self.surface.parts, self.surface.part

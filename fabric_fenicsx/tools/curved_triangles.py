@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from .facets import LAST, NEXT, corner_normals, facet_normals, topology
 from .patches import curved
 
-FLAT = 1e-6  # of the largest coordinate, what may lie off a plane
+FLAT = 1e-6  # distance from a plane of what lies in it, over the largest coordinate
 
 
 class CurvedTriangles:
@@ -81,7 +81,7 @@ class CurvedTriangles:
         return triangle, corner
 
     def rings(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of points (n,) all triangles with their corners: number among `points` (k,), number of
+        """All triangles at points (n,), with their corners: number among `points` (k,), number of
         the corner 3 t + c (k,), and where each point's begin (n,)."""
         order, starts = self._ring
         count = starts[points + 1] - starts[points]

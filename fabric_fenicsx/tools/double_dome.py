@@ -19,8 +19,8 @@ def _dimension(default, rule, text):
 
 
 def _in_range(given):
-    """Of dimensions {name: value} those that are allowed each by itself, as floats, and sentences
-    on the others."""
+    """The dimensions in {name: value} that are allowed each by itself, as floats, and sentences on
+    the others."""
     right, wrong = {}, []
     for each in fields(DoubleDome):
         if each.name in given:

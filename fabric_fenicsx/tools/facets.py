@@ -9,7 +9,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import lsqr
 
-# of corner 0, 1, 2; edge k lies opposite corner k, from NEXT[k] to LAST[k]
+# the corners after and before corner k; edge k lies opposite it, from NEXT[k] to LAST[k]
 NEXT, LAST = [1, 2, 0], [2, 0, 1]
 FLAT_MEET = math.radians(1.0)  # flat regions that meet at more than this have a sharp edge
 # where the faces of a CAD model meet at more than this they have a sharp edge
@@ -20,9 +20,9 @@ PRIOR = 0.03  # weight of averaged normals beside the condition that edges are a
 
 
 class Topology(NamedTuple):
-    """Of m triangles: across edge k of triangle t lies edge `edge[t, k]` of triangle `triangle[t,
-    k]` (m, 3), -1 where there is none or more than one; sharing (m, 3): how many triangles have the
-    edge."""
+    """Neighbours of m triangles: across edge k of triangle t lies edge `edge[t, k]` of triangle
+    `triangle[t, k]` (m, 3), -1 where there is none or more than one; sharing (m, 3): how many
+    triangles have the edge."""
 
     triangle: np.ndarray
     edge: np.ndarray
@@ -113,7 +113,7 @@ def flat_regions(
 
 
 class Corners(NamedTuple):
-    """Of m triangles: smooth vertex of each corner `name` (m, 3), normals of those (s, 3), which
+    """Corners of m triangles: smooth vertex `name` of each (m, 3), normals of these (s, 3), which
     edges are sharp (m, 3), and a triangle that names the flat region of each (m,)."""
 
     name: np.ndarray

@@ -15,10 +15,10 @@ from .facets import LAST, NEXT, Corners, Topology, facet_normals
 
 
 class Patches(NamedTuple):
-    """Of m patches: places of corner 0 `origin` (m, 3), coefficients (m, 18, 3) of the functions of
-    `basis` beside it, legs (m, 3, 2, 3) from each corner to the next control point on the edges to
-    the next and to the last corner, and `bulge` (m,): the largest distance of a control point from
-    the facet; lengths in mm."""
+    """m curved patches: places of corner 0 `origin` (m, 3), coefficients (m, 18, 3) of the
+    functions of `basis` beside it, legs (m, 3, 2, 3) from each corner to the next control point on
+    the edges to the next and to the last corner, and `bulge` (m,): the largest distance of a
+    control point from the facet; lengths in mm."""
 
     origin: np.ndarray
     coefficients: np.ndarray
@@ -43,7 +43,7 @@ def curved(
             second = np.where(sharp[:, None], N[other[:, k], there[back]], N[:, a])
             legs[a, b] = _leg(P[:, b] - P[:, a], N[:, a], second)
     net = {}  # exponents of the corners -> control point
-    # of corner i, from the edges to the next and to the last corner
+    # control points inside at corner i, from the edges to the next and to the last corner
     inner = np.empty((3, 2, len(P), 3))
 
     def name(*powers):

@@ -11,7 +11,7 @@ from .curved_triangles import CurvedTriangles, row_dots
 from .facets import LAST, NEXT
 from .surfaces import Nearest
 
-BENT = 0.99  # of the turning of a surface has a larger radius than what counts as its least
+BENT = 0.99  # share of a surface's turning that has a larger radius than the least one given
 
 
 class Projection:
@@ -267,8 +267,8 @@ class _Search:
 def fundamental_forms(
     at: np.ndarray, arm: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of places and derivatives (n, 6, 3) of patches, as `patches.evaluate` gives them: unit normal
-    (n, 3), first and second fundamental form (3, n), and height (n,) of arms (n, 3) over them."""
+    """Unit normals (n, 3), first and second fundamental forms (3, n), and heights (n,) of arms (n,
+    3), at places and derivatives (n, 6, 3) of patches, as `patches.evaluate` gives them."""
     u, v = at[:, 1], at[:, 2]
     metric = np.array([row_dots(u, u), row_dots(u, v), row_dots(v, v)])
     normal = np.cross(u, v)

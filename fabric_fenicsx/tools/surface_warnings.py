@@ -10,10 +10,10 @@ from .surfaces import Flipped, Offset, Reversed, Surface
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 
-HOLE = 0.1  # of a surface's extent, below which an opening is a hole and not a die's
+HOLE = 0.1  # size of an opening, over the surface's, below which it is a hole and not a die's
 PROBED = 1000  # nodes of a rank whose nearest points tell how a surface is curved
 CURVED = 1.05  # times as much as `radii` say, from which they are wrong
-KINKS = 0.02  # of the points, at which it may be curved more
+KINKS = 0.02  # share of the points at which it may be curved more
 
 
 def _innermost(surface: Surface) -> Surface:

@@ -13,7 +13,7 @@ from ..runtime.errors import InputError
 from .surfaces import Nearest, Surface, radii_of
 from .values import checked_points, checked_vector
 
-OfLoad = Callable[[float], ArrayLike]  # of the load factor, to (3,)
+OfLoad = Callable[[float], ArrayLike]  # from the load factor to (3,)
 
 
 class Tool:

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from ..runtime.errors import InputError
 from .facets import LAST, NEXT, facet_normals, topology
 
-SAME = 2e-7  # of the largest coordinate: points that are one, as files have single precision
+SAME = 2e-7  # distance of points that are one, over the largest coordinate: files have singles
 
 
 class Repaired(NamedTuple):

@@ -169,7 +169,7 @@ class TriangulatedSurface(Surface):
         gap, normal, curvature = self._projection.nearest(
             points[at], triangle[rest], weights[rest].T.copy()
         )
-        if curved.parts > 1:  # of several the nearest
+        if curved.parts > 1:  # the nearest one counts
             known = np.full(len(points), np.inf)
             known[row[flat]] = abs(high[flat])
             order = np.argsort(-abs(gap), kind="stable")

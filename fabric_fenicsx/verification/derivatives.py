@@ -21,9 +21,9 @@ from ..scene.scene import Scene
 from ..tools.surfaces import ImplicitSurface, Surface, radii_of
 
 ALLOWED = 1e-4  # difference, over the largest of its kind
-KINKS = 0.02  # of states or points, at which a derivative may jump between both sides
-RANGES = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.8, 0.8]])  # of eps_a, eps_b, gamma
-PANELS, HALVINGS = 50, 40  # of the way from rest to a state, where a jump of the energy is sought
+KINKS = 0.02  # share of states or points at which a derivative may jump between both sides
+RANGES = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.8, 0.8]])  # eps_a, eps_b, gamma
+PANELS, HALVINGS = 50, 40  # pieces of the way from rest to a state, where a jump is sought
 AGAINST_NONE = {
     "energy at rest and none": "the energy at rest is",
     "stresses at rest and none": "the stresses at rest are",

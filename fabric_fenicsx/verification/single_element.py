@@ -175,7 +175,7 @@ def free_uniaxial(
     def accept(accepted):
         if accepted.load > 0:
             across = np.sqrt(membrane.state()[0].invariants[:, :, 2]) - 1
-            across = np.concatenate(scene.comm.allgather(across.ravel()))  # of one or two cells
+            across = np.concatenate(scene.comm.allgather(across.ravel()))  # one or two cells
             stress = scene.reaction("moving grip")[0] / membrane.fabric.thickness
             found.append((across.mean(), stress))
 

@@ -13,8 +13,8 @@ _RANGE = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
 _LONGEST = 0.2  # strain of a yarn in tension that fabrics hardly have
 # what a test must reach: below it fractions were taken for percent, or radians for degrees
 _LEAST = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
-_OFFSET = 0.2  # of the peak, that is measured in the undeformed state
-_FALLEN = 0.5  # of the peak, to which tension falls where yarns break
+_OFFSET = 0.2  # largest share of the peak that may be measured in the undeformed state
+_FALLEN = 0.5  # share of the peak below which tension falls where yarns break
 
 
 def _fail(row: int, text: str) -> InputError:

@@ -46,7 +46,7 @@ class Kind(NamedTuple):
     optional: tuple[str, ...]  # strains that are 0 if their column is not there
     measured: tuple[str, ...]  # one of these at least
     keys: tuple[str, ...] = ()
-    sign: int = 0  # of the first strain, and of what is measured
+    sign: int = 0  # that the first strain and what is measured have; 0: either
     # what a machine writes -> the column that it becomes, and the key of the specimen it needs
     raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
 

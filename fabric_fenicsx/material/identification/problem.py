@@ -14,7 +14,7 @@ from ..laws.coupled import SHEAR, YARN, WovenFabric
 from ..presets import PRESETS
 
 DEFAULTS = PRESETS["komeili"]  # Table 1; d, p_min and s_C were assumed there, too
-NOISE = 0.01  # of each peak, at which the data must determine a parameter
+NOISE = 0.01  # share of each peak: noise at which the data must determine a parameter
 SOFTEST = 0.999  # tau' > 0 is kept by c1 > -SOFTEST sqrt(c0 c2), see Problem._to_x
 
 
@@ -199,7 +199,7 @@ class Problem:
     def undetermined(
         self, theta: np.ndarray, free: list[int], sd: Any = 0.0, slack: float = 1.0
     ) -> list[tuple[int, float]]:
-        """Those of the parameters `free` that the data do not determine, as pairs of index and
+        """The parameters among `free` that the data do not determine, as pairs of index and
         half-width.
 
         The half-width is that of the 95 % interval at the noise `sd`, but at least NOISE. It is too

@@ -64,9 +64,9 @@ class Identification:
     fits: list[tuple[Curve, Response, np.ndarray, np.ndarray]]
     degrees_of_freedom: int
     variance: float
-    noise_estimated: float | None  # of each peak, for the curves that state none
-    shear_stiffness_min: float | None  # of tau' over the measured angles [MPa]
-    convex_in_tension: bool | None  # of W in (eps_a, eps_b) at gamma = 0 over the measured tension
+    noise_estimated: float | None  # share of each peak, for curves that state none
+    shear_stiffness_min: float | None  # least tau' over the measured angles [MPa]
+    convex_in_tension: bool | None  # whether W(eps_a, eps_b) is, over the measured tension
     warnings: list[str]
     areal_weight: float | None = None  # [g/m2], if the density is from it
 

@@ -6,7 +6,7 @@ from ..curves import Curve, Response
 
 LEAST = 3  # points at the beginning, all above the fit
 ERRORS = 2.5  # standard errors by which their mean is above it, of the curve's own scatter
-SHARE = 0.05  # of the measured values, below which a toe is not worth a word
+SHARE = 0.05  # share of the measured values below which a toe is not worth a word
 
 
 def toe_warning(curve: Curve, response: Response, predicted: np.ndarray, sd: np.ndarray) -> str:

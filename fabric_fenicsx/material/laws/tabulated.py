@@ -43,7 +43,7 @@ class Curve(Parameters):
 
     x: tuple[float, ...]
     y: tuple[float, ...]
-    # of each piece: where its t is zero, and its energy's coefficients, highest power first
+    # for each piece where its t is zero, and its energy's coefficients, highest power first
     _pieces: Any = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -86,9 +86,8 @@ class Curve(Parameters):
     def energy(self, e: Any) -> Any:
         """Energy [MPa] at strains of any kind that a law's energy takes."""
 
-        def pick(
-            values,
-        ):  # of constants, not to differentiate the choice; halved, to nest log2(n) deep
+        # picks constants, so that the choice is not differentiated; halves, to nest log2(n) deep
+        def pick(values):
             if len(values) == 1:
                 return values[0][1]
             half = len(values) // 2
