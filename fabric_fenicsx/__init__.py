@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .mechanics.contact.sheet_contact import SheetContact
     from .mechanics.contact.tool_contact import Contact
     from .mechanics.load import DeadPressure, EdgeTension
+    from .mechanics.reports import Value, largest, least, total
     from .mechanics.shell.bending import Bending
     from .mechanics.shell.membrane import Membrane
     from .mechanics.shell.metal import SheetMetal
@@ -70,6 +71,7 @@ _HOMES = {
     "mechanics.contact.holder_pressure": ("BlankHolderPressure",),
     "mechanics.contact.pressure_law": ("SoftLayer",),
     "mechanics.contact.sheet_contact": ("SheetContact",),
+    "mechanics.reports": ("Value", "largest", "least", "total"),
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),
     "scenarios.forming": ("Forming",),

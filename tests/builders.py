@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.mechanics.term_checks import bind
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.newton import Newton
@@ -79,21 +80,15 @@ def compiled_as_it_stands():
 class Alone:
     """What a scene tells its terms, without one."""
 
-    def __init__(self, blank, terms, fabric=None):
-        self.blank, self.terms, self.fabric = blank, terms, fabric
-
-    def fabric_of(self, part):
-        return self.fabric
-
-    def at_nodes(self, of):
-        return self.fabric and of(self.fabric)
+    def __init__(self, blank, terms):
+        self.blank, self.terms = blank, terms
 
 
-def alone(blank, *terms, fabric=None):
+def alone(blank, *terms):
     """Bind terms to a sheet without a scene, to test them by themselves; the first of them."""
-    scene = Alone(blank, terms, fabric)
+    scene = Alone(blank, terms)
     for term in terms:
-        term.bind(scene)
+        bind(term, scene)
     return terms[0]
 
 

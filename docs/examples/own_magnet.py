@@ -8,14 +8,14 @@ class Magnet(ff.Term):
 
     name = "magnet"
 
-    def at(self, load):
+    def set_load(self, load):
         self.now = 20.0 * load
 
     def d(self):
         own = slice(len(self.part.nodes))  # of this rank, so that no node counts twice
         return (self.blank.coordinates() + self.blank.nodal_displacement())[own, 2] + 20.0
 
-    def potential(self):
+    def stored(self):
         return -(self.now / self.d()).sum()
 
     def add_forces(self, f):

@@ -15,7 +15,6 @@ class Bedding(ff.Term):
     """Resists the displacement u by `stiffness` k [N/mm^3]: k |u|^2 / 2."""
 
     name = energy_kind = "bedding"
-    units = {"bedding_traction": "MPa"}
 
     def __init__(self, stiffness):
         self.stiffness = stiffness
@@ -25,9 +24,9 @@ class Bedding(ff.Term):
         k, u = fem.Constant(scene.blank.mesh, self.stiffness), scene.blank.u
         self.energy = 0.5 * k * ufl.inner(u, u) * self.part.dx(4)
 
-    def add_nodal_fields(self, fields):
+    def nodal_fields(self):
         u = self.blank.nodal_displacement()[: len(self.part.nodes)]
-        fields["bedding_traction"] = self.stiffness * np.linalg.norm(u, axis=1)
+        return {"bedding_traction": ff.Value(self.stiffness * np.linalg.norm(u, axis=1), "MPa")}
 
 
 bedding = Bedding(0.02)

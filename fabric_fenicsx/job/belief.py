@@ -20,9 +20,10 @@ def not_believed(wrong: Sequence[str]) -> str:
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
     """What no later state mends, a sentence each: tools too deep in the sheet, and yarns stretched
     too far."""
-    wrong = limits.exceeded({"penetration": scene.penetration_of_thickness()})
+    depth, where = scene.deepest()
+    wrong = limits.exceeded({"penetration": depth})
     if wrong:
-        wrong = [f"{wrong[0]}; deepest is {scene.where_deepest()}"]
+        wrong = [f"{wrong[0]}; deepest is {where}"]
     over = scene.overstretched(limits.strain)
     if over > EDGES:
         wrong.append(

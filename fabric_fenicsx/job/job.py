@@ -8,11 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..mechanics.given import entries, of_scene
+from ..mechanics.given import entries
+from ..mechanics.materials import materials_of
+from ..mechanics.reports import Fields
 from ..results.output import Output, read_converged
 from ..results.result import LAST_PICTURE, Result, draw_state
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.together import all_or_none
+from ..scene.given import of_scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
 from .error_run import estimated
@@ -100,7 +103,7 @@ class Job(JobFields):
             if start.load == 1 and not start.viscosity.drag:
                 known = read_converged(folder / "summary.json") if comm.rank == 0 else None
                 if known := comm.bcast(known):
-                    before = Result(known, notes["rows"], {}, folder, scene)
+                    before = Result(known, notes["rows"], Fields({}), folder, scene)
                     return self._finished_before(output, before, start, notes, problem, pictures)
         run = Run(self, output, folder, newton, checkpoint, start, notes)
         result = run.to_full_load()
@@ -157,4 +160,5 @@ class Job(JobFields):
 
 def _material(scene):
     """What a scene's terms are made of as material files' texts, "" of nothing."""
-    return "\n".join(dict.fromkeys(text for term in scene.terms if (text := term.material())))
+    known = materials_of(scene, scene.blank.whole)
+    return "\n".join(dict.fromkeys(material.dumps() for material in known))

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 from tqdm import tqdm
 
 from .. import dolfinx_compat as compat
+from ..mechanics.roles import Prestressed
 from ..results.curve import default_measure
 from ..results.history import ENERGIES, History, energy_balance, viscous_words
 from ..results.output import Output
@@ -90,7 +91,7 @@ class Run:
 
     def _accept(self, accepted: Accepted) -> None:
         scene, output, rows = self.scene, self.output, self.history.rows
-        if not accepted.load and any(term.prestressed for term in scene.terms):
+        if not accepted.load and _is_prestressed(scene):
             moved = scene.u.norm(PETSc.NormType.NORM_INFINITY)
             output.say(
                 f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
@@ -171,3 +172,7 @@ class Run:
         kinds = {**dict.fromkeys(ENERGIES), **self.scene.energies()}
         work = {"external_work": row["external_work_Nmm"]}
         return {kind: row[f"{kind}_energy_Nmm"] for kind in kinds} | work
+
+
+def _is_prestressed(scene):
+    return any(isinstance(term, Prestressed) and term.prestressed for term in scene.terms)

@@ -1,34 +1,56 @@
-"""Residual and tangent of all terms, of those that are forms and of the others."""
+"""Energy, forces and stiffness of all terms, of those that are forms and of the others."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
+import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
-from .term import Term
-from .term_checks import add_forces, same_values, triplets
+from .roles import Loaded, StoresKinds, Varied
+from .term import Term, Triplets
 from .triplets import TripletPlaces
 
 
+def variations(term: Term, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
+    """First variation of a term's `energy` in v, and second in v and w (UFL arguments)."""
+    if isinstance(term, Varied):
+        return term.variations(v, w)
+    first = ufl.derivative(term.energy, term.blank.u, v)
+    return first, ufl.derivative(first, term.blank.u, w)
+
+
+def triplets(terms: Iterable[Term]) -> Triplets:
+    """Rows, columns and values (k,) of the tangents of all terms that are no forms."""
+    found = [[np.asarray(part) for part in term.tangent()] for term in terms]
+    rows, cols, values = (np.concatenate(part) for part in zip(*found))
+    return rows.astype(np.int64), cols.astype(np.int64), values
+
+
 class Assembly:
-    """Residual and tangent of `terms` on a `blank`. Terms that are forms are assembled by DOLFINx,
-    the others add forces and triplets."""
+    """Energy, residual and tangent of `terms` on a `blank`. Terms that are forms are assembled by
+    DOLFINx, the others add energies, forces and triplets."""
 
     def __init__(self, blank: Blank, terms: Sequence[Term]) -> None:
         self._blank, self._terms, self._comm = blank, terms, blank.mesh.comm
         v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
         # one form is of one part and one edge, as these share their number
-        on: dict[tuple, list[Term]] = {}
+        on: dict[tuple, list[tuple[ufl.Form, ufl.Form]]] = {}
+        self._energies: list[tuple[str | None, fem.Form]] = []
+        self._loads: list[fem.Form] = []  # first variations of loads that are forms
         for term in terms:
             if term.energy is not None:
-                on.setdefault((term.part_name, *_marked(term.energy)), []).append(term)
-        found = [[term.variations(v, w) for term in some] for some in on.values()]
-        found = found or [[_nothing(blank, v, w)]]
+                pair = variations(term, v, w)
+                on.setdefault((term.part_name, *_marked(term.energy)), []).append(pair)
+                self._energies.append((term.energy_kind, compat.form(term.energy)))
+                if term.energy_kind is None and not isinstance(term, Loaded):
+                    self._loads.append(compat.form(pair[0]))
+        found = list(on.values()) or [[_nothing(blank, v, w)]]
         self._residuals, self._tangents = (
             [compat.form(sum((pair[i] for pair in pairs[1:]), pairs[0][i])) for pairs in found]
             for i in (0, 1)
@@ -38,6 +60,31 @@ class Assembly:
         self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
         self._extra: TripletPlaces | None = None  # stiffness of the terms that are no forms
 
+    def energies(self) -> dict[str | None, float]:
+        """Energy of each kind at the present displacement, of all ranks {kind: N mm}; None: minus
+        the work of loads."""
+        parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
+        for term in self._terms:
+            if isinstance(term, StoresKinds):
+                parts += term.energies().items()
+            else:
+                parts.append((term.energy_kind, term.stored()))
+        total = self._comm.allreduce(np.array([value for _, value in parts]), MPI.SUM)
+        kinds = dict.fromkeys((kind for kind, _ in parts), 0.0)
+        for (kind, _), value in zip(parts, total):
+            kinds[kind] += float(value)
+        return kinds
+
+    def applied_forces(self) -> list[np.ndarray]:
+        """Forces of each tool and load (owned dofs,) [N], beside which a residual is to be
+        small."""
+        found = [term.applied_forces() for term in self._terms if isinstance(term, Loaded)]
+        for form in self._loads:
+            f = fem_petsc.assemble_vector(form)
+            f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            found.append(-f.array)
+        return found
+
     def residual(self, f: PETSc.Vec) -> None:
         """Make f (local dofs,) the derivative of all energies [N]."""
         with f.localForm() as local:
@@ -46,7 +93,7 @@ class Assembly:
             fem_petsc.assemble_vector(f, form)
         with f.localForm() as local:
             for term in self._terms:
-                add_forces(term, local.array)
+                term.add_forces(local.array)
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
 
     def create_matrix(self) -> PETSc.Mat:
@@ -54,8 +101,7 @@ class Assembly:
         PETSc.garbage_cleanup(self._comm)  # matrices and scatters of other places
         A = fem_petsc.create_matrix(self._places)
         self._pattern, self._extra = self._patterns(), None
-        rows, cols, values = triplets(self._terms, A.size[0], self._comm)
-        self._places_of_extra = len(rows)
+        rows, cols, values = triplets(self._terms)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
             names, numbers = A.getLGMap()
             self._extra = TripletPlaces(A, rows, cols)
@@ -79,7 +125,7 @@ class Assembly:
         A.zeroEntries()
         self._assemble(A, bcs)
         if self._extra is not None:
-            values = same_values(self._terms, self._places_of_extra, self._comm)
+            values = np.concatenate([term.tangent()[2] for term in self._terms])
             self._extra.add(A, values, free)
         A.assemble()
 

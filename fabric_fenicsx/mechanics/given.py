@@ -1,21 +1,16 @@
-"""What a scene was given, as plain data that tells it from one with other numbers."""
+"""Numbers that objects were given, as plain data that tells them from others."""
 
 import dataclasses
 import tomllib
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 
 from ..material.laws.base import Material
 from ..tools.surfaces import Surface
 from ..tools.tool import Tool
-
-if TYPE_CHECKING:
-    from ..scene.scene import Scene
-    from .term import Term
 
 LARGEST = 100  # numbers of an array that is compared; larger ones may be of a rank's own nodes
 
@@ -67,24 +62,9 @@ def entries(value: Any, path: str) -> dict[str, Any]:
     }
 
 
-def of_term(term: "Term") -> dict[str, Any]:
-    """What the constructor of a term, or who set its attributes since, left in it."""
+def of_attributes(thing: object) -> dict[str, Any]:
+    """What the constructor of an object, or who set its attributes since, left in it."""
     found: dict[str, Any] = {}
-    for name, value in vars(term).items():
+    for name, value in vars(thing).items():
         found |= value if isinstance(value, Mapping) else {name.lstrip("_"): value}
     return plain(found)
-
-
-def of_scene(scene: "Scene") -> dict[str, Any]:
-    """What was given to the terms of a scene, how far its supports go and where the yarns lie, the
-    same on any number of ranks: a checkpoint must agree in it."""
-    found: dict[str, Any] = {"terms": ", ".join(term.name for term in scene.terms)}
-    for i, term in enumerate(scene.terms, 1):
-        given = {k: v for name, each in term.given.items() for k, v in entries(each, name).items()}
-        found |= {f"{name} of term {i}, {term.name}": v for name, v in given.items()}
-    found["supports"] = ", ".join(support.name for support in scene.supports)
-    farthest = scene.comm.allreduce(abs(scene.held_values(1.0)).max(initial=0.0), MPI.MAX)
-    found["largest displacement of supports [mm]"] = plain(float(farthest))
-    if straight := scene.blank.whole.straight:
-        found["directions of the yarns"] = np.round(straight, 9).tolist()
-    return found

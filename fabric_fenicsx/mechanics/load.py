@@ -48,7 +48,7 @@ class DeadPressure(Term):
         self.energy = -self._now * moved
         self._moved, self._last = compat.form(moved), (0.0, 0.0)
 
-    def at(self, load: float) -> None:
+    def set_load(self, load: float) -> None:
         """Set the load factor."""
         self._now.value = load * self._pressure
 
@@ -99,10 +99,10 @@ class EdgeTension(Term):
         lengths.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         # of the edge at each owned degree of freedom
         self._lengths, self._u = lengths.array.copy(), blank.u
-        self.at(0.0)
+        self.set_load(0.0)
         self.accept()
 
-    def at(self, load: float) -> None:
+    def set_load(self, load: float) -> None:
         """Set the load factor; InputError if the tension there is not finite."""
         self._now = float(self._tension(load))
         if not np.isfinite(self._now):
@@ -119,16 +119,16 @@ class EdgeTension(Term):
         tension, travel = self._last
         return 0.5 * (tension + self._now) * (self._travel() - travel)
 
-    def potential(self) -> float:
-        """Of the load on this rank's part [N mm]."""
+    def stored(self) -> float:
+        """As in `Term`."""
         return -self._now * self._travel()
 
     def add_forces(self, f: np.ndarray) -> None:
-        """Add the potential's derivative to f, of this rank's degrees of freedom [N]."""
+        """As in `Term`."""
         f[: len(self._lengths)] -= self._now * self._lengths
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Term`."""
+        """As in `Loaded`."""
         return self._now * self._lengths
 
     def _travel(self):

@@ -1,9 +1,10 @@
-"""Whether a term is what a scene can take, and gives arrays of the right shapes: errors name it."""
+"""Guards of terms: as a scene takes them, once before a run, and in `check_derivatives`. Errors
+name the term."""
 
-from collections.abc import Iterable, Sequence
+import weakref
 from numbers import Real
 from reprlib import repr as shown
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import ufl
@@ -13,26 +14,69 @@ from ufl.constantvalue import ScalarValue, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from ..runtime.errors import InputError
+from .given import of_attributes
+from .roles import StoresKinds
+from .term import SceneFacts, Term
 
-if TYPE_CHECKING:
-    from .term import Term
-
-# of what every run tells beside the energies of terms
-OF_A_RUN = "viscous", "external_work"
+OF_A_RUN = "viscous", "external_work"  # energies that a run has beside those of terms
 MOTIONS = "move", "turn", "lift", "slide", "stretch"  # that a term may resist
 
 
-def check_kind(term: object) -> None:
-    """InputError for what is no term."""
-    if isinstance(term, type) or not hasattr(term, "bind"):
+def bind(term: Term, scene: SceneFacts) -> None:
+    """Put a term into its scene, once, and set it up.
+
+    Raises InputError for what is no term, for one that is in another scene or twice in this one,
+    for a part that the blank does not have, for names, an energy or forces that are none, and what
+    `set_up` raises.
+    """
+    if not isinstance(term, Term):
         raise InputError(
             f"a term of the scene is {shown(term)}; allowed are objects of `Term`, as "
             "`Membrane(fabric)`"
         )
+    if term.bound_to is not None:
+        if term.bound_to() is not scene:
+            raise InputError(
+                f"term {term.name} is in another scene already; "
+                "allowed is a term in one scene, so each scene needs its own"
+            )
+        return
+    _check_words(term)
+    if sum(each is term for each in scene.terms) > 1:
+        raise InputError(
+            f"term {term.name} is in the scene twice; allowed is a term once, so two that act "
+            "alike are two objects"
+        )
+    for memory in ("memory", "cell_memory"):
+        if hasattr(term, memory) and not hasattr(term, "recall"):
+            raise InputError(
+                f"term {term.name} has `{memory}` but no `recall`; allowed are both, or none"
+            )
+    term.given = of_attributes(term)
+    term.bound_to, term.blank = weakref.ref(scene), scene.blank
+    term.part = scene.blank.part(term.part_name)
+    try:
+        term.set_up(scene)
+    except Exception as error:
+        _explain(error, term, scene.blank.mesh.geometry.dim)
+        raise
+    if term.energy is not None:
+        _check_form(term)
+    own = type(term)
+    if term.energy is None and own.add_forces is Term.add_forces:
+        raise InputError(
+            f"term {term.name} has neither an energy nor forces; allowed is `self.energy` in "
+            "`set_up`, or `add_forces`"
+        )
+    stores = term.energy is not None or own.stored is not Term.stored
+    if term.energy_kind is None and stores and own.work is Term.work:
+        raise InputError(
+            f"term {term.name} stores an energy that has no name; allowed is an `energy_kind`, "
+            "its column in history.csv, or, of a load, `work`"
+        )
 
 
-def check_words(term: "Term") -> None:
-    """InputError for names, units and motions that are none."""
+def _check_words(term):
     kind = term.energy_kind
     for what, text in (("name", term.name), ("energy_kind", "x" if kind is None else kind)):
         if not (isinstance(text, str) and text.strip()):
@@ -50,18 +94,26 @@ def check_words(term: "Term") -> None:
             f"`resists` of term {term.name} is {term.resists!r}; allowed is a tuple of "
             f"{', '.join(MOTIONS)}"
         )
-    if not hasattr(term.units, "items"):
+
+
+def _explain(error, term, gdim):
+    """Say in our words what UFL and DOLFINx say in theirs."""
+    if "nsupported dtype" in str(error):
         raise InputError(
-            f"`units` of term {term.name} is {term.units!r}; allowed is {{name of a field: unit}}"
-        )
+            f"term {term.name} holds a number in `fem.Constant` that is no float; allowed "
+            "is `fem.Constant(self.blank.mesh, float(k))`"
+        ) from error
+    if gdim == 2 and ("out of bounds" in str(error) or "out of range" in str(error)):
+        raise InputError(
+            f"term {term.name} asks for more than the {gdim} components that vectors have on "
+            "a sheet in its plane; allowed are these, or a blank made with `spatial=True`"
+        ) from error
 
 
-def check_form(term: "Term") -> None:
-    """InputError for an `energy` that is no energy of the displacement, or of numbers that are not
-    finite or make it 0."""
+def _check_form(term):
+    """InputError for an `energy` that is none of the displacement, that is not of the term's part,
+    and for numbers in it that are not finite or make it 0."""
     form, of = term.energy, f"energy of term {term.name}"
-    if form is None:
-        return
     if not isinstance(form, ufl.Form):
         raise InputError(
             f"{of} is {shown(form)}, which is not integrated; "
@@ -85,47 +137,41 @@ def check_form(term: "Term") -> None:
         raise InputError(
             f"{of} does not depend on the displacement; allowed is a form in `blank.u`"
         )
+    if term.part_name and any(each.subdomain_id() == "everywhere" for each in form.integrals()):
+        raise InputError(
+            f"term {term.name} is on a part, but its energy is integrated over the whole "
+            "sheet; allowed is `self.part.dx(degree)` in place of `ufl.dx`"
+        )
 
 
-def add_forces(term: "Term", f: np.ndarray) -> None:
-    """Have the term add its forces to f (local dofs,); InputError if it gives them back instead."""
-    given: Any = term.add_forces(f)  # type: ignore[func-returns-value]
+def check_answers(term: Term) -> None:
+    """Ask a term for energy, forces and tangent where the sheet is; InputError, on all ranks, for
+    what is no number, no triplet, or is returned in place of being added."""
+    blank, comm = term.blank, term.blank.mesh.comm
+    size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
+    energies = term.energies().values() if isinstance(term, StoresKinds) else [term.stored()]
+    for value in energies:
+        check_number(term, "stored", value)
+    given: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]
     if given is not None:
         raise InputError(
             f"`add_forces` of term {term.name} returns something; allowed is to add to the array "
             "that it is given, as `f[dofs] += forces`"
         )
+    wrong = _wrong_triplets(term.tangent(), size)
+    if wrong := comm.allreduce(wrong, MPI.MAX):
+        raise InputError(
+            f"`tangent` of term {term.name} gives {wrong}; allowed are rows, columns and values, "
+            f"three arrays (k,), the first two of global degrees of freedom, 0 to {size - 1}"
+        )
 
 
-def one_number(term: "Term", method: str) -> float:
-    """What the term's `stored`, `potential` or `work` gives; InputError for what is no number."""
-    value: Any = getattr(term, method)()
+def check_number(term: Term, method: str, value: Any) -> None:
+    """InputError for a `value` of a term's `method` that is no number."""
     if not isinstance(value, Real):
         raise InputError(
             f"`{method}` of term {term.name} gives {shown(value)}; allowed is one number [N mm]"
         )
-    return float(value)
-
-
-def triplets(terms: Iterable["Term"], size: int, comm: MPI.Comm) -> list[np.ndarray]:
-    """Rows, columns and values (k,) of the tangents of all terms, for a matrix of this size;
-    InputError, on all ranks, for what is no such triplet."""
-    found, wrong = [], ""
-    for term in terms:
-        given = term.tangent()
-        reason = _wrong_triplets(given, size)
-        if reason:
-            wrong = wrong or (
-                f"`tangent` of term {term.name} gives {reason}; allowed are rows, columns and "
-                f"values, three arrays (k,), the first two of global degrees of freedom, 0 to "
-                f"{size - 1}"
-            )
-        else:
-            found.append([np.asarray(each) for each in given])
-    if wrong := comm.allreduce(wrong, MPI.MAX):
-        raise InputError(wrong)
-    rows, cols, values = (np.concatenate(part) for part in zip(*found))
-    return [rows.astype(np.int64), cols.astype(np.int64), values]
 
 
 def _wrong_triplets(given: Any, size: int) -> str:
@@ -141,19 +187,3 @@ def _wrong_triplets(given: Any, size: int) -> str:
         if beyond.size:
             return f"the degree of freedom {beyond[0]}"
     return ""
-
-
-def same_values(terms: Sequence["Term"], known: int, comm: MPI.Comm) -> np.ndarray:
-    """Values (k,) of the tangents of all terms, at the `known` number of places; InputError, on all
-    ranks, for another number."""
-    values = np.concatenate([term.tangent()[2] for term in terms])
-    wrong = ""
-    if len(values) != known:
-        names = ", ".join(term.name for term in terms if len(term.tangent()[2]))
-        wrong = (
-            f"`tangent` of one of the terms {names} gives other places than before; allowed are "
-            "always the same, unless `pattern` counts up"
-        )
-    if wrong := comm.allreduce(wrong, MPI.MAX):
-        raise InputError(wrong)
-    return values

@@ -4,6 +4,8 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from ..runtime.errors import InputError
+
 
 class TripletPlaces:
     """Global `rows` and `cols` (k,) of triplets in matrices of the sizes of A; those at one place
@@ -34,7 +36,13 @@ class TripletPlaces:
 
     def add(self, A: PETSc.Mat, values: np.ndarray, free: PETSc.Vec | None = None) -> None:
         """Add triplets with these values (k,) to A, which is to be assembled then. free: 0 at rows
-        and columns that take none, 1 at others; the same at each call."""
+        and columns that take none, 1 at others; the same at each call. InputError for another
+        number of values."""
+        if len(values) != len(self._entry):
+            raise InputError(
+                "`tangent` of a term gives other places than before; allowed are always the same, "
+                "unless `pattern` counts up (`check_derivatives` tells of which term)"
+            )
         rows, starts, cols = self._csr
         summed = np.bincount(self._entry, values, len(cols)).astype(float)  # whole numbers of none
         if free is not None:

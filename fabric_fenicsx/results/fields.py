@@ -15,6 +15,7 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 from .. import dolfinx_compat as compat
+from ..mechanics.reports import Fields
 from ..runtime.files import replace_file
 from ..scene.scene import Scene
 from ..sheets.blank import Blank
@@ -93,7 +94,7 @@ class FieldSeries:
         self.directory = directory
         # (load, ranks with cells) of each state written
         self.states = [tuple(state) for state in states]
-        self._units = UNITS | scene.units()
+        self._units = dict(UNITS)
         self._tools = scene.tools()
         self._parts = list(self.blank.parts.values()) or [self.blank.whole]
         extent = self.blank.extent()
@@ -118,17 +119,16 @@ class FieldSeries:
                 self._grid.point_data[f"yarn_coordinate_{name}"] = values
         self._together(self._begin)
 
-    def write(self, load: float, fields: Mapping[str, np.ndarray] | None = None) -> None:
+    def write(self, load: float, fields: Fields | None = None) -> None:
         """Append the scene's present state at `load`; one at the same load gives way to it.
 
         fields: its cell fields, if they are known already.
         """
         if self.states and self.states[-1][0] == load:
             self.states.pop()
-        cells, nodes = (
-            self.scene.cell_fields() if fields is None else fields,
-            self.scene.nodal_fields(),
-        )
+        cells = self.scene.cell_fields() if fields is None else fields
+        nodes = self.scene.nodal_fields()
+        self._units |= cells.units | nodes.units
         self._together(lambda: self._write(len(self.states), cells, nodes))
         self.states.append((load, self._ranks))
         self._together(self._list)

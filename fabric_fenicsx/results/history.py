@@ -85,7 +85,7 @@ class History:
             some = "no longer" if other & self.rows[0].keys() else "now"
             raise InputError(
                 f"at load {accepted.load:.6g} the terms {some} give history.csv the column "
-                f"{sorted(other)[0]}; allowed are the same columns in `add_history` each time"
+                f"{sorted(other)[0]}; allowed are the same columns in `history` each time"
             )
         self.rows.append(row)
         self._write(row)

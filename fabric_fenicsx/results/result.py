@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mechanics.contact.pressing_term import PressingTerm
+from ..mechanics.reports import Fields
+from ..mechanics.roles import Pressing
 from ..runtime.errors import InputError
 from ..scene.scene import Scene
 from . import measures
@@ -35,15 +36,14 @@ class Result:
       (strain, bending, contact, friction, of metal metal and plastic, and those of own terms),
       viscous, what regularisation took, and external_work [N mm]
     - rows: the history, {column of history.csv: value} for each accepted step
-    - fields: {name: array (cells, ...)} of this rank's cells; angles in rad, lengths in mm,
-      stresses in MPa, strains as numbers
+    - fields: {name: array (cells, ...)} of this rank's cells, with their `units` {name: unit}
     - folder: where all is kept, None if nothing was
     - scene: in its last state
     """
 
     summary: dict[str, Any]
     rows: list[dict[str, Any]]
-    fields: dict[str, np.ndarray]
+    fields: Fields
     folder: Path | None
     scene: Scene
     _grid: pyvista.UnstructuredGrid | None = field(default=None, repr=False)
@@ -90,7 +90,7 @@ class Result:
         """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,
         (3,) [N]. Raises InputError for a tool or a name that the scene does not have once."""
         scene = self.scene
-        pressing = [term.tool for term in scene.terms if isinstance(term, PressingTerm)]
+        pressing = [term.tool for term in scene.terms if isinstance(term, Pressing)]
         tools = dict.fromkeys([*scene.tools(), *pressing])
         asked = [each for each in tools if tool in (each, each.name)]
         force = np.zeros(3) if isinstance(tool, str) else scene.tool_force(tool)
@@ -181,7 +181,7 @@ class Result:
         """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
         rank 0; nodes as means over the cells. Raises InputError for a name that is none."""
         # asked of all ranks, which a field of cells does not need
-        nodal = {} if name in self.fields else self.scene.nodal_fields()
+        nodal = Fields({}) if name in self.fields else self.scene.nodal_fields()
         drawn = sorted(
             each for each, values in {**self.fields, **nodal}.items() if values.ndim == 1
         )
@@ -201,7 +201,7 @@ class Result:
                     title: grid.point_data_to_cell_data(pass_point_data=True)
                     for title, grid in grids.items()
                 }
-            units = self.scene.units()
+            units = self.fields.units | nodal.units
             pictures.maps(Path(path), grids, (name,), OUTLIERS, units)
 
     def export(self, path: Path | str) -> None:

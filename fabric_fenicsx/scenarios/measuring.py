@@ -46,7 +46,7 @@ def quantities(forming: "Forming", result: Result) -> dict[str, Any]:
         "penalty_N_per_mm3": forming.penalty,
         "penetration_mm": max(contact.penetration() for contact in forming.contacts),
         "penetration_largest_mm": max(contact.deepest() for contact in forming.contacts),
-        "penetration_of_thickness": scene.penetration_of_thickness(),
+        "penetration_of_thickness": scene.deepest()[0],
         "sticking_slip_mm": forming.slip if forming.friction else None,
         "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,
     }

@@ -1,6 +1,6 @@
 """A scene: a blank, the terms that store or take energy in it, and its supports."""
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import numpy as np
@@ -9,20 +9,39 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
-from ..material.laws import Law
-from ..material.laws.base import Material
 from ..mechanics.assembly import Assembly
+from ..mechanics.reports import Fields, arrays, told
+from ..mechanics.roles import (
+    Anticipates,
+    DrivenByForce,
+    Lagged,
+    LooselyLagged,
+    Penetrated,
+    Pressing,
+    Remembers,
+    RemembersCells,
+    Stretched,
+    Touching,
+    Warns,
+)
 from ..mechanics.term import Term
-from ..mechanics.term_checks import check_kind, one_number
-from ..mechanics.told import OF_A_SHEET, OF_A_SUMMARY, check_arrays, told_by
+from ..mechanics.term_checks import bind, check_answers, check_number
 from ..mechanics.work import Work
 from ..runtime.errors import InputError
 from ..runtime.timing import phase
-from ..sheets.blank import Blank, Part
+from ..sheets.blank import Blank
 from ..tools.tool import Tool
 from .supports import Supports, check_held, locating_warning
 
 OF_CELLS = "cells "  # before the names of what terms remember of cells
+# what every sheet and every summary has without terms
+OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
+OF_A_SUMMARY = (
+    *("study", "ranks", "converged", "stroke_reached", "reason", "element", "dofs", "cells"),
+    *("terms", "steps_accepted", "steps_rejected", "newton_iterations", "energy", "reaction_N"),
+    *("energy_imbalance", "energy_imbalance_largest", "branches", "quantities", "error"),
+    *("warnings", "wall_s", "peak_memory_mib", "versions"),
+)
 
 
 class Scene:
@@ -44,16 +63,17 @@ class Scene:
         self.supports = list(supports(blank) if callable(supports) else supports)
         self.comm = blank.mesh.comm
         for term in self.terms:
-            check_kind(term)
-            term.bind(self)
+            bind(term, self)
         self.u = compat.petsc_vector(blank.u)
-        forms = [term for term in self.terms if term.energy is not None]
-        if not forms and not any("stretch" in term.resists for term in self.terms):
+        if not any(term.energy or "stretch" in term.resists for term in self.terms):
             raise InputError(
                 f"the scene of {blank.name} has no elastic term; allowed is a membrane or the like"
             )
         self._assembly = Assembly(blank, self.terms)
-        self._energies = [(term.energy_kind, compat.form(term.energy)) for term in forms]
+        self._lagged = [term for term in self.terms if isinstance(term, Lagged)]
+        self._anticipating = [term for term in self.terms if isinstance(term, Anticipates)]
+        self._driven = [term for term in self.terms if isinstance(term, DrivenByForce)]
+        self._checked = False
         self._inverted = (
             compat.form(blank.inverted_area()) if blank.mesh.geometry.dim == 2 else None
         )
@@ -64,41 +84,6 @@ class Scene:
         self._f, self._free = self.u.duplicate(), self.u.duplicate()
         self._free.set(1.0)
         self._free.array[self.held] = 0.0
-
-    @property
-    def fabric(self) -> Law | None:
-        """What the sheet is made of, if one of the terms knows; of several the first."""
-        return next((term.fabric for term in self.terms if term.fabric is not None), None)
-
-    def fabric_of(self, part: Part) -> Law | None:
-        """The fabric of a part of the blank, if a term on it, or on all of the blank, knows."""
-        return next((term.fabric for term in self._on(part) if term.fabric is not None), None)
-
-    def material_of(self, part: Part) -> Material | None:
-        """The same of a part of fabric or of metal."""
-        return next((term.made_of for term in self._on(part) if term.made_of is not None), None)
-
-    def _on(self, part):
-        """The terms that are on a part, or on all of the blank; of the whole blank all."""
-        if part.is_whole:
-            return self.terms
-        here = part, self.blank.whole
-        return [term for term in self.terms if self.blank.part(term.part_name) in here]
-
-    def at_nodes(self, of: Callable[[Material], float]) -> float | np.ndarray | None:
-        """A number of the material: one, or where parts differ one for each owned node (nodes,);
-        None if it is not known of each part."""
-        parts = list(self.blank.parts.values()) or [self.blank.whole]
-        materials = [self.material_of(part) for part in parts]
-        if not all(materials):
-            return None
-        numbers = [of(material) for material in materials if material]
-        if len(set(numbers)) == 1:
-            return numbers[0]
-        found = np.zeros(self.blank.V.dofmap.index_map.size_local)
-        for part, number in zip(parts, numbers):
-            found[part.nodes] = number
-        return found
 
     def _supported(self):
         """Degrees of freedom held by the supports, and DOLFINx's view of them."""
@@ -134,15 +119,24 @@ class Scene:
         return check_held(self)
 
     def check_start(self) -> None:
-        """Raise InputError if the scene can't begin: as `check_held`, and as its terms do."""
+        """Raise InputError if the scene can't begin: as `check_held`, as terms of tools do, and
+        for terms that do not answer as they should."""
         self.check_held()
         for term in self.terms:
-            term.check_start()
+            if isinstance(term, Touching):
+                term.check_start()
+        if not self._checked:
+            self.at(0.0)
+            self.accept()
+            for term in self.terms:
+                check_answers(term)
+                check_number(term, "work", term.work())
+            self._checked = True
 
     def at(self, load: float) -> None:
         """Set the load factor, and take the terms back to the last accepted state in all else."""
         for term in self.terms:
-            term.at(load)
+            term.set_load(load)
 
     def accept(self) -> None:
         """Let the terms take the present state as the last accepted one."""
@@ -151,26 +145,25 @@ class Scene:
 
     def update_lagged(self) -> bool:
         """Let terms update what they held during a solve; whether any did, on all ranks."""
-        return any([term.update_lagged() for term in self.terms])
+        return any([term.update_lagged() for term in self._lagged])
 
     @property
     def rough(self) -> float:
-        """The largest `rough` of the terms."""
-        return max((term.rough for term in self.terms), default=0.0)
+        """The largest `loose_tolerance` of the terms."""
+        found = [each.loose_tolerance for each in self.terms if isinstance(each, LooselyLagged)]
+        return max(found, default=0.0)
 
     def work(self) -> float:
         """Work of the terms' loads and tools since the last accepted state [N mm]."""
-        return self.comm.allreduce(sum(one_number(term, "work") for term in self.terms))
+        return self.comm.allreduce(sum(term.work() for term in self.terms))
 
     def memory(self) -> dict[str, np.ndarray]:
         """What accepted states left in terms and supports, {name: array (owned nodes, k)}, or
         (owned cells, k) where the name begins with `OF_CELLS`."""
         memory: dict[str, np.ndarray] = {}
         for i, term in enumerate(self.terms):
-            for method, of in (("memory", ""), ("cell_memory", OF_CELLS)):
-                given = getattr(term, method)()
-                check_arrays(term, method, given)
-                memory |= {f"{of}{i} {key}": values for key, values in given.items()}
+            memory |= {f"{i} {key}": values for key, values in _nodal_memory(term).items()}
+            memory |= {f"{OF_CELLS}{i} {key}": v for key, v in _cell_memory(term).items()}
         states = self.support_work.memory()
         # of each state: whether known, load, force and place
         nodal = np.zeros((self._f.local_size, len(states), 4))
@@ -184,8 +177,10 @@ class Scene:
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Give terms and supports back their `memory`, of the present displacement and load."""
         for i, term in enumerate(self.terms):
-            given = {key: memory[f"{i} {key}"] for key in term.memory()}
-            term.recall(given | {key: memory[f"{OF_CELLS}{i} {key}"] for key in term.cell_memory()})
+            given = {key: memory[f"{i} {key}"] for key in _nodal_memory(term)}
+            given |= {key: memory[f"{OF_CELLS}{i} {key}"] for key in _cell_memory(term)}
+            if isinstance(term, (Remembers, RemembersCells)):
+                term.recall(given)
         states = len(self.support_work.memory())
         nodal = memory["supports"].reshape(-1, states, 4)
         known = nodal[:, :, :2].max(0, initial=0.0)
@@ -214,23 +209,10 @@ class Scene:
         x.copy(self.u)
         self.u.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
 
+    @phase("assemble")
     def energies(self) -> dict[str, float]:
         """Energy of each kind at the present displacement, {kind: N mm}; loads store none."""
-        kinds = self._all_energies()
-        kinds.pop(None, None)
-        return kinds
-
-    def _all_energies(self):
-        """The same with the potential of loads, as None."""
-        with phase("assemble"):
-            parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
-            parts += [part for term in self.terms for part in term.stored_by_kind().items()]
-            parts += [(None, one_number(term, "potential")) for term in self.terms]
-        total = self.comm.allreduce(np.array([value for _, value in parts]), MPI.SUM)
-        kinds = dict.fromkeys((kind for kind, _ in parts), 0.0)
-        for (kind, _), value in zip(parts, total):
-            kinds[kind] += float(value)
-        return kinds
+        return {k: energy for k, energy in self._assembly.energies().items() if k is not None}
 
     @phase("assemble")
     def energy(self) -> float:
@@ -238,7 +220,7 @@ class Scene:
         turned inside out."""
         if self._inverted and self.comm.allreduce(fem.assemble_scalar(self._inverted)) > 0:
             return self.INVERTED
-        return sum(self._all_energies().values()) + self.drag_energy()
+        return sum(self._assembly.energies().values()) + self.drag_energy()
 
     def drag_energy(self) -> float:
         """Potential of the drag at the present displacement [N mm]."""
@@ -281,7 +263,7 @@ class Scene:
 
     def anticipate(self) -> None:
         """After `residual`: let terms see it before the tangent for the next correction."""
-        for term in self.terms:
+        for term in self._anticipating:
             term.anticipate(self._f.array)
 
     def held_forces(self) -> np.ndarray:
@@ -294,8 +276,7 @@ class Scene:
         tools, what a residual is measured by [N]. Forces that meet in a node, as under a blank
         holder, cancel, but for `PINCH` of them."""
         net, pinch = np.zeros(self._f.local_size), 0.0
-        for term in self.terms:
-            given = term.applied_forces()
+        for given in self._assembly.applied_forces():
             net[: given.size] += given
             pinch += float((given**2).sum())
         net[self.held] = self._f.array[self.held]
@@ -305,7 +286,7 @@ class Scene:
         """Vectors c and numbers k [N/mm] of what tools moved by force take from the tangent,
         c c^T / k each."""
         found = []
-        for term in self.terms:
+        for term in self._driven:
             given = term.compliance()
             if given and given[1] > 0:
                 c = self.u.duplicate()
@@ -340,55 +321,68 @@ class Scene:
     def outer_forces(self) -> dict[str, float]:
         """Sizes of nodal forces added up, after `residual`: of supports, and "" of all else [N]."""
         sizes = {name: abs(self._f.array[dofs]).sum() for name, dofs in self.dofs_of.items()}
-        sizes[""] = sum(abs(term.applied_forces()).sum() for term in self.terms)
+        sizes[""] = sum(abs(given).sum() for given in self._assembly.applied_forces())
         return {name: self.comm.allreduce(float(size)) for name, size in sizes.items()}
 
     # -- results
 
     def tools(self) -> list[Tool]:
         """The tools whose surface the sheet may touch."""
-        return list(dict.fromkeys(tool for term in self.terms for tool in term.tools()))
+        return list(dict.fromkeys(term.tool for term in self.terms if isinstance(term, Touching)))
 
     def tool_force(self, tool: Tool) -> np.ndarray:
         """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
-        return sum((term.tool_force(tool) for term in self.terms), np.zeros(3))
+        pressing = [term for term in self.terms if isinstance(term, Pressing)]
+        return sum((term.tool_force() for term in pressing if term.tool is tool), np.zeros(3))
 
     def history(self, taken: Collection[str] = ()) -> dict[str, Any]:
-        """What the terms add to the present state's row of history.csv, see `told_by`."""
-        return told_by(self.terms, "add_history", taken)
+        """What the terms add to the present state's row of history.csv, beside the columns
+        `taken`."""
+        return {name: each.value for name, each in told(self.terms, "history", taken).items()}
 
     def summary(self) -> dict[str, Any]:
         """What the terms say of themselves and the present state in summary.json."""
-        facts: dict[str, Any] = {"terms": [term.name for term in self.terms]}
-        return facts | told_by(self.terms, "add_summary", OF_A_SUMMARY)
+        given = told(self.terms, "summary", OF_A_SUMMARY)
+        return {"terms": [t.name for t in self.terms]} | {k: v.value for k, v in given.items()}
 
-    def cell_fields(self) -> dict[str, np.ndarray]:
-        """Fields of the present state on this rank's owned cells, {name: array (cells, ...)}."""
-        return told_by(self.terms, "add_cell_fields", OF_A_SHEET)
+    def cell_fields(self) -> Fields:
+        """Fields of the present state on this rank's owned cells, (cells, ...)."""
+        return Fields(told(self.terms, "cell_fields", OF_A_SHEET))
 
-    def nodal_fields(self) -> dict[str, np.ndarray]:
-        """Fields of the present state at this rank's nodes, ghosts too, {name: (nodes, ...)}."""
-        fields = told_by(self.terms, "add_nodal_fields", OF_A_SHEET)
-        return {name: self.blank.with_ghosts(values) for name, values in fields.items()}
+    def nodal_fields(self) -> Fields:
+        """Fields of the present state at this rank's nodes, ghosts too, (nodes, ...)."""
+        fields = Fields(told(self.terms, "nodal_fields", OF_A_SHEET))
+        for name, values in fields.items():
+            fields[name] = self.blank.with_ghosts(values)
+        return fields
 
-    def units(self) -> dict[str, str]:
-        """Units of the arrays that terms add to fields, {name: unit}."""
-        return {name: unit for term in self.terms for name, unit in term.units.items()}
-
-    def penetration_of_thickness(self) -> float:
-        """How deep a tool was in the sheet in any accepted state, over the sheet's thickness."""
-        return max((term.penetration_of_thickness() for term in self.terms), default=0.0)
-
-    def where_deepest(self) -> str:
-        """In words, what was so deep in the sheet, and where."""
-        return max(self.terms, key=lambda term: term.penetration_of_thickness()).where_deepest()
+    def deepest(self) -> tuple[float, str]:
+        """How deep a tool or another sheet was in a sheet in any accepted state, over the sheet's
+        thickness, and in words which one and where."""
+        terms = [term for term in self.terms if isinstance(term, Penetrated)]
+        depths = [term.penetration_of_thickness() for term in terms]
+        if not any(depths):
+            return 0.0, ""
+        i = int(np.argmax(depths))
+        return depths[i], terms[i].where_deepest()
 
     def overstretched(self, strain: float) -> float:
         """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`."""
-        return max((term.overstretched(strain) for term in self.terms), default=0.0)
+        terms = [term for term in self.terms if isinstance(term, Stretched)]
+        return max((term.overstretched(strain) for term in terms), default=0.0)
 
     def warnings(self) -> list[str]:
         """What speaks against the present state though nothing failed, in words."""
-        given = [term.warnings() for term in self.terms]
+        given = [term.warnings() for term in self.terms if isinstance(term, Warns)]
         found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
         return found + [text for text in [locating_warning(self)] if text]
+
+
+def _nodal_memory(term: Any) -> dict[str, np.ndarray]:
+    own = isinstance(term, Remembers)
+    return arrays(term, "memory", term.memory()) if own else {}
+
+
+def _cell_memory(term: Any) -> dict[str, np.ndarray]:
+    own = isinstance(term, RemembersCells)
+    return arrays(term, "cell_memory", term.cell_memory()) if own else {}

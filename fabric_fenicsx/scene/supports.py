@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mpi4py import MPI
 
+from ..mechanics.roles import Touching
 from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 
@@ -135,7 +136,8 @@ def check_held(scene: "Scene") -> str:
     if not free:
         return ""
     if smooth and not (flat and len(scene.tools()) == 1):
-        pressed = [each for term in scene.terms for each in term.may_press()]
+        touching = [term for term in scene.terms if isinstance(term, Touching)]
+        pressed = [each for term in touching for each in term.may_press()]
         places, normals = (np.vstack(each) for each in zip((x, along), *pressed))
         shapes_leave = free_motion(blank, places, normals, resisted)
         if flat and not shapes_leave:

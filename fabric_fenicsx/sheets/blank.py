@@ -370,17 +370,16 @@ class Part:
         metadata = {} if degree is None else {"quadrature_degree": degree}
         return ufl.Measure("ds", mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)
 
-    def put(self, fields: dict[str, np.ndarray], name: str, values: np.ndarray) -> None:
-        """Make `values` (cells, ...) field `name` of the blank's owned cells; other parts' values
-        stay, and of two terms on one part the last one's. Cells without any get NaN, in whole
-        numbers 0."""
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """`values` (cells, ...) of the part's cells among the blank's owned cells; others get NaN,
+        in whole numbers 0."""
         if self.is_whole:
-            fields[name] = values
-            return
+            return values
         shape = self.blank.mesh.topology.index_map(2).size_local, *values.shape[1:]
-        is_float = np.issubdtype(values.dtype, np.floating)
-        none = np.full(shape, np.nan if is_float else 0, dtype=values.dtype)
-        fields.setdefault(name, none)[self.cells] = values
+        none = np.nan if np.issubdtype(values.dtype, np.floating) else 0
+        found = np.full(shape, none, dtype=values.dtype)
+        found[self.cells] = values
+        return found
 
 
 def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

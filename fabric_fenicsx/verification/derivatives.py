@@ -13,8 +13,10 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..material.laws import Law
+from ..mechanics.assembly import triplets, variations
+from ..mechanics.roles import DrivenByForce, StoresKinds
 from ..mechanics.term import Term
-from ..mechanics.term_checks import add_forces, one_number, triplets
+from ..mechanics.term_checks import check_answers
 from ..mechanics.triplets import TripletPlaces
 from ..runtime.errors import InputError
 from ..scene.scene import Scene
@@ -264,7 +266,7 @@ def _of_term(
     v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
     forms = []
     if term.energy is not None:
-        forms = [compat.form(each) for each in (term.energy, *term.variations(v, w))]
+        forms = [compat.form(each) for each in (term.energy, *variations(term, v, w))]
 
     def move(by: float | np.ndarray) -> None:
         x.array[:] = before.array + size * moved + by
@@ -272,9 +274,8 @@ def _of_term(
 
     def energy_here() -> float:
         form = fem.assemble_scalar(forms[0]) if forms else 0.0
-        return comm.allreduce(
-            form + one_number(term, "stored") + one_number(term, "potential"), MPI.SUM
-        )
+        kinds = term.energies() if isinstance(term, StoresKinds) else {"": term.stored()}
+        return comm.allreduce(form + sum(kinds.values()), MPI.SUM)
 
     def energy(by: np.ndarray) -> float:
         move(by)
@@ -288,7 +289,7 @@ def _of_term(
         if forms:
             fem_petsc.assemble_vector(f, forms[1])
         with f.localForm() as local:
-            add_forces(term, local.array)
+            term.add_forces(local.array)
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return f.array.copy()
 
@@ -296,41 +297,56 @@ def _of_term(
         """Whether what was in the array before is lost."""
         alone, scale = np.zeros_like(blank.u.x.array), 1.0 + abs(f).max(initial=0.0)
         after = np.full_like(alone, scale)
-        add_forces(term, alone)
-        add_forces(term, after)
+        term.add_forces(alone)
+        term.add_forces(after)
         lost = abs(after - alone - scale).max(initial=0.0) > 1e-6 * scale
         return comm.allreduce(bool(lost), MPI.LOR)
 
     def stiffness() -> np.ndarray:
         A, direction, found = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
         direction.array[:] = d
-        rows, cols, values = triplets([term], A.size[0], comm)
+        rows, cols, values = triplets([term])
         extra = TripletPlaces(A, rows, cols).matrix(values)
         A.zeroEntries()
         if forms:
             fem_petsc.assemble_matrix(A, forms[2])
         A.assemble()
         (A * direction + extra * direction).copy(found)
-        if given := term.compliance():
+        if isinstance(term, DrivenByForce) and (given := term.compliance()):
             c, k = given[0], given[1]
             pushed = comm.allreduce(float(c @ d[: c.size]), MPI.SUM)
             found.array[: c.size] -= c * pushed / k if k > 0 else 0.0
         return found.array.copy()
 
+    def check_places() -> None:
+        """InputError if places of the tangent change with the displacement but not `pattern`."""
+        found = []
+        for by in (-2 * size * moved, 0.0):
+            move(by)
+            found.append((term.pattern, np.array(term.tangent()[:2])))
+        (before, one), (after, two) = found
+        if comm.allreduce(before == after and not np.array_equal(one, two), MPI.LOR):
+            raise InputError(
+                f"`tangent` of term {term.name} gives other places where the sheet is elsewhere; "
+                "allowed are always the same, unless `pattern` counts up"
+            )
+
     def whole(values: np.ndarray) -> np.ndarray:
         return np.concatenate(comm.allgather(values.reshape(owned, -1)))
 
     try:
-        term.at(0.0)
+        term.set_load(0.0)
         rest = energy_here()
         pushed = abs(whole(forces(-size * moved))).max(initial=0.0)
-        term.at(load)
+        term.set_load(load)
         f = forces(0.0)
+        check_answers(term)
         if replaced():
             raise InputError(
                 f"`add_forces` of term {term.name} loses what other terms added; allowed is to add "
                 "to the array, as `f[dofs] += forces`"
             )
+        check_places()
         Kd, change = stiffness(), (forces(h * d) - forces(-h * d)) / (2 * h)
         # not d alone, along which forces may cancel
         e = d / 2 + f / max(abs(whole(f)).max(), 1e-300)
@@ -359,4 +375,4 @@ def _of_term(
             remarks.append("the term gives no forces here: nothing was compared")
     finally:
         scene.set(before)
-        term.at(0.0)
+        term.set_load(0.0)

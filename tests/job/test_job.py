@@ -134,8 +134,8 @@ def test_a_checkpoint_of_other_numbers_of_terms_is_refused(folder):
 
 def test_a_picture_of_a_field_that_the_finished_run_did_not_keep(tmp_path):
     class Marked(ff.Membrane):
-        def add_nodal_fields(self, fields):
-            fields["mark"] = np.ones(len(self.part.nodes))
+        def nodal_fields(self):
+            return {"mark": np.ones(len(self.part.nodes))}
 
     def job(membrane):
         ply = ff.Blank.rectangle(20, 10, nx=4)

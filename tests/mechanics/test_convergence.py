@@ -67,7 +67,7 @@ class Source(Term):
         work = ufl.inner(fabric.thickness * ufl.diff(W, F), ufl.grad(blank.displacement))
         self.energy = -work * fine_dx(blank)
 
-    def at(self, load):
+    def set_load(self, load):
         self._now.value = load, *self._state
 
 

@@ -15,6 +15,8 @@ from fabric_fenicsx.material.metal import load_metal
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.pressure_law import default_penalty
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
+from fabric_fenicsx.mechanics.materials import fabric_of
+from fabric_fenicsx.mechanics.reports import Value, largest, last, least, on_part, size_of, total
 from fabric_fenicsx.mechanics.shell.bending import Bending, plate_stiffness
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.shell.metal import SheetMetal
@@ -36,7 +38,6 @@ class Bedding(Term):
     """An elastic bedding, which resists displacement by `stiffness` k [N/mm^3]: k |u|^2 / 2."""
 
     name = energy_kind = "bedding"
-    units = {"bedding_traction": "MPa"}
 
     def __init__(self, stiffness):
         self.stiffness = stiffness
@@ -48,11 +49,12 @@ class Bedding(Term):
     def traction(self):
         return -self.stiffness * displacement(self.blank)
 
-    def add_history(self, row):
-        row["bedding_traction_MPa"] = COMM.allreduce(abs(self.traction()).max(initial=0.0), MPI.MAX)
+    def history(self):
+        largest = COMM.allreduce(abs(self.traction()).max(initial=0.0), MPI.MAX)
+        return {"bedding_traction_MPa": largest}
 
-    def add_nodal_fields(self, fields):
-        fields["bedding_traction"] = self.traction()
+    def nodal_fields(self):
+        return {"bedding_traction": Value(self.traction(), "MPa")}
 
 
 @pytest.mark.parametrize("element", ["P1", "P3"])
@@ -121,7 +123,8 @@ def test_what_the_scene_knows_is_not_asked_twice():
         [bending, flat, contact, Membrane(KOMEILI)],
         [Support("all", everywhere, (0,))],
     )
-    assert contact.thickness == flat.thickness == t and scene.fabric is KOMEILI
+    assert contact.thickness == flat.thickness == t
+    assert fabric_of(scene, blank.whole) is KOMEILI
     assert contact.penalty == default_penalty(KOMEILI, 8.0)
     assert flat.penalty == default_penalty(KOMEILI, 10 * t)
     D = plate_stiffness(100.0, t)
@@ -271,8 +274,8 @@ def test_parts_that_are_none(parts):
 @pytest.mark.parametrize("name", ["load", "step", "negative_pivots", "strain_energy_Nmm"])
 def test_a_column_of_history_that_is_there_already(name):
     class Mine(Bedding):
-        def add_history(self, row):
-            row[name] = 1.0
+        def history(self):
+            return {name: 1.0}
 
     blank = sheet(20.0, 10.0, 2, 1)
     scene = Scene(blank, [Membrane(KOMEILI), Mine(K)], clamped_ends(0.1))
@@ -281,19 +284,18 @@ def test_a_column_of_history_that_is_there_already(name):
         Job(scene, steps=1).run()
 
 
-@pytest.mark.parametrize("write", ["row[name] = 2", "row |= {name: 2}", "row.update({name: 2})"])
 @pytest.mark.parametrize("name", ["hits", "min_stability"])
-def test_a_column_of_history_that_two_terms_give(name, write):
+def test_a_column_of_history_that_two_terms_give(name):
     """Silently one would be lost, though both are the same at load 0."""
 
     class Mine(Bedding):
         name = energy_kind = "mine"
 
-        def add_history(self, row):
-            exec(write, {"row": row, "name": name})
+        def history(self):
+            return {name: 2}
 
     class Other(Bedding):
-        add_history = Mine.add_history
+        history = Mine.history
 
     terms = [Membrane(KOMEILI), Mine(K), *([Other(K)] if name == "hits" else [])]
     scene = Scene(sheet(20.0, 10.0, 2, 1), terms, clamped_ends(0.1))
@@ -301,8 +303,8 @@ def test_a_column_of_history_that_two_terms_give(name, write):
     with pytest.raises(InputError) as error:
         Job(scene, steps=1).run()
     assert str(error.value) == (
-        f"`add_history` of term {last} gives the column {name}, which term {first} gives already; "
-        "allowed is another name, or to read it in `row` and give one value for both"
+        f"`history` of term {last} gives the column {name}, which term {first} gives already; "
+        "allowed is another name, or a rule that merges both, as `largest(value)`"
     )
 
 
@@ -311,12 +313,11 @@ def test_a_column_of_history_that_comes_or_goes(when):
     class Mine(Bedding):
         load = 0.0
 
-        def at(self, load):
+        def set_load(self, load):
             self.load = load
 
-        def add_history(self, row):
-            if self.load == when:
-                row["late"] = 1.0
+        def history(self):
+            return {"late": 1.0} if self.load == when else {}
 
     scene = Scene(sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), Mine(K)], clamped_ends(0.1))
     words = f"at load 1 the terms {'now' if when else 'no longer'} give history.csv the column late"
@@ -324,46 +325,36 @@ def test_a_column_of_history_that_comes_or_goes(when):
         Job(scene, steps=1).run()
 
 
-@pytest.mark.parametrize("method", ["add_cell_fields", "add_nodal_fields"])
+@pytest.mark.parametrize("method", ["cell_fields", "nodal_fields"])
 def test_a_field_of_another_size(method):
     """On one rank alone, too."""
     mine = telling(method)(K)
     right, wrong = getattr(mine, method), COMM.rank == COMM.size - 1
 
-    def tell(told):
-        right(told)
-        told["hits"] = told["hits"][: -1 if wrong else None]
-
-    setattr(mine, method, tell)
+    setattr(mine, method, lambda: {"hits": right()["hits"][: -1 if wrong else None]})
     scene = Scene(sheet(20.0, 10.0, 4, 2), [Membrane(KOMEILI), mine], clamped_ends(0.1))
     words = rf"`{method}` of term mine gives the field hits with shape \(\d+,\); allowed is \("
     with pytest.raises(InputError, match=words):
         Job(scene, steps=1).run()
 
 
-@pytest.mark.parametrize("ask", [lambda row: row.get("hits", 0), lambda row: row["hits"]])
-def test_terms_that_read_a_column_may_share_it(ask):
-    class Mine(Bedding):
-        def add_history(self, row):
-            row["hits"] = 1 + (ask(row) if "hits" in row else 0)
-
-    terms = [Membrane(KOMEILI), Mine(K), Mine(K), Mine(K)]
-    row = Scene(sheet(20.0, 10.0, 2, 1), terms, clamped_ends(0.1)).history()
-    assert list(row) == ["min_stability", "hits"] and row["hits"] == 3
+TOLD = {
+    "cell_fields": "field hits",
+    "nodal_fields": "field hits",
+    "summary": "entry hits",
+    "history": "column hits",
+}
 
 
-FIELDS = {"add_cell_fields": "field hits", "add_nodal_fields": "field hits"}
-TOLD = FIELDS | {"add_summary": "entry hits"}
+def telling(method, rule=lambda value: value):
+    """A class of terms that give `hits`, 1 or -2, by `method`."""
 
-
-def telling(method, ask=lambda told: 0):
-    """A class of terms that give `hits` by `method`."""
-
-    def tell(self, told):
+    def tell(self):
         size = self.blank.whole.cells.size if "cell" in method else len(self.blank.whole.nodes)
-        told["hits"] = ask(told) + (1 if method == "add_summary" else np.ones(size))
+        value = -2 if self.name == "other" else 1
+        return {"hits": rule(np.full(size, value) if "fields" in method else value)}
 
-    silent = {"add_history": Term.add_history, "add_nodal_fields": Term.add_nodal_fields}
+    silent = {"history": dict, "nodal_fields": dict}
     return type("Mine", (Bedding,), silent | {"name": "mine", "energy_kind": "mine", method: tell})
 
 
@@ -371,23 +362,22 @@ def telling(method, ask=lambda told: 0):
 def test_a_field_or_an_entry_that_two_terms_give(method):
     """At load 0, not when a long run ends."""
     mine, other, loads = telling(method)(K), telling(method)(K), []
-    other.name, other.at = "other", loads.append
+    other.name, other.set_load = "other", loads.append
     scene = Scene(sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), mine, other], clamped_ends(0.1))
-    given = "summary" if method == "add_summary" else "fields"
     with pytest.raises(InputError) as error:
         Job(scene, steps=1).run()
     assert set(loads) <= {0.0}
     assert str(error.value) == (
         f"`{method}` of term other gives the {TOLD[method]}, which term mine gives already; "
-        f"allowed is another name, or to read it in `{given}` and give one value for both"
+        "allowed is another name, or a rule that merges both, as `largest(value)`"
     )
 
 
 @pytest.mark.parametrize("name", ["terms", "material", "integration"])
 def test_an_entry_of_the_summary_that_is_there_already(name):
     class Mine(Bedding):
-        def add_summary(self, summary):
-            summary[name] = "mine"
+        def summary(self):
+            return {name: "mine"}
 
     words = f"gives the entry {name}, which .* already; allowed is another name"
     with pytest.raises(InputError, match=words):
@@ -395,15 +385,49 @@ def test_an_entry_of_the_summary_that_is_there_already(name):
 
 
 @pytest.mark.parametrize("method", TOLD)
-@pytest.mark.parametrize(
-    "ask", [lambda told: told.get("hits", 0), lambda told: told.setdefault("hits", 0)]
-)
-def test_terms_that_read_a_field_or_an_entry_may_share_it(method, ask):
-    Mine = telling(method, ask)
-    terms = [Membrane(KOMEILI), Mine(K), Mine(K), Mine(K)]
-    scene = Scene(sheet(20.0, 10.0, 2, 1), terms, clamped_ends(0.1))
-    told = getattr(scene, method.removeprefix("add_"))()
-    assert np.all(told["hits"] == 3)
+@pytest.mark.parametrize("rule, merged", [(least, -2), (total, 0), (last, 1)])
+def test_terms_that_say_how_their_values_are_merged_may_share_a_name(method, rule, merged):
+    terms = [telling(method, rule)(K) for _ in range(3)]
+    terms[1].name = "other"
+    scene = Scene(sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), *terms], clamped_ends(0.1))
+    assert np.all(getattr(scene, method)()["hits"] == merged)
+
+
+def test_rules_that_merge_fields():
+    blank = sheet(20.0, 10.0, 2, 1)
+    here = blank.whole.cells.size
+
+    def merged(*given):
+        terms = []
+        for values in given:
+            terms.append(Bedding(K))
+            terms[-1].cell_fields = lambda values=values: values
+        scene = Scene(sheet(20.0, 10.0, 2, 1), [Elastic(), *terms], clamped_ends(0.1))
+        return scene.cell_fields()
+
+    one, two = np.tile([3.0, 4.0], (here, 1)), np.tile([0.0, -9.0], (here, 1))
+    both = {name: rule(one) for name, rule in (("sum", total), ("larger", largest))}
+    fields = merged(
+        both | {"size": size_of("sum", "mm"), "scalar": largest(np.full(here, -3.0))},
+        {"sum": total(two), "larger": largest(two), "size": size_of("sum", "mm")}
+        | {"scalar": largest(np.full(here, np.nan))},
+    )
+    assert fields["sum"] == pytest.approx(one + two) and fields["larger"] == pytest.approx(two)
+    assert fields["size"] == pytest.approx(np.full(here, np.hypot(3, 5)))
+    assert fields.units == {"size": "mm"} and fields["scalar"] == pytest.approx(-3.0)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_fields_of_parts_are_put_into_one(order):
+    blank = sheet(20.0, 10.0, 2, 1)
+    blank.divide({"left": lambda x: x[0] < 10}, rest="right")
+    left, right = (blank.part(name) for name in ("left", "right"))
+    given = [on_part(left, np.full(len(left.cells), 1.0)), on_part(right, 2.0 * right.cells)]
+    terms = [Bedding(K) for _ in given]
+    for term, value in zip(terms, given[::order]):
+        term.cell_fields = lambda value=value: {"f": value}
+    found = Scene(blank, [Elastic(), *terms], clamped_ends(0.1)).cell_fields()["f"]
+    assert (found[left.cells] == 1).all() and (found[right.cells] == 2.0 * right.cells).all()
 
 
 def test_terms_of_the_package_may_be_twice_on_a_sheet():

@@ -23,7 +23,7 @@ def run(term):
 
 
 def with_own(method, does):
-    return type("Mine", (Springs,), {method: does})()
+    return type("Mine", (Springs,), {method: does, "recall": lambda self, memory: None})()
 
 
 def moved(self, by):
@@ -71,6 +71,16 @@ def test_a_tangent_whose_places_change():
         run(with_own("tangent", tangent))
 
 
+def test_places_that_depend_on_the_displacement_are_told():
+    def tangent(self):
+        pushed = (self.u() > 0.0) & (COMM.rank == 0)
+        return tuple(part[pushed] for part in Springs.tangent(self))
+
+    mine = with_own("tangent", tangent)
+    with pytest.raises(ff.InputError, match="springs gives other places where the sheet is else"):
+        ff.check_derivatives(mine, scene_with(mine), size=1e-3)
+
+
 def test_forces_that_are_returned():
     def add_forces(self, f):
         return f + 1.0
@@ -90,7 +100,7 @@ def test_forces_in_place_of_others():
         ff.check_derivatives(mine, scene_with(mine))
 
 
-@pytest.mark.parametrize("method", ["stored", "potential", "work"])
+@pytest.mark.parametrize("method", ["stored", "work"])
 @pytest.mark.parametrize("value", [None, np.ones(3)])
 def test_energies_and_work_that_are_no_number(method, value):
     with pytest.raises(ff.InputError, match=f"`{method}` of term springs gives .*; allowed is one"):
@@ -149,7 +159,6 @@ def test_a_constant_that_is_no_float(k):
     [
         ("resists", ("shift",), "allowed is a tuple of move, turn, lift, slide, stretch"),
         ("resists", "move", "allowed is a tuple of"),
-        ("units", "MPa", "allowed is {name of a field: unit}"),
     ],
 )
 def test_words_that_are_none(name, value, words):
@@ -163,26 +172,22 @@ def test_what_is_no_term(term):
         scene_with(term)
 
 
-def update(**values):
-    return lambda self, told: told.update(values)
+def giving(**values):
+    return lambda self: values
 
 
 @pytest.mark.parametrize(
     "method, does, words",
     [
-        ("add_history", update(hits=np.ones(3)), "column hits, of type ndarray; allowed is what"),
-        ("add_history", update(hits=np.int64(3)), "column hits, of type int64; allowed is what"),
-        ("add_summary", update(hits=np.ones(3)), "entry hits, of type ndarray; allowed is what"),
-        ("add_summary", update(converged=3), "entry converged, which summary.json has already"),
-        ("add_summary", update(cells=3), "entry cells, which summary.json has already"),
-        ("add_summary", lambda self, told: {"hits": 3}, "returns something; .* to the `summary`"),
-        ("add_nodal_fields", update(u=3), r"field u with shape \(\); allowed is"),
-        ("add_nodal_fields", update(hits=["a"]), "field hits with"),
-        (
-            "add_cell_fields",
-            lambda self, told: {"hits": 3},
-            "returns something; .* to the `fields`",
-        ),
+        ("history", giving(hits=np.ones(3)), "column hits, of type ndarray; allowed is what"),
+        ("history", giving(hits=np.int64(3)), "column hits, of type int64; allowed is what"),
+        ("summary", giving(hits=np.ones(3)), "entry hits, of type ndarray; allowed is what"),
+        ("summary", giving(converged=3), "entry converged, which summary.json has already"),
+        ("summary", giving(cells=3), "entry cells, which summary.json has already"),
+        ("summary", lambda self: None, "returns NoneType; allowed is a dict {entry: value}"),
+        ("nodal_fields", giving(u=3), r"field u with shape \(\); allowed is"),
+        ("nodal_fields", giving(hits=["a"]), "field hits with"),
+        ("cell_fields", lambda self: 3, "returns int; allowed is a dict {field: value}"),
         ("memory", lambda self: {"hits": np.ones(3)}, r"array hits with shape \(3,\); allowed is"),
         ("memory", lambda self: {"hits": 3.0}, r"array hits with shape \(\); allowed is"),
     ],
@@ -192,16 +197,23 @@ def test_what_cannot_be_told_or_kept(method, does, words):
         run(with_own(method, does))
 
 
+@pytest.mark.parametrize("method", ["memory", "cell_memory"])
+def test_a_memory_that_is_not_taken_back(method):
+    mine = type("Mine", (Springs,), {method: lambda self: {}})()
+    with pytest.raises(ff.InputError, match=f"springs has `{method}` but no `recall`; allowed are"):
+        scene_with(mine)
+
+
 def test_a_field_that_the_sheet_has():
-    def add_nodal_fields(self, fields):
-        fields["u"] = self.blank.nodal_displacement()[: len(self.part.nodes)]
+    def nodal_fields(self):
+        return {"u": self.blank.nodal_displacement()[: len(self.part.nodes)]}
 
     with pytest.raises(ff.InputError, match="field u, which the sheet has already; allowed is ano"):
-        run(with_own("add_nodal_fields", add_nodal_fields))
+        run(with_own("nodal_fields", nodal_fields))
 
 
 def test_a_field_of_a_list():
-    mine = with_own("add_cell_fields", lambda s, told: told.update(hits=[1.0] * s.part.cells.size))
+    mine = with_own("cell_fields", lambda self: {"hits": [1.0] * self.part.cells.size})
     assert (run(mine).fields["hits"] == 1).all()
 
 

@@ -135,7 +135,7 @@ def test_every_array_has_its_unit(tmp_path):
         spatial=True, terms=[Contact(Tool(Sphere(10.0, (30, 20, -9.9)), name="ball"), 0.4, 100.0)]
     )
     FieldSeries(tmp_path, scene).write(0.0)
-    units = UNITS | scene.units()
+    units = UNITS | scene.cell_fields().units | scene.nodal_fields().units
     for path in (tmp_path / "fields" / "0000_0.vtu", tmp_path / "tools" / "0000_0.vtp"):
         ElementTree.parse(path)  # ParaView 5.11 on Debian 12 reads no other
         read = pyvista.read(path)
@@ -273,7 +273,7 @@ def test_contact_fields_and_tools_at_each_state(tmp_path):
         for at in loads:
             blank.u.x.array[2::3] = 0.5 * at
             for contact in contacts:
-                contact.at(at)
+                contact.set_load(at)
             series.write(at)
 
     series = begin()

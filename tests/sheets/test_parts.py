@@ -60,17 +60,12 @@ def test_no_rest_where_patches_cover_all():
 
 
 @pytest.mark.mpi
-def test_fields_of_parts_are_put_into_one():
+def test_values_of_a_part_are_spread_among_all_cells():
     blank = strip()
     blank.divide({"left": LEFT}, "rest")
-    left, fields = blank.part("left"), {}
-    left.put(fields, "f", np.ones(len(left.cells)))
-    left.put(fields, "n", np.ones(len(left.cells), dtype=np.int32))
-    assert np.array_equal(np.isfinite(fields["f"]), blank.midpoints()[0] < 40)
-    assert np.array_equal(fields["n"], blank.midpoints()[0] < 40)
-    rest = blank.part("rest")
-    rest.put(fields, "f", np.full(len(rest.cells), 2.0))
-    assert np.array_equal(fields["f"], np.where(blank.midpoints()[0] < 40, 1.0, 2.0))
+    left, inside = blank.part("left"), blank.midpoints()[0] < 40
+    assert np.array_equal(np.isfinite(left.spread(np.ones(len(left.cells)))), inside)
+    assert np.array_equal(left.spread(np.ones(len(left.cells), dtype=np.int32)), inside)
 
 
 def test_all_of_a_blank_is_a_part_without_a_name():

@@ -22,7 +22,7 @@ class Losing(Term):
     def __init__(self, share):
         self.share, self._load, self._from = share, 0.0, 0.0
 
-    def at(self, load):
+    def set_load(self, load):
         self._load = load
 
     def accept(self):
@@ -74,9 +74,9 @@ def test_balance_is_above_0():
 class Holding(Term):
     """Takes something anew twice in each step."""
 
-    name, rough = "holding", 1e-3
+    name, loose_tolerance = "holding", 1e-3
 
-    def at(self, load):
+    def set_load(self, load):
         self.left = 2
 
     def add_forces(self, f):
@@ -91,12 +91,12 @@ class Striking(Term):
     """Finds a push [N] along y on all nodes after the first solution of a step, if that is longer
     than a quarter; an hour's iterations might follow."""
 
-    name, energy_kind, rough = "striking", "contact", 1e-3
+    name, energy_kind, loose_tolerance = "striking", "contact", 1e-3
 
     def __init__(self, push):
         self.push = push
 
-    def at(self, load):
+    def set_load(self, load):
         self.force, self._load = 0.0, load
 
     def accept(self):

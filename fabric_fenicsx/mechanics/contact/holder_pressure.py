@@ -12,6 +12,7 @@ from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
 from ..term import SceneFacts
+from ..term_checks import bind
 from .coulomb import Coulomb
 from .nodes import Nodes
 from .pressing_term import PressingTerm
@@ -71,13 +72,13 @@ class BlankHolderPressure(PressingTerm):
             )
         self.nodes = Nodes(scene.blank, self.part)
         for contact in self._against:
-            contact.bind(scene)
+            bind(contact, scene)
         self._accepted_areas = self._pressed()
-        self.at(0.0)
+        self.set_load(0.0)
         self.accept()
         self.start_friction()
 
-    def at(self, load: float) -> None:
+    def set_load(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
         self.now, self._areas = float(self._pressure(load)), self._accepted_areas
         self._updates = 0
@@ -118,12 +119,13 @@ class BlankHolderPressure(PressingTerm):
         pressed = float(0.5 * (self._before + self.now) * (moved @ self.direction))
         return pressed + self.friction_work()
 
-    def potential(self) -> float:
-        """Of this rank's nodes [N mm]."""
-        return -float((self.pressing_forces() * self.nodes.displacement()).sum())
+    def energies(self) -> dict[str | None, float]:
+        """As in `StoresKinds`: minus the work of the pressure, and what friction took."""
+        pressed = float((self.pressing_forces() * self.nodes.displacement()).sum())
+        return {**super().energies(), None: -pressed}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Term`."""
+        """As in `Remembers`."""
         self.recall_friction(memory)
 
     def normal_forces(self) -> np.ndarray:

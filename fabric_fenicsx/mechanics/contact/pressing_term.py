@@ -18,8 +18,8 @@ class PressingTerm(Term):
     """A term by which a `tool` presses the sheet's `nodes`, with friction.
 
     An heir tells what presses (`normal_forces`, `normals`, `pressing_forces`), and calls
-    `start_friction` last in its `set_up`. In `at`, `update_lagged`, `accept` and `recall` it does
-    its own part first, then friction's. coulomb: the law of friction, or None without.
+    `start_friction` last in its `set_up`. In `set_load`, `update_lagged`, `accept` and `recall` it
+    does its own part first, then friction's. coulomb: the law of friction, or None without.
     """
 
     tool: Tool
@@ -108,23 +108,23 @@ class PressingTerm(Term):
 
     # -- what a scene calls
 
-    def stored_by_kind(self) -> dict[str, float]:
-        """As in `Term`: what friction took."""
+    def energies(self) -> dict[str | None, float]:
+        """As in `StoresKinds`: what friction took."""
         if not self.friction:
             return {}
         self.pressing_forces()  # so that a tool moved by force is where it is balanced
         return {"friction": self.friction.energy(self.slid())}
 
     def stored(self) -> float:
-        """Energy of this rank's nodes, what friction took included [N mm]."""
-        return sum(self.stored_by_kind().values())
+        """As in `Term`, what friction took included."""
+        return sum(self.energies().values())
 
     def add_forces(self, f: np.ndarray) -> None:
         """As in `Term`."""
         f[: 3 * self.nodes.count] -= self.forces().ravel()
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Term`."""
+        """As in `Loaded`."""
         return self.forces().ravel()
 
     def tangent(self) -> Triplets:
@@ -147,6 +147,6 @@ class PressingTerm(Term):
             self.friction.recall({"slip": memory["slip"], "energy": memory["energy"][:, 0]})
             self._note_start()
 
-    def tool_force(self, tool: Tool) -> np.ndarray:
-        """As in `Term`."""
-        return self.force() + self._friction_force if tool is self.tool else np.zeros(3)
+    def tool_force(self) -> np.ndarray:
+        """As in `Pressing`."""
+        return self.force() + self._friction_force

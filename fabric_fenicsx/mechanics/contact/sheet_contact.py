@@ -1,8 +1,6 @@
-"""Contact of a sheet with another one: a penalty at points of one over the smooth face of the
-other."""
+"""Contact of two sheets: a penalty at points of one over the smooth face of the other."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -10,7 +8,9 @@ from mpi4py import MPI
 from ...material.metal import Metal
 from ...runtime.errors import InputError
 from ...runtime.rules import POSITIVE
-from ...tools.tool import Tool
+from ..materials import material_of, materials_of
+from ..reports import Value, joined, largest, size_of
+from ..roles import Touching
 from ..shell.morley import Where
 from ..term import SceneFacts, Term, Triplets
 from .coulomb import Coulomb, as_coulomb
@@ -35,8 +35,8 @@ class SheetContact(Term):
     cells at free edges, see `Face`, both are some per cent off.
 
     Within a solve the gap is a paraboloid in the relative displacement, of `HeldFaces`: these are
-    taken anew after it if that changes the forces by more than `lag` of their sum. Until that is
-    settled, solves are `rough`.
+    taken anew after it if that changes the forces by more than `lag` of their sum. Until that has
+    settled, solves are to `loose_tolerance`.
 
     - penalty [N/mm^3]: by default `stack_penalty` of both sheets, and of all metal of the scene,
       with its tightest tool
@@ -53,8 +53,7 @@ class SheetContact(Term):
     sheets that overlap or of which none lies over the other.
     """
 
-    energy_kind, rough = "contact", 1e-3
-    units = {"sheet_pressure": "MPa", "sliding": "mm", "sliding_size": "mm"}
+    energy_kind, loose_tolerance = "contact", 1e-3
     friction: Friction | None = None
 
     def __init__(
@@ -125,14 +124,15 @@ class SheetContact(Term):
         return part.thickness
 
     def _default_penalty(self, scene, parts):
-        both = [scene.material_of(part) for part in parts]
+        both = [material_of(scene, part) for part in parts]
         if not all(both):
             raise InputError(
                 f"{self.name} is given no penalty, and not both sheets have a fabric or metal; "
                 "allowed is a number above 0"
             )
-        metals = [term.made_of for term in scene.terms if isinstance(term.made_of, Metal)]
-        tools: list[Tool] = [tool for term in scene.terms for tool in term.tools()]
+        every = materials_of(scene, scene.blank.whole)
+        metals = [each for each in every if isinstance(each, Metal)]
+        tools = [term.tool for term in scene.terms if isinstance(term, Touching)]
         radius = min((min(tool.surface.radii) for tool in tools), default=np.inf)
         return stack_penalty([each for each in [*both, *metals] if each], radius)
 
@@ -157,7 +157,7 @@ class SheetContact(Term):
         """As in `Term`."""
         return self._held.pattern
 
-    def at(self, load: float) -> None:
+    def set_load(self, load: float) -> None:
         """Go back to the faces and normal forces of the last accepted state."""
         self._load = load
         self._held.restore()
@@ -194,7 +194,7 @@ class SheetContact(Term):
         return {name: self.points.among_cells(values) for name, values in known.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Term`."""
+        """As in `Remembers`."""
         known = {name: self.points.of_cells(rows) for name, rows in memory.items()}
         self._depth = known["depth"]
         if self.friction:
@@ -226,14 +226,14 @@ class SheetContact(Term):
         now = anticipate(self._law, facing.areas, now, missing)
         self._found = self.blank.u.x.array.copy(), facing, now
 
-    def stored_by_kind(self) -> dict[str, float]:
-        """As in `Term`: of contact, and what friction took."""
-        kinds = {"contact": float(self._pressed().energy.sum())}
+    def energies(self) -> dict[str | None, float]:
+        """As in `StoresKinds`: of contact, and what friction took."""
+        kinds: dict[str | None, float] = {"contact": float(self._pressed().energy.sum())}
         return kinds | {"friction": self.friction.energy(self._slid())} if self.friction else kinds
 
     def stored(self) -> float:
         """As in `Term`."""
-        return sum(self.stored_by_kind().values())
+        return sum(self.energies().values())
 
     def add_forces(self, f: np.ndarray) -> None:
         """As in `Term`."""
@@ -291,8 +291,12 @@ class SheetContact(Term):
         return self.blank.mesh.comm.allreduce(float(self._depth.max(initial=0.0)), MPI.MAX)
 
     def penetration_of_thickness(self) -> float:
-        """As in `Term`, of the thinner sheet."""
+        """As in `Penetrated`, of the thinner sheet."""
         return self.deepest() / self.thickness
+
+    def where_deepest(self) -> str:
+        """As in `Penetrated`."""
+        return self.name
 
     def sliding(self) -> np.ndarray:
         """How far each point has moved along the other sheet from the place that it lay over at the
@@ -302,30 +306,26 @@ class SheetContact(Term):
         normal = self.points.of_all(now, now.normal, np.nan)
         return moved - (moved * normal).sum(1, keepdims=True) * normal
 
-    def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
-        """Means over the cells of the sheet that has the points: pressure [MPa], and how far they
-        have slid on the other sheet, as a vector and its size [mm]; of two other sheets the
-        larger."""
+    def cell_fields(self) -> dict[str, Value]:
+        """Means over the cells of the sheet that has the points: pressure, and how far they have
+        slid on the other sheet, as a vector and its size; of two other sheets the larger."""
         part = self.points.part
         shape = len(part.cells), self.points.per_cell
-        pressure = (self.normal_forces() / self.points.areas).reshape(shape)
-        slid = np.nan_to_num(self.sliding()).reshape(*shape, 3)
-        vector, cells = slid.mean(1), part.cells
-        found = {"sheet_pressure": pressure.mean(1), "sliding_size": np.linalg.norm(vector, axis=1)}
-        if "sliding" in fields:  # of two sheets that lie on this one, what is larger
-            further = fields["sliding_size"][cells] > found["sliding_size"]
-            vector = np.where(further[:, None], fields["sliding"][cells], vector)
-            found = {name: np.fmax(fields[name][cells], now) for name, now in found.items()}
-        for name, values in (found | {"sliding": vector}).items():
-            part.put(fields, name, values)
+        pressure = (self.normal_forces() / self.points.areas).reshape(shape).mean(1)
+        slid = np.nan_to_num(self.sliding()).reshape(*shape, 3).mean(1)
+        return {
+            "sheet_pressure": largest(part.spread(pressure), "MPa"),
+            "sliding": largest(part.spread(slid), "mm"),
+            "sliding_size": size_of("sliding", "mm"),
+        }
 
-    def add_summary(self, summary: dict[str, Any]) -> None:
-        """Add force, penetration and largest sliding of the pair."""
+    def summary(self) -> dict[str, Value]:
+        """Force, penetration and largest sliding of the pair."""
         comm, sizes = self.blank.mesh.comm, np.linalg.norm(self.sliding(), axis=1)
-        furthest = np.nanmax(sizes, initial=0.0)
-        summary.setdefault("sheet_contacts", {})[f"{self.sheets[0]}, {self.sheets[1]}"] = {
+        pair = {
             "force_N": float(np.linalg.norm(self.totals[:3])),
             "normal_force_N": float(self.totals[3]),
             "penetration_of_thickness": self.penetration_of_thickness(),
-            "sliding_largest_mm": comm.allreduce(float(furthest), MPI.MAX),
+            "sliding_largest_mm": comm.allreduce(float(np.nanmax(sizes, initial=0.0)), MPI.MAX),
         }
+        return {"sheet_contacts": joined({f"{self.sheets[0]}, {self.sheets[1]}": pair})}

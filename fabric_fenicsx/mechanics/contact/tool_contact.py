@@ -1,7 +1,6 @@
 """Contact of a sheet with rigid tools: a penalty at its nodes."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -11,6 +10,8 @@ from ...runtime.errors import InputError
 from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
+from ..materials import number_at_nodes
+from ..reports import Value, least, size_of, total
 from ..term import SceneFacts, Triplets
 from ..work import Work
 from .balance import Resistance, find_balance
@@ -46,7 +47,6 @@ class Contact(PressingTerm):
 
     name, energy_kind = "contact", "contact"
     resists = ("lift",)
-    units = {"contact_traction": "MPa", "contact_pressure": "MPa", "contact_gap": "mm"}
 
     def __init__(
         self,
@@ -96,7 +96,7 @@ class Contact(PressingTerm):
         self, scene: SceneFacts, name: str, of: Callable[[Material], float]
     ) -> float | np.ndarray:
         """The value `name`, of the scene's material or one for each node, that was not given."""
-        value = scene.at_nodes(of)
+        value = number_at_nodes(scene, of)
         if value is None:
             raise InputError(
                 f"contact with {self.tool.name} is given no {name}, and no term of the scene has a "
@@ -107,7 +107,7 @@ class Contact(PressingTerm):
     # -- what a scene calls
 
     def check_start(self) -> None:
-        """As in `Term`: for a tool whose body the sheet's nodes are in, and one whose path or
+        """As in `Touching`: for a tool whose body the sheet's nodes are in, and one whose path or
         surface can't be."""
         self.tool.at(1.0)
         self.tool.at(0.0)
@@ -115,7 +115,7 @@ class Contact(PressingTerm):
         check_start(self.tool, x, float(np.max(self.thickness)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """As in `Term`, at up to twice `PROBED` nodes that find a nearest point."""
+        """As in `Touching`, at up to twice `PROBED` nodes that find a nearest point."""
         found, x = [], self.nodes.places[self.part.nodes]
         x = x[:: max(1, len(x) // PROBED)]
         for load in (0.0, 1.0):
@@ -126,7 +126,7 @@ class Contact(PressingTerm):
         self.tool.at(self._load)
         return found
 
-    def at(self, load: float) -> None:
+    def set_load(self, load: float) -> None:
         """Move the tool, from where it was in the last accepted state, and drop shifts since."""
         self._load = load
         self.tool.at(load)
@@ -171,18 +171,12 @@ class Contact(PressingTerm):
         """Have the state found anew, and a tool moved by force its place, as friction changed."""
         self._found = None
 
-    def stored_by_kind(self) -> dict[str, float]:
-        """As in `Term`: of contact, and what friction took."""
-        return {"contact": float(self.state().energy.sum()), **super().stored_by_kind()}
-
-    def potential(self) -> float:
-        """That of the force which moves the tool, on rank 0 [N mm]."""
-        self.state()
-        return (
-            -self.tool.push * self.tool.travel
-            if self.tool.force and self.nodes.comm.rank == 0
-            else 0.0
-        )
+    def energies(self) -> dict[str | None, float]:
+        """As in `StoresKinds`: of contact, what friction took, and on rank 0 minus the work of the
+        force that moves the tool."""
+        kinds = {"contact": float(self.state().energy.sum()), **super().energies()}
+        by_force = self.tool.force and self.nodes.comm.rank == 0
+        return kinds | {None: -self.tool.push * self.tool.travel if by_force else 0.0}
 
     def tangent(self) -> Triplets:
         """As in `Term`, (9 nodes,) each [N/mm]."""
@@ -197,7 +191,7 @@ class Contact(PressingTerm):
         self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
-        """As in `Term`; None of a tool that is not moved by force."""
+        """As in `DrivenByForce`."""
         if not self.tool.force:
             return None
         pushed = self._blocks(self.state()) @ self.tool.direction
@@ -229,7 +223,7 @@ class Contact(PressingTerm):
         }
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Term`."""
+        """As in `Remembers`."""
         self._shift, self._depth = memory["shift"][:, 0], memory["depth"][:, 0]
         self.tool.travel = float(self.nodes.common(memory["travel"])[0])
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
@@ -260,20 +254,16 @@ class Contact(PressingTerm):
         return self.nodes.comm.allreduce(float(self._depth.max(initial=0.0)), MPI.MAX)
 
     def penetration_of_thickness(self) -> float:
-        """As in `Term`."""
+        """As in `Penetrated`."""
         deepest = float((self._depth / self.thickness).max(initial=0.0))
         return self.nodes.comm.allreduce(deepest, MPI.MAX)
 
     def where_deepest(self) -> str:
-        """As in `Term`, with the place in the undeformed sheet."""
+        """As in `Penetrated`, with the place in the undeformed sheet."""
         i = int(self._depth.argmax()) if self._depth.size else None
         mine = (0.0, ()) if i is None else (self._depth[i], tuple(self.nodes.places[i]))
         _, place = max(self.nodes.comm.allgather(mine))
         return f"{self.tool.name} at ({', '.join(f'{x:.4g}' for x in place)}) mm of the flat sheet"
-
-    def tools(self) -> tuple[Tool, ...]:
-        """As in `Term`."""
-        return (self.tool,)
 
     def gap(self) -> np.ndarray:
         """From the ply's face to the tool at this rank's nodes, (nodes,) [mm]; below 0
@@ -286,17 +276,17 @@ class Contact(PressingTerm):
         gap[self.nodes.others] = np.inf
         return gap - self.thickness / 2
 
-    def add_nodal_fields(self, fields: dict[str, Any]) -> None:
-        """Traction (nodes, 3) and its size, pressure [MPa], of all contacts together, and the gap
-        to the nearest tool [mm]."""
-        traction = fields.get("contact_traction", 0) + self.tractions()
-        fields["contact_traction"] = traction
-        fields.get("contact_pressure")  # that of all contacts takes its place
-        fields["contact_pressure"] = np.linalg.norm(traction, axis=1)
-        fields["contact_gap"] = np.minimum(fields.get("contact_gap", np.inf), self.gap())
+    def nodal_fields(self) -> dict[str, Value]:
+        """Traction (nodes, 3) and its size, pressure, of all contacts together, and the gap to the
+        nearest tool."""
+        return {
+            "contact_traction": total(self.tractions(), "MPa"),
+            "contact_pressure": size_of("contact_traction", "MPa"),
+            "contact_gap": least(self.gap(), "mm"),
+        }
 
     def warnings(self) -> list[str]:
-        """As in `Term`: if the tool's surface gave no number, which may be why steps failed."""
+        """As in `Warns`: if the tool's surface gave no number, which may be why steps failed."""
         lost = next(filter(None, self.nodes.comm.allgather(self._lost)), "")
         surface = type(self.tool.surface).__name__
         return (

@@ -7,6 +7,7 @@ from scipy import sparse
 
 from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
+from ..materials import fabric_of
 from ..term import SceneFacts, Term, Triplets
 from .morley import MorleyCells, Where
 from .stencil import Stencil
@@ -83,7 +84,7 @@ class Bending(Term):
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
-        blank, given, fabric = scene.blank, self._given, scene.fabric_of(self.part)
+        blank, given, fabric = scene.blank, self._given, fabric_of(scene, self.part)
         if blank.mesh.geometry.dim == 2 and not self.in_plane:
             raise InputError(
                 f"bending of {blank.name} is asked in a plane with in_plane 0, where nothing "

@@ -1,7 +1,6 @@
 """The membrane: in-plane strain energy of a blank."""
 
 from itertools import combinations_with_replacement
-from typing import Any
 
 import numpy as np
 import ufl
@@ -16,6 +15,7 @@ from ...material.laws import Law
 from ...material.presets import checked_fabric
 from ...material.strains import nominal_strain, shear_angle
 from ...runtime.errors import InputError
+from ..reports import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
 from .mesh_warnings import band_warning, locking_warning
 
@@ -32,16 +32,9 @@ INTEGRATION = "full", "reduced"
 # of the yarns' stiffness, that holds their strain's gradients where it is taken at one point
 GRADIENTS = 0.0125
 STRAIN = 1e-3  # at which that stiffness is taken
-UNITS = {
-    **dict.fromkeys(
-        ("a", "b", "eps_a", "eps_b", "log_eps_11", "log_eps_22", "I4", "I6", "I8", "strain_state"),
-        "-",
-    ),
-    **dict.fromkeys(("shear_angle", "I10"), "rad"),
-    **dict.fromkeys(("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"),
-    **dict.fromkeys(("sigma_a", "sigma_b"), "MPa"),
-    **dict.fromkeys(("stability_convexity", "stability_ellipticity"), "-"),
-}
+UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"} | dict.fromkeys(
+    ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
+)  # of fields; of all others "-"
 
 
 class Membrane(Term):
@@ -70,8 +63,6 @@ class Membrane(Term):
     """
 
     name, energy_kind = "membrane", "strain"
-    fabric: Law
-    units = UNITS
 
     def __init__(
         self,
@@ -162,8 +153,13 @@ class Membrane(Term):
             energy += stiffness[n] * ufl.dot(slope, ufl.dot(spread, slope))
         return law.thickness * energy
 
+    @property
+    def made_of(self) -> Law:
+        """The fabric."""
+        return self.fabric
+
     def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
-        """As in `Term`, with fewer operations than UFL's own derivatives take."""
+        """As in `Varied`, with fewer operations than UFL's own derivatives take."""
         law, fa, fb, _, rest = self._ufl
         first, second = derivatives(*self._invariants, rest, law)
         (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
@@ -294,8 +290,8 @@ class Membrane(Term):
 
     # -- results
 
-    def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
-        """Add means over the part's cells, (cells,) or (cells, 3); their units are in `UNITS`.
+    def cell_fields(self) -> dict[str, Value]:
+        """Means over the part's cells, (cells,) or (cells, 3).
 
         a, b: deformed fibres; eps_a, eps_b: nominal, log_eps_11, log_eps_22: logarithmic fibre
         strains; shear_angle; I4, I6, I8, I10; energy_a, energy_b, energy_shear; strain_state 1..4,
@@ -327,9 +323,9 @@ class Membrane(Term):
         stable = stability.evaluate(self.fabric, state.invariants)
         found["stability_convexity"] = stable.convexity.min(1)
         found["stability_ellipticity"] = stable.ellipticity.min(1)
-        for name, values in found.items():
-            fields.get(name)  # of several membranes on a sheet the last one's take its place
-            self.part.put(fields, name, values)
+        return {
+            name: on_part(self.part, values, UNITS.get(name, "-")) for name, values in found.items()
+        }
 
     def _invariants_at_points(self):
         """I4, I6, I8 (cells, points) and shear angle, at a third of the cost of `state`."""
@@ -343,27 +339,25 @@ class Membrane(Term):
             gamma -= np.pi / 2 - self.weave_angle
         return np.stack([I4, I6, I8, gamma], -1)
 
-    def add_history(self, row: dict[str, Any]) -> None:
-        """Add `min_stability`, the least ellipticity indicator of all points: a band is the
-        material's only where it is negative, see `material.stability`."""
-        least = stability.least_ellipticity(self.fabric, self._invariants_at_points())
-        least = self.blank.mesh.comm.allreduce(least, MPI.MIN)
-        row["min_stability"] = min(least, row.get("min_stability", np.inf))
+    def history(self) -> dict[str, Value]:
+        """`min_stability`, the least ellipticity indicator of all points: a band is the material's
+        only where it is negative, see `material.stability`."""
+        found = stability.least_ellipticity(self.fabric, self._invariants_at_points())
+        return {"min_stability": least(self.blank.mesh.comm.allreduce(found, MPI.MIN))}
 
-    def add_summary(self, summary: dict[str, Any]) -> None:
-        """Add what the sheet is made of and how it is integrated, and the kernel's mismatch."""
+    def summary(self) -> dict[str, Value]:
+        """What the sheet is made of and how it is integrated, and the kernel's mismatch."""
         mismatch = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
         known = {"couplings": sorted(self.fabric.couplings), "material": self.fabric.name}
-        facts = {"integration": self.integration} | (known if self.part.is_whole else {})
-        for name in facts:
-            summary.get(name)  # of several membranes the last one's take its place
-        summary |= facts
-        if not self.part.is_whole:
-            summary.setdefault("parts", {})[self.part.name] = known
-        summary["kernel_mismatch"] = max(mismatch, summary.get("kernel_mismatch", 0.0))
+        by_part = {"parts": joined({self.part.name: known})}
+        return {
+            "integration": last(self.integration),
+            **({k: last(v) for k, v in known.items()} if self.part.is_whole else by_part),
+            "kernel_mismatch": largest(mismatch),
+        }
 
     def overstretched(self, strain: float) -> float:
-        """As in `Term`, by the larger mean nominal strain of a cell's two yarns."""
+        """As in `Stretched`, by the larger mean nominal strain of a cell's two yarns."""
         invariants, areas = self._invariants_at_points(), self.blank.areas()[self.part.cells]
         stretch = np.sqrt(
             np.maximum(invariants[..., 0] @ self.weights, invariants[..., 2] @ self.weights)
@@ -373,7 +367,7 @@ class Membrane(Term):
         return float(over / whole)
 
     def warnings(self) -> list[str]:
-        """As in `Term`: cells that lock, and bands."""
+        """As in `Warns`: cells that lock, and bands."""
         return [text for text in (locking_warning(self), band_warning(self)) if text]
 
     def least_ellipticity(self) -> np.ndarray:

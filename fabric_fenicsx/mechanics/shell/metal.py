@@ -1,7 +1,7 @@
 """Sheet metal: elastic-plastic membrane and bending in one, at points through the thickness."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -12,6 +12,7 @@ from ...material.hencky import Hencky, hencky
 from ...material.metal import Metal
 from ...material.plasticity import Response, elastic_energy, respond, volume_change, von_mises
 from ...runtime.errors import InputError
+from ..reports import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term, Triplets
 from .bending import plate_stiffness
 from .morley import MorleyCells, Where
@@ -20,12 +21,6 @@ from .stencil import CellSums, Stencil
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
 MEAN_AND_SHEARS = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
 CHUNK = 250  # cells whose stiffness is made at a time
-UNITS = {
-    "equivalent_plastic_strain": "-",
-    "metal_thickness": "mm",
-    "von_mises_top": "MPa",
-    "von_mises_bottom": "MPa",
-}
 
 
 class _Shape(NamedTuple):
@@ -89,7 +84,6 @@ class SheetMetal(Term):
     """
 
     name, energy_kind = "sheet metal", "metal"
-    units = UNITS
 
     def __init__(
         self,
@@ -148,10 +142,10 @@ class SheetMetal(Term):
 
     def stored(self) -> float:
         """Elastic energy and dissipation of this rank's cells [N mm]."""
-        return sum(self.stored_by_kind().values())
+        return sum(self.energies().values())
 
-    def stored_by_kind(self) -> dict[str, float]:
-        """As in `Term`; infinite where the sheet is curved within its thickness."""
+    def energies(self) -> dict[str | None, float]:
+        """As in `StoresKinds`; infinite where the sheet is curved within its thickness."""
         response = self._state().response
         found = {
             "metal": np.vdot(self._volumes, elastic_energy(self.metal, response.elastic)),
@@ -185,46 +179,40 @@ class SheetMetal(Term):
         return {"elastic": self._among_owned(strains), "plastic": self._among_owned(self._plastic)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Term`."""
+        """As in `Remembers`."""
         self._elastic = memory["elastic"][self._here].reshape(self._elastic.shape)
         self._plastic = memory["plastic"][self._here]
         self._hold(self._shape(self._stencil.displacement()))
 
     # -- results
 
-    def add_history(self, row: dict[str, Any]) -> None:
-        """Add `max_plastic_strain` and `min_metal_thickness_mm`, of all metal of the scene."""
+    def history(self) -> dict[str, Value]:
+        """`max_plastic_strain` and `min_metal_thickness_mm`, of all metal of the scene."""
         comm, plastic = self.blank.mesh.comm, self._state().response.plastic
-        largest = comm.allreduce(plastic.max(initial=0.0), MPI.MAX)
+        most = comm.allreduce(plastic.max(initial=0.0), MPI.MAX)
         thinnest = comm.allreduce(self.thickness().min(initial=np.inf), MPI.MIN)
-        row["max_plastic_strain"] = max(largest, row.get("max_plastic_strain", 0.0))
-        row["min_metal_thickness_mm"] = min(thinnest, row.get("min_metal_thickness_mm", np.inf))
+        return {"max_plastic_strain": largest(most), "min_metal_thickness_mm": least(thinnest)}
 
-    def add_summary(self, summary: dict[str, Any]) -> None:
-        """Add the metal's name and the number of points, of a stack by sheet."""
+    def summary(self) -> dict[str, Value]:
+        """The metal's name and the number of points, of a stack by sheet."""
         known = {"metal": self.metal.name, "points_through_metal": len(self._places)}
         if self.part.is_whole:
-            for name in known:
-                summary.get(name)  # of several metals the last one's take its place
-            summary |= known
-        else:
-            summary.setdefault("metals", {})[self.part.name] = known
+            return {name: last(value) for name, value in known.items()}
+        return {"metals": joined({self.part.name: known})}
 
-    def add_cell_fields(self, fields: dict[str, np.ndarray]) -> None:
-        """Add the largest equivalent plastic strain through the thickness, the thickness, and von
+    def cell_fields(self) -> dict[str, Value]:
+        """The largest equivalent plastic strain through the thickness, the thickness, and von
         Mises' stress (Cauchy) on the face that normals point from, the top, and on the other."""
         response, shape = self._state().response, self._plastic.shape
         volume = np.exp(volume_change(self.metal, response.elastic))
         stress = (von_mises(response.stress) / volume).reshape(shape)
-        found = {
-            "equivalent_plastic_strain": response.plastic.reshape(shape).max(1),
-            "metal_thickness": self.thickness(),
-            "von_mises_top": stress[:, -1],
-            "von_mises_bottom": stress[:, 0],
+        strain = response.plastic.reshape(shape).max(1)
+        return {
+            "equivalent_plastic_strain": on_part(self.part, strain, "-"),
+            "metal_thickness": on_part(self.part, self.thickness(), "mm"),
+            "von_mises_top": on_part(self.part, stress[:, -1], "MPa"),
+            "von_mises_bottom": on_part(self.part, stress[:, 0], "MPa"),
         }
-        for name, values in found.items():
-            fields.get(name)  # of several metals on a sheet the last one's take its place
-            self.part.put(fields, name, values)
 
     def thickness(self) -> np.ndarray:
         """Present thickness of this rank's cells, (cells,) [mm]."""

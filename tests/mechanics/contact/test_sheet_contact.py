@@ -441,4 +441,4 @@ def test_a_holder_presses_where_all_sheets_lie_on_one_another():
     forces = press.normal_forces()
     beyond = (stack.coordinates()[: len(forces), 0] > 16 + 1e-6) | ~stack.part("low").nodes
     assert not forces[beyond].any()
-    assert not any(term.update_lagged() for term in scene.terms)
+    assert not scene.update_lagged()
