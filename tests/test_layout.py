@@ -39,13 +39,8 @@ LONG = {
 }
 MANY_ARGUMENTS = set()
 IN_CIRCLES = {
-    "mechanics.assembly",
-    "mechanics.given",
     "mechanics.shell.membrane",
     "mechanics.shell.mesh_warnings",
-    "mechanics.term",
-    "mechanics.term_checks",
-    "mechanics.told",
     "scenarios.forming",
     "scenarios.measuring",
     "scene.scene",
