@@ -34,9 +34,7 @@ MODULES = {
 TREES = {name: ast.parse(path.read_text()) for name, path in MODULES.items()}
 LONGEST, MOST_ARGUMENTS = 60, 8
 # What still breaks a rule. Whoever mends one takes it off; an entry that is not needed fails.
-LONG = {
-    "verification.derivatives._of_term",
-}
+LONG = set()
 MANY_ARGUMENTS = set()
 IN_CIRCLES = {
     "mechanics.shell.membrane",

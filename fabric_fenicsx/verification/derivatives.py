@@ -254,125 +254,154 @@ def _of_radii(surface: Surface, feet: np.ndarray) -> Row:
 def _of_term(
     term: Term, scene: Scene, load: float, size: float | None, remarks: list[str]
 ) -> Iterator[Row]:
-    blank, comm = scene.blank, scene.comm
-    total = comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]), MPI.SUM)
-    size = size or 1e-3 * float(np.sqrt(total[0] / total[1]))
-    before, x, h = scene.u.copy(), scene.u.copy(), 1e-6 * size
-    # rough, and the same on any number of ranks
-    gdim, owned = blank.mesh.geometry.dim, blank.V.dofmap.index_map.size_local
-    places = blank.coordinates()[:owned]
-    angles = [1e3 * places @ [1.3, 1.7, 1.9] + i for i in range(2 * gdim)]
-    moved, d = np.sin(angles[:gdim]).T.ravel(), np.sin(angles[gdim:]).T.ravel()
-    v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
-    forms = []
-    if term.energy is not None:
-        forms = [compat.form(each) for each in (term.energy, *variations(term, v, w))]
+    probe = _Probe(term, scene, size)
+    try:
+        yield from _compared(probe, load, remarks)
+    finally:
+        probe.leave()
 
-    def move(by: float | np.ndarray) -> None:
-        x.array[:] = before.array + size * moved + by
-        scene.set(x)
 
-    def energy_here() -> float:
-        form = fem.assemble_scalar(forms[0]) if forms else 0.0
+def _compared(probe: "_Probe", load: float, remarks: list[str]) -> Iterator[Row]:
+    """Rows on the term's forces and tangent at `load`; what its energies are like is added to the
+    remarks."""
+    term, size, whole, d, h = probe.term, probe.size, probe.whole, probe.direction, probe.step
+    term.set_load(0.0)
+    rest = probe.energy_here()
+    pushed = abs(whole(probe.forces(-size * probe.moved))).max(initial=0.0)
+    term.set_load(load)
+    f = probe.forces(0.0)
+    check_answers(term)
+    probe.check_adds(f)
+    probe.check_places()
+    Kd, change = probe.stiffness(), (probe.forces(h * d) - probe.forces(-h * d)) / (2 * h)
+    largest, total = abs(whole(f)).max(), abs(whole(f)).sum()
+    # not d alone, along which forces may cancel
+    e = d / 2 + f / max(largest, 1e-300)
+    slope = (probe.energy(1e3 * h * e) - probe.energy(-1e3 * h * e)) / (2e3 * h)
+    work = whole(f * e)
+    yield Row(
+        "forces and differences of energies",
+        abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), 1e-300),
+        "for displacements along the forces, and rough ones",
+    )
+    what = "tangent and differences of forces"
+    yield _row(what, whole(Kd), whole(change), whole(probe.places), 0.0)
+    stored = probe.energy(0 * d)
+    if term.energy_kind and stored < -1e-6 * size * total:
+        remarks.append(
+            f"the energy of the displaced sheet is {stored:.3g} N mm: below 0 it drives the "
+            "sheet in place of resisting it"
+        )
+    still = term.energy_kind and not probe.before.norm() and pushed <= 1e-9 * largest
+    if still and rest > size * total:
+        remarks.append(
+            f"the energy of the sheet as it lies is {rest:.3g} N mm, without a force: take it "
+            "off, as the energy balance knows no work that has gone into it"
+        )
+    if not largest:
+        remarks.append("the term gives no forces here: nothing was compared")
+
+
+class _Probe:
+    """A term alone in its scene, with the sheet displaced by about `size` [mm] from where it is,
+    `moved`, and from there along `direction`: rough ones, the same on any number of ranks."""
+
+    def __init__(self, term: Term, scene: Scene, size: float | None) -> None:
+        self.term, self.scene, self.comm, blank = term, scene, scene.comm, scene.blank
+        total = self.comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]), MPI.SUM)
+        self.size = size or 1e-3 * float(np.sqrt(total[0] / total[1]))
+        self.step = 1e-6 * self.size
+        self.before, self.x = scene.u.copy(), scene.u.copy()
+        gdim, owned = blank.mesh.geometry.dim, blank.V.dofmap.index_map.size_local
+        self.places = blank.coordinates()[:owned]
+        angles = [1e3 * self.places @ [1.3, 1.7, 1.9] + i for i in range(2 * gdim)]
+        self.moved = np.sin(angles[:gdim]).T.ravel()
+        self.direction = np.sin(angles[gdim:]).T.ravel()
+        v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
+        self.forms = []
+        if term.energy is not None:
+            self.forms = [compat.form(each) for each in (term.energy, *variations(term, v, w))]
+
+    def move(self, by: float | np.ndarray) -> None:
+        """Displace the sheet, and by so much more."""
+        self.x.array[:] = self.before.array + self.size * self.moved + by
+        self.scene.set(self.x)
+
+    def leave(self) -> None:
+        """The sheet where it was, the term at load 0."""
+        self.scene.set(self.before)
+        self.term.set_load(0.0)
+
+    def energy_here(self) -> float:
+        """Energy of the term on all ranks [N mm]."""
+        term = self.term
+        form = fem.assemble_scalar(self.forms[0]) if self.forms else 0.0
         kinds = term.energies() if isinstance(term, StoresKinds) else {"": term.stored()}
-        return comm.allreduce(form + sum(kinds.values()), MPI.SUM)
+        return self.comm.allreduce(form + sum(kinds.values()), MPI.SUM)
 
-    def energy(by: np.ndarray) -> float:
-        move(by)
-        return energy_here()
+    def energy(self, by: np.ndarray) -> float:
+        """That of the displaced sheet."""
+        self.move(by)
+        return self.energy_here()
 
-    def forces(by: float | np.ndarray) -> np.ndarray:
-        move(by)
-        f = scene.u.duplicate()
+    def forces(self, by: float | np.ndarray) -> np.ndarray:
+        """Forces on this rank's owned displacements [N]."""
+        self.move(by)
+        f = self.scene.u.duplicate()
         with f.localForm() as local:
             local.set(0)
-        if forms:
-            fem_petsc.assemble_vector(f, forms[1])
+        if self.forms:
+            fem_petsc.assemble_vector(f, self.forms[1])
         with f.localForm() as local:
-            term.add_forces(local.array)
+            self.term.add_forces(local.array)
         f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         return f.array.copy()
 
-    def replaced() -> bool:
-        """Whether what was in the array before is lost."""
-        alone, scale = np.zeros_like(blank.u.x.array), 1.0 + abs(f).max(initial=0.0)
-        after = np.full_like(alone, scale)
-        term.add_forces(alone)
-        term.add_forces(after)
-        lost = abs(after - alone - scale).max(initial=0.0) > 1e-6 * scale
-        return comm.allreduce(bool(lost), MPI.LOR)
-
-    def stiffness() -> np.ndarray:
+    def stiffness(self) -> np.ndarray:
+        """The tangent times the direction."""
+        scene, term, d = self.scene, self.term, self.direction
         A, direction, found = scene.create_matrix(), scene.u.duplicate(), scene.u.duplicate()
         direction.array[:] = d
         rows, cols, values = triplets([term])
         extra = TripletPlaces(A, rows, cols).matrix(values)
         A.zeroEntries()
-        if forms:
-            fem_petsc.assemble_matrix(A, forms[2])
+        if self.forms:
+            fem_petsc.assemble_matrix(A, self.forms[2])
         A.assemble()
         (A * direction + extra * direction).copy(found)
         if isinstance(term, DrivenByForce) and (given := term.compliance()):
             c, k = given[0], given[1]
-            pushed = comm.allreduce(float(c @ d[: c.size]), MPI.SUM)
+            pushed = self.comm.allreduce(float(c @ d[: c.size]), MPI.SUM)
             found.array[: c.size] -= c * pushed / k if k > 0 else 0.0
         return found.array.copy()
 
-    def check_places() -> None:
+    def check_adds(self, f: np.ndarray) -> None:
+        """InputError if what was in the array of forces is lost; f: the term's forces."""
+        alone = np.zeros_like(self.scene.blank.u.x.array)
+        scale = 1.0 + abs(f).max(initial=0.0)
+        after = np.full_like(alone, scale)
+        self.term.add_forces(alone)
+        self.term.add_forces(after)
+        lost = abs(after - alone - scale).max(initial=0.0) > 1e-6 * scale
+        if self.comm.allreduce(bool(lost), MPI.LOR):
+            raise InputError(
+                f"`add_forces` of term {self.term.name} loses what other terms added; allowed is "
+                "to add to the array, as `f[dofs] += forces`"
+            )
+
+    def check_places(self) -> None:
         """InputError if places of the tangent change with the displacement but not `pattern`."""
         found = []
-        for by in (-2 * size * moved, 0.0):
-            move(by)
-            found.append((term.pattern, np.array(term.tangent()[:2])))
+        for by in (-2 * self.size * self.moved, 0.0):
+            self.move(by)
+            found.append((self.term.pattern, np.array(self.term.tangent()[:2])))
         (before, one), (after, two) = found
-        if comm.allreduce(before == after and not np.array_equal(one, two), MPI.LOR):
+        if self.comm.allreduce(before == after and not np.array_equal(one, two), MPI.LOR):
             raise InputError(
-                f"`tangent` of term {term.name} gives other places where the sheet is elsewhere; "
-                "allowed are always the same, unless `pattern` counts up"
+                f"`tangent` of term {self.term.name} gives other places where the sheet is "
+                "elsewhere; allowed are always the same, unless `pattern` counts up"
             )
 
-    def whole(values: np.ndarray) -> np.ndarray:
-        return np.concatenate(comm.allgather(values.reshape(owned, -1)))
-
-    try:
-        term.set_load(0.0)
-        rest = energy_here()
-        pushed = abs(whole(forces(-size * moved))).max(initial=0.0)
-        term.set_load(load)
-        f = forces(0.0)
-        check_answers(term)
-        if replaced():
-            raise InputError(
-                f"`add_forces` of term {term.name} loses what other terms added; allowed is to add "
-                "to the array, as `f[dofs] += forces`"
-            )
-        check_places()
-        Kd, change = stiffness(), (forces(h * d) - forces(-h * d)) / (2 * h)
-        # not d alone, along which forces may cancel
-        e = d / 2 + f / max(abs(whole(f)).max(), 1e-300)
-        slope, work = (energy(1e3 * h * e) - energy(-1e3 * h * e)) / (2e3 * h), whole(f * e)
-        off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), 1e-300)
-        yield Row(
-            "forces and differences of energies",
-            off,
-            "for displacements along the forces, and rough ones",
-        )
-        what = "tangent and differences of forces"
-        yield _row(what, whole(Kd), whole(change), whole(places), 0.0)
-        stored = energy(0 * d)
-        if term.energy_kind and stored < -1e-6 * size * abs(whole(f)).sum():
-            remarks.append(
-                f"the energy of the displaced sheet is {stored:.3g} N mm: below 0 it drives the "
-                "sheet in place of resisting it"
-            )
-        still = term.energy_kind and not before.norm() and pushed <= 1e-9 * abs(whole(f)).max()
-        if still and rest > size * abs(whole(f)).sum():
-            remarks.append(
-                f"the energy of the sheet as it lies is {rest:.3g} N mm, without a force: take it "
-                "off, as the energy balance knows no work that has gone into it"
-            )
-        if not abs(whole(f)).any():
-            remarks.append("the term gives no forces here: nothing was compared")
-    finally:
-        scene.set(before)
-        term.set_load(0.0)
+    def whole(self, values: np.ndarray) -> np.ndarray:
+        """Rows (nodes, k) of all ranks."""
+        return np.concatenate(self.comm.allgather(values.reshape(len(self.places), -1)))
