@@ -37,8 +37,6 @@ LONGEST, MOST_ARGUMENTS = 60, 8
 LONG = set()
 MANY_ARGUMENTS = set()
 IN_CIRCLES = {
-    "mechanics.shell.membrane",
-    "mechanics.shell.mesh_warnings",
     "scenarios.forming",
     "scenarios.measuring",
     "scene.scene",

@@ -1,27 +1,46 @@
 """What speaks against a result though nothing failed: the sheet's size, bands, cells that lock."""
 
 import math
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
 
 from ... import dolfinx_compat as compat
 from ...material import kernel
+from ...material.laws import Law
 from ...runtime.errors import InputError
 from ...sheets.blank import Blank, Part
 
-if TYPE_CHECKING:
-    from .membrane import Membrane
-
 SMALL, LARGE = 20.0, 10_000.0  # mm: a few yarns, more than looms weave
-ALONG = math.cos(
-    math.radians(1.0)
-)  # of an edge and a yarn: 1 deg off costs a bias test 3 %, 3 deg 8 %, 10 deg 22 %
-OFF = 0.5  # of all cells, from which the mesh is taken not to follow the yarns
-BANDS = 1e-2  # of the area
+# cosine of the angle between an edge and a yarn that it follows: a bias test's force is 3 % too
+# large with 1 deg, 8 % with 3 deg, 22 % with 10 deg
+ALONG = math.cos(math.radians(1.0))
+OFF = 0.5  # share of the cells off the yarns from which a mesh is taken not to follow them
+BANDS = 1e-2  # share of the area in which bands are not worth a word
 # share of the strain energy in stretches that neighbouring cells undo; a reaction is then 5 % off
 LOCKED = 2.5e-3
+
+
+class StrainedSheet(Protocol):
+    """What warnings ask of a `Membrane`."""
+
+    blank: Blank
+    part: Part
+    fabric: Law
+
+    @property
+    def weights(self) -> np.ndarray:
+        """Weights of a cell's quadrature points (points,)."""
+
+    def state(self) -> tuple[kernel.State, Any, Any, Any]:
+        """The kernel's answer at the quadrature points, and more."""
+
+    def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F, b0 and stress there."""
+
+    def least_ellipticity(self) -> np.ndarray:
+        """The least ellipticity indicator of each cell."""
 
 
 def size_warning(blank: Blank, thickness: float, source: str) -> str:
@@ -50,7 +69,7 @@ def size_warning(blank: Blank, thickness: float, source: str) -> str:
     return ""
 
 
-def band_warning(membrane: "Membrane") -> str:
+def band_warning(membrane: StrainedSheet) -> str:
     """A sentence if the law allows bands in more than `BANDS` of the sheet's area in the present
     state, else "".
 
@@ -78,7 +97,7 @@ def band_warning(membrane: "Membrane") -> str:
     )
 
 
-def locking_warning(membrane: "Membrane") -> str:
+def locking_warning(membrane: StrainedSheet) -> str:
     """A sentence if linear cells lock in the present state, else "".
 
     Yarns hardly stretch. Cells without edges along both yarns can still only shear if they stretch
@@ -132,7 +151,7 @@ def share_off_the_yarns(part: Part) -> float:
     return float(off / cells)
 
 
-def alternating_energy(membrane: "Membrane") -> float:
+def alternating_energy(membrane: StrainedSheet) -> float:
     """Share of the strain energy that goes when yarn strains are smoothed over neighbouring cells,
     for linear displacements; 0 at rest."""
     blank = membrane.blank
