@@ -6,15 +6,13 @@ import numpy as np
 import pytest
 from bench.hard_cases import noise
 
-BOTH = [pytest.mark.mpi, pytest.mark.versions]
-
 
 # k: twelve strips that differ from those of other cases in parameters alone, so not on ranks
 @pytest.mark.parametrize(
     "cases",
     [
-        pytest.param("a", marks=BOTH),
-        *(pytest.param(c, marks=pytest.mark.mpi) for c in ("cm", "fi", "gln", "j")),
+        pytest.param("a", marks=[pytest.mark.ranks, pytest.mark.versions]),
+        *(pytest.param(c, marks=pytest.mark.ranks) for c in ("cm", "fi", "gln", "j")),
         "k",
     ],
 )

@@ -69,7 +69,8 @@ def rows(folder):
         return [{k: float(v) for k, v in row.items() if v} for row in csv.DictReader(file)]
 
 
-@pytest.mark.mpi
+# on one rank `test_a_curve_to_five_digits_is_cheap` has the same run
+@pytest.mark.ranks
 def test_the_papers_specimen(launch):
     done = launch("tensile", *FULL, "--verbose", "--path-tolerance", 1e-8)
     s = done.summary

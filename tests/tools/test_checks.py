@@ -2,6 +2,7 @@
 
 import re
 from contextlib import nullcontext
+from functools import cache
 
 import numpy as np
 import pytest
@@ -22,11 +23,20 @@ from fabric_fenicsx.tools.surfaces import Flipped, ImplicitSurface, Offset
 from fabric_fenicsx.tools.tool import Tool
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
-POINTS, CELLS = double_dome(size=20, turn=15)
 HALF = 235.0, 135.0
 
 
-def checked(points=POINTS, cells=CELLS, thickness=1.0):
+@cache
+def punch():
+    return double_dome(size=20, turn=15)
+
+
+def changed(scale=1.0, shift=0.0):
+    points, cells = punch()
+    return points * scale + shift, cells
+
+
+def checked(points, cells, thickness=1.0):
     """The warnings about a punch, and the surface."""
     warnings = []
     return warnings, check_punch(
@@ -35,12 +45,13 @@ def checked(points=POINTS, cells=CELLS, thickness=1.0):
 
 
 def test_a_good_punch():
-    warnings, surface = checked()
+    warnings, surface = checked(*punch())
     assert warnings == [] and surface.evaluate([[200, 120, 2]]).gap == pytest.approx([2])
 
 
 def test_a_punch_that_is_turned_is_turned_back():
-    warnings, surface = checked(cells=CELLS[:, ::-1])
+    points, cells = punch()
+    warnings, surface = checked(points, cells[:, ::-1])
     assert warnings == ["punch.stl: the normals of its flange point down, so it was turned round"]
     assert surface.evaluate([[200, 120, 2]]).gap == pytest.approx([2])
 
@@ -64,63 +75,66 @@ def ball(radius=60.0):
 
 
 def hole():
-    return POINTS, np.delete(
-        CELLS, np.linalg.norm(POINTS[CELLS].mean(1) - [152, 0, 60], axis=1).argmin(), 0
+    points, cells = punch()
+    return points, np.delete(
+        cells, np.linalg.norm(points[cells].mean(1) - [152, 0, 60], axis=1).argmin(), 0
     )
 
 
 def fork():
-    apex = POINTS[CELLS[0]].mean(0) + [0, 0, 30]
-    return np.vstack([POINTS, apex]), np.vstack([CELLS, [[*CELLS[0][:2], len(POINTS)]]])
+    points, cells = punch()
+    apex = points[cells[0]].mean(0) + [0, 0, 30]
+    return np.vstack([points, apex]), np.vstack([cells, [[*cells[0][:2], len(points)]]])
 
 
 @pytest.mark.parametrize(
     "surface, words",
     [
         (
-            ball(),
+            ball,
             (
                 "punch.stl has no flange in z = 0 under the ply's edge at (-235, -135): the "
                 "nearest surface lies 211 mm off"
             ),
         ),
-        (hole(), "punch.stl is open at (149"),
-        (fork(), "punch.stl has 1 edges with more than two triangles, one at ("),
+        (hole, "punch.stl is open at (149"),
+        (fork, "punch.stl has 1 edges with more than two triangles, one at ("),
         (
-            (POINTS / 1000, CELLS),
+            lambda: changed(1 / 1000),
             "punch.stl is 0.52 mm large, which speaks of metres; allowed is a surface in mm",
         ),
         (
-            (POINTS / 25.4, CELLS),
+            lambda: changed(1 / 25.4),
             "punch.stl is 20.47 mm large, which speaks of inches; allowed is a surface in mm",
         ),
         (
-            (POINTS * 1000, CELLS),
+            lambda: changed(1000),
             "punch.stl is 5.2e+05 mm large; allowed is a surface in mm, up to 50 times",
         ),
         (
-            (POINTS * [0.8, 1, 1], CELLS),
+            lambda: changed([0.8, 1, 1]),
             "punch.stl has no flange in z = 0 under the ply's edge at (",
         ),
         (
-            (POINTS + [0, 0, 0.2], CELLS),
+            lambda: changed(shift=[0, 0, 0.2]),
             "punch.stl has no flange in z = 0 under the ply's edge at (",
         ),
-        (double_dome(size=40, turn=44), "punch.stl has facets that are"),
+        (lambda: double_dome(size=40, turn=44), "punch.stl has facets that are"),
     ],
 )
 def test_flaws(surface, words):
     with pytest.raises(InputError) as error:
-        checked(*surface)
+        checked(*surface())
     assert str(error.value).startswith(words) and "allowed" in str(error.value)
 
 
 def test_doubts():
     warnings, _ = checked(*double_dome(size=20, turn=28), thickness=2.0)
     assert len(warnings) == 1 and warnings[0].startswith("punch.stl is coarse: its facets turn by ")
-    some = CELLS.copy()
+    points, cells = punch()
+    some = cells.copy()
     some[5::7] = some[5::7, ::-1]
-    warnings, _ = checked(cells=some)
+    warnings, _ = checked(points, some)
     assert warnings == [
         (
             f"punch.stl: {len(some[5::7])} of {len(some)} triangles were turned round "
