@@ -225,7 +225,8 @@ def launch(shared_path, run_script):
             status, out_text, err_text = done.returncode, done.stdout, done.stderr
         else:
             status, *texts = run_script(shared_path, *words)
-            out_text, err_text = world().bcast(texts)  # rank 0 speaks; and all have written
+            # and all have written
+            out_text, err_text = map("".join, zip(*world().allgather(texts)))
         summary = folder / "summary.json"
         return SimpleNamespace(
             status=status,

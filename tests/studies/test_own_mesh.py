@@ -182,16 +182,9 @@ def test_a_slit_is_doubted_in_the_study(study):
     assert f"has {len(lips)} nodes where another one lies" in doubt
 
 
+@pytest.mark.ranks
 def test_locking_is_said_once_and_kept(launch):
-    done = launch(
-        "bias_extension",
-        "--quick",
-        "--element",
-        "P1",
-        "--pattern",
-        "left",
-        "--no-pictures",
-        ranks=2,
-    )
+    options = "--quick", "--element", "P1", "--pattern", "left", "--no-pictures"
+    done = launch("bias_extension", *options)
     assert done.status == 0 and done.err.count("of the linear cells") == 1
     assert any("lock" in text for text in done.summary["warnings"])
