@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from builders import COARSE, COMM
+from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.job.error_run import FOLDER, coarsened
@@ -41,9 +42,13 @@ def test_curve_and_fields_have_errors(folder):
         assert np.asarray(result.grid.cell_data["error_log_eps_22"]).max() > 0
 
 
-def test_errors_do_not_depend_on_ranks(launch):
-    options = "--nx", 16, "--steps", 6, "--strain", 0.05, "--error", "--no-pictures"
-    one, two = (launch("bias_extension", *options, ranks=n).summary["error"] for n in (1, 2))
+@pytest.mark.ranks
+def test_errors_do_not_depend_on_ranks():
+    def errors(comm):
+        strip = ff.BiasExtension(nx=16, strain=0.05, comm=comm)
+        return strip.job(steps=6, error=True).run().summary["error"]
+
+    one, two = errors(MPI.COMM_SELF), errors(COMM)
     assert one.keys() == two.keys()
     for name, value in one.items():
         assert two[name] == pytest.approx(value, rel=1e-3, abs=1e-9), name

@@ -52,7 +52,7 @@ def agree(result, alone):
 
 
 @pytest.mark.versions
-@pytest.mark.mpi
+@pytest.mark.ranks
 def test_resumed_on_other_ranks(shared_path, alone):
     """Begun on one rank, and ended on all."""
     folder = shared_path / "out"
@@ -65,7 +65,6 @@ def test_resumed_on_other_ranks(shared_path, alone):
     agree(rest, alone)
 
 
-@pytest.mark.mpi
 def test_summary_speaks_of_each_ply(alone):
     quantities = alone.summary["quantities"]
     assert tuple(quantities["plies"]) == PLIES

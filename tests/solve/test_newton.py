@@ -77,8 +77,7 @@ def test_strips_with_yarns_at_every_angle(angle, shape):
     assert negative_pivots(newton) == 0
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("angle, steps", [(0, 5), (45, 20)])
+@pytest.mark.parametrize("angle, steps", [pytest.param(0, 5, marks=pytest.mark.mpi), (45, 20)])
 def test_the_last_corrections_take_no_tangent_of_their_own(monkeypatch, angle, steps):
     """The same states, to the tolerance, for fewer tangents; without that, Newton's method is
     quadratic."""

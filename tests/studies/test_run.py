@@ -323,7 +323,7 @@ def flat(values, name=""):
     return {name: values} if isinstance(values, (int, float)) else {}
 
 
-# on two ranks the tests marked so find numbers that are known
+# on two ranks numbers are known: test_tensile.py, test_numbers_are_the_same_on_every_debian
 def test_every_output_is_that_of_any_number_of_ranks(launch):
     outputs = []
     for ranks in (1, 3):

@@ -134,8 +134,8 @@ def test_ranks_agree(launch):
     assert three["reaction_N"] == pytest.approx(one["reaction_N"], rel=1e-8)
 
 
-# of --tolerance 1e-11 on Debian 12 (DOLFINx 0.5.2); what runs on Debian 13 (0.9.0) must say the
-# same
+# of --tolerance 1e-11 on one rank on Debian 12 (DOLFINx 0.5.2); what runs on two, or on Debian 13
+# (0.9.0), must say the same
 SAME_EVERYWHERE = {
     "tensile": (2033.64783014, 5781.89806120),
     "bias_extension": (0.52341637531, 3.54541421312),
@@ -143,6 +143,7 @@ SAME_EVERYWHERE = {
 
 
 @pytest.mark.versions
+@pytest.mark.mpi
 @pytest.mark.parametrize("study", SAME_EVERYWHERE)
 def test_numbers_are_the_same_on_every_debian(launch, study):
     # a state of equilibrium, to which few steps lead as well
@@ -181,9 +182,14 @@ def test_comparison_of_the_variants(launch):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
+ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
+
+
 @pytest.mark.versions
-@pytest.mark.mpi
-@pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
+@pytest.mark.parametrize(
+    "element",
+    [pytest.param(e, marks=pytest.mark.mpi) if e in ("P3", "Q1") else e for e in ELEMENTS],
+)
 def test_fields_for_paraview_are_those_of_the_solution(launch, element):
     # on ranks others draw
     pictures = () if COMM.size == 1 else ("--no-pictures",)

@@ -116,8 +116,9 @@ def pulled_at_its_end(pull, stiffness):
     return force(brentq(excess, 0.0, LENGTH))
 
 
-@pytest.mark.mpi
-@pytest.mark.parametrize("pull, falls", [(0.5 * SLIP, 0.55), (2 * SLIP, 0.9)])
+@pytest.mark.parametrize(
+    "pull, falls", [(0.5 * SLIP, 0.55), pytest.param(2 * SLIP, 0.9, marks=pytest.mark.ranks)]
+)
 def test_shear_lag(pull, falls):
     """An elastic sheet pulled at its end, that sticks, or slides along a part of it; converging,
     with the width of the rim, where the pressure is uneven."""
@@ -162,7 +163,7 @@ def test_sheets_that_stick_pull_as_one():
 
 # on ranks the capstan of one sheet has the bar's friction
 @pytest.mark.parametrize(
-    "drawn, mu", [("ab", MU), pytest.param("b", MU / 2, marks=pytest.mark.mpi)]
+    "drawn, mu", [("ab", MU), pytest.param("b", MU / 2, marks=pytest.mark.ranks)]
 )
 def test_two_layers_around_a_bar(drawn, mu):
     """Dead pulls at one end; at the other both layers, or the outer one alone, are drawn: what is
