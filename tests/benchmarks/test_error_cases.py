@@ -1,6 +1,5 @@
 """How estimated errors are held against true ones."""
 
-import pytest
 from bench import error_cases
 from bench.error_cases import judge, line
 
@@ -28,7 +27,6 @@ def test_there_are_forty_cases_and_more_without_their_references():
     assert not set(cases) & set(error_cases.FINEST.values())
 
 
-@pytest.mark.versions
 def test_the_study(launch):
     done = launch("error_estimates", "--quick")
     assert done.status == 0, done.err
