@@ -45,7 +45,7 @@ export PYTHONDONTWRITEBYTECODE :=
 # Ranks may outnumber cores. Only then they give up a core while they wait: beside other work it comes back late.
 ifeq ($(FROM),pip)
 # A process of MPICH has 2048 communicators, and on ranks PETSc keeps those of scenes that are gone: a process for each file.
-MPI_PARTS := $(if $(ONLY),tests,$(shell grep -lE 'mark.(mpi|ranks)' tests/test_*.py tests/*/test_*.py tests/*/*/test_*.py))
+MPI_PARTS := $(if $(ONLY),tests,$(shell grep -l mark.mpi tests/test_*.py tests/*/test_*.py tests/*/*/test_*.py))
 VENV := .venv-pip
 MPIRUN := $(VENV)/bin/mpiexec -n $(RANKS)
 TEST_MPIRUN := MPIEXEC_TIMEOUT=$(TEST_TIMEOUT) $(MPIRUN)
@@ -64,7 +64,7 @@ PYTHON := $(VENV)/bin/python
 help:
 	@echo "make study          STUDY=$(STUDY) on RANKS=$(RANKS) ranks; options in ARGS=\"...\" (without any: --overwrite)"
 	@echo "                    FROM=pip (the default where Debian or root is missing): DOLFINx from pip, without root"
-	@echo "make test           the whole test suite: serial, then the tests marked mpi or ranks on RANKS=$(RANKS) ranks"
+	@echo "make test           the whole test suite: on one rank, but for the tests marked mpi, which run on RANKS=$(RANKS)"
 	@echo "                    ONLY=MARKER: just the tests with this marker, here and in the three below"
 	@echo "make test-pip       the same suite on DOLFINx from pip, in a Python 3.12 or later; CI: ONLY=versions"
 	@echo "make test-debian13  the same suite in a Debian 13 root, made in DEBIAN13_ROOT=$(DEBIAN13_ROOT) (root or sudo); CI: ONLY=versions"
@@ -81,9 +81,9 @@ study: $(VENV)/installed
 	$(SCREEN) $(MPIRUN) $(PYTHON) $(or $(wildcard benchmarks/$(STUDY).py),studies/$(STUDY).py) $(or $(ARGS),--overwrite)
 
 test: $(VENV)/installed
-	$(SCREEN) $(PYTHON) -m pytest -n 3 --dist worksteal -m "not ranks$(if $(ONLY), and ($(ONLY)))" tests || { cat .pytest_cache/crash_*.txt; exit 1; }
+	$(SCREEN) $(PYTHON) -m pytest -n 3 --dist worksteal -m "not mpi$(if $(ONLY), and ($(ONLY)))" tests || { cat .pytest_cache/crash_*.txt; exit 1; }
 	for part in $(MPI_PARTS); do \
-	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m "(mpi or ranks)$(if $(ONLY), and ($(ONLY)))" -xq --color=no -p no:cacheprovider || exit 1; done
+	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m "mpi$(if $(ONLY), and ($(ONLY)))" -xq --color=no -p no:cacheprovider || exit 1; done
 
 install-lint install-docs: install-%: $(VENV)/installed-%
 

@@ -11,8 +11,8 @@ from bench.hard_cases import noise
 @pytest.mark.parametrize(
     "cases",
     [
-        pytest.param("a", marks=[pytest.mark.ranks, pytest.mark.versions]),
-        *(pytest.param(c, marks=pytest.mark.ranks) for c in ("cm", "fi", "gln", "j")),
+        pytest.param("a", marks=[pytest.mark.mpi, pytest.mark.versions]),
+        *(pytest.param(c, marks=pytest.mark.mpi) for c in ("cm", "fi", "gln", "j")),
         "k",
     ],
 )

@@ -42,7 +42,7 @@ def test_curve_and_fields_have_errors(folder):
         assert np.asarray(result.grid.cell_data["error_log_eps_22"]).max() > 0
 
 
-@pytest.mark.ranks
+@pytest.mark.mpi
 def test_errors_do_not_depend_on_ranks():
     def errors(comm):
         strip = ff.BiasExtension(nx=16, strain=0.05, comm=comm)

@@ -306,7 +306,7 @@ def test_tables_and_diagrams(tmp_path):
 
 @pytest.mark.parametrize("angle", [0, 45])
 def test_picture_of_the_formed_ply(tmp_path, angle, capfd):
-    tool = pyvista.PolyData.from_regular_faces(*double_dome(size=12, turn=15))
+    tool = pyvista.PolyData.from_regular_faces(*double_dome())
     grid = formed(on_dome, angle=np.radians(angle), ranks=2)
     for with_tool in (tool, None):
         path = tmp_path / "formed.png"

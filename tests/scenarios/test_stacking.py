@@ -52,7 +52,7 @@ def agree(result, alone):
 
 
 @pytest.mark.versions
-@pytest.mark.ranks
+@pytest.mark.mpi
 def test_resumed_on_other_ranks(shared_path, alone):
     """Begun on one rank, and ended on all."""
     folder = shared_path / "out"

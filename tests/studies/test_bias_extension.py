@@ -139,7 +139,7 @@ def test_against_measured_shear_forces(launch, tmp_path):
     assert "bias.csv: simulated and measured force differ by " in done.out
 
 
-@pytest.mark.ranks
+@pytest.mark.mpi
 def test_deep_shear(launch):
     """45 %: beyond the reach of inextensible yarns (gamma 60 deg is passed at about 30 %), which
     would break."""

@@ -25,7 +25,7 @@ def placed(folder):
 
 # that ranks find the same is asked below of yarns that lie askew
 @pytest.mark.parametrize(
-    "angle", [pytest.param(0, marks=[pytest.mark.ranks, pytest.mark.versions]), 45]
+    "angle", [pytest.param(0, marks=[pytest.mark.mpi, pytest.mark.versions]), 45]
 )
 def test_a_ply_is_formed(launch, angle):
     done = launch("double_dome", "--quick", "--nx", 8, "--steps", 16, "--fibre-angle", angle)

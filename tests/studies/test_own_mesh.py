@@ -182,7 +182,7 @@ def test_a_slit_is_doubted_in_the_study(study):
     assert f"has {len(lips)} nodes where another one lies" in doubt
 
 
-@pytest.mark.ranks
+@pytest.mark.mpi
 def test_locking_is_said_once_and_kept(launch):
     options = "--quick", "--element", "P1", "--pattern", "left", "--no-pictures"
     done = launch("bias_extension", *options)

@@ -375,7 +375,7 @@ def test_log_and_quiet(launch):
 
 
 @pytest.mark.versions
-@pytest.mark.ranks
+@pytest.mark.mpi
 def test_all_that_is_said_is_said_once(launch):
     told = launch("tensile", "--quick", "--no-pictures", "--verbose")
     assert told.out.count("iteration  0") == 5

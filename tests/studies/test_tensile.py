@@ -70,7 +70,7 @@ def rows(folder):
 
 
 # on one rank `test_a_curve_to_five_digits_is_cheap` has the same run
-@pytest.mark.ranks
+@pytest.mark.mpi
 def test_the_papers_specimen(launch):
     done = launch("tensile", *FULL, "--verbose", "--path-tolerance", 1e-8)
     s = done.summary
@@ -249,7 +249,6 @@ def test_resume_after_a_kill_on_other_ranks(launch):
     )
 
 
-@pytest.mark.mpi
 def test_a_load_that_cannot_be_reached(launch):
     options = "--element", "P1", "--strain", 1, "--max-strain", 10, "--no-pictures"
     done = launch("bias_extension", "--quick", *options)

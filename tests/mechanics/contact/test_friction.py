@@ -195,7 +195,7 @@ def test_table_drags_a_patch_along():
 # -- capstan
 
 
-@pytest.mark.parametrize("degrees", [pytest.param(90, marks=pytest.mark.ranks), 160])
+@pytest.mark.parametrize("degrees", [pytest.param(90, marks=pytest.mark.mpi), 160])
 def test_capstan(degrees):
     """A strip around a bar, pulled over it at one end against a dead pull at the other: T_2 / T_1 =
     e^(mu theta)."""
@@ -283,7 +283,7 @@ def pushed_ball(comm=COMM, **options):
     return Scene(blank, [Elastic(), contact], [rim]), contact
 
 
-@pytest.mark.parametrize("permitted", [None, pytest.param(1e-3, marks=pytest.mark.ranks)])
+@pytest.mark.parametrize("permitted", [None, pytest.param(1e-3, marks=pytest.mark.mpi)])
 def test_run_that_is_resumed(tmp_path, permitted, by_position):
     tmp_path = COMM.bcast(tmp_path)
 

@@ -117,7 +117,7 @@ def pulled_at_its_end(pull, stiffness):
 
 
 @pytest.mark.parametrize(
-    "pull, falls", [(0.5 * SLIP, 0.55), pytest.param(2 * SLIP, 0.9, marks=pytest.mark.ranks)]
+    "pull, falls", [(0.5 * SLIP, 0.55), pytest.param(2 * SLIP, 0.9, marks=pytest.mark.mpi)]
 )
 def test_shear_lag(pull, falls):
     """An elastic sheet pulled at its end, that sticks, or slides along a part of it; converging,
@@ -163,7 +163,7 @@ def test_sheets_that_stick_pull_as_one():
 
 # on ranks the capstan of one sheet has the bar's friction
 @pytest.mark.parametrize(
-    "drawn, mu", [("ab", MU), pytest.param("b", MU / 2, marks=pytest.mark.ranks)]
+    "drawn, mu", [("ab", MU), pytest.param("b", MU / 2, marks=pytest.mark.mpi)]
 )
 def test_two_layers_around_a_bar(drawn, mu):
     """Dead pulls at one end; at the other both layers, or the outer one alone, are drawn: what is
