@@ -4,7 +4,7 @@ import csv
 
 
 def test_a_coarse_ply_is_near_the_explicit_one(launch):
-    done = launch("openradioss", "--quick", "--nx", 10, "--steps", 8, "--no-pictures")
+    done = launch("openradioss", "--quick", "--steps", 10, "--no-pictures")
     assert done.status == 0, done.err
     with open(done.folder / "openradioss.csv", newline="") as file:
         (row,) = csv.DictReader(file)
