@@ -42,17 +42,20 @@ export OMPI_MCA_btl_vader_single_copy_mechanism := none
 export OMP_NUM_THREADS := 1
 # Python keeps what it has compiled, which each of many processes would do again.
 export PYTHONDONTWRITEBYTECODE :=
-# Ranks may outnumber cores. Only then they give up a core while they wait: beside other work it comes back late.
+# Files that hold tests on ranks.
+MPI_FILES = $(shell grep -l mark.mpi tests/test_*.py tests/*/test_*.py tests/*/*/test_*.py)
 ifeq ($(FROM),pip)
-# A process of MPICH has 2048 communicators, and on ranks PETSc keeps those of scenes that are gone: a process for each file.
-MPI_PARTS := $(if $(ONLY),tests,$(shell grep -l mark.mpi tests/test_*.py tests/*/test_*.py tests/*/*/test_*.py))
+# A process of MPICH has 2048 communicators, and on ranks PETSc keeps those of scenes that are gone: a process for each file,
+# unless few tests are asked for.
+MPI_PARTS = $(if $(ONLY),"$(MPI_FILES)",$(MPI_FILES))
 VENV := .venv-pip
 MPIRUN := $(VENV)/bin/mpiexec -n $(RANKS)
 TEST_MPIRUN := MPIEXEC_TIMEOUT=$(TEST_TIMEOUT) $(MPIRUN)
 SCREEN :=
 else
-MPI_PARTS := tests
+MPI_PARTS = "$(MPI_FILES)"
 VENV := .venv
+# Ranks may outnumber cores. Only then they give up a core while they wait: beside other work it comes back late.
 IDLE = $(shell test $(RANKS) -gt $$(nproc) && echo 1 || echo 0)
 MPIRUN = mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none --mca mpi_yield_when_idle $(IDLE) -n $(RANKS)
 TEST_MPIRUN = $(MPIRUN) --timeout $(TEST_TIMEOUT)

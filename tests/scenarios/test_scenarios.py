@@ -137,15 +137,15 @@ class Own(ff.Surface):
 
 
 def test_a_punch_of_ones_own_forms_part_of_the_way():
-    """As the dome does that it is, whose top is 0.0003 mm below its nominal depth."""
+    """As the dome does that it is, whose top is 0.0003 mm below its nominal depth. Its triangles
+    are asked for in tests of the study, from a file."""
     coarse, found = {"nx": 6, "penalty": 680.0}, []
-    for punch in (ff.DoubleDome(), Own(ff.DoubleDome()), ff.TriangulatedSurface(*double_dome())):
+    for punch in (ff.DoubleDome(), Own(ff.DoubleDome())):
         ply = ff.Forming(punch=punch, stroke=10, **coarse)
         told = ply.job(steps=4).run().summary["quantities"]
         assert not ply.closes and told["wrinkles"] is None
         found.append((told["punch_force_N"], told["draw_in"]["largest_mm"]))
     assert found[1] == pytest.approx(found[0], rel=1e-3)
-    assert found[2] == pytest.approx(found[0], rel=0.02)
 
 
 def test_the_whole_way_of_a_punch_of_ones_own_is_found():

@@ -227,7 +227,7 @@ def dome_files(tmp_path_factory):
         curved = surface.curved
         ends = np.unique(np.concatenate([surface.sharp, surface.rim]))
         smooth = np.flatnonzero(~np.isin(surface.triangles, ends).any(1))
-        rng, n = np.random.default_rng(9), 30_000
+        rng, n = np.random.default_rng(9), 12_000
         b = rng.dirichlet([1, 1, 1], n).T
         b[0, : 2 * n // 3] = 0
         b[:2, : n // 3] = 0
