@@ -1,5 +1,6 @@
 """Two plies formed together: a coarse job, resumed, on ranks, and what it leaves."""
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -28,8 +29,7 @@ def job(comm, stop=2.0):
             raise Stopped
         return made.measure(scene, load)
 
-    found.measure = measure
-    return found
+    return replace(found, measure=measure)
 
 
 @pytest.fixture(scope="module")
