@@ -95,6 +95,9 @@ def add_fields(
             how["type"] = option_type(meta["rule"])
         elif "choices" in meta:
             how["choices"] = meta["choices"]
+        elif "kinds" in meta:
+            names = {kind: word for word, kind in meta["kinds"].items()}
+            how |= {"choices": tuple(meta["kinds"]), "default": names[type(each.default)]}
         elif "switch" in meta:
             how["action"] = "store_true"
         elif "repeated" in meta:
@@ -104,6 +107,24 @@ def add_fields(
         if meta["help"].endswith("[deg]"):
             how["metavar"] = "DEG"
         p.option(spelled(prefix + each.name), free=free, **how)
+        for kind in meta.get("kinds", {}).values():
+            (one,) = declared(kind)
+            told = {"help": one.metadata["help"], "type": option_type(one.metadata["rule"])}
+            p.option(spelled(kind.OPTION), default=one.default, free=free, **told)
+
+
+def _of_kind(args: Any, field: dataclasses.Field) -> Any:
+    """The object of the kind that the option of a field names, with the number of that kind's own
+    option. InputError if the option of another kind is given."""
+    kinds, name = field.metadata["kinds"], getattr(args, field.name)
+    for other, kind in kinds.items():
+        (one,) = declared(kind)
+        if other != name and getattr(args, kind.OPTION) != one.default:
+            raise InputError(
+                f"`{kind.OPTION}` is given, but `{field.name}` is {name}; allowed is it with "
+                f'`{field.name}="{other}"`'
+            )
+    return kinds[name](getattr(args, kinds[name].OPTION))
 
 
 def _add_material(p):
@@ -203,7 +224,11 @@ class Study(Output):
     def scenario(self, kind: type[Scenario], fabric: Any = None) -> Any:
         """The scenario of this kind of the options, of their fabric or another."""
         args = self.args
-        given = {f.name: getattr(args, f.name) for f in declared(kind) if hasattr(args, f.name)}
+        given = {
+            f.name: _of_kind(args, f) if "kinds" in f.metadata else getattr(args, f.name)
+            for f in declared(kind)
+            if hasattr(args, f.name)
+        }
         made = kind(fabric or self.fabric, **given, comm=self.comm)
         for name in ("nx", "ny", "pattern", "element", "integration", *kind.SIZES):
             setattr(args, name, getattr(made, name))  # as an own mesh's length

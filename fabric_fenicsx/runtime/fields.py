@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import field
 from typing import Any
 
@@ -53,6 +53,12 @@ def number(
 def choice(default: str | None, allowed: tuple[str, ...], text: str, group: str = "test") -> Any:
     """A field: one of some words."""
     return field(default=default, metadata={"choices": allowed, "help": text, "group": group})
+
+
+def one_of(default: Any, kinds: Mapping[str, type], text: str, group: str = "test") -> Any:
+    """A field: an object of one of several kinds, by their names on the command line. Each is a
+    dataclass with one declared number, whose option it calls `OPTION`."""
+    return field(default=default, metadata={"kinds": kinds, "help": text, "group": group})
 
 
 def switch(text: str, group: str = "test") -> Any:

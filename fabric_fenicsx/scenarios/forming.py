@@ -15,26 +15,25 @@ from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.pressing_term import PressingTerm
 from ..mechanics.contact.pressure_law import stack_penalty
-from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell import mesh_warnings
 from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
-from ..runtime.fields import choice, number, switch, text
-from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE
+from ..runtime.fields import choice, number, one_of, switch, text
+from ..runtime.rules import COUNT, FROM_ZERO, POSITIVE
 from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from ..tools.checks import check_motion
 from ..tools.double_dome import DoubleDome
-from ..tools.primitives import Plane
 from ..tools.surfaces import Offset, Reversed, Surface
 from ..tools.tool import Tool
 from . import holding, measuring, stacking
 from .dome import DIMENSIONS, dome_of
+from .holding import Holder, Press, PressureHolder
 from .plies import TOOL_METAL_FRICTION, Ply, read_plies
 from .punch import clearance_of, punch_of
 from .scenario import ELEMENTS, FITS, Scenario, halved
@@ -42,10 +41,7 @@ from .scenario import ELEMENTS, FITS, Scenario, halved
 if TYPE_CHECKING:
     import pyvista
 
-# above which a run warns
-PRESSURE = 100.0, "pressures are in MPa (Pa over 1e6)"
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
-UP = np.array([0.0, 0.0, 1.0])
 PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quarter
 
 
@@ -142,23 +138,13 @@ class Forming(Scenario):
     permitted: float | None = number(
         None, POSITIVE, "largest penetration, kept by augmented contact (any) [mm]", "tools"
     )
-    holder: str = choice(
-        "pressure", tuple(holding.HOLDERS), "what holds the rim of the ply", "blank holder"
-    )
-    holder_pressure: float = number(
-        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", "blank holder", PRESSURE
-    )
-    holder_force: float = number(1e5, FROM_ZERO, "force on the whole ply [N]", "blank holder")
-    holder_gap: float = number(
-        None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]", "blank holder"
-    )
-    gripper_tension: float = number(
-        5.0, FINITE, "pull at the edges of the ply [N/mm]", "blank holder"
+    holder: Holder | Sequence[Holder] = one_of(
+        PressureHolder(), holding.HOLDERS, "what holds the rim of the ply", holding.GROUP
     )
 
     def prepare(self) -> None:
         """Make blank, membrane and tools."""
-        holding.check_holder(self)
+        self.holders = holding.holders_of(self.holder)
         self.plies = self._plies()
         if not self.full:
             self.warnings += [
@@ -287,10 +273,7 @@ class Forming(Scenario):
             planes = () if self.full else PLANES
             terms += stacking.metals(self.plies, planes)
             between = stacking.between(self.blank, self.plies, self.slip, self.lag, planes)
-        terms += [
-            *self._blank_holder(stacking.neighbours(between, self.plies) if between else ()),
-            *between,
-        ]
+        terms += [*self._held(between), *between]
         self.pressing = [term for term in terms if isinstance(term, PressingTerm)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         return terms
@@ -322,35 +305,30 @@ class Forming(Scenario):
         ]
         return [term.on(p.name) for term, p in zip(terms, plies)] if self.stack else terms
 
-    def _blank_holder(self, against: Sequence[SheetContact]) -> list[Term]:
-        t = self.thickness
-        if self.holder == "pressure":
-            under = holding.on_flange(self.die, t)
-            self.warnings += holding.loose_ends_warnings(under, stacking.least_corner(self.blank))
-            friction = self._tool_friction()
-            pressure = BlankHolderPressure(
-                self.holder_pressure, UP, under, lag=self.lag, against=against, friction=friction
-            )
-            if not isinstance(self.blank, Stack):
-                return [pressure]
-            # what reaches beyond the lowest ply can't sink below the holder's face
-            face = Tool(Plane((0, 0, -t / 2), UP), name="blank holder's face")
-            rims = stacking.rims(self.blank, self.plies)
-            below = [self._contact(face).on(name) for name in rims[:1]]
-            return [pressure.on(self.plies[0].name), *below]
-        if self.holder == "grippers":
-            return holding.gripped_edges(self.blank, self.gripper_tension, self.full)
-        gap = self.holder_gap or 1.1 * t
-        if self.holder == "gap":
-            if gap < 0.5 * t:
-                raise InputError(
-                    f"`holder_gap` {gap:g} crushes the ply; allowed is from {t / 2:g} mm, half its "
-                    "thickness"
-                )
-            return [self._contact(Tool(Plane((0, 0, t / 2 - gap), UP), name="blank holder"))]
-        force = self.holder_force * (1.0 if self.full else 0.25)
-        plate = Plane((0, 0, -t / 2), UP)
-        return [self._contact(Tool(plate, force=lambda load: force * UP, name="blank holder"))]
+    def _held(self, between: Sequence[Term]) -> list[Term]:
+        """The terms of the blank holder, or of all its segments."""
+        stack = isinstance(self.blank, Stack)
+        press = Press(
+            self.blank,
+            self.full,
+            self.die,
+            self.thickness,
+            self._tool_friction(),
+            self.lag,
+            self.penalty,
+            self.permitted,
+            "blank holder",
+            self.warnings,
+            [ply.name for ply in self.plies] if stack else (),
+            stacking.rims(self.blank, self.plies) if isinstance(self.blank, Stack) else (),
+            stacking.neighbours(between, self.plies) if stack else (),
+        )
+        names = [press.name, *(f"{press.name} {k}" for k in range(2, len(self.holders) + 1))]
+        return [
+            term
+            for name, holder in zip(names, self.holders)
+            for term in holder.terms(dataclasses.replace(press, name=name))
+        ]
 
     def supports(self) -> list[Support]:
         """The planes of symmetry of a quarter; of a whole ply the nodes nearest to its centre and
@@ -370,13 +348,14 @@ class Forming(Scenario):
     def start(self) -> None:
         """Press the sheets of a stack together as under the holder: where that is not so, they part
         at once, while sheets that do not touch yet resist nothing."""
-        held = self.holder == "pressure" and self.holder_pressure
-        if isinstance(self.blank, Stack) and held:
+        holders = [
+            term for term in self.pressing if isinstance(term, BlankHolderPressure) and term.now
+        ]
+        if isinstance(self.blank, Stack) and holders:
             on_die = next(term for term in self.contacts if term.tool is self.die)
             pairs = stacking.neighbours(self.scene.terms, self.plies)
-            under = holding.on_flange(self.die, self.thickness)
             stiff = any(ply.metal for ply in self.plies)
-            stacking.press(self.blank, pairs, on_die, self.holder_pressure, under, stiff)
+            stacking.press(self.blank, pairs, on_die, holders, stiff)
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Stroke [mm] and force [N] of the punch, of a quarter if that is modelled."""

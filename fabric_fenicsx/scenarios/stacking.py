@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..mechanics.contact.coulomb import Coulomb
+from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.membrane import Membrane
@@ -95,26 +96,25 @@ def press(
     stack: Stack,
     pairs: Sequence[SheetContact],
     on_top: Contact,
-    pressure: float,
-    under: Callable[[np.ndarray], np.ndarray],
+    holders: Sequence[BlankHolderPressure],
     stiff: bool = False,
 ) -> None:
-    """Displace the sheets towards the tool `on_top` of the last one, by as much as a holder's
-    pressure [MPa] presses them into it and into each other. pairs: contacts of each sheet with the
-    next; under: function of places (n, 3) to the share (n,) of each that the holder presses;
-    stiff: whether there is metal, which goes up as a whole, as it would not bend at the flange's
-    end."""
-    depths = on_top.depth_under(pressure)
-    count = len(depths)
+    """Displace the sheets towards the tool `on_top` of the last one, by as much as the holders'
+    present pressures press them into it and into each other. pairs: contacts of each sheet with the
+    next; stiff: whether there is metal, which goes up as a whole, as it would not bend at the
+    flange's end."""
+    depths = np.array([on_top.depth_under(each.now) for each in holders])
+    count = depths.shape[1]
     u = stack.u.x.array.reshape(-1, 3)[:count]
-    share = under(stack.coordinates()[:count])
-    rise = play = 0.0
+    shares = np.array([each.under(stack.coordinates()[:count]) for each in holders])
+    rises, play = np.zeros((len(holders), 1)), 0.0
     for k, sheet in reversed(list(enumerate(stack.sheets))):
         at = stack.parts[sheet.name].nodes
-        u[at, 2] = share[at] * (rise + depths[at]) + play
+        u[at, 2] = (shares[:, at] * (rises + depths[:, at])).sum(0) + play
         if k:
             pair = pairs[k - 1]
             loose = stack.play - pair.layer.thickness
-            rise += pair.layer.thickness + pair.depth_under(pressure) + (0.0 if stiff else loose)
+            pressed = np.array([[pair.depth_under(each.now)] for each in holders])
+            rises += pair.layer.thickness + pressed + (0.0 if stiff else loose)
             play += loose if stiff else 0.0
     stack.u.x.scatter_forward()

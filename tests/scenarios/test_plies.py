@@ -241,7 +241,7 @@ def test_a_holder_begins_with_sheets_pressed_as_it_presses(laid):
     laid.start()
     scene = laid.scene
     scene.accept()
-    whole = laid.holder_pressure * laid.length * laid.width / 4
+    whole = laid.holder.pressure * laid.length * laid.width / 4
     for pair in (term for term in scene.terms if isinstance(term, ff.SheetContact)):
         assert 0.1 * whole < pair.force()[2] < whole
 

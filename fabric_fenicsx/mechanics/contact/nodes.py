@@ -9,18 +9,23 @@ from petsc4py import PETSc
 from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...sheets.blank import Blank, Part
+from ..shell.morley import Where
 
 
 class Nodes:
     """This rank's owned nodes of a blank in space, where forces of tools go.
 
-    part: of the blank, by default all of it. count: how many nodes the blank has; places (count, 3)
-    [mm] and areas of the part (count,) [mm^2], undeformed, 0 at the nodes of others; rows, cols
-    (9 count,): global degrees of freedom of each node's 3 x 3 block. Raises InputError for a blank
-    in a plane, along turned axes or of other than linear cells.
+    - part: of the blank, by default all of it; where: function of undeformed points (3, n) to a
+      mask (n,), by default true: which nodes of the part count
+    - own (count,): which ones count, of the `count` nodes of the blank
+    - places (count, 3) [mm], areas of the part (count,) [mm^2]: undeformed, 0 at other nodes
+    - rows, cols (9 count,): global degrees of freedom of each node's 3 x 3 block
+
+    Raises InputError for a blank in a plane, along turned axes or of other than linear cells, and
+    for a `where` that marks no node.
     """
 
-    def __init__(self, blank: Blank, part: Part | None = None) -> None:
+    def __init__(self, blank: Blank, part: Part | None = None, where: Where | None = None) -> None:
         mesh, asked = blank.mesh, f"contact of {blank.name} is asked"
         if mesh.geometry.dim != 3:
             raise InputError(f"{asked} in a plane; allowed is a blank made with `spatial=True`")
@@ -35,7 +40,12 @@ class Nodes:
         area = fem_petsc.assemble_vector(compat.form(ufl.TestFunction(blank.V)[0] * part.dx()))
         area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         self.areas = area.array[::3].copy()
-        self.others = np.flatnonzero(~part.nodes)  # nodes of other parts
+        self.own = part.nodes
+        if where:
+            self.own = part.nodes & np.asarray(where(self.places.T), bool)
+            self.areas[~self.own] = 0.0
+            if not self.comm.allreduce(int(self.own.sum())):
+                raise InputError(f"{asked} where no node is; allowed are 1 or more")
         first = blank.V.dofmap.index_map.local_range[0]
         dofs = 3 * (first + np.arange(self.count))[:, None] + np.arange(3)
         self.rows = np.repeat(dofs, 3, axis=1).ravel().astype(PETSc.IntType)

@@ -12,6 +12,7 @@ from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
 from ..materials import number_at_nodes
 from ..reports import Value, least, size_of, total
+from ..shell.morley import Where
 from ..term import SceneFacts, Triplets
 from ..work import Work
 from .balance import Resistance, find_balance
@@ -39,6 +40,8 @@ class Contact(PressingTerm):
       would hold without it
     - friction: its coefficient, on a stack also one for each sheet {name: coefficient}, or a
       `Coulomb` with its options
+    - where: function of undeformed points (3, n) to a mask (n,) of the nodes that the tool may
+      touch, by default all
 
     A tool moved by force is where contact and friction balance the force, at any displacement of
     the sheet. Raises InputError for a blank in a plane or of other than linear cells, for numbers
@@ -56,6 +59,7 @@ class Contact(PressingTerm):
         smoothing: float | None = None,
         permitted: float | None = None,
         friction: float | Mapping[str, float] | Coulomb = 0.0,
+        where: Where | None = None,
     ) -> None:
         tool = checked_tool("contact", tool)
         super().__init__(tool, friction, f"contact with {tool.name}")
@@ -63,7 +67,7 @@ class Contact(PressingTerm):
         for name, value in (given | {"permitted penetration": permitted}).items():
             if value is not None:
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
-        self._given, self.permitted = given, permitted
+        self._given, self.permitted, self._where = given, permitted, where
         # the last displacement, and what was found at it
         self._found: tuple[np.ndarray, Pressed] | None = None
         self._load, self._work = 0.0, Work()
@@ -82,7 +86,7 @@ class Contact(PressingTerm):
             scene, "penalty", lambda material: default_penalty(material, radius)
         )
         self.smoothing = given["smoothing"] or SMOOTHING * PERMITTED * self.thickness
-        self.nodes = Nodes(scene.blank, self.part)
+        self.nodes = Nodes(scene.blank, self.part, self._where)
         self._law = PressureLaw(self.penalty, self.smoothing)
         self._shift = self._accepted_shift = np.zeros(self.nodes.count)
         self._accepted_travel = self.tool.travel
@@ -111,12 +115,12 @@ class Contact(PressingTerm):
         surface can't be."""
         self.tool.at(1.0)
         self.tool.at(0.0)
-        x = (self.nodes.places + self.nodes.displacement())[self.part.nodes]
+        x = (self.nodes.places + self.nodes.displacement())[self.nodes.own]
         check_start(self.tool, x, float(np.max(self.thickness)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """As in `Touching`, at up to twice `PROBED` nodes that find a nearest point."""
-        found, x = [], self.nodes.places[self.part.nodes]
+        found, x = [], self.nodes.places[self.nodes.own]
         x = x[:: max(1, len(x) // PROBED)]
         for load in (0.0, 1.0):
             self.tool.at(load)
@@ -273,7 +277,7 @@ class Contact(PressingTerm):
         for reach in (0.0, float(np.max(self.thickness))):
             lost = np.isnan(gap)  # so far off that no nearest point is found: a bound will do
             gap[lost] = self.tool.evaluate(x[lost], reach).gap
-        gap[self.nodes.others] = np.inf
+        gap[~self.nodes.own] = np.inf
         return gap - self.thickness / 2
 
     def nodal_fields(self) -> dict[str, Value]:
@@ -317,7 +321,7 @@ class Contact(PressingTerm):
         if len(lost):
             self._lost = f"({', '.join(f'{each:.4g}' for each in x[lost[0]])}) mm"
         gap = nearest.gap - self.thickness / 2
-        gap[self.nodes.others] = np.inf
+        gap[~self.nodes.own] = np.inf
         return press(
             self._law, self.nodes.areas, gap, nearest.normal, nearest.curvature, self._shift
         )

@@ -1,0 +1,32 @@
+"""A ply formed with three blank holders: one over all of the rim, one of two segments, and an own
+one whose pressure grows along the ply.
+
+Prints for each the force of the punch on the whole ply [N] and the draw-in [mm].
+"""
+
+import numpy as np
+
+import fabric_fenicsx as ff
+
+
+class Cushion:
+    """A holder of your own: its method `terms` is told of the press, and makes what it likes."""
+
+    def terms(self, press):
+        flange = press.on_flange()
+
+        def under(x):  # share of the pressure at positions (n, 3)
+            return flange(x) * (0.2 + 0.8 * np.clip(x[:, 0] / 235, 0, 1))
+
+        return [ff.BlankHolderPressure(0.25, (0, 0, 1), under, friction=press.friction)]
+
+
+segments = [
+    ff.PressureHolder(0.05, where=lambda x: x[0] < 100),  # at positions (3, n)
+    ff.PressureHolder(0.25, where=lambda x: x[0] >= 100),
+]
+for name, holder in {"one": ff.PressureHolder(0.05), "two": segments, "own": Cushion()}.items():
+    forming = ff.Forming(ff.load("komeili"), nx=8, stroke=15.0, holder=holder)
+    result = forming.job(steps=6).run(f"results/{name}", overwrite=True, pictures=False)
+    force, draw_in = result.number("punch_force_of_whole_ply_N"), result.draw_in()
+    print(name, round(force), round(draw_in["largest_mm"], 2))
