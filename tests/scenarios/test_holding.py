@@ -32,6 +32,7 @@ def test_two_halves_do_what_one_holder_does(tmp_path, one, two):
     assert forces[2] == pytest.approx(forces[0], rel=1e-8) and all(forces[0])
 
 
+@pytest.mark.mpi
 def test_segments_press_as_each_is_told():
     """What is pressed by two segments adds up to what one presses, half by half."""
 
@@ -44,6 +45,7 @@ def test_segments_press_as_each_is_told():
     assert first + second / 2 == pytest.approx(whole) and first > 0 and second > 0
 
 
+@pytest.mark.mpi
 def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
     plies = [ff.Ply(fibre_angle=angle) for angle in (0, 45)]
     one, two = (
@@ -53,7 +55,7 @@ def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
             [ff.PressureHolder(1.0, where=half) for half in HALVES],
         )
     )
-    assert np.abs(one.blank.u.x.array).max() > 0
+    assert one.comm.allreduce(float(np.abs(one.blank.u.x.array).max())) > 0
     assert two.blank.u.x.array == pytest.approx(one.blank.u.x.array, abs=1e-14)
     names = [tool.name for tool in two.scene.tools()] + [t.tool.name for t in two.pressing]
     assert {"blank holder", "blank holder 2"} <= {*names}
@@ -68,6 +70,7 @@ def test_plates_of_segments_bear_their_forces(tmp_path):
     assert found == pytest.approx([1000.0, 2000.0], rel=1e-6)
 
 
+@pytest.mark.mpi
 @pytest.mark.parametrize("where, edges", [(None, 2), (lambda x: x[0] > 234, 1)])
 def test_grippers_pull_at_the_edges_that_are_marked(where, edges):
     ply = ff.Forming(**SIZES, holder=ff.Grippers(3.0, where=where))
