@@ -73,7 +73,8 @@ class Job(JobFields):
             )
         resume = out.resume if isinstance(out, Output) else resume
         if not resume:  # before anything is written
-            self.scene.check_start()
+            with all_or_none(self.scene.comm):  # as terms are asked, own ones too
+                self.scene.check_start()
         problem = dict(problem or {"study": self.name, "material": _material(self.scene)})
         if isinstance(out, Output):
             return self._run(out, out.folder(part), problem, pictures)
