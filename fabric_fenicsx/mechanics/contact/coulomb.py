@@ -17,9 +17,9 @@ class Coulomb:
 
     - coefficient: mu; on a tool that presses several sheets also one for each, {sheet name: mu}
     - slip s [mm]: how far a sticking point slips at most
-    - lag: normal forces are held during a solve; it is repeated if they then differ from the held
-      ones by more than this share of their sum. inf: never, they follow one step behind. By default
-      inf on tools, 0.01 between sheets
+    - lag: normal forces are held during a solve. It is repeated if they differ then from those held
+      by more than this share of their sum. With inf they follow one step behind. By default inf on
+      tools, 0.01 between sheets
 
     Raises InputError for numbers out of range.
 

@@ -12,8 +12,8 @@ class HeldFaces:
     """The `Facing` that contact uses within a solve, so that its energy has no kinks.
 
     After a solve the faces are looked at again. If that changes the forces on the points by more
-    than `lag` of their sum, they are taken anew, where solutions alternate only part of the way
-    (see `Aitken`), and the solve is to be repeated.
+    than `lag` of their sum, they are taken anew, and the solve is to be repeated. Where solutions
+    alternate, they are taken only part of the way there (see `Aitken`).
 
     accepted, now: those of the last accepted state and of the present solve; pattern: a number that
     changes when one of them does.

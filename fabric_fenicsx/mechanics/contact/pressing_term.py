@@ -17,9 +17,11 @@ NEVER = np.inf  # how normal forces on tools lag by default: they follow one ste
 class PressingTerm(Term):
     """A term by which a `tool` presses the sheet's `nodes`, with friction.
 
-    An heir tells what presses (`normal_forces`, `normals`, `pressing_forces`), and calls
-    `start_friction` last in its `set_up`. In `set_load`, `update_lagged`, `accept` and `recall` it
-    does its own part first, then friction's. coulomb: the law of friction, or None without.
+    A subclass tells what presses (`normal_forces`, `normals`, `pressing_forces`, `force`), and
+    calls `start_friction` last in its `set_up`. In `set_load`, `update_lagged`, `accept` and
+    `recall` it does its own part first, then friction's.
+
+    coulomb: the law of friction, None if there is none; friction: its state at the nodes
     """
 
     tool: Tool
@@ -34,7 +36,7 @@ class PressingTerm(Term):
         if self.coulomb:
             self.resists = (*self.resists, "slide")
 
-    # -- what an heir tells
+    # -- what a subclass tells
 
     def normal_forces(self) -> np.ndarray:
         """Sizes of the forces by which the tool presses this rank's nodes, (nodes,) [N]."""

@@ -28,24 +28,26 @@ PROBED = 1000  # nodes of a rank that tell how a tool may hold the sheet; triang
 class Contact(PressingTerm):
     """Energy of a sheet's nodes pressed into a `tool`, over their undeformed areas.
 
-    The pressure follows the `PressureLaw` of the depth to which the tool reaches into the ply's
-    face, with the `penalty` k [N/mm^3]. The ply is on the
-    side to which the tool's normal points, its faces `thickness` / 2 [mm] off the mesh.
+    The pressure follows a `PressureLaw` with the `penalty` k [N/mm^3] from the depth to which the
+    tool reaches into the sheet's face. The sheet is on the side to which the tool's normal points.
+    Its faces are `thickness` / 2 [mm] off the mesh.
 
     - thickness: by default that of the scene's fabric or metal
     - penalty: by default `default_penalty` of that material and the tool's least radius
     - smoothing: s [mm], by default a third of the permitted penetration
     - permitted: if given [mm], the surface is shifted (augmented Lagrangian) until no node is
-      deeper than that; what work the shift does is not counted, about the energy that contact
+      deeper than that. The work of the shift is not counted; it is about the energy that contact
       would hold without it
     - friction: its coefficient, on a stack also one for each sheet {name: coefficient}, or a
       `Coulomb` with its options
     - where: function of undeformed points (3, n) to a mask (n,) of the nodes that the tool may
       touch, by default all
 
-    A tool moved by force is where contact and friction balance the force, at any displacement of
-    the sheet. Raises InputError for a blank in a plane or of other than linear cells, for numbers
-    not above 0, and where a default asks for a material that no term of the scene has.
+    A tool moved by force stands where contact and friction balance the force, at any displacement
+    of the sheet.
+
+    Raises InputError for a blank in a plane or of other than linear cells, for numbers not above 0,
+    and where a default asks for a material that no term of the scene has.
     """
 
     name, energy_kind = "contact", "contact"
