@@ -37,8 +37,6 @@ LONGEST, MOST_ARGUMENTS = 60, 8
 LONG = set()
 MANY_ARGUMENTS = set()
 IN_CIRCLES = {
-    "scenarios.forming",
-    "scenarios.measuring",
     "scene.scene",
     "scene.supports",
 }

@@ -2,19 +2,16 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..job.job import Result
 
-if TYPE_CHECKING:
-    from .forming import Forming
-
 STRETCHING = "strain", "metal", "plastic"  # energies that regularisation is measured by
 
 
-def quantities(forming: "Forming", result: Result) -> dict[str, Any]:
+def quantities(forming: Any, result: Result) -> dict[str, Any]:
     """Forces, penetrations, shear, strains, draw-in and, once the tools are closed, wrinkles; of
     metal thinning, plastic strain and stress. Of several plies the worst, and each one's in
     `plies`."""
@@ -54,7 +51,7 @@ def quantities(forming: "Forming", result: Result) -> dict[str, Any]:
     return found | worst | {"draw_in": largest["draw_in"]} | several
 
 
-def pictures(forming: "Forming", result: Result, folder: Path) -> None:
+def pictures(forming: Any, result: Result, folder: Path) -> None:
     """Strain states, the formed plies, paths and metal of a run."""
     from ..results import formed
 
@@ -66,7 +63,7 @@ def pictures(forming: "Forming", result: Result, folder: Path) -> None:
     formed.draw_compared(folder, result.grids, forming.punch_tool)
 
 
-def compare(forming: "Forming", results: Mapping[str, Result], folder: Path) -> None:
+def compare(forming: Any, results: Mapping[str, Result], folder: Path) -> None:
     """Outlines and paths of plies {label: `Result`} side by side, into `folder`."""
     from ..results import formed
 
