@@ -36,10 +36,6 @@ LONGEST, MOST_ARGUMENTS = 60, 8
 # What still breaks a rule. Whoever mends one takes it off; an entry that is not needed fails.
 LONG = set()
 MANY_ARGUMENTS = set()
-IN_CIRCLES = {
-    "scene.scene",
-    "scene.supports",
-}
 
 
 def imported(name, for_types=False):
@@ -141,7 +137,7 @@ def test_no_private_name_crosses_modules(name):
 
 def test_no_module_leads_back_to_itself():
     """Not even by what it imports for types alone."""
-    assert in_circles({name: {*imported(name, True)} for name in MODULES}) == IN_CIRCLES
+    assert not in_circles({name: {*imported(name, True)} for name in MODULES})
 
 
 def test_functions_are_short():

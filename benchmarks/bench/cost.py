@@ -79,7 +79,7 @@ def resident_mib(comm: MPI.Comm, key: str) -> float:
 def elastic_seconds(scene: Scene) -> tuple[float, float]:
     """Seconds of the assembly, and of assembly, analysis, factorisation and solution by MUMPS, of
     linear elasticity on the scene's mesh."""
-    comm, twin = scene.comm, Scene(scene.blank, [LinearElasticity()], scene.supports)
+    comm, twin = scene.comm, Scene(scene.blank, [LinearElasticity()], scene.supports.given)
     A, b = twin.create_matrix(), twin.u.duplicate()
     b.set(1.0)
 

@@ -12,6 +12,7 @@ from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import measures
+from fabric_fenicsx.scene import reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
@@ -91,7 +92,7 @@ def strip_scene(comm: MPI.Comm, fabric: Law, strip: Strip, how: Discretisation) 
 def strip_values(scene: Scene) -> dict[str, float]:
     """What is compared of a solved strip. Means at the centre, by area, are of cells with midpoints
     within an eighth of the width of it (or the nearest)."""
-    blank, comm, fields = scene.blank, scene.comm, scene.cell_fields()
+    blank, comm, fields = scene.blank, scene.comm, reports.cell_fields(scene)
     shear = np.degrees(np.abs(fields["shear_angle"]))
     distance = np.linalg.norm(blank.midpoints() - [[LENGTH / 2], [WIDTH / 2]], axis=0)
     centre = distance <= max(WIDTH / 8, measures.extremes(comm, distance)[0])

@@ -5,6 +5,7 @@ from typing import Any
 
 from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..results.history import ENERGIES, energy_balance
+from ..scene import reports
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
 
@@ -20,11 +21,11 @@ def not_believed(wrong: Sequence[str]) -> str:
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
     """What no later state mends, a sentence each: tools too deep in the sheet, and yarns stretched
     too far."""
-    depth, where = scene.deepest()
+    depth, where = reports.deepest(scene)
     wrong = limits.exceeded({"penetration": depth})
     if wrong:
         wrong = [f"{wrong[0]}; deepest is {where}"]
-    over = scene.overstretched(limits.strain)
+    over = reports.overstretched(scene, limits.strain)
     if over > EDGES:
         wrong.append(
             f"yarns are stretched by more than {100 * limits.strain:.3g} % in {100 * over:.3g} % "
@@ -66,7 +67,7 @@ def warnings_at_start(scene: Scene) -> list[str]:
     """What speaks against a scene before it is loaded, in words."""
     found = [scene.check_held()]
     if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
-        from ..mechanics.contact.tool_warnings import tool_warnings
+        from ..scene.tool_warnings import tool_warnings
 
         found += tool_warnings(scene)
     return [words for words in found if words]
@@ -78,8 +79,8 @@ def warnings_at_end(
     """What speaks against the result though nothing failed, in words. rows, energy: as of
     `beyond_limits_at_end`."""
     untouched = ""
-    if scene.tools():
-        from ..mechanics.contact.tool_warnings import untouched_warning
+    if reports.tools(scene):
+        from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
     found = [untouched, crossing_warning(scene.blank)]
@@ -99,7 +100,7 @@ def warnings_at_end(
             "work of supports and tools and stored energy differ by "
             f"{100 * balance['energy_imbalance']:.3g} %; {_cause(energy)}"
         )
-    return [words for words in [*found, *scene.warnings()] if words]
+    return [words for words in [*found, *reports.warnings(scene)] if words]
 
 
 def _cause(energy):

@@ -15,6 +15,7 @@ from ..results.output import Output, read_converged
 from ..results.result import LAST_PICTURE, Result, draw_state
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.together import all_or_none
+from ..scene import reports
 from ..scene.given import of_scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
@@ -130,8 +131,8 @@ class Job(JobFields):
         if scene.comm.rank == 0:
             log.warning("%s: full load was reached before, nothing is left to do", folder)
         scene.set(start.x)
-        scene.at(1.0)
-        result.fields = scene.cell_fields()
+        scene.set_load(1.0)
+        result.fields = reports.cell_fields(scene)
         drawn = scene.comm.bcast((folder / LAST_PICTURE).exists())
         if self.error and "error" not in result.summary:
             drawn = False

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from ..results.output import Output
 from ..results.result import Result
 from ..runtime import timing
 from ..runtime.signals import StopSignals
+from ..scene import reports
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
 from ..solve.progress import Accepted, Outcome, Progress
@@ -99,9 +101,9 @@ class Run:
         self._wrong_now = belief.beyond_limits_now(scene, self.job.limits)
         measured = self._measure(scene, accepted.load)
         with timing.phase("output"):
-            self.history.add(accepted, *measured, scene.history)
+            self.history.add(accepted, *measured, partial(reports.history, scene))
             if len(rows) == 1:
-                scene.summary()  # so that names given twice are refused now, not at the end
+                reports.summary(scene)  # so that names given twice are refused now, not at the end
         output.warn(viscous_words(rows, accepted.load))
         self._bar.update(accepted.load - self._bar.n)
         words = (
@@ -129,7 +131,7 @@ class Run:
     def _result(self, outcome: Outcome) -> Result:
         scene, output, rows = self.scene, self.output, self.history.rows
         with timing.phase("output"):
-            fields = scene.cell_fields()
+            fields = reports.cell_fields(scene)
             if not self._is_written():
                 self.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, self.folder, scene)
@@ -162,7 +164,7 @@ class Run:
             "element": f"{kind}{blank.degree}",
             "dofs": blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim,
             "cells": blank.mesh.topology.index_map(2).size_global,
-            **self.scene.summary(),
+            **reports.summary(self.scene),
         }
 
     def _energy(self):

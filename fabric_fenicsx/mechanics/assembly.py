@@ -113,9 +113,9 @@ class Assembly:
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return A
 
-    def fits(self) -> bool:
-        """Whether the matrix made last has the present tangent's entries, on all ranks."""
-        return self._comm.allreduce(self._pattern == self._patterns(), MPI.LAND)
+    def places_changed(self) -> bool:
+        """Whether `tangent` has other places than the matrix made last, on any rank."""
+        return self._comm.allreduce(self._pattern != self._patterns(), MPI.LOR)
 
     def tangent(
         self, A: PETSc.Mat, bcs: Sequence["fem.DirichletBC"] = (), free: PETSc.Vec | None = None

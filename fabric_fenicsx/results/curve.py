@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
+from ..scene import reports
 from ..scene.scene import Scene
 
 # of a scene and its load factor: displacement [mm] and force [N]
@@ -25,17 +26,20 @@ def default_measure(scene: Scene) -> Measure:
     def motion(tool):
         return np.subtract(tool.path(1.0), tool.path(0.0))
 
-    for tool in scene.tools():
+    for tool in reports.tools(scene):
         if np.linalg.norm(motion(tool)):
             along = motion(tool) / np.linalg.norm(motion(tool))
             return lambda scene, load: (
                 float(along @ (np.subtract(tool.path(load), tool.path(0.0)))),
-                float(along @ scene.tool_force(tool)),
+                float(along @ reports.tool_force(scene, tool)),
             )
-    strokes = [_stroke(scene, support, 1.0) for support in scene.supports]
+    strokes = [_stroke(scene, support, 1.0) for support in scene.supports.given]
     lengths = [float(np.linalg.norm(stroke)) for stroke in strokes]
     furthest = int(np.argmax(lengths))
-    support, along = scene.supports[furthest], strokes[furthest] / max(lengths[furthest], 1e-300)
+    support, along = (
+        scene.supports.given[furthest],
+        strokes[furthest] / max(lengths[furthest], 1e-300),
+    )
     return lambda scene, load: (
         float(along @ _stroke(scene, support, load)),
         float(along @ scene.reaction(support.name)),

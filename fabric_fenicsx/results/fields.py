@@ -17,6 +17,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWrit
 from .. import dolfinx_compat as compat
 from ..mechanics.reports import Fields
 from ..runtime.files import replace_file
+from ..scene import reports
 from ..scene.scene import Scene
 from ..sheets.blank import Blank
 
@@ -95,7 +96,7 @@ class FieldSeries:
         # (load, ranks with cells) of each state written
         self.states = [tuple(state) for state in states]
         self._units = dict(UNITS)
-        self._tools = scene.tools()
+        self._tools = reports.tools(scene)
         self._parts = list(self.blank.parts.values()) or [self.blank.whole]
         extent = self.blank.extent()
         self._surfaces = (
@@ -126,8 +127,8 @@ class FieldSeries:
         """
         if self.states and self.states[-1][0] == load:
             self.states.pop()
-        cells = self.scene.cell_fields() if fields is None else fields
-        nodes = self.scene.nodal_fields()
+        cells = reports.cell_fields(self.scene) if fields is None else fields
+        nodes = reports.nodal_fields(self.scene)
         self._units |= cells.units | nodes.units
         self._together(lambda: self._write(len(self.states), cells, nodes))
         self.states.append((load, self._ranks))

@@ -57,7 +57,7 @@ class History:
     ) -> None:
         """Append an `Accepted` state at which the grips moved by `displacement` [mm] under
         `reaction` [N]; further: function of the columns that are taken to those that the terms
-        add, `Scene.history`. Raises InputError if these are others than before."""
+        add, `reports.history`. Raises InputError if these are others than before."""
         report = accepted.report
         stored = sum(accepted.energies.values())
         imbalance = abs(accepted.external_work - stored) / max(abs(stored), 1e-300)

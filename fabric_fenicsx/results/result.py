@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ..mechanics.reports import Fields
 from ..mechanics.roles import Pressing
 from ..runtime.errors import InputError
+from ..scene import reports
 from ..scene.scene import Scene
 from . import measures
 from .curve import Curves
@@ -91,9 +92,9 @@ class Result:
         (3,) [N]. Raises InputError for a tool or a name that the scene does not have once."""
         scene = self.scene
         pressing = [term.tool for term in scene.terms if isinstance(term, Pressing)]
-        tools = dict.fromkeys([*scene.tools(), *pressing])
+        tools = dict.fromkeys([*reports.tools(scene), *pressing])
         asked = [each for each in tools if tool in (each, each.name)]
-        force = np.zeros(3) if isinstance(tool, str) else scene.tool_force(tool)
+        force = np.zeros(3) if isinstance(tool, str) else reports.tool_force(scene, tool)
         if len(asked) != 1 and not force.any():
             name = tool if isinstance(tool, str) else tool.name
             raise InputError(
@@ -101,7 +102,7 @@ class Result:
                 "allowed is one of its own tools, or the name of one alone: "
                 f"{', '.join(each.name for each in tools) or 'it has none'}"
             )
-        return scene.tool_force(asked[0]) if asked else force
+        return reports.tool_force(scene, asked[0]) if asked else force
 
     def draw_in(self, sheet: str = "") -> dict[str, float]:
         """How far the edge of the sheet, or of the one of this name in a stack, went inwards in
@@ -181,7 +182,7 @@ class Result:
         """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
         rank 0; nodes as means over the cells. Raises InputError for a name that is none."""
         # asked of all ranks, which a field of cells does not need
-        nodal = Fields({}) if name in self.fields else self.scene.nodal_fields()
+        nodal = Fields({}) if name in self.fields else reports.nodal_fields(self.scene)
         drawn = sorted(
             each for each, values in {**self.fields, **nodal}.items() if values.ndim == 1
         )

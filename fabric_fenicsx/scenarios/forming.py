@@ -23,6 +23,7 @@ from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.fields import choice, number, one_of, switch, text
 from ..runtime.rules import COUNT, FROM_ZERO, POSITIVE
+from ..scene import reports
 from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.blank import Blank
@@ -359,7 +360,7 @@ class Forming(Scenario):
 
     def measure(self, scene: Scene, load: float) -> tuple[float, float]:
         """Stroke [mm] and force [N] of the punch, of a quarter if that is modelled."""
-        return load * self.stroke, float(scene.tool_force(self.punch_tool)[2])
+        return load * self.stroke, float(reports.tool_force(scene, self.punch_tool)[2])
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Forces, penetrations, shear, strains, draw-in and wrinkles; thinning of metal."""

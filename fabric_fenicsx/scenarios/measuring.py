@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..job.job import Result
+from ..scene import reports
 
 STRETCHING = "strain", "metal", "plastic"  # energies that regularisation is measured by
 
@@ -29,7 +30,7 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
     fabrics = [plies[name] for ply, name in zip(forming.plies, parts) if ply.fabric]
     worst = max(fabrics, key=lambda q: q["shear_angle_max_deg"], default={})
     largest = max(plies.values(), key=lambda q: q["draw_in"]["largest_mm"])
-    total = sum((scene.tool_force(term.tool) for term in forming.pressing), np.zeros(3))
+    total = sum((reports.tool_force(scene, term.tool) for term in forming.pressing), np.zeros(3))
     kept = sum(rows[-1].get(f"{kind}_energy_Nmm", 0.0) for kind in STRETCHING)
     force = rows[-1]["reaction_N"]
     found = {
@@ -43,7 +44,7 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
         "penalty_N_per_mm3": forming.penalty,
         "penetration_mm": max(contact.penetration() for contact in forming.contacts),
         "penetration_largest_mm": max(contact.deepest() for contact in forming.contacts),
-        "penetration_of_thickness": scene.deepest()[0],
+        "penetration_of_thickness": reports.deepest(scene)[0],
         "sticking_slip_mm": forming.slip if forming.friction else None,
         "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,
     }

@@ -14,6 +14,7 @@ from ..results import measures
 from ..runtime.errors import InputError
 from ..runtime.fields import choice, number
 from ..runtime.rules import POSITIVE, Rule
+from ..scene import reports
 from ..scene.scene import Scene
 from ..scene.supports import Supports, frame
 from .scenario import ELEMENTS, Scenario
@@ -81,7 +82,7 @@ class PictureFrame(Scenario):
         """Lengthening of the frame's diagonal [mm] and the force along it [N], from the power of
         the frame's forces."""
         (strain, gamma), side, t = self.state(load), self._side, self.fabric.thickness
-        P = scene.virial() / (side**2 * t)
+        P = reports.virial(scene) / (side**2 * t)
         tau = conjugate(P[None], self._deformation(load)[None])[0, 2]
         arm = side * (1 + strain) * math.sin(math.pi / 4 - gamma / 2)  # d(diagonal)/d(gamma)
         turned = (1 + strain) * math.cos(math.pi / 4 - gamma / 2)

@@ -16,8 +16,8 @@ def of_scene(scene: Scene) -> dict[str, Any]:
     for i, term in enumerate(scene.terms, 1):
         given = {k: v for name, each in term.given.items() for k, v in entries(each, name).items()}
         found |= {f"{name} of term {i}, {term.name}": v for name, v in given.items()}
-    found["supports"] = ", ".join(support.name for support in scene.supports)
-    farthest = scene.comm.allreduce(abs(scene.held_values(1.0)).max(initial=0.0), MPI.MAX)
+    found["supports"] = ", ".join(support.name for support in scene.supports.given)
+    farthest = scene.comm.allreduce(abs(scene.supports.values(1.0)).max(initial=0.0), MPI.MAX)
     found["largest displacement of supports [mm]"] = plain(float(farthest))
     if straight := scene.blank.whole.straight:
         found["directions of the yarns"] = np.round(straight, 9).tolist()

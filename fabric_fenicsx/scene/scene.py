@@ -1,47 +1,34 @@
 """A scene: a blank, the terms that store or take energy in it, and its supports."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from dolfinx import fem
-from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
-from ..mechanics.reports import Fields, arrays, told
+from ..mechanics.reports import arrays
 from ..mechanics.roles import (
     Anticipates,
     DrivenByForce,
     Lagged,
     LooselyLagged,
-    Penetrated,
-    Pressing,
     Remembers,
     RemembersCells,
-    Stretched,
     Touching,
-    Warns,
 )
 from ..mechanics.term import Term
 from ..mechanics.term_checks import bind, check_answers, check_number
-from ..mechanics.work import Work
 from ..runtime.errors import InputError
 from ..runtime.timing import phase
 from ..sheets.blank import Blank
-from ..tools.tool import Tool
-from .supports import Supports, check_held, locating_warning
+from .held import HeldDofs
+from .rigid_motions import check_held
+from .supports import Supports
 
 OF_CELLS = "cells "  # before the names of what terms remember of cells
-# what every sheet and every summary has without terms
-OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
-OF_A_SUMMARY = (
-    *("study", "ranks", "converged", "stroke_reached", "reason", "element", "dofs", "cells"),
-    *("terms", "steps_accepted", "steps_rejected", "newton_iterations", "energy", "reaction_N"),
-    *("energy_imbalance", "energy_imbalance_largest", "branches", "quantities", "error"),
-    *("warnings", "wall_s", "peak_memory_mib", "versions"),
-)
 
 
 class Scene:
@@ -60,12 +47,11 @@ class Scene:
 
     def __init__(self, blank: Blank, terms: Iterable[Term], supports: Supports = ()) -> None:
         self.blank, self.terms = blank, list(terms)
-        self.supports = list(supports(blank) if callable(supports) else supports)
         self.comm = blank.mesh.comm
         for term in self.terms:
             bind(term, self)
         self.u = compat.petsc_vector(blank.u)
-        if not any(term.energy or "stretch" in term.resists for term in self.terms):
+        if not any(term.energy is not None or "stretch" in term.resists for term in self.terms):
             raise InputError(
                 f"the scene of {blank.name} has no elastic term; allowed is a membrane or the like"
             )
@@ -77,46 +63,18 @@ class Scene:
         self._inverted = (
             compat.form(blank.inverted_area()) if blank.mesh.geometry.dim == 2 else None
         )
-        self._supported()
+        self.supports = HeldDofs(blank, supports(blank) if callable(supports) else supports)
+        self.held = self.supports.dofs
         # a viscous drag [N/mm] on the nodes' displacement since `origin`
         self.drag, self.origin = 0.0, None
-        self.support_work = Work()
-        self._f, self._free = self.u.duplicate(), self.u.duplicate()
+        self.forces, self._free = self.u.duplicate(), self.u.duplicate()
         self._free.set(1.0)
         self._free.array[self.held] = 0.0
-
-    def _supported(self):
-        """Degrees of freedom held by the supports, and DOLFINx's view of them."""
-        blank, V, gdim = self.blank, self.blank.V, self.blank.mesh.geometry.dim
-        x = blank.coordinates()
-        owned = V.dofmap.index_map.size_local
-        self.dofs_of: dict[str, np.ndarray] = {}
-        self._nodes: list[np.ndarray] = []
-        held = np.zeros(len(x) * gdim, dtype=bool)
-        for support in self.supports:
-            if not set(support.components) <= set(range(gdim)):
-                raise InputError(
-                    f"support {support.name} holds the components {tuple(support.components)} of "
-                    f"{blank.name}; allowed are those from 0 to {gdim - 1}"
-                    + (", or 2 on a blank made with `spatial=True`" if gdim == 2 else "")
-                )
-            nodes = np.flatnonzero(support.where(x.T))
-            if self.comm.allreduce(int((nodes < owned).sum())) == 0:
-                raise InputError(
-                    f"support {support.name} holds no node of {blank.name}; allowed are 1 or more"
-                )
-            self._nodes.append(nodes)
-            held[nodes[:, None] * gdim + np.asarray(support.components)] = True
-            self.dofs_of[support.name] = nodes[nodes < owned, None] * gdim + np.arange(gdim)
-        dofs = np.flatnonzero(held).astype(np.int32)
-        zero = PETSc.ScalarType(0)
-        self._bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
-        self.held = dofs[dofs < owned * gdim]
 
     def check_held(self) -> str:
         """Raise InputError, naming the motion, if the scene lets the blank move as a rigid body; a
         sentence to warn with if only the shapes of tools may hold it, else ""."""
-        return check_held(self)
+        return check_held(self.blank, self.terms, self.supports)
 
     def check_start(self) -> None:
         """Raise InputError if the scene can't begin: as `check_held`, as terms of tools do, and
@@ -126,14 +84,14 @@ class Scene:
             if isinstance(term, Touching):
                 term.check_start()
         if not self._checked:
-            self.at(0.0)
+            self.set_load(0.0)
             self.accept()
             for term in self.terms:
                 check_answers(term)
                 check_number(term, "work", term.work())
             self._checked = True
 
-    def at(self, load: float) -> None:
+    def set_load(self, load: float) -> None:
         """Set the load factor, and take the terms back to the last accepted state in all else."""
         for term in self.terms:
             term.set_load(load)
@@ -148,7 +106,7 @@ class Scene:
         return any([term.update_lagged() for term in self._lagged])
 
     @property
-    def rough(self) -> float:
+    def loose_tolerance(self) -> float:
         """The largest `loose_tolerance` of the terms."""
         found = [each.loose_tolerance for each in self.terms if isinstance(each, LooselyLagged)]
         return max(found, default=0.0)
@@ -164,15 +122,7 @@ class Scene:
         for i, term in enumerate(self.terms):
             memory |= {f"{i} {key}": values for key, values in _nodal_memory(term).items()}
             memory |= {f"{OF_CELLS}{i} {key}": v for key, v in _cell_memory(term).items()}
-        states = self.support_work.memory()
-        # of each state: whether known, load, force and place
-        nodal = np.zeros((self._f.local_size, len(states), 4))
-        nodal[:, :, :2] = states[:, :2]
-        if states.shape[1] > 2:
-            nodal[self.held, :, 2:] = states[:, 2:].reshape(len(states), 2, -1).transpose(2, 0, 1)
-        return memory | {
-            "supports": nodal.reshape(-1, 4 * len(states) * self.blank.mesh.geometry.dim)
-        }
+        return memory | {"supports": self.supports.memory()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Give terms and supports back their `memory`, of the present displacement and load."""
@@ -181,28 +131,7 @@ class Scene:
             given |= {key: memory[f"{OF_CELLS}{i} {key}"] for key in _cell_memory(term)}
             if isinstance(term, (Remembers, RemembersCells)):
                 term.recall(given)
-        states = len(self.support_work.memory())
-        nodal = memory["supports"].reshape(-1, states, 4)
-        known = nodal[:, :, :2].max(0, initial=0.0)
-        self.comm.Allreduce(MPI.IN_PLACE, known, MPI.MAX)  # a rank may have no node
-        self.support_work.recall(
-            np.hstack([known, nodal[self.held, :, 2:].transpose(1, 2, 0).reshape(states, -1)])
-        )
-
-    def held_values(self, load: float) -> np.ndarray:
-        """Displacements of this rank's held degrees of freedom at a load factor, along the frame's
-        axes, (held,) [mm]."""
-        x, gdim = self.blank.coordinates(), self.blank.mesh.geometry.dim
-        values = np.zeros(x.shape[0] * gdim)
-        for support, nodes in zip(self.supports, self._nodes):
-            value = (
-                support.value(x[nodes].T, load).T
-                if callable(support.value)
-                else load * np.asarray(support.value, float)
-            )
-            components = list(support.components)
-            values[nodes[:, None] * gdim + np.asarray(components)] = value[..., components]
-        return values[self.held]
+        self.supports.recall(memory["supports"])
 
     def set(self, x: PETSc.Vec) -> None:
         """Make x the displacement [mm]."""
@@ -235,8 +164,8 @@ class Scene:
         """Internal forces on the free degrees of freedom into r, zero on the held ones [N]; keeps
         them all."""
         with phase("assemble"):
-            self._assembly.residual(self._f)
-            self._f.copy(r)
+            self._assembly.residual(self.forces)
+            self.forces.copy(r)
             r.array[self.held] = 0
             if self.drag:
                 r.axpy(self.drag, self._dragged())
@@ -251,35 +180,35 @@ class Scene:
 
     def tangent(self, A: PETSc.Mat, held: bool = True) -> None:
         """Second derivative of the energy into A; unit rows and columns where `held` [N/mm]."""
-        given = (self._bcs, self._free) if held else ()
+        given = (self.supports.bcs, self._free) if held else ()
         with phase("assemble"):
             self._assembly.tangent(A, *given)
             if self.drag:
                 A.shift(self.drag)
 
-    def fits(self) -> bool:
-        """Whether the matrix made last has the places of the present `tangent`, on all ranks."""
-        return self._assembly.fits()
+    def places_changed(self) -> bool:
+        """Whether `tangent` has other places than the matrix made last, on any rank."""
+        return self._assembly.places_changed()
 
     def anticipate(self) -> None:
         """After `residual`: let terms see it before the tangent for the next correction."""
         for term in self._anticipating:
-            term.anticipate(self._f.array)
+            term.anticipate(self.forces.array)
 
     def held_forces(self) -> np.ndarray:
         """Forces of the supports on this rank's held degrees of freedom, after `residual`
         (held,) [N]."""
-        return self._f.array[self.held].copy()
+        return self.forces.array[self.held].copy()
 
     def force_scale(self) -> float:
         """After `residual`: norm of the nodal forces that the sheet bears from supports, loads and
         tools, what a residual is measured by [N]. Forces that meet in a node, as under a blank
         holder, cancel, but for `PINCH` of them."""
-        net, pinch = np.zeros(self._f.local_size), 0.0
-        for given in self._assembly.applied_forces():
+        net, pinch = np.zeros(self.forces.local_size), 0.0
+        for given in self.applied_forces():
             net[: given.size] += given
             pinch += float((given**2).sum())
-        net[self.held] = self._f.array[self.held]
+        net[self.held] = self.forces.array[self.held]
         return np.sqrt(self.comm.allreduce(float(net @ net) + self.PINCH**2 * pinch))
 
     def compliances(self) -> list[tuple[PETSc.Vec, float]]:
@@ -296,86 +225,17 @@ class Scene:
                 found.append((c, given[1]))
         return found
 
-    def virial(self) -> np.ndarray:
-        """Sum over the nodes of force times undeformed position along the frame's axes,
-        (gdim, gdim) [N mm]: in equilibrium the first Piola-Kirchhoff stress integrated over the
-        blank's volume."""
-        owned, gdim = self.blank.V.dofmap.index_map.size_local, self.blank.mesh.geometry.dim
-        forces = self._f.array.reshape(-1, gdim)[:owned]
-        return self.comm.allreduce(
-            forces.T @ self.blank.along(self.blank.coordinates()[:owned].T).T, MPI.SUM
-        )
-
     def reaction(self, name: str) -> np.ndarray:
         """Force of support `name` on the blank along the axes of the frame, (gdim,), after
         `residual` [N].
 
         Raises InputError if there is no support of that name.
         """
-        if name not in self.dofs_of:
-            raise InputError(
-                f"support {name!r} is not of this scene; allowed are {', '.join(self.dofs_of)}"
-            )
-        return self.comm.allreduce(self._f.array[self.dofs_of[name]].sum(0), MPI.SUM)
+        return self.supports.reaction(name, self.forces)
 
-    def outer_forces(self) -> dict[str, float]:
-        """Sizes of nodal forces added up, after `residual`: of supports, and "" of all else [N]."""
-        sizes = {name: abs(self._f.array[dofs]).sum() for name, dofs in self.dofs_of.items()}
-        sizes[""] = sum(abs(given).sum() for given in self._assembly.applied_forces())
-        return {name: self.comm.allreduce(float(size)) for name, size in sizes.items()}
-
-    # -- results
-
-    def tools(self) -> list[Tool]:
-        """The tools whose surface the sheet may touch."""
-        return list(dict.fromkeys(term.tool for term in self.terms if isinstance(term, Touching)))
-
-    def tool_force(self, tool: Tool) -> np.ndarray:
-        """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
-        pressing = [term for term in self.terms if isinstance(term, Pressing)]
-        return sum((term.tool_force() for term in pressing if term.tool is tool), np.zeros(3))
-
-    def history(self, taken: Collection[str] = ()) -> dict[str, Any]:
-        """What the terms add to the present state's row of history.csv, beside the columns
-        `taken`."""
-        return {name: each.value for name, each in told(self.terms, "history", taken).items()}
-
-    def summary(self) -> dict[str, Any]:
-        """What the terms say of themselves and the present state in summary.json."""
-        given = told(self.terms, "summary", OF_A_SUMMARY)
-        return {"terms": [t.name for t in self.terms]} | {k: v.value for k, v in given.items()}
-
-    def cell_fields(self) -> Fields:
-        """Fields of the present state on this rank's owned cells, (cells, ...)."""
-        return Fields(told(self.terms, "cell_fields", OF_A_SHEET))
-
-    def nodal_fields(self) -> Fields:
-        """Fields of the present state at this rank's nodes, ghosts too, (nodes, ...)."""
-        fields = Fields(told(self.terms, "nodal_fields", OF_A_SHEET))
-        for name, values in fields.items():
-            fields[name] = self.blank.with_ghosts(values)
-        return fields
-
-    def deepest(self) -> tuple[float, str]:
-        """How deep a tool or another sheet was in a sheet in any accepted state, over the sheet's
-        thickness, and in words which one and where."""
-        terms = [term for term in self.terms if isinstance(term, Penetrated)]
-        depths = [term.penetration_of_thickness() for term in terms]
-        if not any(depths):
-            return 0.0, ""
-        i = int(np.argmax(depths))
-        return depths[i], terms[i].where_deepest()
-
-    def overstretched(self, strain: float) -> float:
-        """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`."""
-        terms = [term for term in self.terms if isinstance(term, Stretched)]
-        return max((term.overstretched(strain) for term in terms), default=0.0)
-
-    def warnings(self) -> list[str]:
-        """What speaks against the present state though nothing failed, in words."""
-        given = [term.warnings() for term in self.terms if isinstance(term, Warns)]
-        found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
-        return found + [text for text in [locating_warning(self)] if text]
+    def applied_forces(self) -> list[np.ndarray]:
+        """Forces of each tool and load (owned dofs,) [N]."""
+        return self._assembly.applied_forces()
 
 
 def _nodal_memory(term: Any) -> dict[str, np.ndarray]:

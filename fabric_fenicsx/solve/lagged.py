@@ -20,7 +20,7 @@ def solve_lagged(
     """
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
-    now = max(asked, scene.rough)
+    now = max(asked, scene.loose_tolerance)
     for _ in range(MOST + 1):
         report = newton.solve_for(x, now, minimum=now == asked)
         every.append(report.iterations)

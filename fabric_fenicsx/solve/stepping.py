@@ -107,7 +107,7 @@ class LoadStepping:
         check = scene.check_start if self._is_new else scene.check_held
         check()
         scene.set(progress.x)
-        scene.at(progress.load)
+        scene.set_load(progress.load)
         if progress.memory:
             scene.recall(progress.memory)
         if progress.solver:
@@ -115,7 +115,7 @@ class LoadStepping:
         scene.accept()
         self._restore()
         if not progress.memory:
-            scene.support_work.accept(
+            scene.supports.work.accept(
                 progress.load, scene.held_forces(), progress.x.array[scene.held]
             )
         if self._is_new:
@@ -150,12 +150,12 @@ class LoadStepping:
             load = goal
         is_on_the_way = self._in_equilibrium and load != goal
         tolerance = (self.settings.path_tolerance or 0.0) if is_on_the_way else 0.0
-        return Attempt(load, load - progress.load, tolerance, self.scene.held_values(load))
+        return Attempt(load, load - progress.load, tolerance, self.scene.supports.values(load))
 
     def _solve(self, attempt):
         """Find the attempt's state, from a prediction."""
         scene, progress, x = self.scene, self.progress, self.newton.x
-        scene.at(attempt.load)
+        scene.set_load(attempt.load)
         self._predict(attempt)
         x.copy(self._predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
@@ -187,7 +187,7 @@ class LoadStepping:
         attempt.energies = self._energies()
         attempt.energies["viscous"] += attempt.drained
         attempt.forces = scene.held_forces()
-        of_supports = scene.support_work.since(attempt.load, attempt.forces, attempt.values)
+        of_supports = scene.supports.work.since(attempt.load, attempt.forces, attempt.values)
         attempt.work = scene.work() + scene.comm.allreduce(of_supports)
 
     def _accept(self, attempt):
@@ -195,7 +195,7 @@ class LoadStepping:
         progress.viscosity.energy += attempt.drained
         progress.previous, progress.x = progress.x, progress.previous
         self.newton.x.copy(progress.x)
-        scene.support_work.accept(attempt.load, attempt.forces, attempt.values)
+        scene.supports.work.accept(attempt.load, attempt.forces, attempt.values)
         scene.accept()
         progress.memory, progress.solver = scene.memory(), self.newton.memory()
         if self._in_equilibrium:
@@ -247,7 +247,7 @@ class LoadStepping:
         """The scene in its last accepted state."""
         self.scene.drag = 0.0
         self.scene.set(self.progress.x)
-        self.scene.at(self.progress.load)
+        self.scene.set_load(self.progress.load)
         self.scene.residual(self._residual)
 
     def _predict(self, attempt):

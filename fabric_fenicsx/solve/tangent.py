@@ -50,7 +50,7 @@ class Tangent:
     def assemble(self, held: bool = True) -> None:
         """Make A the tangent at the scene's present state, anew if contact of sheets has found
         other places; held: with unit rows and columns at the supports."""
-        if not self._scene.fits():
+        if self._scene.places_changed():
             self.A.destroy()
             self.ksp.reset()
             self._make()

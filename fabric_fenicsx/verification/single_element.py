@@ -14,6 +14,7 @@ from ..material.laws.base import stresses_of_energy
 from ..material.paths import PATHS, conjugate, gradient
 from ..mechanics.shell.membrane import Membrane
 from ..runtime.errors import SolverFailure
+from ..scene import reports
 from ..scene.scene import Scene
 from ..scene.supports import rolling_ends
 from ..sheets.blank import Blank
@@ -156,7 +157,7 @@ def prescribed(scene: Scene, strains: np.ndarray) -> tuple[np.ndarray, float]:
     for k in range(len(F)):
         membrane.blank.u.x.array[:] = (x @ (F[k] - np.eye(2)).T).ravel()
         scene.residual(r)
-        P[k] = scene.virial() / membrane.fabric.thickness
+        P[k] = reports.virial(scene) / membrane.fabric.thickness
         mismatch = max(mismatch, membrane.state()[3])
     return conjugate(P, F), mismatch
 

@@ -8,6 +8,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.scene import reports
 
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")
@@ -218,7 +219,8 @@ def test_a_field_of_a_list():
 
 
 def test_a_warning_by_itself():
-    assert "look here" in scene_with(with_own("warnings", lambda self: "look here")).warnings()
+    mine = with_own("warnings", lambda self: "look here")
+    assert "look here" in reports.warnings(scene_with(mine))
 
 
 class OnAnEdge(ff.Term):

@@ -22,6 +22,7 @@ from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.results.fields import UNITS, FieldSeries, read_last, yarn_coordinates
+from fabric_fenicsx.scene import reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
@@ -80,7 +81,7 @@ def test_series_read_back(tmp_path, element, spatial):
     series, written = FieldSeries(folder, scene), {}
     for at in (0.0, 1 / 3, 1.0):
         deform(blank, at)
-        fields = scene.cell_fields()
+        fields = reports.cell_fields(scene)
         series.write(at, fields)
         written[at] = COMM.gather((compat.values_at(blank.u, inside), fields))
     if COMM.rank != 0:
@@ -122,7 +123,7 @@ def test_fibres_are_as_long_as_their_strain_says(tmp_path, element):
     scene = sheet(element, spatial=True)
     x = scene.blank.coordinates()
     scene.blank.u.x.array[:] = (x @ [[0.03, 0.01, 0], [0.05, -0.02, 0.1], [0, 0, 0]]).ravel()
-    FieldSeries(tmp_path, scene).write(0.0, scene.cell_fields())
+    FieldSeries(tmp_path, scene).write(0.0, reports.cell_fields(scene))
     grid = read_last(tmp_path)
     for name in "ab":
         np.testing.assert_allclose(
@@ -137,7 +138,7 @@ def test_every_array_has_its_unit(tmp_path):
         spatial=True, terms=[Contact(Tool(Sphere(10.0, (30, 20, -9.9)), name="ball"), 0.4, 100.0)]
     )
     FieldSeries(tmp_path, scene).write(0.0)
-    units = UNITS | scene.cell_fields().units | scene.nodal_fields().units
+    units = UNITS | reports.cell_fields(scene).units | reports.nodal_fields(scene).units
     for path in (tmp_path / "fields" / "0000_0.vtu", tmp_path / "tools" / "0000_0.vtp"):
         ElementTree.parse(path)  # ParaView 5.11 on Debian 12 reads no other
         read = pyvista.read(path)
@@ -325,7 +326,7 @@ def test_a_scene_without_tools_leaves_none(tmp_path):
     (tmp_path / "tools" / "0000_0.vtp").touch()
     (tmp_path / "tools.pvd").touch()
     scene = sheet()
-    FieldSeries(tmp_path, scene).write(0.0, scene.cell_fields())
+    FieldSeries(tmp_path, scene).write(0.0, reports.cell_fields(scene))
     assert not (tmp_path / "tools.pvd").exists() and not list((tmp_path / "tools").iterdir())
 
 
@@ -337,7 +338,7 @@ def test_a_later_state_at_the_same_load_takes_the_place_of_the_first(tmp_path):
     series = FieldSeries(tmp_path, scene)
     for at, amount in ((0.0, 0.0), (1.0, 0.5), (1.0, 1.0)):
         deform(scene.blank, amount)
-        series.write(at, scene.cell_fields())
+        series.write(at, reports.cell_fields(scene))
     assert [at for at, _ in series.states] == list(states(tmp_path / "fields.pvd")) == [0.0, 1.0]
     u = scene.blank.nodal_displacement()
     assert np.array_equal(read_last(tmp_path)["u"][:, :2], u)
@@ -347,7 +348,7 @@ def test_a_new_run_takes_the_series_of_another_away(tmp_path):
     scene = sheet()
     series = FieldSeries(tmp_path, scene)
     for at in (0.0, 0.5):
-        series.write(at, scene.cell_fields())
+        series.write(at, reports.cell_fields(scene))
     (tmp_path / "fields" / "0000_0.vtu.part").touch()
     FieldSeries(tmp_path, scene)
     assert not (tmp_path / "fields.pvd").exists() and not list((tmp_path / "fields").iterdir())
@@ -360,7 +361,7 @@ from scipy.spatial import cKDTree
 sys.path[:0] = [sys.argv[2], sys.argv[2] + "/.."]
 from test_fields import FieldSeries, sheet
 scene = sheet(nx=30)
-series, fields = FieldSeries(pathlib.Path(sys.argv[1]), scene), scene.cell_fields()
+series, fields = FieldSeries(pathlib.Path(sys.argv[1]), scene), reports.cell_fields(scene)
 for at in range(3000):
     series.write(at / 3000, fields)
 """
@@ -384,7 +385,7 @@ def test_a_run_that_is_killed_leaves_a_series_that_opens(tmp_path):
 @pytest.mark.parametrize("file", ["fields/0001_0.vtu", "fields.pvd"])
 def test_a_full_disk_is_an_error_that_names_the_file(tmp_path, file):
     scene = sheet()
-    series, fields = FieldSeries(tmp_path, scene), scene.cell_fields()
+    series, fields = FieldSeries(tmp_path, scene), reports.cell_fields(scene)
     series.write(0.0, fields)
     if file == "fields.pvd":
         (tmp_path / "fields.pvd.part").mkdir()
@@ -406,7 +407,7 @@ def test_a_full_disk_is_an_error_that_names_the_file(tmp_path, file):
 
 def test_a_folder_that_is_removed_is_an_error_that_names_the_file(tmp_path):
     scene = sheet()
-    series, fields = FieldSeries(tmp_path, scene), scene.cell_fields()
+    series, fields = FieldSeries(tmp_path, scene), reports.cell_fields(scene)
     shutil.rmtree(tmp_path / "fields")
     with pytest.raises(FileNotFoundError) as caught:
         series.write(0.0, fields)
@@ -422,7 +423,7 @@ def test_all_ranks_learn_of_the_file_that_one_cannot_write(tmp_path):
         (folder / "fields" / f"0000_{last}.vtu.part").mkdir()
     COMM.barrier()
     with pytest.raises(IsADirectoryError) as caught:
-        series.write(0.0, scene.cell_fields())
+        series.write(0.0, reports.cell_fields(scene))
     assert caught.value.filename == str(folder / "fields" / f"0000_{last}.vtu")
 
 

@@ -9,6 +9,7 @@ from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import pictures
 from fabric_fenicsx.results.fields import FieldSeries, read_last
+from fabric_fenicsx.scene import reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank
 
@@ -36,7 +37,7 @@ def test_maps_show_signed_values_and_their_extremes(tmp_path, monkeypatch):
     scene = Scene(blank, [Membrane(load("komeili"))])
     x, y = blank.coordinates()[:, :2].T
     blank.u.x.array[:] = np.column_stack([-0.1 * y - 0.001 * x * y, 0 * x]).ravel()
-    fields = scene.cell_fields()
+    fields = reports.cell_fields(scene)
     FieldSeries(tmp_path, scene).write(1.0, fields)
     drawn = []
     monkeypatch.setattr(pictures.plt, "close", drawn.append)

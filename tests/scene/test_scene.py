@@ -16,6 +16,7 @@ from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene import reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
@@ -132,9 +133,9 @@ def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned, nx):
     loads = [EdgeTension(lambda load, f=f: load * f, way, where) for f, way, where in ends]
     scene = Scene(blank, [Membrane(load("komeili")), *loads], [middle, *corners])
     assert not march(Newton(scene), 4).reason
-    assert len(scene.warnings()) == warned
+    assert len(reports.warnings(scene)) == warned
     if warned:
-        assert "bear middle 4 N, as sheet" in scene.warnings()[0]
+        assert "bear middle 4 N, as sheet" in reports.warnings(scene)[0]
 
 
 def test_a_dead_pressure_is_a_force_beside_which_locating_supports_bear_nothing():
@@ -152,7 +153,7 @@ def test_a_dead_pressure_is_a_force_beside_which_locating_supports_bear_nothing(
     terms = [Membrane(load("komeili")), Bedding(), DeadPressure(1e-3, (0, 0, -1))]
     scene = Scene(blank, terms, [corner])
     assert not march(Newton(scene), 1).reason
-    assert scene.outer_forces()[""] == pytest.approx(0.8) and scene.warnings() == []
+    assert reports.outer_forces(scene)[""] == pytest.approx(0.8) and reports.warnings(scene) == []
 
 
 def test_forces_that_cancel_at_a_locating_support_are_told():
@@ -162,7 +163,7 @@ def test_forces_that_cancel_at_a_locating_support_are_told():
     push = EdgeTension(lambda load: 4 * load, (0, -1), lambda x: x[1] < 1e-6)
     scene = Scene(blank, [Membrane(load("komeili")), pull, push], [ends])
     assert not march(Newton(scene), 4).reason
-    assert len(scene.warnings()) == 1 and "bear ends" in scene.warnings()[0]
+    assert len(reports.warnings(scene)) == 1 and "bear ends" in reports.warnings(scene)[0]
 
 
 BALLS = [Tool(Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]

@@ -157,7 +157,7 @@ def test_tangent_of_a_scene_without_bending():
     u, d = scene.u.copy(), scene.u.copy()
     u.array[:] = (1e-3 * np.sin(x + [0, 1, 2])).ravel() * (x[:, :1] > 0).repeat(3, 1).ravel()
     scene.set(u)
-    scene.at(1.0)
+    scene.set_load(1.0)
     scene.accept()
     u.array[:] *= 1.5
     d.array[:] = np.cos(x[:, [1, 2, 0]] / 3).ravel()
@@ -312,7 +312,7 @@ def test_circular_membrane_under_pressure():
             * (1 - (blank.coordinates()[: scene.u.local_size // 3, :2] ** 2).sum(1) / a**2)
         )
         x = scene.u.copy()
-        scene.at(1.0)
+        scene.set_load(1.0)
         report = Newton(scene).solve_for(x)
         assert report.converged, report.reason
         errors.append(

@@ -18,6 +18,7 @@ from fabric_fenicsx.mechanics.contact.pressure_law import (
     default_penalty,
 )
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.scene import reports
 
 FABRIC = ff.load("komeili")
 T, PRESSURE, RADIUS = FABRIC.thickness, 2.0, 30.0
@@ -213,7 +214,7 @@ def test_states_that_alternate_are_met_half_way(by_position):
     for places in ((1.0, 0.0), (0.5,)):
         scene, pair = two(**STATES["pressed"])
         scene.accept()
-        scene.at(0.0)
+        scene.set_load(0.0)
         u, on_upper = scene.u.array, scene.blank.part("upper").nodes
         rest = u.copy()
         for share in places:
@@ -262,7 +263,7 @@ def test_depth_counts_in_equilibrium_alone():
     for load, gap, deepest in ((0.0, -0.05, 0.05), (0.0, -0.01, 0.01), (1.0, 0.1, 0.01)):
         scene.blank.u.x.array.reshape(-1, 3)[: len(upper)][upper, 2] = gap
         scene.blank.u.x.scatter_forward()
-        scene.at(load)
+        scene.set_load(load)
         scene.accept()
         assert contact.deepest() == pytest.approx(deepest)
 
@@ -414,7 +415,7 @@ def push(layers, cells):
     terms = [Elastic(1e3), ff.Contact(ball, T, 50.0).on(names[0]), *contacts]
     scene = ff.Scene(stack, terms, supports)
     run(scene, 4)
-    return scene.tool_force(ball)[2]
+    return reports.tool_force(scene, ball)[2]
 
 
 @pytest.mark.mpi

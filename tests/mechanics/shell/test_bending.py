@@ -299,7 +299,7 @@ def equilibrium(scene, bending, steps, rests):
     free = np.setdiff1d(np.arange(scene.u.array.size), scene.held)
     A, r, u = scene.create_matrix(), scene.u.duplicate(), scene.u.array
     for load in [*np.arange(1, steps + 1) / steps, *[1.0] * rests]:
-        scene.at(load)
+        scene.set_load(load)
         K = matrix(bending)
         for _ in range(60):
             scene.residual(r)

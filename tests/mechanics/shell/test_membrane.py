@@ -18,6 +18,7 @@ from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene import reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
@@ -78,12 +79,12 @@ def test_a_pre_sheared_sheet_has_the_kernels_stress(unbalanced, cell, degree):
         state = kernel.evaluate(unbalanced, gradient=[F], fibres=yarns, weave_angle=1.1)
         scene.residual(r)
         P = F @ state.S[0]
-        np.testing.assert_allclose(scene.virial() / volume, P, atol=1e-10 * np.abs(P).max())
+        np.testing.assert_allclose(reports.virial(scene) / volume, P, atol=1e-10 * np.abs(P).max())
         assert scene.energy() / volume == pytest.approx(state.energy[0], rel=1e-11)
-        fields = scene.cell_fields()
-        assert scene.summary()["kernel_mismatch"] <= 1e-10
+        fields = reports.cell_fields(scene)
+        assert reports.summary(scene)["kernel_mismatch"] <= 1e-10
         assert fields["shear_angle"] == pytest.approx(state.invariants[0, 3], abs=1e-11)
-        assert scene.history()["min_stability"] == pytest.approx(
+        assert reports.history(scene)["min_stability"] == pytest.approx(
             COMM.allreduce(fields["stability_ellipticity"].min(initial=np.inf), MPI.MIN), rel=1e-6
         )
     assert np.abs(P).max() > 0.01
@@ -104,7 +105,7 @@ def test_a_law_without_shear_is_compared_with_its_kernel():
 
     del LAWS["slack"]
     scene = Scene(sheet(10, 10, 2, 2), [Membrane(Slack())])
-    assert scene.summary()["kernel_mismatch"] == pytest.approx(1e-3, rel=0.1)
+    assert reports.summary(scene)["kernel_mismatch"] == pytest.approx(1e-3, rel=0.1)
 
 
 def test_weave_angles_that_are_none():

@@ -14,6 +14,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.mechanics.shell.metal import SheetMetal, through_thickness
 from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.scene import reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.blank import Blank
@@ -52,7 +53,7 @@ def pulled(strain, metal=DC04, across=None, steps=4, back=0.0):
 def true_stress(scene, strain):
     """Kirchhoff's along x: the virial of forces per undeformed volume, to deformed places."""
     volume = LENGTH * WIDTH * DC04.thickness
-    return scene.virial()[0, 0] * np.exp(strain) / volume
+    return reports.virial(scene)[0, 0] * np.exp(strain) / volume
 
 
 @pytest.mark.mpi
@@ -64,7 +65,7 @@ def test_uniaxial_tension_follows_the_hardening_curve(strain):
     p = brentq(lambda p: curve(p) / DC04.E + p - strain, 0, strain, xtol=1e-15) if yields else 0.0
     expected = curve(p) if yields else DC04.E * strain
     assert true_stress(scene, strain) == pytest.approx(expected, rel=1e-8)
-    fields = scene.cell_fields()
+    fields = reports.cell_fields(scene)
     assert fields["equivalent_plastic_strain"] == pytest.approx(p, rel=1e-8, abs=1e-12)
     across = -p / 2 - DC04.nu * expected / DC04.E
     assert fields["metal_thickness"] == pytest.approx(np.exp(across), rel=1e-8)
@@ -81,7 +82,7 @@ def test_plane_strain_tension_follows_the_hardening_curve(strain):
     share, curve = np.sqrt(3) / 2, DC04.hardening.stress
     p = brentq(lambda p: curve(p) / DC04.E + p - strain / share, 0, 2 * strain, xtol=1e-15)
     assert true_stress(scene, strain) == pytest.approx(curve(p) / share, rel=1e-8)
-    assert scene.cell_fields()["equivalent_plastic_strain"] == pytest.approx(p, rel=1e-8)
+    assert reports.cell_fields(scene)["equivalent_plastic_strain"] == pytest.approx(p, rel=1e-8)
 
 
 @pytest.mark.mpi
@@ -91,7 +92,7 @@ def test_equibiaxial_tension_follows_the_hardening_curve(strain):
     curve, E = DC04.hardening.stress, DC04.E
     p = brentq(lambda p: (1 - DC04.nu) * curve(p) / E + p / 2 - strain, 0, 2 * strain, xtol=1e-15)
     assert true_stress(scene, strain) == pytest.approx(curve(p), rel=1e-8)
-    fields = scene.cell_fields()
+    fields = reports.cell_fields(scene)
     assert fields["equivalent_plastic_strain"] == pytest.approx(p, rel=1e-8)
     across = -p - 2 * DC04.nu * curve(p) / E
     assert fields["metal_thickness"] == pytest.approx(np.exp(across), rel=1e-8)
@@ -101,7 +102,7 @@ def test_equibiaxial_tension_follows_the_hardening_curve(strain):
 def test_unloading_is_elastic():
     strain, back = 0.05, 5e-4
     scene, states = pulled(strain, steps=8, back=back)
-    plastic = scene.history()["max_plastic_strain"]
+    plastic = reports.history(scene)["max_plastic_strain"]
     elastic = DC04.hardening.stress(plastic) / DC04.E
     assert strain == pytest.approx(plastic + elastic, rel=1e-8)
     assert true_stress(scene, strain - back) == pytest.approx(DC04.E * (elastic - back), rel=1e-8)
@@ -367,7 +368,7 @@ def test_same_on_any_number_of_ranks_and_resumed(tmp_path, by_position):
             start=start,
         )
         assert not outcome.reason
-        fields = scene.cell_fields()
+        fields = reports.cell_fields(scene)
         _, plastic = by_position(
             comm, scene.blank.midpoints().T, fields["equivalent_plastic_strain"]
         )

@@ -3,20 +3,18 @@ that nothing presses the sheet on them; after the run, that they touched nothing
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 from mpi4py import MPI
 
-from ...sheets.blank import Blank
-from ...tools.surface_warnings import hole_warning, radii_warning, size_warning
-from ...tools.tool import Tool
-from ..shell.mesh_warnings import around
-from .pressing_term import PressingTerm
-from .tool_contact import Contact
-
-if TYPE_CHECKING:
-    from ...scene.scene import Scene
+from ..mechanics.contact.pressing_term import PressingTerm
+from ..mechanics.contact.tool_contact import Contact
+from ..mechanics.shell.mesh_warnings import around
+from ..sheets.blank import Blank
+from ..tools.surface_warnings import hole_warning, radii_warning, size_warning
+from ..tools.tool import Tool
+from . import reports
+from .scene import Scene
 
 FEW = 50  # nodes of a rank that tell on which side of the sheet a tool is
 INNER = "strain", "bending", "metal"  # energies of terms that press a sheet on nothing
@@ -26,7 +24,7 @@ COEFFICIENT = 2.0  # of friction, above which it may be in per cent
 TURN = 90.0
 
 
-def tool_warnings(scene: "Scene") -> list[str]:
+def tool_warnings(scene: Scene) -> list[str]:
     """Sentences on cells too large for the tools, coefficients of friction above `COEFFICIENT`,
     tools in other units than mm or with holes, own surfaces that are curved more than their `radii`
     say, and tools on one side of a sheet that nothing presses on them."""
@@ -34,7 +32,7 @@ def tool_warnings(scene: "Scene") -> list[str]:
     for term in scene.terms:
         if isinstance(term, PressingTerm) and term.coulomb and term.coulomb.largest > COEFFICIENT:
             much.setdefault(term.coulomb.largest, []).append(term.tool.name)
-    told = [cell_size_warning(scene.blank, scene.tools())]
+    told = [cell_size_warning(scene.blank, reports.tools(scene))]
     told += [
         f"friction on {', '.join(names)} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
         for mu, names in much.items()
@@ -42,7 +40,7 @@ def tool_warnings(scene: "Scene") -> list[str]:
     blank = scene.blank
     nodes = blank.coordinates()[: blank.V.dofmap.index_map.size_local]
     low, high = blank.extent()
-    for tool in scene.tools():
+    for tool in reports.tools(scene):
         told += [size_warning(tool, float((high - low).max())), hole_warning(tool)]
         told += [radii_warning(tool, nodes, scene.comm)]
     return [each for each in [*told, _one_sided(scene, nodes)] if each]
@@ -56,13 +54,13 @@ def _one_sided(scene, nodes):
         return ""  # what is else there may press it
     held = bool((scene.held % scene.blank.mesh.geometry.dim == 2).any())
     x, sides = nodes[:: max(1, len(nodes) // FEW)], set()
-    for tool in scene.tools():
+    for tool in reports.tools(scene):
         for load in (0.0, 1.0):
             normal = tool.surface.evaluate(x - np.asarray(tool.path(load))).normal[:, 2]
             sides |= set(np.sign(normal[np.isfinite(normal)]))
     if scene.comm.allreduce(held, MPI.LOR) or len(set().union(*scene.comm.allgather(sides))) != 1:
         return ""
-    names = ", ".join(tool.name for tool in scene.tools())
+    names = ", ".join(tool.name for tool in reports.tools(scene))
     return (
         f"{scene.blank.name} has tools on one side alone ({names}), and no support holds it along "
         "z: nothing presses it on them; give it supports, a load, or a tool on its other side"
@@ -88,11 +86,11 @@ def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
     )
 
 
-def untouched_warning(scene: "Scene") -> str:
+def untouched_warning(scene: Scene) -> str:
     """A sentence that names the tools on paths which have moved, and in no accepted state touched
     the sheet, else ""."""
     told = []
-    for tool in scene.tools():
+    for tool in reports.tools(scene):
         its = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         moved = float(np.linalg.norm(np.subtract(tool.path(1.0), tool.path(0.0))))
         if its and moved and not any(contact.deepest() for contact in its):

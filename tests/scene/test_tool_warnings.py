@@ -7,11 +7,11 @@ from mpi4py import MPI
 
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
-from fabric_fenicsx.mechanics.contact.tool_warnings import cell_size_warning, tool_warnings
 from fabric_fenicsx.mechanics.load import DeadPressure
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import clamped_ends
+from fabric_fenicsx.scene.tool_warnings import cell_size_warning, tool_warnings
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.surfaces import ImplicitSurface, Offset, Reversed
 from fabric_fenicsx.tools.tool import Tool
