@@ -359,7 +359,7 @@ import sys, pathlib
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 sys.path[:0] = [sys.argv[2], sys.argv[2] + "/.."]
-from test_fields import FieldSeries, sheet
+from test_fields import FieldSeries, reports, sheet
 scene = sheet(nx=30)
 series, fields = FieldSeries(pathlib.Path(sys.argv[1]), scene), reports.cell_fields(scene)
 for at in range(3000):
