@@ -5,6 +5,7 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.scenarios.holding import HOLDERS
+from fabric_fenicsx.scene import reports
 
 SIZES = {"nx": 6, "stroke": 8.0}
 HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
@@ -57,7 +58,7 @@ def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
     )
     assert one.comm.allreduce(float(np.abs(one.blank.u.x.array).max())) > 0
     assert two.blank.u.x.array == pytest.approx(one.blank.u.x.array, abs=1e-14)
-    names = [tool.name for tool in two.scene.tools()] + [t.tool.name for t in two.pressing]
+    names = [tool.name for tool in reports.tools(two.scene)] + [t.tool.name for t in two.pressing]
     assert {"blank holder", "blank holder 2"} <= {*names}
 
 

@@ -136,7 +136,7 @@ def bent(curvatures, points, metal):
     scene, moments = Scene(blank, [SheetMetal(metal, points, symmetric=sides)], held), []
 
     def note(state):
-        dofs, forces = scene.dofs_of["end"], np.zeros(scene.u.local_size)
+        dofs, forces = scene.supports.dofs_of["end"], np.zeros(scene.u.local_size)
         forces[scene.held] = scene.held_forces()
         f = forces[dofs]
         x = blank.coordinates()[dofs[:, 0] // 3] + blank.u.x.array[dofs]
