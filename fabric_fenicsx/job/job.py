@@ -63,9 +63,9 @@ class Job(JobFields):
         checkpoint must agree in to be gone on from, besides the numbers of terms and supports.
         Functions and large arrays that terms hold, and the code of own ones, are not compared.
 
-        Raises InputError for input that can't be run or written, SolverFailure, after all is
-        written, if the full load was not reached or the result is beyond the limits, and
-        Interrupted after SIGINT or SIGTERM.
+        Raises InputError for a scene that was run before, and for input that can't be run or
+        written, SolverFailure, after all is written, if the full load was not reached or the result
+        is beyond the limits, and Interrupted after SIGINT or SIGTERM.
         """
         if self.error and not self.coarser:
             raise InputError(
@@ -73,6 +73,11 @@ class Job(JobFields):
                 "rectangle of 2 x 2 or more that the program meshes, or `coarser` of a `Job`"
             )
         resume = out.resume if isinstance(out, Output) else resume
+        if self.scene.was_loaded and not resume:
+            raise InputError(
+                f"the scene of {self.scene.blank.name} was run before and is not at rest; allowed "
+                "is a new scene, with new terms"
+            )
         if not resume:  # before anything is written
             with all_or_none(self.scene.comm):  # as terms are asked, own ones too
                 self.scene.check_start()

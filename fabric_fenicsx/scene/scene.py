@@ -60,6 +60,7 @@ class Scene:
         self._anticipating = [term for term in self.terms if isinstance(term, Anticipates)]
         self._driven = [term for term in self.terms if isinstance(term, DrivenByForce)]
         self._checked = False
+        self.was_loaded = False  # whether a run has left the state that terms and sheet began in
         self._inverted = (
             compat.form(blank.inverted_area()) if blank.mesh.geometry.dim == 2 else None
         )

@@ -90,6 +90,7 @@ class LoadStepping:
     def run(self) -> Outcome:
         """Step to full load; raises InputError for a scene that cannot begin."""
         self._begin()
+        self.scene.was_loaded = True
         reason = ""
         while not reason and not self._is_finished():
             reason = self.stop() or self._step()

@@ -231,6 +231,14 @@ def test_a_path_that_ends_nowhere_is_told_before_anything_runs():
         job.run()
 
 
+def test_a_scene_that_was_run_is_not_run_again():
+    """It is in its last state, and friction remembers the way there."""
+    job, _ = ball_under_a_sheet(lambda load: (0, 0, -30.5 + load))
+    job.run()
+    with pytest.raises(ff.InputError, match="scene of .* was run before .* allowed is a new scene"):
+        replace(job, steps=2).run()
+
+
 def test_a_surface_that_gives_no_number_on_the_way_is_named():
     class Cut(ff.Sphere):
         def nearest(self, points, reach):
