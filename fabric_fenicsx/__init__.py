@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from .runtime.errors import InputError, Interrupted, SolverFailure
     from .scenarios.bias_extension import BiasExtension
     from .scenarios.forming import Forming
-    from .scenarios.holding import ForceHolder, GapHolder, Grippers, PressureHolder
+    from .scenarios.holding import ForceHolder, GapHolder, Grippers, Holder, Press, PressureHolder
     from .scenarios.laminate import Laminate
     from .scenarios.picture_frame import PictureFrame
     from .scenarios.plies import Ply
@@ -76,7 +76,14 @@ _HOMES = {
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),
     "scenarios.forming": ("Forming",),
-    "scenarios.holding": ("ForceHolder", "GapHolder", "Grippers", "PressureHolder"),
+    "scenarios.holding": (
+        "ForceHolder",
+        "GapHolder",
+        "Grippers",
+        "Holder",
+        "Press",
+        "PressureHolder",
+    ),
     "scenarios.laminate": ("Laminate",),
     "scenarios.picture_frame": ("PictureFrame",),
     "scenarios.plies": ("Ply",),

@@ -16,8 +16,8 @@ ball = ff.Tool(ff.Sphere(radius=30), lambda load: (0, 0, 30.1 + t / 2 - 20 * loa
 
 
 def under(x):
-    """Share of the area at points (n, 3) that is under the holder."""
-    return 1.0 * (np.hypot(x[:, 0], x[:, 1]) > 43)
+    """Whether points (3, n) are under the holder; a share of 0 to 1 would do, too."""
+    return np.hypot(x[0], x[1]) > 43
 
 
 holder = ff.BlankHolderPressure(0.05, (0, 0, -1), under, friction=0.25)  # 0.05 MPa downwards

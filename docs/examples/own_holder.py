@@ -15,15 +15,16 @@ class Cushion:
     def terms(self, press):
         flange = press.on_flange()
 
-        def under(x):  # share of the pressure at positions (n, 3)
-            return flange(x) * (0.2 + 0.8 * np.clip(x[:, 0] / 235, 0, 1))
+        def under(x):  # share of the pressure at positions (3, n)
+            return flange(x) * (0.2 + 0.8 * np.clip(abs(x[0]) / 235, 0, 1))
 
-        return [ff.BlankHolderPressure(0.25, (0, 0, 1), under, friction=press.friction)]
+        up = (0, 0, 1)  # towards the die, which is above the ply
+        return [ff.BlankHolderPressure(0.25, up, under, lag=press.lag, friction=press.friction)]
 
 
 segments = [
-    ff.PressureHolder(0.05, where=lambda x: x[0] < 100),  # at positions (3, n)
-    ff.PressureHolder(0.25, where=lambda x: x[0] >= 100),
+    ff.PressureHolder(0.05, where=lambda x: abs(x[0]) < 100),  # at positions (3, n)
+    ff.PressureHolder(0.25, where=lambda x: abs(x[0]) >= 100),
 ]
 for name, holder in {"one": ff.PressureHolder(0.05), "two": segments, "own": Cushion()}.items():
     forming = ff.Forming(ff.load("komeili"), nx=8, stroke=15.0, holder=holder)

@@ -28,6 +28,11 @@ def _direction(name: str, direction: ArrayLike, gdim: int) -> np.ndarray:
     return given / np.linalg.norm(given)
 
 
+def at_load(given: float | Callable[[float], float], load: float) -> float:
+    """A number, or what a function of the load factor gives there."""
+    return float(given(load) if callable(given) else given)
+
+
 class DeadPressure(Term):
     """Load of `pressure` [MPa] per undeformed area along a fixed `direction` (gdim,), growing with
     the load factor. Raises InputError for numbers that are not finite."""
@@ -80,11 +85,7 @@ class EdgeTension(Term):
         direction: ArrayLike,
         edge: Callable[[np.ndarray], np.ndarray],
     ) -> None:
-        self._given = {"tension": tension}
-        self._tension: Callable[[float], float] = (
-            tension if callable(tension) else lambda load: tension
-        )
-        self._direction, self._edge = direction, edge
+        self._tension, self._direction, self._edge = tension, direction, edge
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
@@ -104,7 +105,7 @@ class EdgeTension(Term):
 
     def set_load(self, load: float) -> None:
         """Set the load factor; InputError if the tension there is not finite."""
-        self._now = float(self._tension(load))
+        self._now = at_load(self._tension, load)
         if not np.isfinite(self._now):
             raise InputError(
                 f"{self.name} is {self._now} N/mm at load {load:g}; allowed is a finite number"

@@ -328,7 +328,7 @@ class Forming(Scenario):
         return [
             term
             for name, holder in zip(names, self.holders)
-            for term in holder.terms(dataclasses.replace(press, name=name))
+            for term in holding.terms_of(holder, dataclasses.replace(press, name=name))
         ]
 
     def supports(self) -> list[Support]:

@@ -1,22 +1,25 @@
 """How a ply is held: blank holders, which are objects, and single nodes."""
 
+import inspect
 import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from reprlib import repr as shown
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
+from ..mechanics.contact.nodes import values_at
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.load import EdgeTension
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, number
-from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE
+from ..runtime.fields import check_fields, declared, number
+from ..runtime.rules import FROM_ZERO, POSITIVE
 from ..sheets.blank import Blank, Part
 from ..sheets.stack import Stack
 from ..tools.primitives import Plane
@@ -41,7 +44,7 @@ class Press:
     - die: the tool above the blank; thickness: of all that lies between die and holder [mm]
     - friction: of tools; lag: how much may lag behind the state, as in `BlankHolderPressure`
     - penalty [N/mm^3], permitted [mm]: as in `Contact`
-    - name: for the holder's tool; warnings: sentences, to be added to
+    - name: for the holder's tool; warnings: sentences, see `warn`
     - sheets: names of a stack's sheets, the lowest first; rims: of those that reach beyond all
       sheets below them; against: contacts of each sheet with the next. All empty without a stack
     """
@@ -70,8 +73,12 @@ class Press:
             where=where,
         )
 
+    def warn(self, *sentences: str) -> None:
+        """Have the run give these warnings, each once."""
+        self.warnings.extend(words for words in sentences if words not in self.warnings)
+
     def on_flange(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Function of positions (n, 3) to the share of each (n,) that lies beneath the flange."""
+        """Function of positions (3, n) to the share of each (n,) that lies beneath the flange."""
         return on_flange(self.die, self.thickness)
 
 
@@ -85,34 +92,58 @@ class Holder(Protocol):
 class _Declared:
     """A holder with one number, declared by a field that is also an option."""
 
+    where: Where | None
+
     def __post_init__(self) -> None:
         self._check()
 
     def _check(self):
         return check_fields(self, f"{{}} of `{type(self).__name__}`".format)
 
+    def _checked_where(self, press: Press) -> Where | None:
+        """`where`, if given, as a function that checks each mask. Warns of a doubtful number;
+        InputError if no node of the flat blank is marked."""
+        (field,), given, blank = declared(self), self.where, press.blank
+        press.warn(*self._check())
+        if getattr(self, field.name) == 0:
+            press.warn(f"{field.name} of `{type(self).__name__}` is 0: it does not hold the rim")
+        if given is None:
+            return None
+        name, count = f"`where` of `{type(self).__name__}`", blank.V.dofmap.index_map.size_local
+
+        def where(x):
+            return values_at(given, x, name)
+
+        if not blank.mesh.comm.allreduce(int(where(blank.coordinates()[:count].T).sum())):
+            raise InputError(f"{name} marks no node; allowed is a mask that is true on some")
+        return where
+
 
 @dataclass(frozen=True)
 class PressureHolder(_Declared):
     """A pressure [MPa] on what lies under the die's flange; on a stack where all sheets lie on one
-    another. where: function of positions (3, n) [mm] to a mask (n,), for a segment of a holder."""
+    another. pressure: a number, or a function of the load factor, the share of the stroke.
+    where: function of present positions (3, n) [mm] to a mask (n,), for a segment of a holder.
+    Where segments overlap, their pressures add up."""
 
     OPTION: ClassVar[str] = "holder_pressure"
 
-    pressure: float = number(
+    pressure: float | Callable[[float], float] = number(
         2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", GROUP, PRESSURE
     )
     where: Where | None = None
 
+    def _check(self):
+        return [] if callable(self.pressure) else super()._check()
+
     def terms(self, press: Press) -> list[Term]:
         """As in `Holder`."""
-        flange, where = press.on_flange(), self.where
-        found = [*self._check(), *loose_ends_warnings(flange, least_corner(press.blank))]
-        press.warnings.extend(words for words in found if words not in press.warnings)
+        flange, where = press.on_flange(), self._checked_where(press)
+        press.warn(*loose_ends_warnings(flange, least_corner(press.blank)))
         pressure = BlankHolderPressure(
             self.pressure,
             UP,
-            (lambda x: flange(x) * where(x.T)) if where else flange,
+            (lambda x: flange(x) * where(x)) if where else flange,
             tool=Tool(Plane((0, 0, 0), UP), name=press.name),
             lag=press.lag,
             against=press.against,
@@ -129,11 +160,12 @@ class PressureHolder(_Declared):
 @dataclass(frozen=True)
 class ForceHolder(_Declared):
     """A plate below the blank that is pushed up by a force on the whole ply [N]. where: function of
-    points (3, n) [mm] of the flat blank to a mask (n,), the nodes that a segment touches."""
+    points (3, n) [mm] of the flat blank to a mask (n,), the nodes that a segment touches. A node
+    that several segments touch bears the forces of all."""
 
     OPTION: ClassVar[str] = "holder_force"
 
-    force: float = number(1e5, FROM_ZERO, "force on the whole ply [N]", GROUP)
+    force: float = number(1e5, POSITIVE, "force on the whole ply [N]", GROUP)
     where: Where | None = None
 
     def terms(self, press: Press) -> list[Term]:
@@ -141,7 +173,7 @@ class ForceHolder(_Declared):
         force = self.force * (1.0 if press.whole else 0.25)
         plate = Plane((0, 0, -press.thickness / 2), UP)
         tool = Tool(plate, force=lambda load: force * UP, name=press.name)
-        return [press.contact(tool, self.where)]
+        return [press.contact(tool, self._checked_where(press))]
 
 
 @dataclass(frozen=True)
@@ -166,7 +198,8 @@ class GapHolder(_Declared):
                 "mm, half its thickness"
             )
         plate = Plane((0, 0, t / 2 - gap), UP)
-        return [press.contact(Tool(plate, name=press.name), self.where)]
+        tool = Tool(plate, name=press.name)
+        return [press.contact(tool, self._checked_where(press))]
 
 
 @dataclass(frozen=True)
@@ -176,14 +209,15 @@ class Grippers(_Declared):
 
     OPTION: ClassVar[str] = "gripper_tension"
 
-    tension: float = number(5.0, FINITE, "pull at the edges of the ply [N/mm]", GROUP)
+    tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]", GROUP)
     where: Where | None = None
 
     def terms(self, press: Press) -> list[Term]:
         """As in `Holder`; InputError if no edge is gripped."""
         low, high = press.blank.extent()
+        where = self._checked_where(press)
         edges = [
-            (_edge(axis, place, self.where), sign * np.eye(3)[axis])
+            (_edge(axis, place, where), sign * np.eye(3)[axis])
             for axis in (0, 1)
             for place, sign in ((low[axis], -1.0), (high[axis], 1.0))
             if sign > 0 or press.whole
@@ -210,19 +244,43 @@ HOLDERS: dict[str, type] = {
 
 
 def holders_of(given: Holder | Sequence[Holder]) -> list[Holder]:
-    """The holder, or its segments, that a forming run is given; InputError for other objects."""
+    """The holder, or its segments, that a forming run is given; InputError for others, and none."""
     holders: list[Any] = list(given) if isinstance(given, (list, tuple)) else [given]
-    for each in holders:
-        if isinstance(each, type) or not callable(getattr(each, "terms", None)):
+    for each in holders or [given]:
+        if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):
             raise InputError(
-                f"`holder` is {each!r}; allowed is a holder, as `PressureHolder(2.0)`, or a list "
-                "of several"
+                f"`holder` is {each!r}; allowed is a holder, as `PressureHolder(2.0)` or an object "
+                "with a method `terms(press)`, or a list of one or more"
             )
     return holders
 
 
+def terms_of(holder: Holder, press: Press) -> list[Term]:
+    """The terms of a holder; InputError if its `terms` does not take a `Press`, or gives others
+    than one term or more in a list."""
+    name = f"`terms` of holder `{type(holder).__name__}`"
+    try:
+        inspect.signature(holder.terms).bind(press)
+    except TypeError as error:
+        raise InputError(
+            f"{name} can't be called with a `Press` ({error}); allowed is `def terms(self, press)`"
+        ) from None
+    terms: Any = holder.terms(press)
+    listed = terms if isinstance(terms, (list, tuple)) else []
+    if not listed or not all(isinstance(term, Term) for term in listed):
+        found = f"one `{type(terms).__name__}`" if isinstance(terms, Term) else shown(terms)
+        raise InputError(f"{name} gives {found}; allowed is a list of one or more terms")
+    for term in listed:
+        if isinstance(term, BlankHolderPressure) and term.direction[2] < 0:
+            press.warn(
+                f"the pressure of holder `{type(holder).__name__}` is directed away from the die, "
+                "which lies above the ply: towards it is (0, 0, 1)"
+            )
+    return list(listed)
+
+
 def on_flange(die: Tool, thickness: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Function of places (n, 3) to the share of each (n,) that lies beneath the die's flange: 0 at
+    """Function of places (3, n) to the share of each (n,) that lies beneath the die's flange: 0 at
     its end, 1 from `RINGS` inwards. thickness: of all that lies between die and holder [mm]."""
     angles = np.arange(8) * math.pi / 4
     shifts = np.array(
@@ -230,7 +288,7 @@ def on_flange(die: Tool, thickness: float) -> Callable[[np.ndarray], np.ndarray]
     )
 
     def share(x):
-        at = (x * (1, 1, 0) + shifts[:, None]).reshape(-1, 3)
+        at = (x.T * (1, 1, 0) + shifts[:, None]).reshape(-1, 3)
         gap, normal, _ = die.evaluate(at, reach=thickness)
         flat = (abs(gap - thickness / 2) < 1e-3 * thickness) & (normal[:, 2] < -0.999)
         return np.clip(2 * flat.reshape(len(shifts), -1).sum(0) / len(shifts) - 1, 0, 1)
@@ -243,7 +301,7 @@ def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], corner: np.nd
     it. under: as `on_flange` gives it; corner (2,): largest x and y of the sheet [mm]."""
     loose = []
     for name, axis, end in zip("xy", np.eye(3), corner):
-        held = np.flatnonzero(under((end + np.arange(FAR))[:, None] * axis))
+        held = np.flatnonzero(under(axis[:, None] * (end + np.arange(FAR))))
         if not len(held):
             loose.append(f"at {name} = {end:.4g} mm, more than {FAR} mm from the flange")
         elif held[0]:

@@ -37,8 +37,7 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
         "punch_force_N": force,
         "punch_force_of_whole_ply_N": force * (1 if forming.full else 4),
         "contact_forces_N": {
-            contact.tool.name: float(np.linalg.norm(contact.force()))
-            for contact in forming.contacts
+            term.tool.name: float(np.linalg.norm(term.force())) for term in forming.pressing
         },
         "unbalanced_force_N": float(abs(total[2])),
         "penalty_N_per_mm3": forming.penalty,

@@ -106,7 +106,7 @@ def press(
     depths = np.array([on_top.depth_under(each.now) for each in holders])
     count = depths.shape[1]
     u = stack.u.x.array.reshape(-1, 3)[:count]
-    shares = np.array([each.under(stack.coordinates()[:count]) for each in holders])
+    shares = np.array([each.shares(stack.coordinates()[:count].T) for each in holders])
     rises, play = np.zeros((len(holders), 1)), 0.0
     for k, sheet in reversed(list(enumerate(stack.sheets))):
         at = stack.parts[sheet.name].nodes

@@ -152,6 +152,12 @@ def test_a_load_on_one_sheet_of_a_stack(name):
     assert not scene.reaction("lower").any()
 
 
+def test_a_checkpoint_knows_the_pull():
+    blank = strip(False)
+    pull = alone(blank, EdgeTension(TENSION, (1, 0), end(blank, LENGTH)))
+    assert pull.given["tension"] == TENSION
+
+
 def test_edge_tension_on_a_sheet_without_that_edge():
     stack = Stack([(strip(True), 1.0, "lower"), (sheet(20, 10, 4, 2, spatial=True), 1.0, "upper")])
     term = EdgeTension(TENSION, (1, 0, 0), lambda x: x[0] > 39).on("upper")

@@ -1,11 +1,14 @@
 """Blank holders: objects that make terms, several of them as segments."""
 
+import re
+
 import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.scenarios.holding import HOLDERS
 from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene.given import of_scene
 
 SIZES = {"nx": 6, "stroke": 8.0}
 HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
@@ -79,6 +82,56 @@ def test_grippers_pull_at_the_edges_that_are_marked(where, edges):
     assert len(pulls) == edges
 
 
+@pytest.mark.parametrize(
+    "one, other, name",
+    [
+        (ff.PressureHolder(2.0), ff.PressureHolder(2.1), "pressure"),
+        (ff.Grippers(5.0), ff.Grippers(5.5), "tension"),
+    ],
+)
+def test_a_checkpoint_knows_the_number_of_a_holder(one, other, name):
+    """So that a run is not gone on with by another."""
+    first, second = (of_scene(ff.Forming(**SIZES, holder=each).scene) for each in (one, other))
+    assert {key.split(" of ")[0] for key in first if first[key] != second[key]} == {name}
+
+
+def test_a_pressure_over_the_stroke():
+    """A function of the load factor is asked at each load."""
+    ply = ff.Forming(**SIZES, holder=ff.PressureHolder(lambda load: 1 + load))
+    (term,) = (t for t in ply.pressing if isinstance(t, ff.BlankHolderPressure))
+    for load in (0.0, 0.5):
+        ply.scene.set_load(load)
+        assert term.now == 1 + load
+
+
+def test_the_force_of_a_pressure_is_among_the_forces_of_tools(tmp_path):
+    ply = ff.Forming(**SIZES | {"stroke": 2.0}, holder=ff.PressureHolder(1.0))
+    result = ply.job(steps=1).run(tmp_path / "run", pictures=False)
+    found = result.summary["quantities"]["contact_forces_N"]["blank holder"]
+    (term,) = (t for t in ply.pressing if isinstance(t, ff.BlankHolderPressure))
+    assert found == pytest.approx(term.force()[2]) and found > 1e3
+
+
+@pytest.mark.parametrize(
+    "holder, words",
+    [
+        (ff.PressureHolder(0), "pressure of `PressureHolder` is 0: it does not hold the rim"),
+        (ff.Grippers(0), "tension of `Grippers` is 0: it does not hold the rim"),
+        ("down", r"of holder `Own` is directed away from the die, .*: towards it is \(0, 0, 1\)"),
+    ],
+)
+def test_what_hardly_holds_is_told_of(holder, words):
+    if holder == "down":
+        holder = own(lambda self, p: [ff.BlankHolderPressure(1.0, (0, 0, -1), p.on_flange())])
+    ply = ff.Forming(**SIZES, holder=holder)
+    (warning,) = (each for each in ply.warnings if re.search(words, each))
+
+
+def own(terms):
+    """A holder with this method `terms`."""
+    return type("Own", (), {"terms": terms})()
+
+
 def test_a_holder_of_ones_own():
     """Any object that makes terms; it is told of the press."""
 
@@ -110,17 +163,57 @@ def test_a_holder_of_ones_own():
         (lambda: ff.Forming(**SIZES, holder=ff.PressureHolder), "allowed is a holder, as `Press"),
         (
             lambda: ff.Forming(**SIZES, holder=ff.Grippers(where=lambda x: x[0] > 1e3)),
+            "`where` of `Grippers` marks no node; allowed is a mask that is true on some",
+        ),
+        (
+            lambda: ff.Forming(**SIZES, holder=ff.Grippers(where=lambda x: x[0] < 1)),
             "`where` of `Grippers` marks no edge",
         ),
         (
             lambda: ff.Forming(**SIZES, holder=ff.ForceHolder(where=lambda x: x[0] > 1e3)),
-            "contact of .* is asked where no node is; allowed are 1 or more",
+            "`where` of `ForceHolder` marks no node; allowed is a mask",
         ),
+        (
+            lambda: ff.Forming(**SIZES, holder=ff.PressureHolder(where=lambda x: x[0] > 1e3)),
+            "`where` of `PressureHolder` marks no node; allowed is a mask",
+        ),
+        (lambda: ff.ForceHolder(0), "force of `ForceHolder` is 0; allowed is a number above 0"),
+        (lambda: ff.Grippers(-5), "tension of `Grippers` is -5; allowed is a number from 0"),
+        (lambda: ff.Forming(**SIZES, holder=[]), r"`holder` is \[\]; allowed is .* one or more"),
+        (lambda: ff.Forming(**SIZES, holder=object()), r"or an object with a method `terms\(press"),
+        *[
+            (lambda f=f: ff.Forming(**SIZES, holder=own(f)), f"`terms` of holder `Own` {words}")
+            for f, words in (
+                (lambda self, press: None, "gives None; allowed is a list of one or more terms"),
+                (lambda self, press: [], r"gives \[\]; allowed is a list"),
+                (lambda self, press: press.contact(press.die), "gives one `Contact`; allowed is a"),
+                (
+                    lambda self: [],
+                    r"can't be called with a `Press` \(too many .*terms\(self, press",
+                ),
+            )
+        ],
     ],
 )
 def test_what_holds_nothing_is_refused(make, words):
     with pytest.raises(ff.InputError, match=words):
         make()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", HOLDERS.values())
+@pytest.mark.parametrize(
+    "where, words",
+    [
+        (lambda x: x[:, 0] < 140, "gives values of type bool and shape"),
+        (lambda x: 0.5 * (x[0] < 140), "gives values of type float64"),
+        (3, "fails .TypeError"),
+    ],
+)
+def test_what_marks_a_segment_is_a_mask(kind, where, words):
+    allowed = r"allowed is a function of points \(3, n\) to a mask \(n,\)"
+    with pytest.raises(ff.InputError, match=f"`where` of `{kind.__name__}` {words}.*; {allowed}"):
+        ff.Forming(**SIZES, holder=kind(where=where))
 
 
 def test_each_holder_has_its_own_option():

@@ -27,7 +27,8 @@ class Friction:
         self.law, self.coefficient, self._comm = law, coefficient, comm
         self._lag = law.lag or np.inf
         self._slip = np.zeros((len(normals), 3))
-        self._taken = np.zeros(len(normals))  # energy in accepted states
+        self._accepted_energy = np.zeros(len(normals))
+        self._taken = self._accepted_energy  # of that, what the elastic slip does not hold
         self._begin(normal_forces, normals)
 
     def _begin(self, normal_forces, normals):
@@ -42,8 +43,10 @@ class Friction:
         self._limit = self._accepted_limit
 
     def press(self, normal_forces: np.ndarray) -> None:
-        """Take these normal forces (n,) [N] for the present step."""
+        """Take these normal forces (n,) [N] for the present step. The energy that changes because
+        they do counts as taken."""
         self._limit = self.coefficient * normal_forces
+        self._taken = self._accepted_energy - self.law.energy(self._slip, self._limit)
 
     def update_lagged(self, normal_forces: np.ndarray) -> bool:
         """Take these normal forces (n,) [N] if they differ from the held ones by more than the
@@ -62,10 +65,10 @@ class Friction:
         """Take the present state as the last accepted one: keep the elastic part of the slip. The
         energy that changes because normal forces (n,) [N] do counts as taken."""
         slipped = self._slipped(moved)
-        self._taken = self._taken + self.law.energy(slipped, self._limit)
+        self._accepted_energy = self._taken + self.law.energy(slipped, self._limit)
         self._slip = self.law.elastic(slipped)
         self._begin(normal_forces, normals)
-        self._taken -= self.law.energy(self._slip, self._limit)
+        self._taken = self._accepted_energy - self.law.energy(self._slip, self._limit)
 
     def energy(self, moved: np.ndarray) -> float:
         """Energy taken at this rank's points, elastic and dissipated [N mm]."""
@@ -85,14 +88,12 @@ class Friction:
 
     def memory(self) -> dict[str, np.ndarray]:
         """Elastic slip (n, 3) [mm] and energy taken (n,) [N mm] in the last accepted state."""
-        return {
-            "slip": self._slip,
-            "energy": self._taken + self.law.energy(self._slip, self._limit),
-        }
+        return {"slip": self._slip, "energy": self._accepted_energy}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
-        self._slip, self._taken = memory["slip"], memory["energy"]
+        self._slip = memory["slip"]
+        self._taken = self._accepted_energy = memory["energy"]
         self._limit = np.zeros(len(self._taken))
 
     def _slipped(self, moved):

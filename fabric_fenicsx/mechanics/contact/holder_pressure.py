@@ -11,10 +11,11 @@ from ...runtime.errors import InputError
 from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
+from ..load import at_load
 from ..term import SceneFacts
 from ..term_checks import bind
 from .coulomb import Coulomb
-from .nodes import Nodes
+from .nodes import Nodes, values_at
 from .pressing_term import PressingTerm
 from .sheet_contact import SheetContact
 
@@ -26,9 +27,9 @@ class BlankHolderPressure(PressingTerm):
 
     pressure: a number, there from the start, or a function of the load factor. A `Contact` bears
     it on the other side of the sheet.
-    under: function of positions (n, 3) [mm] to the share of each node's area, 0 to 1, that is under
-    the holder. The areas are lagged, but updated up to `UPDATES` times in a step if more than `lag`
-    of their sum has changed; lag None: never within a step.
+    under: function of positions (3, n) [mm] to the share (n,) of each node's area, 0 to 1, that is
+    under the holder. The areas are lagged, but updated up to `UPDATES` times in a step if more than
+    `lag` of their sum has changed; lag None: never within a step.
     against: contacts with and between the sheets that lie on this one, from it to the last. The
     pressure then acts only where all of them lie on one another, as a plate's does that rests on
     the whole stack: a rim that reaches beyond the next sheet is not pressed.
@@ -53,8 +54,7 @@ class BlankHolderPressure(PressingTerm):
         friction: float | Mapping[str, float] | Coulomb = 0.0,
     ) -> None:
         self.under, self.lag, self._against = under, lag, list(against)
-        self._given = {"pressure": pressure}
-        self._pressure = pressure if callable(pressure) else lambda load: pressure
+        self._pressure = pressure
         self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
         tool = tool or Tool(Plane((0, 0, 0), self.direction), name=self.name)
         super().__init__(tool, friction, self.name)
@@ -80,7 +80,7 @@ class BlankHolderPressure(PressingTerm):
 
     def set_load(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
-        self.now, self._areas = float(self._pressure(load)), self._accepted_areas
+        self.now, self._areas = at_load(self._pressure, load), self._accepted_areas
         self._updates = 0
         if not (np.isfinite(self.now) and self.now >= 0):
             raise InputError(
@@ -146,18 +146,12 @@ class BlankHolderPressure(PressingTerm):
 
     def _pressed(self):
         """Areas (nodes,) under the holder [mm^2]."""
-        x, name = self.nodes.places + self.nodes.displacement(), f"`under` of the {self.name}"
-        allowed = "allowed is a function of positions (n, 3) to a number for each, (n,)"
-        try:
-            share = np.asarray(self.under(x), float)
-        except (IndexError, TypeError, ValueError) as error:
-            words = f"{name} fails ({type(error).__name__}: {error})"
-            raise InputError(f"{words}; {allowed}") from error
-        if share.shape not in ((len(x),), ()) or not np.isfinite(share).all():
-            finite = "numbers" if np.isfinite(share).all() else "what is no number, in an array"
-            words = f"{name} gives {finite} of shape {share.shape} at {len(x)} positions"
-            raise InputError(f"{words}; {allowed}")
-        return np.clip(share, 0, 1) * self._covered()
+        x = self.nodes.places + self.nodes.displacement()
+        return self.shares(x.T) * self._covered()
+
+    def shares(self, points: np.ndarray) -> np.ndarray:
+        """Of each of `points` (3, n) [mm], how much is under the holder, 0 to 1 (n,)."""
+        return np.clip(values_at(self.under, points, f"`under` of the {self.name}", float), 0, 1)
 
     def _covered(self):
         """Areas (nodes,) of the sheet over which all the others lie [mm^2]."""

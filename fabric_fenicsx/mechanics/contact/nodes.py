@@ -1,5 +1,7 @@
 """The nodes of a sheet that tools press."""
 
+from collections.abc import Callable
+
 import numpy as np
 import ufl
 from dolfinx.fem import petsc as fem_petsc
@@ -12,6 +14,25 @@ from ...sheets.blank import Blank, Part
 from ..shell.morley import Where
 
 
+def values_at(
+    function: Callable[[np.ndarray], np.ndarray], points: np.ndarray, name: str, kind: type = bool
+) -> np.ndarray:
+    """What a `function` of `points` (3, n) gives: a mask (n,) or, of `kind` float, numbers (n,).
+    Raises InputError, which calls the function `name`, where it fails and for another answer."""
+    n, answer = points.shape[1], "a mask (n,)" if kind is bool else "numbers (n,)"
+    allowed = f"allowed is a function of points (3, n) to {answer}"
+    try:
+        found = np.asarray(function(points))
+    except (AttributeError, IndexError, TypeError, ValueError) as error:
+        raise InputError(f"{name} fails ({type(error).__name__}: {error}); {allowed}") from error
+    if found.shape not in ((n,), ()) or not np.can_cast(found.dtype, kind):
+        given = f"values of type {found.dtype} and shape {found.shape}"
+        raise InputError(f"{name} gives {given} at {n} points; {allowed}")
+    if not np.isfinite(found).all():
+        raise InputError(f"{name} gives numbers that are not finite; {allowed}")
+    return np.broadcast_to(found.astype(kind), n)
+
+
 class Nodes:
     """This rank's owned nodes of a blank in space, where forces of tools go.
 
@@ -22,7 +43,7 @@ class Nodes:
     - rows, cols (9 count,): global degrees of freedom of each node's 3 x 3 block
 
     Raises InputError for a blank in a plane, along turned axes or of other than linear cells, and
-    for a `where` that marks no node.
+    for a `where` that gives no mask or marks no node.
     """
 
     def __init__(self, blank: Blank, part: Part | None = None, where: Where | None = None) -> None:
@@ -42,7 +63,8 @@ class Nodes:
         self.areas = area.array[::3].copy()
         self.own = part.nodes
         if where:
-            self.own = part.nodes & np.asarray(where(self.places.T), bool)
+            name = f"`where` of a contact of {blank.name}"
+            self.own = part.nodes & values_at(where, self.places.T, name)
             self.areas[~self.own] = 0.0
             if not self.comm.allreduce(int(self.own.sum())):
                 raise InputError(f"{asked} where no node is; allowed are 1 or more")

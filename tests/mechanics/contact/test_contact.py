@@ -410,7 +410,7 @@ def test_quadrilaterals_bear_a_pressure():
     terms = [
         Elastic(),
         table,
-        BlankHolderPressure(lambda load: 5 * load, (0, 0, -1), lambda x: x[:, 0] < 10 + 1e-6),
+        BlankHolderPressure(lambda load: 5 * load, (0, 0, -1), lambda x: x[0] < 10 + 1e-6),
     ]
     run(Scene(blank, terms, [Support("all", everywhere, (0, 1))]), 2)
     assert table.force()[2] == pytest.approx(
@@ -477,17 +477,20 @@ def test_bad_pressing_is_refused():
         (1.0, (0, 0, 0), "direction of the blank holder is .* not all 0"),
     ):
         with pytest.raises(InputError, match=words):
-            alone(blank, BlankHolderPressure(pressure, direction, lambda x: x[:, 0] > 0))
+            alone(blank, BlankHolderPressure(pressure, direction, lambda x: x[0] > 0))
 
 
 @pytest.mark.parametrize(
     "under, words",
     [
-        (lambda x: x[0] > 0, r"gives numbers of shape \(3,\) at 9 positions; allowed is a funct"),
-        (lambda x: x > 0, r"gives numbers of shape \(9, 3\) at 9 positions; allowed is a funct"),
-        (lambda x: x[20] > 0, r"fails \(IndexError: .*\); allowed is a function of positions"),
-        (lambda x: np.full(len(x), np.nan), "gives what is no number"),
-        (lambda x: None, r"gives what is no number, in an array of shape \(\)"),
+        (lambda x: x[:, 0] > 0, r"gives values of type bool and shape \(3,\) at 9 points; allowed"),
+        (lambda x: x > 0, r"gives values of type bool and shape \(3, 9\) at 9 points; allowed"),
+        (
+            lambda x: x[20] > 0,
+            r"fails \(IndexError: .*\); allowed is a function of points \(3, n\)",
+        ),
+        (lambda x: np.full(x.shape[1], np.nan), "gives numbers that are not finite; allowed is a"),
+        (lambda x: None, r"gives values of type object and shape \(\) at 9 points"),
     ],
 )
 def test_what_is_under_the_holder_is_asked_for_each_node(under, words):
@@ -495,11 +498,36 @@ def test_what_is_under_the_holder_is_asked_for_each_node(under, words):
         alone(sheet(10, 10, 2, 2), BlankHolderPressure(1.0, (0, 0, 1), under))
 
 
+@pytest.mark.parametrize(
+    "where, words",
+    [
+        (
+            lambda x: x[:, 0] > 0,
+            r"`where` .* gives values of type bool and shape \(3,\) at 9 points",
+        ),
+        (lambda x: 0.5 * x[0], r"gives values of type float64 .*allowed is .* to a mask \(n,\)"),
+        (3, "fails .TypeError: 'int' object is not callable.; allowed is a function"),
+        (lambda x: x[0] > 1e3, "contact of blank is asked where no node is; allowed are 1 or more"),
+    ],
+)
+def test_what_marks_the_nodes_of_a_contact_is_a_mask(where, words):
+    table = Tool(Plane((0, 0, -T / 2), (0, 0, 1)), name="table")
+    with pytest.raises(InputError, match=words):
+        alone(sheet(10, 10, 2, 2), Contact(table, T, K, where=where))
+
+
+def test_a_checkpoint_knows_the_pressure_of_a_holder():
+    press = BlankHolderPressure(2.0, (0, 0, 1), lambda x: x[0] > 0)
+    assert alone(sheet(10, 10, 2, 2), press).given["pressure"] == 2.0
+
+
 @pytest.mark.mpi
 def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
     """Three times in a step they are taken anew, and in the next step again."""
     shares = iter([0.0, 0.0] + 10 * [1.0, 0.5])
-    press = BlankHolderPressure(1.0, (0, 0, 1), lambda x: np.full(len(x), next(shares)), lag=0.01)
+    press = BlankHolderPressure(
+        1.0, (0, 0, 1), lambda x: np.full(x.shape[1], next(shares)), lag=0.01
+    )
     alone(sheet(10, 10, 2, 2), press)
     for factor in (0.5, 1.0):
         press.set_load(factor)
@@ -510,7 +538,7 @@ def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
 def test_a_holder_touches_one_sheet_of_a_stack():
     stack = Stack([(sheet(10, 10, 2, 2), T, name) for name in ("lower", "upper")])
     with pytest.raises(InputError, match="would press each sheet of the stack; allowed is `.on"):
-        alone(stack, BlankHolderPressure(1.0, (0, 0, 1), lambda x: x[:, 0] > 0))
+        alone(stack, BlankHolderPressure(1.0, (0, 0, 1), lambda x: x[0] > 0))
 
 
 @pytest.mark.parametrize(
@@ -551,7 +579,7 @@ def test_forces_that_pinch_a_sheet_are_no_measure_of_what_it_bears():
     blank = sheet(10.0, 10.0, 4, 4)
     up = np.array([0.0, 0.0, 1.0])
     table = Contact(Tool(Reversed(Plane((0, 0, T / 2), up)), name="table"), T, K)
-    pressing = BlankHolderPressure(2.0, up, lambda x: np.ones(len(x)))
+    pressing = BlankHolderPressure(2.0, up, lambda x: np.ones(x.shape[1]))
     sides = [Support("grip", everywhere, (0, 1))]
     scene = Scene(blank, [Elastic(), table, pressing], sides)
     states = run(scene, 2)

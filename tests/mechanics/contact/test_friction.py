@@ -112,7 +112,7 @@ def patch(place, stiff=True, tool_path=(0.0, 0.0, 0.0), lag=math.inf, gripped=Tr
         SMOOTHING,
         friction=Coulomb(MU, SLIP, lag),
     )
-    press = BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(len(x)))
+    press = BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1]))
     # what presses it is there from the start, so contact is too
     blank.u.x.array[2::3] = -(PRESSURE / K + SMOOTHING / 2)
 
@@ -409,12 +409,39 @@ def test_normal_forces_follow_within_a_step(lag, followed):
     assert abs(contact.forces()[:, :2]).max() == 0
 
 
+@pytest.mark.mpi
+def test_a_pressure_that_falls_takes_what_the_elastic_slip_held():
+    """Energy is neither lost nor made as the load is set, also when a step is repeated."""
+    blank = sheet(20.0, 10.0, 4, 2)
+    pressing = BlankHolderPressure(
+        lambda load: PRESSURE * (1 - load / 2),
+        (0, 0, -1),
+        lambda x: np.ones(x.shape[1]),
+        friction=Coulomb(MU, SLIP),
+    )
+    alone(blank, pressing)
+
+    def taken():
+        return COMM.allreduce(pressing.energies()["friction"])
+
+    blank.u.x.array[::3] = SLIP / 2
+    pressing.accept()
+    held = MU * PRESSURE * AREA * SLIP / 8
+    for load in (0.0, 1.0, 0.5, 1.0):
+        pressing.set_load(load)
+        assert taken() == pytest.approx(held, rel=1e-12)
+    blank.u.x.array[::3] = SLIP
+    assert taken() == pytest.approx(held * (1 + 3 / 2), rel=1e-12)
+    pressing.accept()
+    assert taken() == pytest.approx(held * (1 + 3 / 2), rel=1e-12)
+
+
 @pytest.mark.parametrize("lag, followed", [(0.01, True), (None, False)])
 def test_what_leaves_the_holder_is_not_pressed(lag, followed):
     """A patch half of which moves out from under the holder within a step."""
     blank = sheet(20.0, 10.0, 4, 2)
     pressing = alone(
-        blank, BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: x[:, 0] < 20.1, lag=lag)
+        blank, BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: x[0] < 20.1, lag=lag)
     )
     blank.u.x.array.reshape(-1, 3)[:, 0] = 10.0
     assert pressing.update_lagged() == followed and not pressing.update_lagged()

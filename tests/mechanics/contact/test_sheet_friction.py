@@ -36,7 +36,7 @@ def pull_out(path, rigid=True, cells=6, others=4, mu=MU, steps=8):
     contacts = [
         ff.SheetContact(*pair, PENALTY, friction=friction) for pair in (NAMES[:2], NAMES[1:])
     ]
-    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(len(x))).on("upper")
+    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1])).on("upper")
 
     def pulled(x):
         return between("middle")(x) & (everywhere(x) if rigid else near(0, LENGTH)(x))
@@ -137,7 +137,7 @@ def test_sheets_that_stick_pull_as_one():
     rigidity, slip, pull = 1e4 * WIDTH, 0.02, 2e-3
     stack = ff.Stack([(rectangle(LENGTH, WIDTH, 16, 4, spatial=True), T, n) for n in "ab"])
     held, free = (lambda x: x[2] < T / 2), (lambda x: x[2] > T / 2)
-    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(len(x))).on("b")
+    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1])).on("b")
 
     def moved(x, load):
         return np.array([pull * load + 0 * x[0], 0 * x[0], 0 * x[0]])
