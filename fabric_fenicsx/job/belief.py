@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
+from ..mechanics.term_checks import misspelt
 from ..results.history import ENERGIES, energy_balance
 from ..scene import reports
 from ..scene.scene import Scene
@@ -65,7 +66,7 @@ def _passed_through(scene):
 
 def warnings_at_start(scene: Scene) -> list[str]:
     """What speaks against a scene before it is loaded, in words."""
-    found = [scene.check_held()]
+    found = [scene.check_held(), *(words for term in scene.terms for words in misspelt(term))]
     if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
         from ..scene.tool_warnings import tool_warnings
 

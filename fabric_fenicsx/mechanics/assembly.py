@@ -14,6 +14,7 @@ from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
 from .roles import Loaded, StoresKinds, Varied
 from .term import Term, Triplets
+from .term_checks import kinds_of
 from .triplets import TripletPlaces
 
 
@@ -59,17 +60,27 @@ class Assembly:
         whole = ufl.inner(v, w) * ufl.dx
         self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
         self._extra: TripletPlaces | None = None  # stiffness of the terms that are no forms
+        self._kinds: dict[int, list[str | None]] = {}  # of the terms' `energies`, by their number
 
     def energies(self) -> dict[str | None, float]:
         """Energy of each kind at the present displacement, of all ranks {kind: N mm}; None: minus
         the work of loads."""
         parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
-        for term in self._terms:
+        changed = False
+        for i, term in enumerate(self._terms):
             if isinstance(term, StoresKinds):
-                parts += term.energies().items()
+                if i not in self._kinds:
+                    self._kinds[i] = kinds_of(term)
+                given = term.energies()
+                changed |= given.keys() != {*self._kinds[i]}
+                parts += [(kind, given.get(kind, 0.0)) for kind in self._kinds[i]]
             else:
                 parts.append((term.energy_kind, term.stored()))
-        total = self._comm.allreduce(np.array([value for _, value in parts]), MPI.SUM)
+        values = np.array([*(value for _, value in parts), changed], dtype=float)
+        total = self._comm.allreduce(values, MPI.SUM)
+        if total[-1]:  # on some rank
+            for i, before in self._kinds.items():
+                kinds_of(self._terms[i], before)
         kinds = dict.fromkeys((kind for kind, _ in parts), 0.0)
         for (kind, _), value in zip(parts, total):
             kinds[kind] += float(value)

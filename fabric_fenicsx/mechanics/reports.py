@@ -2,7 +2,8 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any, NamedTuple
+from numbers import Real
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from mpi4py import MPI
@@ -38,6 +39,12 @@ class Fields(dict[str, np.ndarray]):
         super().__init__({name: given.value for name, given in told.items()})
         self.units = {name: given.unit for name, given in told.items() if given.unit}
 
+    def __missing__(self, name: str) -> NoReturn:
+        raise InputError(
+            f"field {name} is asked for; allowed are {', '.join(self)}; fields at nodes are in "
+            "`result.grid.point_data`"
+        )
+
 
 def least(value: Any, unit: str = "") -> Value:
     """The least one counts, of arrays entry by entry."""
@@ -51,7 +58,7 @@ def largest(value: Any, unit: str = "") -> Value:
 
 
 def total(value: Any, unit: str = "") -> Value:
-    """The sum counts."""
+    """The sum over the terms counts; it is not over ranks."""
     return Value(value, unit, lambda before, now: before + now)
 
 
@@ -94,20 +101,12 @@ def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dic
     for term in terms:
         if not isinstance(term, role):
             continue
-        given = getattr(term, method)()
-        if not isinstance(given, Mapping):
-            raise InputError(
-                f"`{method}` of term {term.name} returns {type(given).__name__}; allowed is a dict "
-                f"{{{noun}: value}}"
-            )
+        given = asked(term, method, noun)
         mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}
         derived = {k for k, v in given.items() if isinstance(v, Value) and callable(v.value)}
         plain = {name: each.value for name, each in mine.items() if name not in derived}
-        checked = (
-            arrays(term, method, plain, noun)
-            if noun == "field"
-            else _known_to_json(term, method, plain, noun)
-        )
+        check: Callable[..., Mapping[str, Any]] = arrays if noun == "field" else _known_to_json
+        checked = check(term, method, plain, noun)
         for name, each in mine.items():
             before = found.get(name)
             if name in givers and (before is None or each.merge is None):
@@ -126,6 +125,17 @@ def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dic
         name: each._replace(value=each.value(known)) if callable(each.value) else each
         for name, each in found.items()
     }
+
+
+def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
+    """What a term's `method` returns; InputError if that is no dict."""
+    given = getattr(term, method)()
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"`{method}` of term {term.name} returns {type(given).__name__}; allowed is a dict "
+            f"{{{noun}: value}}"
+        )
+    return given
 
 
 def arrays(
@@ -158,9 +168,18 @@ def _known_to_json(term, method, given, noun):
     for name, value in given.items():
         try:
             json.dumps(value)
+            if method == "history" and not (value is None or isinstance(value, Real)):
+                raise TypeError
         except (TypeError, ValueError) as error:
             raise InputError(
                 f"`{method}` of term {term.name} gives the {noun} {name}, of type "
-                f"{type(value).__name__}; allowed is what JSON can hold, as float(value)"
+                f"{type(value).__name__}; allowed is "
+                f"{'a number' if noun == 'column' else 'what JSON can hold'}, as float(value)"
             ) from error
+    texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(given)))
+    if len(texts) > 1:
+        raise InputError(
+            f"`{method}` of term {term.name} gives {' and '.join(texts)} on different ranks; "
+            "allowed is the same on all, as `self.blank.mesh.comm.allreduce(number)`, the sum"
+        )
     return given

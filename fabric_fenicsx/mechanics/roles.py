@@ -29,10 +29,11 @@ class Varied(Protocol):
 
 @runtime_checkable
 class StoresKinds(Protocol):
-    """Stores energies of several kinds, of which `stored` is the sum."""
+    """Stores energies of several kinds. A run then asks neither `stored` nor, unless the term also
+    has a form, `energy_kind`."""
 
     def energies(self) -> dict[str | None, float]:
-        """{kind: N mm}, the same kinds on all ranks; None: minus the work of a load."""
+        """{kind: N mm}, always the same kinds on all ranks; None: minus the work of a load."""
 
 
 @runtime_checkable

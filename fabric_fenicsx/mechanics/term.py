@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Sequence
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 import ufl
@@ -51,8 +51,9 @@ class Term:
       an edge by `self.part.ds(edge, degree)` [N mm]; for a load, minus its work. None if the term
       is no form: it then has `stored`, `add_forces` and `tangent`
     - pattern: a number that changes when the places of `tangent` do
-    - blank: the sheet, known in `set_up`; part: what of it the term is on; part_name: its name,
-      see `on`
+    - blank: the sheet, known in `set_up`; `blank.mesh.comm` is the MPI communicator, and
+      `blank.V.dofmap.index_map` numbers the nodes; part: what of it the term is on; part_name: its
+      name, see `on`
     - given: what the attributes were before `set_up`, as plain data; a checkpoint must agree in it
     """
 
@@ -67,6 +68,12 @@ class Term:
     given: dict[str, Any]
     # weak, as circles of solver objects end at another time on each rank
     bound_to: weakref.ref[SceneFacts] | None = None
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name):
+            when = ", which is known in `set_up`" if name in ("blank", "part") else ""
+            raise AttributeError(f"{type(self).__name__} has no attribute `{name}`{when}")
 
     def on(self, part: str) -> Self:
         """Restrict the term to a part of the blank: a sheet of a stack, or a patch; itself.

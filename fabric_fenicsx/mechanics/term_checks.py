@@ -1,7 +1,9 @@
 """Guards of terms: as a scene takes them, once before a run, and in `check_derivatives`. Errors
 name the term."""
 
+import inspect
 import weakref
+from difflib import get_close_matches
 from numbers import Real
 from reprlib import repr as shown
 from typing import Any
@@ -14,7 +16,9 @@ from ufl.constantvalue import ScalarValue, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from ..runtime.errors import InputError
+from . import roles
 from .given import of_attributes
+from .reports import asked
 from .roles import StoresKinds
 from .term import SceneFacts, Term
 
@@ -47,11 +51,12 @@ def bind(term: Term, scene: SceneFacts) -> None:
             f"term {term.name} is in the scene twice; allowed is a term once, so two that act "
             "alike are two objects"
         )
-    for memory in ("memory", "cell_memory"):
-        if hasattr(term, memory) and not hasattr(term, "recall"):
-            raise InputError(
-                f"term {term.name} has `{memory}` but no `recall`; allowed are both, or none"
-            )
+    kept = [method for method in ("memory", "cell_memory") if hasattr(term, method)]
+    if hasattr(term, "recall") != bool(kept):
+        has, lacks = (kept[0], "recall") if kept else ("recall", "memory")
+        raise InputError(
+            f"term {term.name} has `{has}` but no `{lacks}`; allowed are both, or none"
+        )
     term.given = of_attributes(term)
     term.bound_to, term.blank = weakref.ref(scene), scene.blank
     term.part = scene.blank.part(term.part_name)
@@ -68,7 +73,8 @@ def bind(term: Term, scene: SceneFacts) -> None:
             f"term {term.name} has neither an energy nor forces; allowed is `self.energy` in "
             "`set_up`, or `add_forces`"
         )
-    stores = term.energy is not None or own.stored is not Term.stored
+    one_kind = own.stored is not Term.stored and not isinstance(term, StoresKinds)
+    stores = term.energy is not None or one_kind
     if term.energy_kind is None and stores and own.work is Term.work:
         raise InputError(
             f"term {term.name} stores an energy that has no name; allowed is an `energy_kind`, "
@@ -77,23 +83,55 @@ def bind(term: Term, scene: SceneFacts) -> None:
 
 
 def _check_words(term):
-    kind = term.energy_kind
-    for what, text in (("name", term.name), ("energy_kind", "x" if kind is None else kind)):
-        if not (isinstance(text, str) and text.strip()):
-            raise InputError(
-                f"`{what}` of a term of class {type(term).__name__} is {text!r}; allowed is "
-                "a text that is not empty"
-            )
-    if kind in OF_A_RUN:
+    if not (isinstance(term.name, str) and term.name.strip()):
         raise InputError(
-            f"`energy_kind` of term {term.name} is {kind}, which every run has for "
-            "something else; allowed is another name"
+            f"`name` of a term of class {type(term).__name__} is {term.name!r}; allowed is "
+            "a text that is not empty"
         )
+    if term.energy_kind is not None:
+        _check_kind(term, "energy_kind", term.energy_kind)
     if isinstance(term.resists, str) or not {*term.resists} <= {*MOTIONS}:
         raise InputError(
             f"`resists` of term {term.name} is {term.resists!r}; allowed is a tuple of "
             f"{', '.join(MOTIONS)}"
         )
+
+
+def _check_kind(term, told, kind):
+    if not (isinstance(kind, str) and kind.isidentifier()) or kind in OF_A_RUN:
+        raise InputError(
+            f"`{told}` of term {term.name} is {kind!r}; allowed is a name of letters, digits and "
+            f"_, other than {' and '.join(OF_A_RUN)}, which every run has for something else"
+        )
+
+
+def kinds_of(term: Term, before: list[str | None] | None = None) -> list[str | None]:
+    """The kinds of a term's `energies`; InputError, on all ranks, for what is no dict or no kind,
+    and for other kinds than `before` or on another rank."""
+    given, comm = asked(term, "energies", "kind"), term.blank.mesh.comm
+    for kind in given.keys() - {None}:
+        _check_kind(term, "energies", kind)
+    kinds = before or comm.bcast([*given])
+    if comm.allreduce(given.keys() != {*kinds}, MPI.LOR):
+        raise InputError(
+            f"`energies` of term {term.name} gives other kinds than {', '.join(map(str, kinds))}; "
+            "allowed are the same each time and on all ranks, with 0.0 where there is no energy"
+        )
+    return kinds
+
+
+def misspelt(term: Term) -> list[str]:
+    """Warnings of a term's methods whose names are nearly those of a role."""
+    homes = [each for each in vars(roles).values() if hasattr(each, "__mro__")]
+    homes = [Term, *(each for each in homes if each.__module__ == roles.__name__)]
+    known = {name.replace("ies", "y"): name for home in homes for name in vars(home)}
+    found = []
+    for name, _ in inspect.getmembers(type(term), callable):
+        near = get_close_matches(name.replace("ies", "y"), known, 1, 0.81)
+        if near and name[0] != "_" and name not in known.values():
+            meant = f"a run asks for `{known[near[0]]}`, not for this"
+            found.append(f"term {term.name} has `{name}`; {meant}")
+    return found
 
 
 def _explain(error, term, gdim):
@@ -149,9 +187,10 @@ def check_answers(term: Term) -> None:
     what is no number, no triplet, or is returned in place of being added."""
     blank, comm = term.blank, term.blank.mesh.comm
     size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
-    energies = term.energies().values() if isinstance(term, StoresKinds) else [term.stored()]
-    for value in energies:
-        check_number(term, "stored", value)
+    check_number(term, "stored", term.stored())
+    if isinstance(term, StoresKinds) and kinds_of(term):
+        for value in term.energies().values():
+            check_number(term, "energies", value)
     given: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]
     if given is not None:
         raise InputError(
@@ -182,8 +221,6 @@ def _wrong_triplets(given: Any, size: int) -> str:
     shapes = rows.shape, cols.shape, values.shape
     if rows.ndim != 1 or len({*shapes}) > 1:
         return f"arrays of shapes {', '.join(map(str, shapes))}"
-    for numbers in (rows, cols):
-        beyond = numbers[~((numbers >= 0) & (numbers < size))]
-        if beyond.size:
-            return f"the degree of freedom {beyond[0]}"
-    return ""
+    numbers = np.append(rows, cols)
+    beyond = numbers[~((numbers >= 0) & (numbers < size))]
+    return f"the degree of freedom {beyond[0]}" if beyond.size else ""

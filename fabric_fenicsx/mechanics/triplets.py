@@ -41,7 +41,7 @@ class TripletPlaces:
         if len(values) != len(self._entry):
             raise InputError(
                 "`tangent` of a term gives other places than before; allowed are always the same, "
-                "unless `pattern` counts up (`check_derivatives` tells of which term)"
+                "unless `pattern` counts up (`check_derivatives` of such a `size` tells which)"
             )
         rows, starts, cols = self._csr
         summed = np.bincount(self._entry, values, len(cols)).astype(float)  # whole numbers of none

@@ -128,7 +128,7 @@ class FieldSeries:
         if self.states and self.states[-1][0] == load:
             self.states.pop()
         cells = reports.cell_fields(self.scene) if fields is None else fields
-        nodes = reports.nodal_fields(self.scene)
+        nodes = reports.nodal_fields(self.scene, cells)
         self._units |= cells.units | nodes.units
         self._together(lambda: self._write(len(self.states), cells, nodes))
         self.states.append((load, self._ranks))

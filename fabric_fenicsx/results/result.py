@@ -180,7 +180,7 @@ class Result:
 
     def plot(self, name: str, path: Path | str) -> None:
         """Draw field `name`, of one number a cell or node, on the deformed sheet, to a PNG file, on
-        rank 0; nodes as means over the cells. Raises InputError for a name that is none."""
+        rank 0; of nodes the mean over each cell. Raises InputError for a name that is none."""
         # asked of all ranks, which a field of cells does not need
         nodal = Fields({}) if name in self.fields else reports.nodal_fields(self.scene)
         drawn = sorted(
@@ -196,13 +196,16 @@ class Result:
         if self.scene.comm.rank == 0:
             from . import pictures
 
-            grids = self.grids
+            grids, units = self.grids, self.fields.units | nodal.units
             if name in nodal:
+                means = f"{name}, mean over each cell"
                 grids = {
                     title: grid.point_data_to_cell_data(pass_point_data=True)
                     for title, grid in grids.items()
                 }
-            units = self.fields.units | nodal.units
+                for grid in grids.values():
+                    grid.cell_data[means] = grid.cell_data[name]
+                units, name = {means: units.get(name, "")}, means
             pictures.maps(Path(path), grids, (name,), OUTLIERS, units)
 
     def export(self, path: Path | str) -> None:

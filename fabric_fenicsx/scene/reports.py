@@ -37,9 +37,9 @@ def cell_fields(scene: Scene) -> Fields:
     return Fields(told(scene.terms, "cell_fields", OF_A_SHEET))
 
 
-def nodal_fields(scene: Scene) -> Fields:
-    """Fields at this rank's nodes, ghosts too, (nodes, ...)."""
-    fields = Fields(told(scene.terms, "nodal_fields", OF_A_SHEET))
+def nodal_fields(scene: Scene, taken: Collection[str] = ()) -> Fields:
+    """Fields at this rank's nodes, ghosts too, (nodes, ...), beside those `taken` by cells."""
+    fields = Fields(told(scene.terms, "nodal_fields", (*OF_A_SHEET, *taken)))
     for name, values in fields.items():
         fields[name] = scene.blank.with_ghosts(values)
     return fields

@@ -1,7 +1,6 @@
 """A scene: a blank, the terms that store or take energy in it, and its supports."""
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 from dolfinx import fem
@@ -9,7 +8,7 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
-from ..mechanics.reports import arrays
+from ..mechanics.reports import arrays, asked
 from ..mechanics.roles import (
     Anticipates,
     DrivenByForce,
@@ -29,6 +28,7 @@ from .rigid_motions import check_held
 from .supports import Supports
 
 OF_CELLS = "cells "  # before the names of what terms remember of cells
+PLACES = ("", Remembers, "memory"), (OF_CELLS, RemembersCells, "cell_memory")
 
 
 class Scene:
@@ -90,6 +90,7 @@ class Scene:
             for term in self.terms:
                 check_answers(term)
                 check_number(term, "work", term.work())
+            self.memory()
             self._checked = True
 
     def set_load(self, load: float) -> None:
@@ -121,18 +122,36 @@ class Scene:
         (owned cells, k) where the name begins with `OF_CELLS`."""
         memory: dict[str, np.ndarray] = {}
         for i, term in enumerate(self.terms):
-            memory |= {f"{i} {key}": values for key, values in _nodal_memory(term).items()}
-            memory |= {f"{OF_CELLS}{i} {key}": v for key, v in _cell_memory(term).items()}
+            memory |= {f"{place}{i} {key}": v for (place, key), v in _memory(term).items()}
         return memory | {"supports": self.supports.memory()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Give terms and supports back their `memory`, of the present displacement and load."""
         for i, term in enumerate(self.terms):
-            given = {key: memory[f"{i} {key}"] for key in _nodal_memory(term)}
-            given |= {key: memory[f"{OF_CELLS}{i} {key}"] for key in _cell_memory(term)}
+            given = {key: memory[f"{place}{i} {key}"] for place, key in _memory(term)}
             if isinstance(term, (Remembers, RemembersCells)):
-                term.recall(given)
+                self._recall(term, given)
         self.supports.recall(memory["supports"])
+
+    def _recall(self, term, given):
+        """InputError, on all ranks, if the term's memory is another one then."""
+        try:
+            term.recall(given)
+        except KeyError as error:
+            raise InputError(
+                f"`recall` of term {term.name} asks for {error}; allowed is what its memory has: "
+                f"{', '.join(given)}"
+            ) from error
+        lost = [
+            key
+            for (_, key), now in _memory(term).items()
+            if not np.allclose(now, given[key], 1e-9, 0.0, equal_nan=True)
+        ]
+        if lost := self.comm.allreduce(lost):
+            raise InputError(
+                f"`recall` of term {term.name} leaves {lost[0]} other than it was given; allowed "
+                "is to take back all that `memory` and `cell_memory` give"
+            )
 
     def set(self, x: PETSc.Vec) -> None:
         """Make x the displacement [mm]."""
@@ -239,11 +258,11 @@ class Scene:
         return self._assembly.applied_forces()
 
 
-def _nodal_memory(term: Any) -> dict[str, np.ndarray]:
-    own = isinstance(term, Remembers)
-    return arrays(term, "memory", term.memory()) if own else {}
-
-
-def _cell_memory(term: Any) -> dict[str, np.ndarray]:
-    own = isinstance(term, RemembersCells)
-    return arrays(term, "cell_memory", term.cell_memory()) if own else {}
+def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:
+    """What a term remembers, {("" or `OF_CELLS`, name): array}."""
+    memory: dict[tuple[str, str], np.ndarray] = {}
+    for place, role, method in PLACES:
+        if isinstance(term, role):
+            found = arrays(term, method, asked(term, method, "array"))
+            memory |= {(place, name): values for name, values in found.items()}
+    return memory

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..material.laws import Law
 from ..mechanics.assembly import triplets, variations
-from ..mechanics.roles import DrivenByForce, StoresKinds
+from ..mechanics.roles import DrivenByForce, Remembers, RemembersCells, StoresKinds
 from ..mechanics.term import Term
 from ..mechanics.term_checks import check_answers
 from ..mechanics.triplets import TripletPlaces
@@ -26,6 +26,7 @@ ALLOWED = 1e-4  # difference, over the largest of its kind
 KINKS = 0.02  # share of states or points at which a derivative may jump between both sides
 RANGES = np.array([[-0.05, 0.05], [-0.05, 0.05], [-0.8, 0.8]])  # eps_a, eps_b, gamma
 PANELS, HALVINGS = 50, 40  # pieces of the way from rest to a state, where a jump is sought
+NO_FORCES = "the term gives no forces here: nothing was compared"
 AGAINST_NONE = {
     "energy at rest and none": "the energy at rest is",
     "stresses at rest and none": "the stresses at rest are",
@@ -87,7 +88,8 @@ def check_derivatives(
     for row in rows:  # the first, as what follows from it is off, too
         if not row.off <= ALLOWED:
             raise InputError(f"{name}: {row.differ()}; allowed is {ALLOWED:g}\n{table}")
-    return "\n".join([f"{name}: derivatives agree with differences\n{table}", *remarks])
+    head = remarks.pop() if NO_FORCES in remarks else "derivatives agree with differences"
+    return "\n".join([f"{name}: {head}\n{table}", *remarks])
 
 
 def _place(point: np.ndarray) -> str:
@@ -282,7 +284,7 @@ def _compared(probe: "_Probe", load: float, remarks: list[str]) -> Iterator[Row]
     yield Row(
         "forces and differences of energies",
         abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), 1e-300),
-        "for displacements along the forces, and rough ones",
+        f"for displacements of about {size:.3g} mm, the `size`",
     )
     what = "tangent and differences of forces"
     yield _row(what, whole(Kd), whole(change), whole(probe.places), 0.0)
@@ -293,13 +295,13 @@ def _compared(probe: "_Probe", load: float, remarks: list[str]) -> Iterator[Row]
             "sheet in place of resisting it"
         )
     still = term.energy_kind and not probe.before.norm() and pushed <= 1e-9 * largest
-    if still and rest > size * total:
+    if still and not isinstance(term, (Remembers, RemembersCells)) and rest > size * total:
         remarks.append(
             f"the energy of the sheet as it lies is {rest:.3g} N mm, without a force: take it "
             "off, as the energy balance knows no work that has gone into it"
         )
     if not largest:
-        remarks.append("the term gives no forces here: nothing was compared")
+        remarks.append(NO_FORCES)
 
 
 class _Probe:
@@ -392,11 +394,12 @@ class _Probe:
     def check_places(self) -> None:
         """InputError if places of the tangent change with the displacement but not `pattern`."""
         found = []
-        for by in (-2 * self.size * self.moved, 0.0):
-            self.move(by)
+        for by in (-1, -2, 0):
+            self.move(by * self.size * self.moved)
             found.append((self.term.pattern, np.array(self.term.tangent()[:2])))
-        (before, one), (after, two) = found
-        if self.comm.allreduce(before == after and not np.array_equal(one, two), MPI.LOR):
+        (pattern, places), *others = found
+        other = [p == pattern and not np.array_equal(places, each) for p, each in others]
+        if self.comm.allreduce(any(other), MPI.LOR):
             raise InputError(
                 f"`tangent` of term {self.term.name} gives other places where the sheet is "
                 "elsewhere; allowed are always the same, unless `pattern` counts up"

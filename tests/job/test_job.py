@@ -19,6 +19,7 @@ from dolfinx import fem
 import fabric_fenicsx as ff
 import fabric_fenicsx.job.job
 from fabric_fenicsx.command_line.console import Console
+from fabric_fenicsx.results import pictures
 from fabric_fenicsx.results.output import finite
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.solve.limits import Limits
@@ -323,13 +324,21 @@ def test_a_field_that_cannot_be_drawn(tmp_path):
     assert not (tmp_path / "gap.png").exists()
 
 
-def test_a_field_of_nodes_is_drawn(tmp_path):
+def test_a_field_of_nodes_is_drawn(tmp_path, monkeypatch):
     ply = ff.Blank.rectangle(20, 10, nx=4, spatial=True)
     floor = ff.Tool(ff.Plane((0, 0, -1), (0, 0, 1)), name="floor")
     terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=1.0), ff.Contact(floor)]
     result = ff.Job(ff.Scene(ply, terms, supports=ff.clamped_ends(0.1)), steps=1).run()
+    drawn, maps = [], pictures.maps
+    monkeypatch.setattr(pictures, "maps", lambda *given: drawn.append(given) or maps(*given))
     result.plot("contact_gap", tmp_path / "gap.png")
     assert (tmp_path / "gap.png").stat().st_size > 1000
+    ((_, _, names, _, units),) = drawn
+    assert names == ("contact_gap, mean over each cell",) and units == {names[0]: "mm"}
+    with pytest.raises(
+        ff.InputError, match="field contact_gap is asked .*, shear_angle.*; .*nodes"
+    ):
+        result.fields["contact_gap"]
 
 
 def test_a_warning_carries_its_level_once(folder, capsys):

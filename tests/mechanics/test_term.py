@@ -254,12 +254,19 @@ def test_a_component_that_a_plane_sheet_lacks():
 
 
 @pytest.mark.parametrize(
-    "name, value", [("name", None), ("name", ""), ("energy_kind", " "), ("energy_kind", 3)]
+    "name, value, words",
+    [
+        ("name", None, "a term of class Bedding is None; allowed is a text"),
+        ("name", "", "a term of class Bedding is ''; allowed is a text"),
+        ("energy_kind", " ", "term bedding is ' '; allowed is a name of letters, digits and _"),
+        ("energy_kind", "a, b", "term bedding is 'a, b'; allowed is a name of letters"),
+        ("energy_kind", 3, "term bedding is 3; allowed is a name of letters"),
+    ],
 )
-def test_names_that_are_none(name, value):
+def test_names_that_are_none(name, value, words):
     term = Bedding(K)
     setattr(term, name, value)
-    words = f"`{name}` of a term of class Bedding is {value!r}; allowed is a text"
+    words = f"`{name}` of {words}"
     with pytest.raises(InputError, match=words):
         alone(sheet(10, 10, 2, 1), term)
 
@@ -454,7 +461,9 @@ def test_terms_of_the_package_may_be_twice_on_a_sheet():
 def test_an_energy_of_a_kind_that_every_run_has(kind):
     term = Bedding(K)
     term.energy_kind = kind
-    with pytest.raises(InputError, match=f"`energy_kind` of term bedding is {kind}, .* another"):
+    with pytest.raises(
+        InputError, match=f"`energy_kind` of term bedding is {kind!r}; .* other than"
+    ):
         alone(sheet(20.0, 10.0, 2, 1), term)
 
 

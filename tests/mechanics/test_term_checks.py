@@ -8,6 +8,8 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.job.belief import warnings_at_start
+from fabric_fenicsx.mechanics.term_checks import misspelt
 from fabric_fenicsx.scene import reports
 
 COMM = MPI.COMM_WORLD
@@ -24,7 +26,10 @@ def run(term):
 
 
 def with_own(method, does):
-    return type("Mine", (Springs,), {method: does, "recall": lambda self, memory: None})()
+    own = {method: does}
+    if method in ("memory", "cell_memory"):
+        own["recall"] = lambda self, memory: None
+    return type("Mine", (Springs,), own)()
 
 
 def moved(self, by):
@@ -115,6 +120,8 @@ def test_an_energy_that_no_work_has_gone_into_is_told():
 
     assert f"as it lies is {3.0 * COMM.size:g} N mm, without a force: take it off" in told(3.0)
     assert "as it lies" not in told(0.0)
+    mine = breaking(energies=lambda self: {"springs": Breaking.energies(self)["springs"] + 3.0})
+    assert "as it lies" not in ff.check_derivatives(mine, scene_with(mine))
 
 
 @pytest.mark.parametrize("k, words", [(0.0, "gives no forces here: nothing was compared"), (1, "")])
@@ -122,6 +129,34 @@ def test_a_term_without_forces_is_told(k, words):
     mine = Springs(k)
     table = ff.check_derivatives(mine, scene_with(mine))
     assert ("nothing was compared" in table) == bool(words) and words in table
+    assert ("agree" in table) == (not words)
+
+
+def test_a_break_is_checked_by_a_size_beyond_it():
+    """Some springs hold, others do not; the table tells how far the sheet was displaced."""
+
+    def add_forces(self, f):
+        f[: len(self.u())] += self.k * self.u()
+
+    mine = breaking(add_forces=add_forces)
+    scene = scene_with(mine)
+    assert "displacements of about 0.00" in ff.check_derivatives(mine, scene)
+    with pytest.raises(ff.InputError, match="forces and differences of energies differ by"):
+        ff.check_derivatives(mine, scene, size=0.04)
+    scene = scene_with(mine := breaking())
+    assert "agree" in ff.check_derivatives(mine, scene, size=0.04)
+    mine.broken[:] = 1.0
+    table = ff.check_derivatives(mine, scene, size=0.04)
+    assert "nothing was compared" in table and "agree" not in table
+
+
+def test_places_that_depend_on_a_break_are_told():
+    def tangent(self):
+        return tuple(part[self.whole()] for part in Springs.tangent(self))
+
+    mine = breaking(tangent=tangent)
+    with pytest.raises(ff.InputError, match="springs gives other places where the sheet is else"):
+        ff.check_derivatives(mine, scene_with(mine), size=0.03)
 
 
 @pytest.mark.parametrize(
@@ -180,8 +215,9 @@ def giving(**values):
 @pytest.mark.parametrize(
     "method, does, words",
     [
-        ("history", giving(hits=np.ones(3)), "column hits, of type ndarray; allowed is what"),
-        ("history", giving(hits=np.int64(3)), "column hits, of type int64; allowed is what"),
+        ("history", giving(hits=np.ones(3)), "column hits, of type ndarray; allowed is a number"),
+        ("history", giving(hits=np.int64(3)), "column hits, of type int64; allowed is a number"),
+        ("history", giving(hits="three"), "column hits, of type str; allowed is a number, as fl"),
         ("summary", giving(hits=np.ones(3)), "entry hits, of type ndarray; allowed is what"),
         ("summary", giving(converged=3), "entry converged, which summary.json has already"),
         ("summary", giving(cells=3), "entry cells, which summary.json has already"),
@@ -189,6 +225,7 @@ def giving(**values):
         ("nodal_fields", giving(u=3), r"field u with shape \(\); allowed is"),
         ("nodal_fields", giving(hits=["a"]), "field hits with"),
         ("cell_fields", lambda self: 3, "returns int; allowed is a dict {field: value}"),
+        ("memory", lambda self: np.ones(3), "returns ndarray; allowed is a dict {array: value}"),
         ("memory", lambda self: {"hits": np.ones(3)}, r"array hits with shape \(3,\); allowed is"),
         ("memory", lambda self: {"hits": 3.0}, r"array hits with shape \(\); allowed is"),
     ],
@@ -198,11 +235,153 @@ def test_what_cannot_be_told_or_kept(method, does, words):
         run(with_own(method, does))
 
 
-@pytest.mark.parametrize("method", ["memory", "cell_memory"])
-def test_a_memory_that_is_not_taken_back(method):
+@pytest.mark.parametrize(
+    "method, missing", [("memory", "recall"), ("cell_memory", "recall"), ("recall", "memory")]
+)
+def test_a_memory_that_is_not_taken_back(method, missing):
     mine = type("Mine", (Springs,), {method: lambda self: {}})()
-    with pytest.raises(ff.InputError, match=f"springs has `{method}` but no `recall`; allowed are"):
+    words = f"springs has `{method}` but no `{missing}`; allowed are"
+    with pytest.raises(ff.InputError, match=words):
         scene_with(mine)
+
+
+class Breaking(Springs):
+    """Springs that break for good where the sheet moved by more than `limit` [mm]."""
+
+    name = "springs"
+    energy_kind = None
+
+    def __init__(self, k=0.5, limit=0.02):
+        super().__init__(k)
+        self.limit = limit
+
+    def set_up(self, scene):
+        self.broken = np.zeros(len(self.u()))
+
+    def whole(self):
+        return (self.broken == 0) & (abs(self.u()) < self.limit)
+
+    def energies(self):
+        whole = self.whole()
+        lost = 0.5 * self.k * self.limit**2 * (~whole).sum()
+        return {"springs": 0.5 * self.k * (self.u()[whole] ** 2).sum(), "broken": lost}
+
+    def add_forces(self, f):
+        f[: len(self.u())] += self.k * self.u() * self.whole()
+
+    def tangent(self):
+        rows, cols, values = super().tangent()
+        return rows, cols, values * self.whole()
+
+    def accept(self):
+        self.broken = 1.0 * ~self.whole()
+
+    def memory(self):
+        return {"broken": self.broken.reshape(len(self.part.nodes), -1)}
+
+    def recall(self, memory):
+        self.broken = memory["broken"].ravel()
+
+    def history(self):
+        return {"broken_springs": float(COMM.allreduce(self.broken.sum()))}
+
+
+def breaking(**own):
+    return type("Mine", (Breaking,), own)()
+
+
+def test_energies_of_several_kinds():
+    """Neither `stored` nor `energy_kind` is needed."""
+    result = run(breaking())
+    assert result.rows[0]["broken_springs"] == 0 < result.rows[-1]["broken_springs"]
+    energy = result.summary["energy"]
+    assert energy["springs"] > 0 and energy["broken"] > 0
+
+
+@pytest.mark.parametrize(
+    "does, words",
+    [
+        (lambda self: [3.0], "returns list; allowed is a dict {kind: value}"),
+        (giving(viscous=1.0), "is 'viscous'; .*, other than viscous and external_work, which"),
+        (giving(external_work=1.0), "is 'external_work'; allowed is a name of letters"),
+        (lambda self: {"broken, springs": 1.0}, "is 'broken, springs'; allowed is a name of le"),
+        (giving(springs=None), "gives None; allowed is one number"),
+    ],
+)
+def test_kinds_of_energy_that_are_none(does, words):
+    with pytest.raises(ff.InputError, match=f"`energies` of term springs {words}"):
+        run(breaking(energies=does))
+
+
+def test_a_stored_energy_that_is_no_number_beside_kinds():
+    with pytest.raises(ff.InputError, match="`stored` of term springs gives None; allowed is one"):
+        run(breaking(stored=lambda self: None))
+
+
+def test_a_kind_of_energy_that_comes_with_a_break():
+    """On the ranks where something broke."""
+
+    def energies(self):
+        return {k: v for k, v in Breaking.energies(self).items() if v or k == "springs"}
+
+    words = "springs gives other kinds than springs; allowed are the same each time and on all"
+    with pytest.raises(ff.InputError, match=words):
+        run(breaking(energies=energies))
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="needs ranks that differ")
+def test_what_differs_between_ranks_is_named():
+    kinds = breaking(energies=lambda self: {f"rank{COMM.rank}": 0.0})
+    with pytest.raises(ff.InputError, match="springs gives other kinds than rank0; allowed are"):
+        run(kinds)
+    for method in ("history", "summary"):
+        mine = breaking(**{method: lambda self: {"rank": COMM.rank}})
+        words = f"`{method}` of term springs gives .*0.* and .*1.* on different ranks; .*allreduce"
+        with pytest.raises(ff.InputError, match=words):
+            run(mine)
+
+
+@pytest.mark.parametrize(
+    "recall, words",
+    [
+        (lambda self, memory: None, "leaves broken other than it was given; allowed is to take"),
+        (lambda self, memory: memory["slip"], "asks for 'slip'; allowed is what its .*: broken$"),
+    ],
+)
+def test_a_memory_that_is_not_recalled(recall, words):
+    first, second = breaking(), breaking(recall=recall)
+    scene = scene_with(first)
+    ff.Job(scene, steps=1).run()
+    memory, other = scene.memory(), scene_with(second)
+    with pytest.raises(ff.InputError, match=f"`recall` of term springs {words}"):
+        other.recall(memory)
+    other = scene_with(again := breaking())
+    other.recall(memory)
+    assert np.array_equal(again.broken, first.broken)
+
+
+def test_a_name_that_is_nearly_a_roles():
+    mine = breaking(nodal_field=giving(), histories=giving(), pull=giving())
+    found = misspelt(mine)
+    assert len(found) == 2 and not misspelt(breaking())
+    assert found[0].endswith("has `histories`; a run asks for `history`, not for this")
+    assert found[1].endswith("has `nodal_field`; a run asks for `nodal_fields`, not for this")
+    assert set(found) <= set(warnings_at_start(scene_with(mine)))
+
+
+def test_the_part_is_not_known_before_set_up():
+    def make(self):
+        self.mask = self.part.nodes
+
+    with pytest.raises(AttributeError, match="Mine has no .* `part`, which is known in `set_up`"):
+        type("Mine", (Springs,), {"__init__": make})()
+    assert not hasattr(Springs(), "blank")
+
+
+def test_a_nodal_field_of_a_name_that_cells_have():
+    mine = with_own("nodal_fields", lambda self: {"shear_angle": np.ones(len(self.part.nodes))})
+    with pytest.raises(ff.InputError, match="field shear_angle, which the sheet has already"):
+        run(mine)
 
 
 def test_a_field_that_the_sheet_has():

@@ -492,7 +492,7 @@ def test_kinks_of_forces_where_energies_tell_nothing():
 class NoNumber(Term):
     """Has a stiffness that is no number."""
 
-    name = energy_kind = "no number"
+    name = energy_kind = "no_number"
 
     def stored(self):
         return 0.0
