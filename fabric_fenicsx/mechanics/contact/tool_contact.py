@@ -230,8 +230,9 @@ class Contact(PressingTerm):
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """As in `Remembers`."""
-        self._shift, self._depth = memory["shift"][:, 0], memory["depth"][:, 0]
-        self.tool.travel = float(self.nodes.common(memory["travel"])[0])
+        self._shift = self._accepted_shift = memory["shift"][:, 0]
+        self._depth = memory["depth"][:, 0]
+        self.tool.travel = self._accepted_travel = float(self.nodes.common(memory["travel"])[0])
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
         self._found = u, self._state_at(self.nodes.places + u)
