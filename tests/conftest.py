@@ -36,6 +36,13 @@ def pytest_configure(config):
         faulthandler.enable(open(file, "w"))
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Whole runs first: what is left in the end, when a worker has nothing more to take over, is
+    short."""
+    items.sort(key=lambda item: "studies" not in item.path.parts)
+
+
 def world():
     """MPI's communicator. MPI begins when it is asked for first, in the process that runs tests:
     were it to begin in pytest-xdist's own, workers would inherit its environment, and no mpirun of
