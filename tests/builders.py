@@ -50,6 +50,26 @@ def sheet(
     return Blank.from_arrays(comm, points, cells, kind, spatial=spatial, **options)
 
 
+def bent(radius, angle, tail):
+    """Shape that lays a strip along x over a cylinder about y through the origin, with straight
+    tails, and the unit vectors along which these leave it, at its low and high end."""
+
+    def shape(x):
+        s = x[:, 0] - tail - radius * angle / 2
+        t = np.clip(s / radius, -angle / 2, angle / 2)
+        beyond = s - t * radius
+        return np.column_stack(
+            [
+                radius * np.sin(t) + beyond * np.cos(t),
+                x[:, 1],
+                radius * np.cos(t) - beyond * np.sin(t),
+            ]
+        )
+
+    c, s = np.cos(angle / 2), np.sin(angle / 2)
+    return shape, (-c, 0, -s), (c, 0, -s)
+
+
 def rotation(seed=0):
     """A rotation in space."""
     Q, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))

@@ -145,7 +145,7 @@ class Scene:
         lost = [
             key
             for (_, key), now in _memory(term).items()
-            if not np.allclose(now, given[key], 1e-9, 0.0, equal_nan=True)
+            if not np.allclose(now, given[key], 1e-9, 1e-9 * _largest(given[key]), equal_nan=True)
         ]
         if lost := self.comm.allreduce(lost):
             raise InputError(
@@ -256,6 +256,10 @@ class Scene:
     def applied_forces(self) -> list[np.ndarray]:
         """Forces of each tool and load (owned dofs,) [N]."""
         return self._assembly.applied_forces()
+
+
+def _largest(values):
+    return np.abs(values).max(initial=0.0, where=np.isfinite(values))
 
 
 def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:

@@ -55,6 +55,26 @@ def test_where_energies_differ_by_rounding_the_slope_decides():
     assert x == pytest.approx(0.25, abs=0.2)
 
 
+@pytest.mark.parametrize("shifted", [False, True])
+def test_within_rounding_half_the_residual_will_do_along_the_tangents_own_direction(shifted):
+    class Steep(Along):
+        """Of two variables: along d the slope goes from -1 to 0.9, across it the force falls."""
+
+        def __init__(self):
+            self.r = PETSc.Vec().createSeq(2, comm=PETSc.COMM_SELF)
+
+        def __call__(self, x):
+            gone = x.array[0]
+            self.r.array[:] = 1.9 * gone - 1.0, 10 * (1 - gone)
+            return 1e16
+
+    objective, report = Steep(), Report()
+    x, d = objective.r.duplicate(), objective.r.duplicate()
+    d.array[:] = 1.0, 0.0
+    LineSearch(objective)(x, objective(x), d, shifted, report)
+    assert (x.array[0] == 1.0) == (not shifted) and (report.cuts > 0) == shifted
+
+
 def test_a_cell_turned_inside_out_ends_the_search_where_it_is_the_reason():
     with pytest.raises(SolveFailed, match="inside out"):
         searched(lambda x: Along.INVERTED if x > 0 else 0.0, lambda x: -1.0)

@@ -366,6 +366,19 @@ def test_a_march_goes_on_from_a_state_under_drag():
         assert newton.scene.energy() == pytest.approx(energy, rel=1e-9)
 
 
+@pytest.mark.mpi
+def test_a_state_that_creeps_for_ever_is_not_the_end():
+    newton, states = Newton(strip(), 1e-11), []
+
+    def keep(accepted):
+        at, drag = accepted.progress, Viscosity(drag=1e20, stiffness=1.0)
+        states.append(replace(at, x=at.x.copy(), previous=at.previous.copy(), viscosity=drag))
+
+    march(newton, steps=2, on_accept=keep)
+    outcome = march(newton, steps=2, start=states[-1])
+    assert outcome.reached == 1 and "still creeps after 40 steps at rest" in outcome.reason
+
+
 def test_drag_fades_at_rest_however_hard_the_steps_are():
     viscosity = Viscosity(drag=1e-3, stiffness=1.0, easy_steps_asked=16)
     viscosity.note_accepted(uncut=False, at_rest=False)

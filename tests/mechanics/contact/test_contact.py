@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import Elastic, alone, displacement, everywhere, near, run
+from builders import Elastic, alone, bent, displacement, everywhere, near, run
 from builders import sheet as flat
 from mpi4py import MPI
 from scipy import sparse
@@ -190,26 +190,6 @@ def test_tool_pushed_past_the_sheet_is_no_state():
 
 
 # -- forces, pressures, positions
-
-
-def bent(radius, angle, tail):
-    """Shape that lays a strip along x over a cylinder about y through the origin, with straight
-    tails, and the unit vectors along which these leave it, at its low and high end."""
-
-    def shape(x):
-        s = x[:, 0] - tail - radius * angle / 2
-        t = np.clip(s / radius, -angle / 2, angle / 2)
-        beyond = s - t * radius
-        return np.column_stack(
-            [
-                radius * np.sin(t) + beyond * np.cos(t),
-                x[:, 1],
-                radius * np.cos(t) - beyond * np.sin(t),
-            ]
-        )
-
-    c, s = math.cos(angle / 2), math.sin(angle / 2)
-    return shape, (-c, 0, -s), (c, 0, -s)
 
 
 def over_a_bar(nx, pattern, fabric=None, penalty=1e4, tension=5.0, **options):

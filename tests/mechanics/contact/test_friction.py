@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from builders import Elastic, alone, displacement, everywhere, march, near, run
+from builders import Elastic, alone, bent, displacement, everywhere, march, near, run
 from builders import sheet as flat
 from mpi4py import MPI
 from scipy import sparse
@@ -203,24 +203,8 @@ def test_capstan(degrees):
     radius, theta, tail, width, pull, slid = 10.0, math.radians(degrees), 2.0, 2.0, 2.0, 0.05
     length = radius * theta + 2 * tail
 
-    def shape(x):
-        s = x[:, 0] - length / 2
-        t = np.clip(s / radius, -theta / 2, theta / 2)
-        beyond = s - t * radius
-        return np.column_stack(
-            [
-                radius * np.sin(t) + beyond * np.cos(t),
-                x[:, 1],
-                radius * np.cos(t) - beyond * np.sin(t),
-            ]
-        )
-
-    out = np.array(
-        [
-            [-math.cos(theta / 2), 0, -math.sin(theta / 2)],
-            [math.cos(theta / 2), 0, -math.sin(theta / 2)],
-        ]
-    )
+    shape, *ways = bent(radius, theta, tail)
+    out = np.array(ways)
     last = shape(np.array([[0, 0, 0], [length, 0, 0.0]]))[:, :, None]
     ends = [lambda x, p=p: np.linalg.norm((x - p)[::2], axis=0) < 1e-6 for p in last]
     blank = sheet(length, width, degrees // 5, 1, shape=shape, a=np.array([1.0, 0, 0]))

@@ -63,11 +63,13 @@ def test_faces_are_taken_anew_only_if_forces_change(points):
     def forces(facing):
         return points.of_all(facing, facing.normal)
 
-    lift(points, lambda x: 1e-3 * x[:, 0])  # turns normals by 0.1 %
+    def tilt(slope):
+        z = points.blank.u.x.array.reshape(-1, 3)[:, 2]
+        z[:] = slope * points.blank.coordinates()[:, 0]
+
+    tilt(1e-3)  # turns normals by 0.1 %
     assert not held.update(forces) and held.now is start and held.pattern == pattern
-    lift(points, lambda x: 0.05 * x[:, 0])
-    lower = points.blank.coordinates()[:, 2] < T / 2
-    points.blank.u.x.array.reshape(-1, 3)[lower, 2] = 0.05 * points.blank.coordinates()[lower, 0]
+    tilt(0.05)
     assert held.update(forces) and held.now is not start and held.pattern > pattern
     held.restore()
     assert held.now is start is held.accepted
