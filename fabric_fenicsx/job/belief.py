@@ -40,7 +40,7 @@ def beyond_limits_at_end(
 ) -> list[str]:
     """What is wrong with the run as a whole, a sentence each. rows: of its history; energy: as in
     summary.json [N mm]."""
-    # of stretching; kinds that only some terms have are its too, as of metal
+    # the energy that is stored in stretching, with kinds that only some terms have, as metal's
     kept = energy["strain"] + sum(
         value for kind, value in energy.items() if kind not in (*ENERGIES, "external_work")
     )
@@ -105,7 +105,7 @@ def warnings_at_end(
 
 
 def _cause(energy):
-    """Of work that does not match the energies."""
+    """What may make work and energies differ, in words."""
     below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
     if not below:
         return "take smaller steps (`max_step`), unless the sheet snapped"

@@ -63,7 +63,7 @@ def total(value: Any, unit: str = "") -> Value:
 
 
 def last(value: Any, unit: str = "") -> Value:
-    """That of the last term counts."""
+    """The value of the last term counts."""
     return Value(value, unit, lambda before, now: now)
 
 

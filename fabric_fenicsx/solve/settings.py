@@ -81,7 +81,7 @@ class Settings:
         check_fields(self)
 
     def coarser_settings(self) -> "Settings":
-        """Those of the same run on a mesh twice as coarse, with half the steps."""
+        """The settings of the same run on a mesh twice as coarse, with half the steps."""
         path, limits = self.path_tolerance, dataclasses.asdict(self.limits)
         own = {each.name: getattr(self, each.name) for each in dataclasses.fields(Settings)}
         return dataclasses.replace(

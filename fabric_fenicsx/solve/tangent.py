@@ -68,7 +68,7 @@ class Tangent:
         return norm
 
     def negative_pivots(self) -> int:
-        """Of A, factored if it is not yet."""
+        """How many A has; factors it if it is not factored yet."""
         with phase("linear_solve"):
             self.ksp.setOperators(self.A)
             self.ksp.setUp()
