@@ -66,18 +66,11 @@ class DrivenByForce(Protocol):
 
 @runtime_checkable
 class Lagged(Protocol):
-    """Holds something during a solve as it was before."""
+    """Holds something during a solve as it was before. Solutions are loose until that settles."""
 
     def update_lagged(self) -> bool:
         """After a solve: update what was held, if that is off by more than allowed; whether it
         was, so that the solve must be repeated. The same on all ranks."""
-
-
-@runtime_checkable
-class LooselyLagged(Lagged, Protocol):
-    """Wants no exact solves before what it holds has settled."""
-
-    loose_tolerance: float
 
 
 @runtime_checkable

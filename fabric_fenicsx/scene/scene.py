@@ -13,7 +13,6 @@ from ..mechanics.roles import (
     Anticipates,
     DrivenByForce,
     Lagged,
-    LooselyLagged,
     Remembers,
     RemembersCells,
     Touching,
@@ -108,10 +107,9 @@ class Scene:
         return any([term.update_lagged() for term in self._lagged])
 
     @property
-    def loose_tolerance(self) -> float:
-        """The largest `loose_tolerance` of the terms."""
-        found = [each.loose_tolerance for each in self.terms if isinstance(each, LooselyLagged)]
-        return max(found, default=0.0)
+    def is_lagged(self) -> bool:
+        """Whether terms hold something during a solve."""
+        return bool(self._lagged)
 
     def work(self) -> float:
         """Work of the terms' loads and tools since the last accepted state [N mm]."""

@@ -35,8 +35,7 @@ class SheetContact(Term):
     cells at free edges, see `Face`, both are some per cent off.
 
     Within a solve the gap is a paraboloid in the relative displacement, of `HeldFaces`: these are
-    taken anew after it if that changes the forces by more than `lag` of their sum. Until that has
-    settled, solves are to `loose_tolerance`.
+    taken anew after it if that changes the forces by more than `lag` of their sum.
 
     - penalty [N/mm^3]: by default `stack_penalty` of both sheets, and of all metal of the scene,
       with its tightest tool
@@ -53,7 +52,7 @@ class SheetContact(Term):
     sheets that overlap or of which none lies over the other.
     """
 
-    energy_kind, loose_tolerance = "contact", 1e-3
+    energy_kind = "contact"
     friction: Friction | None = None
 
     def __init__(
