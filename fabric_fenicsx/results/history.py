@@ -107,13 +107,17 @@ class History:
 def energy_balance(
     rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
 ) -> dict[str, Any]:
-    """How well work and energies [N mm] agree at the end and on the way, and where the path
-    branches; energy: by kind, with `external_work`."""
+    """How well work and energies [N mm] agree at the end and, over the largest energies, on the
+    way, and where the path branches; energy: by kind, with `external_work`."""
     stored = sum(energy.values()) - energy["external_work"]
-    worst = max(rows[1:] or rows, key=lambda row: row["energy_imbalance"])
+    kinds = [f"{kind}_energy_Nmm" for kind in energy if kind != "external_work"]
+    held = [abs(sum(row[kind] for kind in kinds)) for row in rows]
+    missing = [row["energy_imbalance"] * each for row, each in zip(rows, held)]
+    at = missing.index(max(missing))
+    worst = missing[at] / max(*held, 1e-300)
     return {
         "energy_imbalance": abs(energy["external_work"] - stored) / max(abs(stored), 1e-300),
-        "energy_imbalance_largest": {"value": worst["energy_imbalance"], "load": worst["load"]},
+        "energy_imbalance_largest": {"value": worst, "load": rows[at]["load"]},
         "branches": [row["load"] for row in rows if row["saddles"]],
     }
 

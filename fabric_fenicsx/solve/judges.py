@@ -35,12 +35,16 @@ class EnergyBalance:
     allowed: float | None
     largest: float
 
-    def objection(self, taken: float, work: float, rise: float, stored: float) -> str:
-        """taken: the step's load factor; work done in it, rise of the energies, and what these were
-        before [N mm]."""
+    def objection(
+        self, taken: float, work: float, rise: float, stored: float, contact: float
+    ) -> str:
+        """taken: the step's load factor; work done in it, rise of the energies, what these were
+        before, and contact's energy [N mm]: as much may do, as what contact holds during a solve
+        may be off by a hundredth before and after the step."""
         if not self.allowed or taken <= 1.5 * self.largest / FINEST:
             return ""
-        missing = abs(work - rise) / max(abs(work), abs(rise), SMALL_WORK * abs(stored), 1e-300)
+        scale = max(abs(work), abs(rise), SMALL_WORK * abs(stored), abs(contact), 1e-300)
+        missing = abs(work - rise) / scale
         if missing <= self.allowed:
             return ""
         return (
@@ -49,12 +53,13 @@ class EnergyBalance:
         )
 
 
-def upset_objection(scene: Scene, x: PETSc.Vec) -> str:
-    """Contact, taken anew after a solution x, leaves a residual below all forces on the scene:
-    otherwise it would settle after hundreds of iterations, if ever."""
+def upset_objection(scene: Scene, x: PETSc.Vec, load: float) -> str:
+    """Contact, taken anew after a solution x at a load factor, leaves a residual below all forces
+    on the scene: otherwise it would settle after hundreds of iterations, if ever. The forces are
+    those of full load, if they grow as the load does: at first they are nearly nothing."""
     residual = x.duplicate()
     scene.set(x)
     scene.residual(residual)
-    if residual.norm() > scene.force_scale():
+    if load * residual.norm() > scene.force_scale():
         return "contact changed by more than all forces after a solution"
     return ""

@@ -16,13 +16,13 @@ LONG = 15
 
 
 def solve_lagged(
-    newton: Newton, x: PETSc.Vec, tolerance: float, moving: bool
+    newton: Newton, x: PETSc.Vec, tolerance: float, moved_to: float
 ) -> tuple[Report, int]:
     """Solve for x, again and again until terms have nothing to take anew: to `LOOSE` meanwhile, in
     the end to `tolerance` or the solver's. Nothing is to be taken anew after that solution either.
 
-    moving: whether the load changes; an update may then not upset the scene. The last `Report`,
-    with the iterations of the hardest solve, and the iterations of all.
+    moved_to: load factor, if it changes: an update may then not upset the scene; else 0. The last
+    `Report`, with the iterations of the hardest solve, and the iterations of all.
     """
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
@@ -40,7 +40,7 @@ def solve_lagged(
             if now == asked:
                 break
             now = asked
-        elif moving and (objection := upset_objection(scene, x)):
+        elif moved_to and (objection := upset_objection(scene, x, moved_to)):
             report.object(objection)
             break
     else:

@@ -160,9 +160,8 @@ class LoadStepping:
         self._predict(attempt)
         x.copy(self._predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
-        attempt.report, iterations = solve_lagged(
-            self.newton, x, attempt.tolerance, moving=bool(attempt.taken)
-        )
+        moved_to = attempt.load if attempt.taken else 0.0
+        attempt.report, iterations = solve_lagged(self.newton, x, attempt.tolerance, moved_to)
         progress.iterations += iterations
         if self.path.accuracy and progress.last_step:
             self._predicted.axpy(-1.0, x)
@@ -178,7 +177,8 @@ class LoadStepping:
         self._measure(attempt)
         # work of the first step is a trapezoid's, which halving does not mend
         if self._in_equilibrium and self.progress.last_step:
-            known = attempt.taken, attempt.work, attempt.energy - stored, stored
+            contact = attempt.energies.get("contact", 0.0)
+            known = attempt.taken, attempt.work, attempt.energy - stored, stored, contact
             report.object(self.balance.objection(*known))
 
     def _measure(self, attempt):

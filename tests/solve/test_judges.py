@@ -1,8 +1,9 @@
 """What speaks against a converged step."""
 
 import pytest
+from petsc4py import PETSc
 
-from fabric_fenicsx.solve.judges import EnergyBalance, StraightPath
+from fabric_fenicsx.solve.judges import EnergyBalance, StraightPath, upset_objection
 
 
 @pytest.mark.parametrize("accuracy, deviation, objects", [(1e-2, 0.021, True), (1e-2, 0.02, False)])
@@ -15,15 +16,47 @@ def test_without_an_accuracy_any_state_is_on_the_path():
 
 
 @pytest.mark.parametrize(
-    "taken, work, rise, words",
+    "taken, work, rise, contact, words",
     [
-        (0.1, 100.0, 97.0, "3 % of the step's work is not in the energies; allowed is 2 %"),
-        (0.1, 100.0, 99.0, ""),
-        (0.1, 0.1, 0.0, ""),  # little of what was stored
-        (0.0125, 100.0, 0.0, ""),  # among the finest steps, as in a snap
+        (0.1, 100.0, 97.0, 0.0, "3 % of the step's work is not in the energies; allowed is 2 %"),
+        (0.1, 100.0, 99.0, 0.0, ""),
+        (0.1, 0.1, 0.0, 0.0, ""),  # little of what was stored
+        (0.1, 16.0, 0.0, 500.0, "3.2 % of the step's work is not in the energies; allowed is 2 %"),
+        (0.1, 8.0, 0.0, 500.0, ""),  # little of what contact stores
+        (0.0125, 100.0, 0.0, 0.0, ""),  # among the finest steps, as in a snap
     ],
 )
 def test_work_must_be_in_the_energies_unless_it_is_little_or_the_step_is_fine(
-    taken, work, rise, words
+    taken, work, rise, contact, words
 ):
-    assert EnergyBalance(0.02, largest=0.1).objection(taken, work, rise, stored=1e3) == words
+    balance = EnergyBalance(0.02, largest=0.1)
+    assert balance.objection(taken, work, rise, stored=1e3, contact=contact) == words
+
+
+class Upset:
+    """A scene whose forces are `force` [N], and which is out of balance by `residual` [N]."""
+
+    def __init__(self, force, residual):
+        self.force, self._residual = force, residual
+
+    def set(self, x):
+        pass
+
+    def residual(self, r):
+        r.set(0.0)
+        r.setValue(0, self._residual)
+        r.assemble()
+
+    def force_scale(self):
+        return self.force
+
+
+@pytest.mark.parametrize(
+    "load, residual, objects",
+    [(1.0, 1.1, True), (1.0, 0.9, False), (0.1, 9.0, False), (0.1, 11, True)],
+)
+def test_contact_may_not_change_by_more_than_the_forces_that_the_load_will_bring(
+    load, residual, objects
+):
+    x = PETSc.Vec().createSeq(3, comm=PETSc.COMM_SELF)
+    assert bool(upset_objection(Upset(1.0, residual), x, load)) == objects
