@@ -16,6 +16,7 @@ with suppress(ModuleNotFoundError):
 
 if TYPE_CHECKING:
     from .job.job import Job, Result
+    from .material.compaction import Compaction
     from .material.hardening import HardeningTable, Swift, Voce
     from .material.laws.base import Law
     from .material.laws.coupled import WovenFabric, Yarn
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from .material.presets import load
     from .mechanics.contact.coulomb import Coulomb
     from .mechanics.contact.holder_pressure import BlankHolderPressure
-    from .mechanics.contact.pressure_law import SoftLayer
     from .mechanics.contact.sheet_contact import SheetContact
     from .mechanics.contact.tool_contact import Contact
     from .mechanics.load import DeadPressure, EdgeTension
@@ -57,6 +57,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "runtime.errors": ("InputError", "Interrupted", "SolverFailure"),
     "job.job": ("Job", "Result"),
+    "material.compaction": ("Compaction",),
     "material.hardening": ("HardeningTable", "Swift", "Voce"),
     "material.laws.base": ("Law",),
     "material.laws.coupled": ("WovenFabric", "Yarn"),
@@ -70,7 +71,6 @@ _HOMES = {
     "mechanics.shell.membrane": ("Membrane",),
     "mechanics.shell.metal": ("SheetMetal",),
     "mechanics.contact.holder_pressure": ("BlankHolderPressure",),
-    "mechanics.contact.pressure_law": ("SoftLayer",),
     "mechanics.contact.sheet_contact": ("SheetContact",),
     "mechanics.reports": ("Value", "largest", "least", "total"),
     "mechanics.term": ("Term",),

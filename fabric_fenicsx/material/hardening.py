@@ -22,7 +22,7 @@ from ..runtime.rules import (
     unknown_key,
 )
 from .files import read_numbers
-from .laws.base import Parameters
+from .parameters import Parameters
 from .units import power_of_key
 
 CURVES: "dict[str, type[Hardening]]" = {}  # by their names in material files

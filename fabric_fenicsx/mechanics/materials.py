@@ -1,6 +1,6 @@
 """What a scene's sheets are made of, as their terms know it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -31,19 +31,15 @@ def fabric_of(scene: SceneFacts, part: Part) -> Law | None:
     return next((each for each in materials_of(scene, part) if isinstance(each, Law)), None)
 
 
-def number_at_nodes(
-    scene: SceneFacts, number: Callable[[Material], float]
-) -> float | np.ndarray | None:
-    """A `number` of the material: one, or where parts differ one for each owned node (nodes,);
-    None if it is not known of each part."""
+def materials_at_nodes(scene: SceneFacts) -> tuple[list[Material], np.ndarray] | None:
+    """The materials of the blank's parts, and which of them each owned node has (nodes,); None if
+    one is not known."""
     parts = list(scene.blank.parts.values()) or [scene.blank.whole]
-    materials = [material_of(scene, part) for part in parts]
-    if not all(materials):
+    materials = [each for part in parts if (each := material_of(scene, part))]
+    if len(materials) < len(parts):
         return None
-    numbers = [number(material) for material in materials if material]
-    if len(set(numbers)) == 1:
-        return numbers[0]
-    found = np.zeros(scene.blank.V.dofmap.index_map.size_local)
-    for part, each in zip(parts, numbers):
-        found[part.nodes] = each
-    return found
+    different = list(dict.fromkeys(map(id, materials)))
+    which = np.zeros(scene.blank.V.dofmap.index_map.size_local, dtype=int)
+    for part, each in zip(parts, materials):
+        which[part.nodes] = different.index(id(each))
+    return [next(m for m in materials if id(m) == each) for each in different], which

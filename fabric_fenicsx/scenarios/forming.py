@@ -14,7 +14,6 @@ from ..job.job import Result
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.pressing_term import PressingTerm
-from ..mechanics.contact.pressure_law import stack_penalty
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell import mesh_warnings
 from ..mechanics.shell.bending import Bending
@@ -133,11 +132,14 @@ class Forming(Scenario):
     penalty: float = number(
         None,
         POSITIVE,
-        "stiffness of contact (from the fabric and the tools' radii) [N/mm^3]",
+        "stiffness of contact, with rigid fabric (fabric is compacted) [N/mm^3]",
         "tools",
     )
     permitted: float | None = number(
-        None, POSITIVE, "largest penetration, kept by augmented contact (any) [mm]", "tools"
+        None,
+        POSITIVE,
+        "largest penetration of rigid faces, kept by augmented contact (any) [mm]",
+        "tools",
     )
     holder: Holder | Sequence[Holder] = one_of(
         PressureHolder(), holding.HOLDERS, "what holds the rim of the ply", holding.GROUP
@@ -146,6 +148,8 @@ class Forming(Scenario):
     def prepare(self) -> None:
         """Make blank, membrane and tools."""
         self.holders = holding.holders_of(self.holder)
+        if self.penalty or self.permitted:
+            self.fabric = self.fabric.replace(compaction=None)
         self.plies = self._plies()
         if not self.full:
             self.warnings += [
@@ -161,8 +165,8 @@ class Forming(Scenario):
         self._extent = self.blank.extent()
         if not self.full:
             self._check_quarter(*self._extent)
-        # of all that lies between the tools
-        t = self.thickness = sum(ply.thickness_used for ply in self.plies)
+        # of all that lies between the tools, without pressure
+        t = self.thickness = sum(ply.thickness_under(0.0) for ply in self.plies)
         surface, depth = self._punch()
         self.stroke = self.stroke or depth
         self.closes = self.stroke > (1 - 1e-9) * depth
@@ -182,9 +186,6 @@ class Forming(Scenario):
         owned = self.blank.V.dofmap.index_map.size_local
         nodes = self.blank.coordinates()[:owned] * (1, 1, 0 if self.stack else 1)
         check_motion([self.punch_tool, self.die], nodes, t, self.comm)
-        radius = min(*self.punch_tool.surface.radii, *self.die.surface.radii)
-        materials = [ply.material for ply in self.plies if ply.material]
-        self.penalty = self.penalty or stack_penalty(materials, radius)
 
     def membranes(self) -> list[Membrane]:
         """As in `Scenario`."""
@@ -221,7 +222,11 @@ class Forming(Scenario):
             raise InputError(
                 f"`stack` holds {other!r}; allowed are plies, as `Ply(fibre_angle=45)`"
             )
-        return [ply.completed(self.fabric, f"ply {k + 1}") for k, ply in enumerate(plies)]
+        plies = [ply.completed(self.fabric, f"ply {k + 1}") for k, ply in enumerate(plies)]
+        if self.penalty or self.permitted:
+            rigid = [p.fabric and p.fabric.replace(compaction=None) for p in plies]
+            plies = [dataclasses.replace(p, fabric=each) for p, each in zip(plies, rigid)]
+        return plies
 
     def _blank(self) -> Blank:
         share = 1.0 if self.full else 0.5
@@ -238,7 +243,7 @@ class Forming(Scenario):
 
         def made(ply):
             blank, source = ply.blank(sizes, share, self.nx, **options), f"ply {ply.name}"
-            warning = mesh_warnings.size_warning(blank, ply.thickness_used, source)
+            warning = mesh_warnings.size_warning(blank, ply.thickness_under(0.0), source)
             self.warnings += filter(None, [*blank.warnings, warning])
             return blank
 
@@ -273,7 +278,8 @@ class Forming(Scenario):
         if isinstance(self.blank, Stack):
             planes = () if self.full else PLANES
             terms += stacking.metals(self.plies, planes)
-            between = stacking.between(self.blank, self.plies, self.slip, self.lag, planes)
+            given = self.slip, self.lag, planes, self.penalty
+            between = stacking.between(self.blank, self.plies, *given)
         terms += [*self._held(between), *between]
         self.pressing = [term for term in terms if isinstance(term, PressingTerm)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]

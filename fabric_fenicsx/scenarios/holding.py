@@ -55,7 +55,7 @@ class Press:
     thickness: float
     friction: Coulomb
     lag: float
-    penalty: float
+    penalty: float | None
     permitted: float | None
     name: str
     warnings: list[str]

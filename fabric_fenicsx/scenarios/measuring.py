@@ -23,10 +23,10 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
     plies, below = {}, 0.0
     closed = forming.closes and rows[-1]["load"] == 1
     for ply, (name, part) in zip(forming.plies, parts.items()):
-        middle = below + ply.thickness_used / 2
+        middle = below + ply.thickness_under(0.0) / 2
         measures = formed.metal_quantities if ply.metal else formed.ply_quantities
         plies[name] = measures(result, part, forming.punch_tool, middle, closed)
-        below += ply.thickness_used
+        below += ply.thickness_under(0.0)
     fabrics = [plies[name] for ply, name in zip(forming.plies, parts) if ply.fabric]
     worst = max(fabrics, key=lambda q: q["shear_angle_max_deg"], default={})
     largest = max(plies.values(), key=lambda q: q["draw_in"]["largest_mm"])

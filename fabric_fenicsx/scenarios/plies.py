@@ -83,10 +83,9 @@ class Ply:
         """Its metal or fabric, None before it has one."""
         return self.metal or self.fabric
 
-    @property
-    def thickness_used(self) -> float:
-        """Of its material, 0 before it has one [mm]."""
-        return self.material.thickness if self.material else 0.0
+    def thickness_under(self, pressure: float) -> float:
+        """Thickness between faces that press it [MPa], 0 before it has a material [mm]."""
+        return self.material.thickness_under(pressure) if self.material else 0.0
 
     def friction_to(self, upper: "Ply") -> float:
         """Coefficient to a ply above it."""

@@ -18,21 +18,17 @@ from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from .plies import Ply
 
-LAYER = 0.1  # of the least thickness: distance at which the pressure of a ply of fabric begins
-
 
 def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
     """The `Stack` of plies, the lowest first; `make` gives the blank of each.
 
-    Its upper face is half of all thicknesses over z = 0, where the die lies. Plies lie as far
-    apart as the contact of fabric begins. Raises InputError without any.
+    They lie on one another without pressure. The upper face of the last one is half of all
+    thicknesses over z = 0, where the die lies. Raises InputError without any.
     """
     if not plies:
         raise InputError("`stack` has no ply; allowed are one or more")
-    sheets = [(make(ply), ply.thickness_used, ply.name) for ply in plies]
-    thicknesses = [thickness for _, thickness, _ in sheets]
-    play = LAYER * min(thicknesses)
-    return Stack(sheets, -sum(thicknesses) / 2 - play * (len(sheets) - 1), play)
+    sheets = [(make(ply), ply.thickness_under(0.0), ply.name) for ply in plies]
+    return Stack(sheets, -sum(thickness for _, thickness, _ in sheets) / 2)
 
 
 def membranes(plies: Sequence[Ply]) -> list[Membrane]:
@@ -46,18 +42,23 @@ def metals(plies: Sequence[Ply], planes: Sequence[Where]) -> list[Term]:
 
 
 def between(
-    stack: Stack, plies: Sequence[Ply], slip: float, lag: float, planes: Sequence[Where]
+    stack: Stack,
+    plies: Sequence[Ply],
+    slip: float,
+    lag: float,
+    planes: Sequence[Where],
+    penalty: float | None = None,
 ) -> list[Term]:
     """Contact with friction of each ply with the next, and of two plies with a smaller one between
-    them. planes: of symmetry; slip, lag: as in `Coulomb`."""
+    them. planes: of symmetry; slip, lag: as in `Coulomb`; penalty: as in `SheetContact`."""
     terms: list[Term] = []
     for lower, upper in _facing(stack, plies):
         names = lower.name, upper.name
-        layer = 0.0 if lower.metal and upper.metal else stack.play
         friction = Coulomb(lower.friction_to(upper), slip, lag)
-        terms.append(
-            SheetContact(*names, lag=lag, layer=layer, symmetric=planes, friction=friction)
+        contact = SheetContact(
+            *names, penalty=penalty, lag=lag, symmetric=planes, friction=friction
         )
+        terms.append(contact)
     return terms
 
 
@@ -106,15 +107,14 @@ def press(
     depths = np.array([on_top.depth_under(each.now) for each in holders])
     count = depths.shape[1]
     u = stack.u.x.array.reshape(-1, 3)[:count]
-    shares = np.array([each.shares(stack.coordinates()[:count].T) for each in holders])
-    rises, play = np.zeros((len(holders), 1)), 0.0
+    if stiff:
+        shares = np.full(depths.shape, 1 / len(holders))
+    else:
+        shares = np.array([each.shares(stack.coordinates()[:count].T) for each in holders])
+    rises = np.zeros((len(holders), 1))
     for k, sheet in reversed(list(enumerate(stack.sheets))):
         at = stack.parts[sheet.name].nodes
-        u[at, 2] = (shares[:, at] * (rises + depths[:, at])).sum(0) + play
+        u[at, 2] = (shares[:, at] * (rises + depths[:, at])).sum(0)
         if k:
-            pair = pairs[k - 1]
-            loose = stack.play - pair.layer.thickness
-            pressed = np.array([[pair.depth_under(each.now)] for each in holders])
-            rises += pair.layer.thickness + pressed + (0.0 if stiff else loose)
-            play += loose if stiff else 0.0
+            rises += [[pairs[k - 1].depth_under(each.now)] for each in holders]
     stack.u.x.scatter_forward()

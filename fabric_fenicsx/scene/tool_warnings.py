@@ -93,7 +93,7 @@ def untouched_warning(scene: Scene) -> str:
     for tool in reports.tools(scene):
         its = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         moved = float(np.linalg.norm(np.subtract(tool.path(1.0), tool.path(0.0))))
-        if its and moved and not any(contact.deepest() for contact in its):
+        if its and moved and not any([contact.touched() for contact in its]):
             gap = min(float(contact.gap().min(initial=math.inf)) for contact in its)
             gap = scene.comm.allreduce(gap, MPI.MIN)
             told.append(f"{tool.name} moved by {moved:.3g} mm, and is still {gap:.3g} mm off")

@@ -1,9 +1,8 @@
 """What every law has: checked parameters, an energy, its derivatives, and a material file."""
 
-import copy
 import dataclasses
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, Self
@@ -14,8 +13,10 @@ from numpy.typing import ArrayLike
 
 from ...runtime.errors import InputError
 from ...runtime.rules import Rule, check_complete, shown, unknown_key
+from ..compaction import Compaction
 from ..files import SHEET, read_sheet_numbers, read_toml, take_units, write_whole
 from ..hyperdual import HyperDual
+from ..parameters import Parameters
 from ..units import UNITS
 
 COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
@@ -67,34 +68,15 @@ class Derivatives(NamedTuple):
     second: np.ndarray | None
 
 
-@dataclass(frozen=True)
-class Parameters:
-    """Numbers with rules: `rules` names those fields that are checked, and how."""
-
-    rules: ClassVar[Mapping[str, Rule]] = {}
-
-    def __post_init__(self) -> None:
-        for name, rule in self.rules.items():
-            object.__setattr__(self, name, rule.check(name, getattr(self, name)))
-
-    def symbols(self, make: Callable[[float], Any]) -> Self:
-        """A copy, not checked, of which each number v of the energy is make(v); so make may give
-        UFL constants. Density has no part in it; thickness comes last."""
-        new = copy.copy(self)
-        for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
-            value = getattr(self, field.name)
-            if field.name != "density" and isinstance(value, float):
-                object.__setattr__(new, field.name, make(value))
-            elif isinstance(value, Parameters):
-                object.__setattr__(new, field.name, value.symbols(make))
-        return new
-
-
 class Material(Parameters):
     """Parameters of a sheet's material that a file holds; a subclass says what in `table`, and
     reads it in `from_document`. thickness: of the sheet [mm]."""
 
     thickness: float
+
+    def thickness_under(self, pressure: float) -> float:
+        """Thickness of the sheet between faces that press it [MPa], in mm."""
+        return self.thickness
 
     def replace(self, **changes: Any) -> Self:
         """A changed copy; InputError for an unknown name."""
@@ -131,7 +113,8 @@ class Material(Parameters):
 
 @dataclass(frozen=True)
 class Law(Material):
-    """A fabric: the parameters of a law, thickness [mm], density [g/cm3] and a name.
+    """A fabric: the parameters of a law, thickness [mm], density [g/cm3], a name and its
+    `Compaction`, None for fabric that keeps its thickness.
 
     A law is one frozen dataclass. It states `law`, its name in material files; `rules`, a `Rule`
     for each of its numbers; and `energy`. All else follows from these: stresses and tangents, the
@@ -145,6 +128,7 @@ class Law(Material):
     thickness: float = dataclasses.field(default=1.0, kw_only=True)
     density: float = dataclasses.field(default=0.75, kw_only=True)
     name: str = dataclasses.field(default="", kw_only=True)
+    compaction: Compaction | None = dataclasses.field(default=Compaction(), kw_only=True)
 
     def __init_subclass__(cls) -> None:
         known, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
@@ -186,6 +170,10 @@ class Law(Material):
             object.__setattr__(self, name, rule.check(name, getattr(self, name)))
         if not isinstance(self.name, str):
             raise InputError(f"name is {shown(self.name)}; allowed is a text")
+        if not isinstance(self.compaction, Compaction | None):
+            raise InputError(
+                f"compaction is {shown(self.compaction)}; allowed is one, as `Compaction(16.0)`"
+            )
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
         """The three parts of the strain energy density W, along a, along b and shear with its
@@ -235,6 +223,11 @@ class Law(Material):
             W = parts[0] + parts[1] + parts[2]
         values = np.stack([part.value for part in parts], -1)
         return Derivatives(values, W.first, W.second if second else None)
+
+    def thickness_under(self, pressure: float) -> float:
+        """As in `Material`, by its `compaction`."""
+        share = float(self.compaction.thickness(pressure)) if self.compaction else 1.0
+        return share * self.thickness
 
     @property
     def shear_stiffness(self) -> float:

@@ -20,8 +20,9 @@ from ...runtime.rules import (
 )
 from ..files import SHEET, read_numbers, read_sheet_numbers, take_table, take_units
 from ..functions import exp, negative, positive
+from ..parameters import Parameters
 from ..units import UNITS
-from .base import COUPLINGS, Derivatives, Law, Parameters, check_couplings
+from .base import COUPLINGS, Derivatives, Law, check_couplings
 
 YARN: dict[str, Rule] = {
     "a": not_negative("stress"),

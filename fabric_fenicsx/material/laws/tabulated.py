@@ -17,8 +17,9 @@ from ...runtime.errors import InputError
 from ...runtime.rules import check_complete
 from ..files import SHEET, read_sheet_numbers, take_units
 from ..functions import where
+from ..parameters import Parameters
 from ..units import ANGLE, STRAIN, factors
-from .base import Derivatives, Law, Parameters
+from .base import Derivatives, Law
 
 MIN_POINTS = 3
 MAX_POINTS = (

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .pressure_law import LayeredLaw, PressureLaw, chord
+from .pressure_law import PressureLaw, chord
 
 ANTICIPATED = 4.0  # times the present pressure, up to which the next one is anticipated
 
@@ -23,7 +23,7 @@ class Pressed(NamedTuple):
 
 
 def press(
-    law: PressureLaw | LayeredLaw,
+    law: PressureLaw,
     areas: np.ndarray,
     gap: np.ndarray,
     normal: np.ndarray,
@@ -42,9 +42,7 @@ def press(
     return Pressed(gap, normal, pressure, force[:, None] * normal, blocks, areas * energy)
 
 
-def anticipate(
-    law: PressureLaw | LayeredLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray
-) -> Pressed:
+def anticipate(law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray) -> Pressed:
     """The same points with other blocks: of the law's slope up to the pressure that balances the
     other forces. missing (n,): what is missing to that pressure [MPa].
 

@@ -1,21 +1,20 @@
-"""The law of contact: pressure over depth, and its default numbers."""
+"""Laws of contact: pressure over the depth to which faces overlap."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import NamedTuple, Self
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 
 from ...material import kernel
-from ...material.laws.base import Material
+from ...material.laws.base import Law, Material
 from ...material.metal import Metal
-from ...runtime.rules import FROM_ZERO, POSITIVE
 
 STRAIN = 0.02  # along all directions; its pull over the tightest radius sets the penalty
 FLAT_RADIUS = 10.0  # thicknesses: what counts as the least radius of a tool that is flat
 PERMITTED = 0.0125  # of the thickness, the penetration under it
 SMOOTHING = 0.3  # of the permitted penetration
-INVERSIONS = 8  # of Newton's method for the depth beyond a soft layer; three or four do
+HARD = 10.0  # MPa, above which fabric is compacted along a straight line
+INVERSIONS = 20  # of Newton's method for what two fabrics share; four or five do
 
 
 def default_penalty(material: Material, radius: float, permitted: float | None = None) -> float:
@@ -33,15 +32,6 @@ def default_penalty(material: Material, radius: float, permitted: float | None =
     )
 
 
-def stack_penalty(materials: Iterable[Material], radius: float) -> float:
-    """Penalty [N/mm^3] of contact with tools and between sheets of several materials: the least of
-    their `default_penalty`, or with sheet metal among them the largest, as metal presses through
-    the plies that it lies on."""
-    known = list(materials)
-    choose = max if any(isinstance(material, Metal) for material in known) else min
-    return choose(default_penalty(material, radius) for material in known)
-
-
 def _pull(material):
     """Tensions along two directions, added up [N/mm]."""
     if isinstance(material, Metal):
@@ -52,83 +42,167 @@ def _pull(material):
     return float(np.trace(stretched.cauchy[0])) * material.thickness
 
 
-class PressureLaw(NamedTuple):
-    """Pressure p = k e^2 / (2 s) at depths e up to s; beyond, it grows with the slope k, so the
-    slope is continuous. penalty k [N/mm^3], smoothing s [mm]: numbers, or one for each place
-    (n,)."""
-
-    penalty: float | np.ndarray
-    smoothing: float | np.ndarray
-
-    def at(self, places: np.ndarray) -> Self:
-        """The law at some of the places (k,)."""
-        return self._replace(
-            **{name: v[places] for name, v in self._asdict().items() if np.ndim(v)}
-        )
+class PressureLaw(Protocol):
+    """Pressure over the depth by which two faces overlap; it grows with the depth, from 0."""
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Energy per area [N/mm], pressure [MPa] and its slope [N/mm^3] at depths e (n,) from 0
         [mm]."""
+
+    def depth(self, p: np.ndarray) -> np.ndarray:
+        """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]."""
+
+    def at(self, places: np.ndarray) -> "PressureLaw":
+        """The law at some of the places (k,) for which it stands."""
+
+
+class Rigid(NamedTuple):
+    """A face that is not soft: p = k e^2 / (2 s) at depths e up to s; beyond, p grows with the
+    slope k, so the slope is continuous. penalty: k [N/mm^3]; smoothing: s [mm]."""
+
+    penalty: float
+    smoothing: float
+
+    def at(self, places: np.ndarray) -> Self:
+        """As in `PressureLaw`."""
+        return self
+
+    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As in `PressureLaw`."""
         k, s = self
         soft, beyond = np.minimum(e, s), np.maximum(e - s, 0.0)
         energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
         return energy, k * (soft**2 / (2 * s) + beyond), k * soft / s
 
     def depth(self, p: np.ndarray) -> np.ndarray:
-        """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]."""
+        """As in `PressureLaw`."""
         k, s = self
         return np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)
 
 
-@dataclass(frozen=True)
-class SoftLayer:
-    """A soft layer on a face: its thickness L [mm], 0 for none, and the pressure p_L [MPa] that
-    presses it out. Raises InputError for other numbers."""
+class Compacted(NamedTuple):
+    """Fabric that is compacted: p = p_0 ((L / (L - e))^n - 1) at depths e, see `Compaction`; above
+    `HARD` it grows with the slope that it has there.
 
-    thickness: float
-    pressing: float = 5.0
+    - length: L [mm], half the thickness without pressure of one ply, or of two added up
+    - exponent: n; onset: p_0 [MPa]
+    """
 
-    def __post_init__(self) -> None:
-        FROM_ZERO.check("thickness of the soft layer", self.thickness)
-        POSITIVE.check("pressing of the soft layer", self.pressing)
-
-
-class LayeredLaw(NamedTuple):
-    """Pressure p = p_L (e / L)^2 at depths e in a soft `layer`; beyond it that of the `face` below
-    is added, at the depth e - L."""
-
-    layer: SoftLayer
-    face: PressureLaw
+    length: float
+    exponent: float
+    onset: float
 
     def at(self, places: np.ndarray) -> Self:
         """As in `PressureLaw`."""
-        return self._replace(face=self.face.at(places))
+        return self
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As in `PressureLaw`."""
-        L, p_L, face = self.layer.thickness, self.layer.pressing, self.face
-        energy, pressure, slope = face(np.maximum(e - L, 0.0))
-        share = e / L
-        return (
-            energy + p_L * share**2 * e / 3,
-            pressure + p_L * share**2,
-            slope + 2 * p_L * share / L,
-        )
+        L, n, p_0 = self
+        soft = np.minimum(e, self._soft_depth(HARD))
+        beyond = e - soft
+        grown = -np.log1p(-soft / L)  # ln(L / (L - e))
+        pressure, slope = p_0 * np.expm1(n * grown), p_0 * n / L * np.exp((n + 1) * grown)
+        energy = p_0 * (L / (n - 1) * np.expm1((n - 1) * grown) - soft)
+        energy += beyond * (pressure + slope * beyond / 2)
+        return energy, pressure + slope * beyond, slope
 
     def depth(self, p: np.ndarray) -> np.ndarray:
         """As in `PressureLaw`."""
-        L, p_L, face = self.layer.thickness, self.layer.pressing, self.face
-        e, beyond = np.asarray(L * np.sqrt(np.minimum(p, p_L) / p_L)), p > p_L
-        p = np.asarray(p)[beyond]
-        deep = L + face.depth(p - p_L)
-        for _ in range(INVERSIONS):  # the law is convex, so each comes nearer from one side
-            _, now, slope = self(deep)
-            deep = deep - (now - p) / slope
-        e[beyond] = deep
-        return e
+        hardest = self._soft_depth(HARD)
+        beyond = np.maximum(np.asarray(p) - HARD, 0.0) / self(np.asarray(hardest))[2]
+        return self._soft_depth(np.minimum(p, HARD)) + beyond
+
+    def _soft_depth(self, p):
+        return -self.length * np.expm1(-np.log1p(p / self.onset) / self.exponent)
 
 
-def chord(law: PressureLaw | LayeredLaw, p: np.ndarray, other: np.ndarray) -> np.ndarray:
+class InSeries(NamedTuple):
+    """Two faces of different fabrics, under the same pressure: their depths add up."""
+
+    first: Compacted
+    second: Compacted
+
+    def at(self, places: np.ndarray) -> Self:
+        """As in `PressureLaw`."""
+        return self
+
+    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As in `PressureLaw`."""
+        mine, others = self._shared(e)
+        (W, p, k), (W_2, _, k_2) = self.first(mine), self.second(others)
+        return W + W_2, p, k * k_2 / (k + k_2)
+
+    def depth(self, p: np.ndarray) -> np.ndarray:
+        """As in `PressureLaw`."""
+        return self.first.depth(p) + self.second.depth(p)
+
+    def _shared(self, e):
+        """Depths (n,) of the first and of the second, which add up to e."""
+        onset = min(self.first.onset, self.second.onset)
+        low, high = np.zeros_like(e), np.array(e, dtype=float)
+        mine = e * self.first.length / (self.first.length + self.second.length)
+        for _ in range(INVERSIONS):
+            (_, p, k), (_, p_2, k_2) = self.first(mine), self.second(e - mine)
+            low, high = np.where(p < p_2, mine, low), np.where(p < p_2, high, mine)
+            p, p_2 = p + onset, p_2 + onset
+            new = mine + np.log(p_2 / p) / (k / p + k_2 / p_2)  # logarithms are all but straight
+            mine = np.where((low <= new) & (new <= high), new, (low + high) / 2)
+        return mine, e - mine
+
+
+class ByPlace:
+    """The one of several `laws` that each of n places has: `which` (n,) counts from 0."""
+
+    def __init__(self, laws: Sequence[PressureLaw], which: np.ndarray) -> None:
+        self.laws, self.which = list(laws), which
+
+    def at(self, places: np.ndarray) -> "ByPlace":
+        """As in `PressureLaw`."""
+        return ByPlace(self.laws, self.which[places])
+
+    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As in `PressureLaw`."""
+        found = np.zeros((3, len(self.which)))
+        for k, law in enumerate(self.laws):
+            here = self.which == k
+            found[:, here] = law(np.broadcast_to(e, here.shape)[here])
+        energy, pressure, slope = found
+        return energy, pressure, slope
+
+    def depth(self, p: np.ndarray) -> np.ndarray:
+        """As in `PressureLaw`."""
+        found = np.zeros(len(self.which))
+        for k, law in enumerate(self.laws):
+            here = self.which == k
+            found[here] = law.depth(np.broadcast_to(p, here.shape)[here])
+        return found
+
+
+def face_of(material: Material, radius: float, penalty: float | None = None) -> PressureLaw:
+    """The law of a face of this material on a tool of least `radius` [mm]: `Compacted` fabric, or
+    `Rigid` for metal, and for all if a penalty is given [N/mm^3]."""
+    compaction = material.compaction if isinstance(material, Law) else None
+    if compaction and not penalty:
+        length = material.thickness_under(0.0) / 2
+        return Compacted(length, compaction.exponent, compaction.onset)
+    t = material.thickness
+    return Rigid(penalty or default_penalty(material, radius), SMOOTHING * PERMITTED * t)
+
+
+def between_faces(first: PressureLaw, second: PressureLaw) -> PressureLaw:
+    """The law of two faces that press each other. A rigid face yields nothing to a fabric; of two,
+    the one of the lower penalty counts."""
+    if isinstance(first, Rigid) and isinstance(second, Rigid):
+        return min(first, second)
+    if isinstance(first, Compacted) and isinstance(second, Compacted):
+        if first[1:] == second[1:]:
+            return first._replace(length=first.length + second.length)
+        return InSeries(first, second)
+    return second if isinstance(first, Rigid) else first
+
+
+def chord(law: PressureLaw, p: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Slope of a law between two pressures (n,) [N/mm^3]."""
     depths = law.depth(p), law.depth(other)
     changes = abs(other - p) > 1e-6 * p

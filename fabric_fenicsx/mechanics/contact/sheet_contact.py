@@ -5,10 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from mpi4py import MPI
 
-from ...material.metal import Metal
 from ...runtime.errors import InputError
 from ...runtime.rules import POSITIVE
-from ..materials import material_of, materials_of
+from ..materials import material_of
 from ..reports import Value, joined, largest, size_of
 from ..roles import Touching
 from ..shell.morley import Where
@@ -17,7 +16,7 @@ from .coulomb import Coulomb, as_coulomb
 from .friction import Friction
 from .held_faces import HeldFaces
 from .pressing import Pressed, anticipate, press
-from .pressure_law import PERMITTED, SMOOTHING, LayeredLaw, PressureLaw, SoftLayer, stack_penalty
+from .pressure_law import PERMITTED, SMOOTHING, Rigid, between_faces, face_of
 from .sheet_points import POINTS, Facing, SheetPoints
 
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
@@ -26,8 +25,9 @@ LAG = 0.01  # of the contact's forces, by which those of the faces as they are m
 class SheetContact(Term):
     """Energy of two sheets pressed into each other: `lower` and `upper`, parts of a stack.
 
-    A sheet's face is half its thickness off its smooth `Face`. Pressure follows the `PressureLaw`
-    of the depth to which both faces overlap. It acts at `points` (1, 3 or 6) in each cell of the
+    Without pressure a sheet's face is half its thickness off its smooth `Face`. Pressure follows
+    from the depth to which both faces overlap, see `between_faces`: fabric is `Compacted`, metal is
+    `Rigid`. It acts at `points` (1, 3 or 6) in each cell of the
     sheet of smaller cells, the upper one if they are equal, over their undeformed areas. It reacts
     on the nodes that shape the `Face` below, so that forces balance exactly. Uniform pressure loads
     the nodes of the one sheet exactly, those of the other as well as the points integrate it: with
@@ -37,10 +37,8 @@ class SheetContact(Term):
     Within a solve the gap is a paraboloid in the relative displacement, of `HeldFaces`: these are
     taken anew after it if that changes the forces by more than `lag` of their sum.
 
-    - penalty [N/mm^3]: by default `stack_penalty` of both sheets, and of all metal of the scene,
-      with its tightest tool
-    - layer: a `SoftLayer` in which pressure begins before the faces meet, or its thickness [mm]; by
-      default there is none
+    - penalty [N/mm^3]: makes fabric rigid, too; by default metal has `default_penalty` with the
+      scene's tightest tool
     - symmetric: as in `Bending`
     - friction: its coefficient, or a `Coulomb` with its options; it acts at the same points, on the
       flat triangles of the last accepted state
@@ -62,7 +60,6 @@ class SheetContact(Term):
         penalty: float | None = None,
         points: int = 3,
         lag: float = LAG,
-        layer: float | SoftLayer = 0.0,
         symmetric: Where | Sequence[Where] = (),
         friction: float | Coulomb = 0.0,
     ) -> None:
@@ -77,10 +74,6 @@ class SheetContact(Term):
         if lower == upper:
             raise InputError(f"{self.name} is of one sheet; allowed are two different ones")
         self._penalty, self._lag, self._points_of_cell = penalty, lag, points
-        try:
-            self.layer = layer if isinstance(layer, SoftLayer) else SoftLayer(layer)
-        except InputError as error:
-            raise InputError(f"{self.name}: {error}") from None
         self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
         self.coulomb = as_coulomb(friction, self.name, LAG)
         if self.coulomb and isinstance(self.coulomb.coefficient, Mapping):
@@ -91,18 +84,16 @@ class SheetContact(Term):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         lower, upper = parts = [scene.blank.part(name) for name in self.sheets]
-        thickness = [self._thickness(part) for part in parts]
-        self.thickness = min(thickness)
+        faces = [self._face(scene, part) for part in parts]
+        self.thickness = min(thickness for thickness, _ in faces)
+        self._law = between_faces(*(law for _, law in faces))
         self.points = SheetPoints(
             lower,
             upper,
             self._points_of_cell,
-            sum(thickness) / 2 + self.layer.thickness,
+            sum(thickness for thickness, _ in faces) / 2,
             self._symmetric,
         )
-        penalty = self._penalty or self._default_penalty(scene, parts)
-        face = PressureLaw(penalty, SMOOTHING * PERMITTED * self.thickness)
-        self._law = LayeredLaw(self.layer, face) if self.layer.thickness else face
         self._held = HeldFaces(self.points, self._lag, 3 * self.points.nodes.count)
         self._depth = np.zeros(self.points.count)  # greatest in accepted states
         self._load = 0.0
@@ -115,25 +106,23 @@ class SheetContact(Term):
             given = self.coulomb.largest, self.normal_forces(), self._normals()
             self.friction = Friction(self.coulomb, *given, scene.blank.mesh.comm)
 
-    def _thickness(self, part):
+    def _face(self, scene, part):
+        """A sheet's thickness without pressure [mm], and the law of its face."""
         if part.thickness is None:
             raise InputError(
                 f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
             )
-        return part.thickness
-
-    def _default_penalty(self, scene, parts):
-        both = [material_of(scene, part) for part in parts]
-        if not all(both):
+        material, k = material_of(scene, part), self._penalty
+        if k:
+            return part.thickness, Rigid(k, SMOOTHING * PERMITTED * part.thickness)
+        if not material:
             raise InputError(
                 f"{self.name} is given no penalty, and not both sheets have a fabric or metal; "
                 "allowed is a number above 0"
             )
-        every = materials_of(scene, scene.blank.whole)
-        metals = [each for each in every if isinstance(each, Metal)]
         tools = [term.tool for term in scene.terms if isinstance(term, Touching)]
         radius = min((min(tool.surface.radii) for tool in tools), default=np.inf)
-        return stack_penalty([each for each in [*both, *metals] if each], radius)
+        return material.thickness_under(0.0), face_of(material, radius)
 
     def _check_start(self):
         comm, gap = self.blank.mesh.comm, self._first.gap
@@ -142,7 +131,7 @@ class SheetContact(Term):
                 f"{self.name} finds no place of one over the other; allowed are sheets that lie on "
                 "one another"
             )
-        deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN) - self.layer.thickness
+        deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN)
         if deepest > self.thickness / 4:
             raise InputError(
                 f"{self.name} begins with sheets that overlap by {deepest:.3g} mm; allowed are "
@@ -171,8 +160,7 @@ class SheetContact(Term):
         self._held.accept()
         now = self._held.accepted
         self._depth *= self._load > 0  # states before the last one at load 0 are not in equilibrium
-        depth = -now.gap - self.layer.thickness
-        self._depth[now.points] = np.maximum(self._depth[now.points], depth)
+        self._depth[now.points] = np.maximum(self._depth[now.points], -now.gap)
         if self.friction:
             slid = self.points.of_all(start, start.slid())
             self.friction.accept(slid, self.normal_forces(), self._normals())
@@ -239,7 +227,7 @@ class SheetContact(Term):
         self._held.now.pairs.add(-self._pressed().forces, f)
         if self.friction:
             start = self._held.accepted
-            start.flat.add(-self.friction.forces(self._slid())[start.points], f)
+            start.pairs.add(-self.friction.forces(self._slid())[start.points], f)
 
     def tangent(self) -> Triplets:
         """As in `Term`."""
@@ -248,7 +236,7 @@ class SheetContact(Term):
         if not self.friction:
             return pressed
         blocks = self.friction.blocks(self._slid())[start.points]
-        rubbed = start.flat.rows, start.flat.cols, start.flat.values(blocks)
+        rubbed = start.pairs.rows, start.pairs.cols, start.pairs.values(blocks)
         rows, cols, values = (np.concatenate(both) for both in zip(pressed, rubbed))
         return rows, cols, values
 
@@ -272,8 +260,8 @@ class SheetContact(Term):
     # -- results
 
     def depth_under(self, pressure: float) -> float:
-        """Overlap of the faces [mm] under a pressure [MPa]; below 0 where they do not meet."""
-        return float(self._law.depth(np.array(pressure))) - self.layer.thickness
+        """Overlap of the faces [mm] under a pressure [MPa]."""
+        return float(self._law.depth(np.array(pressure)))
 
     def force(self) -> np.ndarray:
         """By which the lower sheet presses the upper one, of all ranks, (3,) [N]."""
@@ -290,8 +278,8 @@ class SheetContact(Term):
         return self.blank.mesh.comm.allreduce(float(self._depth.max(initial=0.0)), MPI.MAX)
 
     def penetration_of_thickness(self) -> float:
-        """As in `Penetrated`, of the thinner sheet."""
-        return self.deepest() / self.thickness
+        """As in `Penetrated`, of the thinner sheet where both are rigid."""
+        return self.deepest() / self.thickness if isinstance(self._law, Rigid) else 0.0
 
     def where_deepest(self) -> str:
         """As in `Penetrated`."""

@@ -24,9 +24,8 @@ class Facing(NamedTuple):
     - points (n,): their numbers among all points; areas (n,): that they stand for [mm^2]
     - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
       (n, 3, 3) [1/mm]
-    - pairs: what the points move with on the smooth faces; relative (n, 3): their displacement
-      relative to the other sheet in that shape [mm]
-    - flat, from_flat: the same on flat triangles, for sliding
+    - pairs: what the points move with, on flat triangles, so that few nodes are coupled; relative
+      (n, 3): their displacement relative to the other sheet in that shape [mm]
     """
 
     points: np.ndarray
@@ -36,20 +35,18 @@ class Facing(NamedTuple):
     curvature: np.ndarray
     pairs: Pairs
     relative: np.ndarray
-    flat: Pairs
-    from_flat: np.ndarray
 
     def paraboloid(self) -> tuple[np.ndarray, np.ndarray]:
         """Gap (n,) [mm] and its gradient (n, 3) at the present displacement, from place, gradient
         and Hessian of then: without kinks."""
-        moved = self.pairs.relative() - self.relative
+        moved = self.slid()
         turned = np.einsum("nij,nj->ni", self.curvature, moved)
         gap = self.gap + ((self.normal + 0.5 * turned) * moved).sum(1)
         return gap, self.normal + turned
 
     def slid(self) -> np.ndarray:
-        """Displacement relative to the other sheet since then, (n, 3) [mm], on flat triangles."""
-        return self.flat.relative() - self.from_flat
+        """Displacement relative to the other sheet since then, (n, 3) [mm]."""
+        return self.pairs.relative() - self.relative
 
 
 class SheetPoints:
@@ -111,11 +108,8 @@ class SheetPoints:
         at = np.flatnonzero(over.triangle >= 0)
         nodes = np.concatenate([own.nodes, face.nodes])
 
-        def pairs_of(own, is_flat):
-            below = face.weights(over.triangle[at], over.weights[at], is_flat)
-            return Pairs(self.blank, nodes, sparse.hstack([own[at], -below]).tocsr())
-
-        pairs, flat = pairs_of(self._weights, False), pairs_of(self._flat_weights, True)
+        below = face.weights(over.triangle[at], over.weights[at], flat=True)
+        pairs = Pairs(self.blank, nodes, sparse.hstack([self._flat_weights[at], -below]).tocsr())
         return Facing(
             at,
             self.areas[at],
@@ -124,8 +118,6 @@ class SheetPoints:
             over.curvature[at],
             pairs,
             pairs.relative(),
-            flat,
-            flat.relative(),
         )
 
     def of_all(self, facing: Facing, values: np.ndarray, other: float = 0.0) -> np.ndarray:
@@ -155,6 +147,6 @@ class SheetPoints:
         areas = now.areas
         if above is not None:
             share = np.where(self._upper.nodes, above / self.nodes.areas, 0.0)
-            areas = areas * abs(now.flat.apart(np.tile(share[:, None], 3)))[:, 0]
-        now.flat.add(np.tile(areas[:, None], 3), forces)
+            areas = areas * abs(now.pairs.apart(np.tile(share[:, None], 3)))[:, 0]
+        now.pairs.add(np.tile(areas[:, None], 3), forces)
         return np.where(self._lower.nodes, abs(forces[::3]), 0.0)

@@ -1,16 +1,15 @@
 """Contact of a sheet with rigid tools: a penalty at its nodes."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from mpi4py import MPI
 
-from ...material.laws.base import Material
 from ...runtime.errors import InputError
 from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
-from ..materials import number_at_nodes
+from ..materials import materials_at_nodes
 from ..reports import Value, least, size_of, total
 from ..shell.morley import Where
 from ..term import SceneFacts, Triplets
@@ -20,7 +19,7 @@ from .coulomb import Coulomb
 from .nodes import Nodes
 from .pressing import Pressed, anticipate, press
 from .pressing_term import PressingTerm
-from .pressure_law import PERMITTED, SMOOTHING, PressureLaw, default_penalty
+from .pressure_law import PERMITTED, SMOOTHING, ByPlace, Rigid, default_penalty, face_of
 
 PROBED = 1000  # nodes of a rank that tell how a tool may hold the sheet; triangles cost 1 ms each
 
@@ -28,16 +27,17 @@ PROBED = 1000  # nodes of a rank that tell how a tool may hold the sheet; triang
 class Contact(PressingTerm):
     """Energy of a sheet's nodes pressed into a `tool`, over their undeformed areas.
 
-    The pressure follows a `PressureLaw` with the `penalty` k [N/mm^3] from the depth to which the
-    tool reaches into the sheet's face. The sheet is on the side to which the tool's normal points.
-    Its faces are `thickness` / 2 [mm] off the mesh.
+    The pressure follows from the depth to which the tool reaches into the sheet's face: fabric is
+    compacted, by half on each face (`Compacted`), and metal is `Rigid`. The sheet is on the side to
+    which the tool's normal points. Without pressure its faces are half a thickness off the mesh.
 
-    - thickness: by default that of the scene's fabric or metal
-    - penalty: by default `default_penalty` of that material and the tool's least radius
-    - smoothing: s [mm], by default a third of the permitted penetration
-    - permitted: if given [mm], the surface is shifted (augmented Lagrangian) until no node is
-      deeper than that. The work of the shift is not counted; it is about the energy that contact
-      would hold without it
+    - thickness [mm]: by default that of the scene's fabric or metal
+    - penalty k [N/mm^3]: makes fabric rigid, too; by default `default_penalty` of the material and
+      the tool's least radius
+    - smoothing s [mm] of a rigid face: by default a third of the permitted penetration
+    - permitted [mm]: makes fabric rigid, too; the surface is shifted (augmented Lagrangian) until
+      no node is deeper than that. The work of the shift is not counted; it is about the energy that
+      contact would hold without it
     - friction: its coefficient, on a stack also one for each sheet {name: coefficient}, or a
       `Coulomb` with its options
     - where: function of undeformed points (3, n) to a mask (n,) of the nodes that the tool may
@@ -76,20 +76,12 @@ class Contact(PressingTerm):
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
-        given, on = self._given, (self.tool, self.part_name)
+        on = self.tool, self.part_name
         same = [t for t in scene.terms if isinstance(t, Contact) and (t.tool, t.part_name) == on]
         if len(same) > 1:
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
-        radius = min(self.tool.surface.radii)
-        self.thickness = given["thickness"] or self._of_material(
-            scene, "thickness", lambda material: material.thickness
-        )
-        self.penalty = given["penalty"] or self._of_material(
-            scene, "penalty", lambda material: default_penalty(material, radius)
-        )
-        self.smoothing = given["smoothing"] or SMOOTHING * PERMITTED * self.thickness
         self.nodes = Nodes(scene.blank, self.part, self._where)
-        self._law = PressureLaw(self.penalty, self.smoothing)
+        self.thickness, self._law, self._is_rigid = self._faces(scene)
         self._shift = self._accepted_shift = np.zeros(self.nodes.count)
         self._accepted_travel = self.tool.travel
         # deepest penetration of each node in accepted states
@@ -98,17 +90,36 @@ class Contact(PressingTerm):
         self.accept()
         self.start_friction()
 
-    def _of_material(
-        self, scene: SceneFacts, name: str, of: Callable[[Material], float]
-    ) -> float | np.ndarray:
-        """The value `name`, of the scene's material or one for each node, that was not given."""
-        value = number_at_nodes(scene, of)
-        if value is None:
+    def _faces(self, scene):
+        """Thickness without pressure [mm], the law of the face, and whether it is rigid, at each
+        node."""
+        t, k, s = (self._given[name] for name in ("thickness", "penalty", "smoothing"))
+        materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, dtype=int))
+        if t and k and not materials:
+            faces = [(t, Rigid(k, SMOOTHING * PERMITTED * t))]
+        elif not materials:
             raise InputError(
-                f"contact with {self.tool.name} is given no {name}, and no term of the scene has a "
-                "fabric or metal for each sheet; allowed is a number above 0"
+                f"contact with {self.tool.name} is given no {'penalty' if t else 'thickness'}, and "
+                "no term of the scene has a fabric or metal for each sheet; allowed is a number "
+                "above 0"
             )
-        return value
+        else:
+            known = [each.replace(thickness=t or each.thickness) for each in materials]
+            faces = [self._face(each, k, bool(s or self.permitted)) for each in known]
+        if s:
+            faces = [(t, law._replace(smoothing=s)) for t, law in faces]
+        thickness = np.array([t for t, _ in faces])[which]
+        is_rigid = np.array([isinstance(law, Rigid) for _, law in faces])[which]
+        laws = [law for _, law in faces]
+        return thickness, ByPlace(laws, which) if laws[1:] else laws[0], is_rigid
+
+    def _face(self, material, penalty, is_rigid):
+        radius = min(self.tool.surface.radii)
+        if is_rigid:
+            penalty = penalty or default_penalty(material, radius)
+        law = face_of(material, radius, penalty)
+        t = material.thickness if isinstance(law, Rigid) else material.thickness_under(0.0)
+        return t, law
 
     # -- what a scene calls
 
@@ -118,7 +129,7 @@ class Contact(PressingTerm):
         self.tool.at(1.0)
         self.tool.at(0.0)
         x = (self.nodes.places + self.nodes.displacement())[self.nodes.own]
-        check_start(self.tool, x, float(np.max(self.thickness)), self.nodes.comm)
+        check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """As in `Touching`, at up to twice `PROBED` nodes that find a nearest point."""
@@ -253,22 +264,34 @@ class Contact(PressingTerm):
         return np.broadcast_to(self._law.depth(np.array(pressure)), self.nodes.count)
 
     def penetration(self) -> float:
-        """Largest depth of the tool in the ply's face, of all ranks [mm]."""
-        return self.nodes.comm.allreduce(-self.state().gap.min(initial=0.0), MPI.MAX)
+        """Largest depth of the tool in rigid faces, of all ranks [mm]."""
+        depth = -self.state().gap[self._is_rigid].min(initial=0.0)
+        return self.nodes.comm.allreduce(depth, MPI.MAX)
+
+    def touched(self) -> bool:
+        """Whether the tool pressed the sheet in any accepted state."""
+        return self.nodes.comm.allreduce(bool((self._depth > 0).any()), MPI.LOR)
 
     def deepest(self) -> float:
         """Largest penetration of all accepted states, of all ranks [mm]."""
-        return self.nodes.comm.allreduce(float(self._depth.max(initial=0.0)), MPI.MAX)
+        deepest = float(self._penetrated.max(initial=0.0))
+        return self.nodes.comm.allreduce(deepest, MPI.MAX)
 
     def penetration_of_thickness(self) -> float:
         """As in `Penetrated`."""
-        deepest = float((self._depth / self.thickness).max(initial=0.0))
+        deepest = float((self._penetrated / self.thickness).max(initial=0.0))
         return self.nodes.comm.allreduce(deepest, MPI.MAX)
+
+    @property
+    def _penetrated(self):
+        """Largest depth in rigid faces (nodes,) [mm]."""
+        return np.where(self._is_rigid, self._depth, 0.0)
 
     def where_deepest(self) -> str:
         """As in `Penetrated`, with the place in the undeformed sheet."""
-        i = int(self._depth.argmax()) if self._depth.size else None
-        mine = (0.0, ()) if i is None else (self._depth[i], tuple(self.nodes.places[i]))
+        depth = self._penetrated
+        i = int(depth.argmax()) if depth.size else None
+        mine = (0.0, ()) if i is None else (depth[i], tuple(self.nodes.places[i]))
         _, place = max(self.nodes.comm.allgather(mine))
         return f"{self.tool.name} at ({', '.join(f'{x:.4g}' for x in place)}) mm of the flat sheet"
 
@@ -277,7 +300,7 @@ class Contact(PressingTerm):
         where it is in."""
         x = self.nodes.places + self.nodes.displacement()
         gap = self.tool.evaluate(x).gap
-        for reach in (0.0, float(np.max(self.thickness))):
+        for reach in (0.0, float(self.thickness.max(initial=0.0))):
             lost = np.isnan(gap)  # so far off that no nearest point is found: a bound will do
             gap[lost] = self.tool.evaluate(x[lost], reach).gap
         gap[~self.nodes.own] = np.inf
@@ -319,7 +342,7 @@ class Contact(PressingTerm):
         return self._found[1]
 
     def _state_at(self, x):
-        nearest = self.tool.evaluate(x, reach=float(np.max(self.thickness)))
+        nearest = self.tool.evaluate(x, reach=float(self.thickness.max(initial=0.0)))
         lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
         if len(lost):
             self._lost = f"({', '.join(f'{each:.4g}' for each in x[lost[0]])}) mm"
@@ -351,7 +374,8 @@ class Contact(PressingTerm):
                 max(free, 0.0),
             )
 
-        reach, soft = float(np.min(self.thickness)) / 4, float(np.min(self.smoothing))
+        least = float(self.thickness.min(initial=np.inf))
+        reach, soft = least / 4, SMOOTHING * PERMITTED * least
         for start in (tool.travel, self._accepted_travel):
             if find_balance(tool.push, look, start, reach, soft):
                 return now
