@@ -10,12 +10,15 @@ from numpy.typing import ArrayLike
 from ..runtime.rules import Rule, above_zero
 from .parameters import Parameters
 
+ITERATIONS = 6  # of Newton's method; three or four do
+
 
 @dataclass(frozen=True)
 class Compaction(Parameters):
-    """Pressure p over the thickness h of a ply: p = p_0 ((h_0 / h)^n - 1).
+    """Pressure p over the thickness h of a ply: p = p_0 (e^y - 1 - y), y = n ln(h_0 / h).
 
-    So the fibre volume fraction grows with the power 1/n of pressure, once that is well above p_0.
+    So the fibre volume fraction grows with the power 1/n of pressure, once that is well above p_0,
+    and pressure begins with the square of compaction.
 
     - exponent: n; onset: p_0 [MPa], from which on the power law holds
     - pressure [MPa], under which the fabric has its thickness; h_0 is that without pressure
@@ -35,5 +38,14 @@ class Compaction(Parameters):
 
     def thickness(self, p: ArrayLike) -> np.ndarray:
         """Thickness under pressures p from 0 [MPa], over the fabric's."""
-        ratio = (self.onset + self.pressure) / (self.onset + np.asarray(p, dtype=float))
-        return ratio ** (1 / self.exponent)
+        y = log_compaction(np.array([self.pressure, *np.atleast_1d(p).ravel()]) / self.onset)
+        return np.exp((y[0] - y[1:]) / self.exponent).reshape(np.shape(p))
+
+
+def log_compaction(q: np.ndarray) -> np.ndarray:
+    """y (n,) from 0 of which e^y - 1 - y = q, for q (n,) from 0."""
+    y = np.log1p(q + np.sqrt(2 * q))
+    for _ in range(ITERATIONS):  # convex, so each comes nearer from above
+        slope = np.expm1(y)
+        y = y - np.divide(slope - y - q, slope, out=np.zeros_like(y), where=slope > 0)
+    return y

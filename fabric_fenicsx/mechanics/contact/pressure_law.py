@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 
 from ...material import kernel
+from ...material.compaction import log_compaction
 from ...material.laws.base import Law, Material
 from ...material.metal import Metal
 
@@ -81,8 +82,8 @@ class Rigid(NamedTuple):
 
 
 class Compacted(NamedTuple):
-    """Fabric that is compacted: p = p_0 ((L / (L - e))^n - 1) at depths e, see `Compaction`; above
-    `HARD` it grows with the slope that it has there.
+    """Fabric that is compacted: p = p_0 (e^y - 1 - y), y = n ln(L / (L - e)), at depths e, see
+    `Compaction`; above `HARD` it grows with the slope that it has there.
 
     - length: L [mm], half the thickness without pressure of one ply, or of two added up
     - exponent: n; onset: p_0 [MPa]
@@ -101,9 +102,12 @@ class Compacted(NamedTuple):
         L, n, p_0 = self
         soft = np.minimum(e, self._soft_depth(HARD))
         beyond = e - soft
-        grown = -np.log1p(-soft / L)  # ln(L / (L - e))
-        pressure, slope = p_0 * np.expm1(n * grown), p_0 * n / L * np.exp((n + 1) * grown)
-        energy = p_0 * (L / (n - 1) * np.expm1((n - 1) * grown) - soft)
+        left = L - soft
+        log = -np.log1p(-soft / L)
+        grown = np.expm1(n * log)
+        pressure, slope = p_0 * (grown - n * log), p_0 * n / left * grown
+        energy = L / (n - 1) * np.expm1((n - 1) * log) - soft + n * (left * log - soft)
+        energy *= p_0
         energy += beyond * (pressure + slope * beyond / 2)
         return energy, pressure + slope * beyond, slope
 
@@ -114,7 +118,7 @@ class Compacted(NamedTuple):
         return self._soft_depth(np.minimum(p, HARD)) + beyond
 
     def _soft_depth(self, p):
-        return -self.length * np.expm1(-np.log1p(p / self.onset) / self.exponent)
+        return -self.length * np.expm1(-log_compaction(p / self.onset) / self.exponent)
 
 
 class InSeries(NamedTuple):
@@ -131,7 +135,7 @@ class InSeries(NamedTuple):
         """As in `PressureLaw`."""
         mine, others = self._shared(e)
         (W, p, k), (W_2, _, k_2) = self.first(mine), self.second(others)
-        return W + W_2, p, k * k_2 / (k + k_2)
+        return W + W_2, p, k * k_2 / np.maximum(k + k_2, 1e-300)
 
     def depth(self, p: np.ndarray) -> np.ndarray:
         """As in `PressureLaw`."""
@@ -146,7 +150,8 @@ class InSeries(NamedTuple):
             (_, p, k), (_, p_2, k_2) = self.first(mine), self.second(e - mine)
             low, high = np.where(p < p_2, mine, low), np.where(p < p_2, high, mine)
             p, p_2 = p + onset, p_2 + onset
-            new = mine + np.log(p_2 / p) / (k / p + k_2 / p_2)  # logarithms are all but straight
+            slope = np.maximum(k / p + k_2 / p_2, 1e-300)
+            new = mine + np.log(p_2 / p) / slope  # logarithms are all but straight
             mine = np.where((low <= new) & (new <= high), new, (low + high) / 2)
         return mine, e - mine
 
