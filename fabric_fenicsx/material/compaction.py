@@ -47,5 +47,11 @@ def log_compaction(q: np.ndarray) -> np.ndarray:
     y = np.log1p(q + np.sqrt(2 * q))
     for _ in range(ITERATIONS):  # convex, so each comes nearer from above
         slope = np.expm1(y)
-        y = y - np.divide(slope - y - q, slope, out=np.zeros_like(y), where=slope > 0)
+        y = y - np.divide(growth(y) - q, slope, out=np.zeros_like(y), where=slope > 0)
     return y
+
+
+def growth(y: np.ndarray) -> np.ndarray:
+    """e^y - 1 - y of y (n,) from 0, without cancellation."""
+    series = y**2 / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5)))
+    return np.where(y < 1e-3, series, np.expm1(y) - y)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import numpy as np
+from mpi4py import MPI
 
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
@@ -104,17 +105,20 @@ def press(
     present pressures press them into it and into each other. pairs: contacts of each sheet with the
     next; stiff: whether there is metal, which goes up as a whole, as it would not bend at the
     flange's end."""
-    depths = np.array([on_top.depth_under(each.now) for each in holders])
-    count = depths.shape[1]
-    u = stack.u.x.array.reshape(-1, 3)[:count]
-    if stiff:
-        shares = np.full(depths.shape, 1 / len(holders))
-    else:
-        shares = np.array([each.shares(stack.coordinates()[:count].T) for each in holders])
+    names, comm = [sheet.name for sheet in stack.sheets], stack.mesh.comm
+    on_it = stack.parts[names[-1]].nodes
     rises = np.zeros((len(holders), 1))
-    for k, sheet in reversed(list(enumerate(stack.sheets))):
-        at = stack.parts[sheet.name].nodes
-        u[at, 2] = (shares[:, at] * (rises + depths[:, at])).sum(0)
+    for k, each in enumerate(holders):
+        depth = float(on_top.depth_under(each.now)[on_it].max(initial=0.0))
+        rises[k] = comm.allreduce(depth, MPI.MAX)
+    places = stack.coordinates()[: len(on_it)].T
+    shares = np.array([each.shares(places) for each in holders])
+    if stiff:
+        shares[:] = 1 / len(holders)
+    u = stack.u.x.array.reshape(-1, 3)
+    for k, name in reversed(list(enumerate(names))):
+        at = np.flatnonzero(stack.parts[name].nodes)
+        u[at, 2] = (shares[:, at] * rises).sum(0)
         if k:
             rises += [[pairs[k - 1].depth_under(each.now)] for each in holders]
     stack.u.x.scatter_forward()

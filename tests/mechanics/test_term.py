@@ -13,7 +13,7 @@ from mpi4py import MPI
 from fabric_fenicsx.job.job import Job
 from fabric_fenicsx.material.metal import load_metal
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.pressure_law import default_penalty
+from fabric_fenicsx.mechanics.contact.pressure_law import face_of
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.materials import fabric_of
 from fabric_fenicsx.mechanics.reports import Value, largest, last, least, on_part, size_of, total
@@ -111,7 +111,7 @@ def test_a_term_is_once_in_a_scene():
 
 
 def test_what_the_scene_knows_is_not_asked_twice():
-    """Thickness, penalty and stiffness from the fabric, in any order."""
+    """Thickness, face and stiffness from the fabric, in any order."""
     blank = sheet(20.0, 10.0, 4, 2, spatial=True)
     ball, table = (
         Tool(Sphere(8.0, (5, 5, -9)), name="ball"),
@@ -124,10 +124,11 @@ def test_what_the_scene_knows_is_not_asked_twice():
         [bending, flat, contact, Membrane(KOMEILI)],
         [Support("all", everywhere, (0,))],
     )
-    assert contact.thickness == flat.thickness == t
+    assert (contact.thickness == KOMEILI.thickness_under(0.0)).all()
+    assert (flat.thickness == contact.thickness).all()
     assert fabric_of(scene, blank.whole) is KOMEILI
-    assert contact.penalty == default_penalty(KOMEILI, 8.0)
-    assert flat.penalty == default_penalty(KOMEILI, 10 * t)
+    for each in (contact, flat):
+        assert each.depth_under(1.0) == pytest.approx(face_of(KOMEILI, 8.0).depth(np.array(1.0)))
     D = plate_stiffness(100.0, t)
     assert bending.stiffnesses == pytest.approx([D, D, 0.04 * D])
     assert reports.tools(scene) == [table, ball]

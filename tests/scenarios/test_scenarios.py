@@ -94,7 +94,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
         (
             ff.Forming,
             {"fabric": ff.load("komeili").replace(thickness=40), "nx": 4},
-            "`clearance` 48, 1.2 thicknesses, leaves the die no radius",
+            "`clearance` 51.5647, 1.2 thicknesses, leaves the die no radius",
         ),
     ],
 )

@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 
 from ...material import kernel
-from ...material.compaction import log_compaction
+from ...material.compaction import growth, log_compaction
 from ...material.laws.base import Law, Material
 from ...material.metal import Metal
 
@@ -104,8 +104,7 @@ class Compacted(NamedTuple):
         beyond = e - soft
         left = L - soft
         log = -np.log1p(-soft / L)
-        grown = np.expm1(n * log)
-        pressure, slope = p_0 * (grown - n * log), p_0 * n / left * grown
+        pressure, slope = p_0 * growth(n * log), p_0 * n / left * np.expm1(n * log)
         energy = L / (n - 1) * np.expm1((n - 1) * log) - soft + n * (left * log - soft)
         energy *= p_0
         energy += beyond * (pressure + slope * beyond / 2)

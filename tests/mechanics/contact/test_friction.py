@@ -43,7 +43,7 @@ def test_derivatives(distance, pushed):
     ball = Tool(Sphere(10.0, (5, 5, -10)), name="ball")
     contact = alone(blank, Contact(ball, T, K, friction=Coulomb(MU, SLIP)))
     x, u = blank.coordinates(), blank.u.x.array
-    depth = np.resize([-0.5, 0.3, 0.7, 1.5, 3.0], len(x)) * contact.smoothing
+    depth = np.resize([-0.5, 0.3, 0.7, 1.5, 3.0], len(x)) * SMOOTHING
     for _ in range(3):
         found = ball.evaluate(x)
         x = x + (T / 2 - depth - found.gap)[:, None] * found.normal

@@ -4,15 +4,24 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.balance import Resistance, find_balance
 from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
 from fabric_fenicsx.mechanics.contact.friction import Friction
 from fabric_fenicsx.mechanics.contact.pressing import anticipate, press
-from fabric_fenicsx.mechanics.contact.pressure_law import LayeredLaw, PressureLaw, SoftLayer
-from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.mechanics.contact.pressure_law import (
+    HARD,
+    ByPlace,
+    Compacted,
+    InSeries,
+    Rigid,
+    between_faces,
+    face_of,
+)
 
-FACE = PressureLaw(1000.0, 1e-3)
-LAWS = FACE, LayeredLaw(SoftLayer(0.1), FACE)
+FACE, SOFT = Rigid(1000.0, 1e-3), Compacted(0.2, 16.0, 1e-3)
+BOTH = InSeries(SOFT, Compacted(0.1, 8.0, 2e-3))
+LAWS = FACE, SOFT, BOTH, ByPlace([FACE, SOFT], np.array([0, 1, 1, 0]))
 AREAS = np.array([1.0, 2.0, 3.0, 4.0])
 UP = np.tile([0.0, 0.0, 1.0], (4, 1))
 FLAT = np.zeros((4, 3, 3))
@@ -36,14 +45,20 @@ def test_forces_and_blocks_are_derivatives_of_the_energy(law, shift):
 
 
 @pytest.mark.parametrize("law", LAWS)
+def test_depths_are_those_of_the_pressures(law):
+    for e in (0.0, 1e-5, 1e-3, 0.08):
+        assert law.depth(law(np.full(4, e))[1]) == pytest.approx(np.full(4, e), rel=1e-9)
+
+
+@pytest.mark.parametrize("law", LAWS)
 def test_a_point_that_others_pull_off_leaves_the_face_in_one_correction(law):
-    """With the law's own slope its depth would be halved."""
+    """With the law's own slope its depth would be about halved."""
     depth = 0.5e-3
     now = pressed(law, np.full(4, -depth))
     anticipated = anticipate(law, AREAS, now, -2 * now.pressure)
     step = now.forces[:, 2] / anticipated.blocks[:, 2, 2]
     assert step == pytest.approx(depth)
-    assert now.forces[:, 2] / now.blocks[:, 2, 2] == pytest.approx(depth / 2)
+    assert now.forces[:, 2] / now.blocks[:, 2, 2] == pytest.approx(depth / 2, rel=0.01)
 
 
 def test_what_touches_nothing_is_not_anticipated():
@@ -125,10 +140,43 @@ def test_what_is_remembered_is_taken_back():
         assert second.energy(along(x)) == pytest.approx(first.energy(along(x)))
 
 
-# -- a soft layer
+# -- fabric
 
 
-@pytest.mark.parametrize("thickness, pressing", [(-0.1, 5.0), (np.nan, 5.0), (0.1, 0.0)])
-def test_a_layer_of_other_numbers_is_refused(thickness, pressing):
-    with pytest.raises(InputError, match="of the soft layer is .*; allowed is a number"):
-        SoftLayer(thickness, pressing)
+FABRIC = ff.load("komeili")
+
+
+def test_pressed_fabric_is_as_thick_as_its_compaction_says():
+    """On each face it loses half; under its own pressure it has its thickness."""
+    law = face_of(FABRIC, 10.0)
+    for p in (0.0, 1e-4, 1e-3, 0.1, 0.9 * HARD):
+        lost = 2 * float(law.depth(np.array(p)))
+        assert FABRIC.thickness_under(0.0) - lost == pytest.approx(FABRIC.thickness_under(p))
+    assert FABRIC.thickness_under(FABRIC.compaction.pressure) == pytest.approx(FABRIC.thickness)
+
+
+def test_fibre_volume_fraction_grows_with_a_power_of_pressure():
+    low, high = FABRIC.thickness_under(0.1), FABRIC.thickness_under(1.0)
+    assert low / high == pytest.approx(10 ** (1 / 16), rel=0.01)
+
+
+def test_faces_of_two_fabrics_share_the_pressure():
+    e = np.array([0.0, 1e-4, 1e-3, 0.03, 0.1])
+    p = BOTH(e)[1]
+    assert BOTH.first.depth(p) + BOTH.second.depth(p) == pytest.approx(e, rel=1e-9, abs=1e-15)
+    assert between_faces(SOFT, SOFT)(2 * e)[1] == pytest.approx(SOFT(e)[1])
+
+
+def test_metal_yields_nothing_to_a_fabric():
+    metal = face_of(ff.load_metal("dc04"), 10.0)
+    assert isinstance(metal, Rigid)
+    assert between_faces(metal, SOFT) == between_faces(SOFT, metal) == SOFT
+    stiffer = metal._replace(penalty=2 * metal.penalty)
+    assert between_faces(stiffer, metal) == metal
+
+
+def test_fabric_that_keeps_its_thickness_is_rigid():
+    rigid = FABRIC.replace(compaction=None)
+    assert rigid.thickness_under(0.0) == rigid.thickness_under(5.0) == FABRIC.thickness
+    assert isinstance(face_of(rigid, 10.0), Rigid)
+    assert face_of(FABRIC, 10.0, penalty=700.0).penalty == 700.0

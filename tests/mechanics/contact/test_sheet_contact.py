@@ -11,17 +11,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.pressure_law import (
-    PERMITTED,
-    SMOOTHING,
-    PressureLaw,
-    default_penalty,
-)
+from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, Rigid, face_of
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import reports
 
 FABRIC = ff.load("komeili")
-T, PRESSURE, RADIUS = FABRIC.thickness, 2.0, 30.0
+T, PRESSURE, RADIUS = FABRIC.thickness_under(0.0), 2.0, 30.0
 ABC = "a", "b", "c"
 
 
@@ -131,17 +126,17 @@ def test_action_is_reaction_with_its_moment(pressed):
 
 
 @pytest.mark.mpi
-def test_penetration_is_reported(pressed):
-    """That of the law under the largest pressure, at the rim, as a share of the thickness."""
+def test_fabrics_are_compacted_not_penetrated(pressed):
+    """By what their laws say under the largest pressure, at the rim."""
     result, _, pairs, _, load = pressed
     for pair in pairs:
         entry = result.summary["sheet_contacts"][", ".join(pair.sheets)]
-        found = entry["penetration_of_thickness"]
-        assert found == pair.penetration_of_thickness() == pair.deepest() / T
+        assert entry["penetration_of_thickness"] == pair.penetration_of_thickness() == 0.0
         largest = COMM.allreduce(
             float((pair.normal_forces() / pair.points.areas).max(initial=0)), MPI.MAX
         )
-        assert found == pytest.approx(pair.depth_under(largest) / T, rel=1e-3)
+        assert pair.deepest() == pytest.approx(pair.depth_under(largest), rel=1e-3)
+        assert T - pair.deepest() == pytest.approx(FABRIC.thickness_under(largest), rel=1e-3)
         assert entry["normal_force_N"] == pytest.approx(load, rel=1e-6)
 
 
@@ -230,29 +225,23 @@ def test_states_that_alternate_are_met_half_way(by_position):
 
 
 @pytest.mark.mpi
-def test_a_soft_layer_presses_before_the_faces_meet():
-    """As its square, up to `pressing`; the face's law is added beyond. What is told is how far the
-    faces overlap."""
-    layer, pressing, k, z = 0.2, 3.0, 7.0, 0.05
-    scene = ff.Scene(
-        laid(0.0),
-        [
-            *membranes("ab"),
-            ff.SheetContact("a", "b", penalty=k, layer=ff.SoftLayer(layer, pressing)),
-        ],
-    )
-    contact, face = scene.terms[-1], PressureLaw(k, SMOOTHING * PERMITTED * T)
-    upper = scene.blank.part("b").nodes
-    for gap in (0.3, 0.1, -z):
+@pytest.mark.parametrize("penalty", [None, 7.0])
+def test_pressure_follows_from_the_overlap(penalty):
+    """Two fabrics share it; a penalty makes both rigid."""
+    z = 0.05
+    scene = ff.Scene(laid(0.0), [*membranes("ab"), ff.SheetContact("a", "b", penalty)])
+    contact, upper = scene.terms[-1], scene.blank.part("b").nodes
+    for gap in (0.3, 0.0, -z):
         scene.blank.u.x.array.reshape(-1, 3)[: len(upper)][upper, 2] = gap
         scene.blank.u.x.scatter_forward()
         scene.accept()
-        pressure = pressing * (max(0.0, layer - gap) / layer) ** 2
-        pressure += float(face(np.array(max(0.0, -gap)))[1])
+        law = Rigid(7.0, SMOOTHING * PERMITTED * T) if penalty else face_of(FABRIC, 1.0)
+        share = 1.0 if penalty else 0.5
+        pressure = float(law(np.array(share * max(0.0, -gap)))[1])
         assert contact.force()[2] == pytest.approx(pressure * 20 * 10, abs=1e-9)
-        if pressure:
-            assert contact.depth_under(pressure) == pytest.approx(-gap, abs=1e-12)
+        assert contact.depth_under(pressure) == pytest.approx(max(0.0, -gap), abs=1e-12)
     assert contact.deepest() == pytest.approx(z)
+    assert contact.penetration_of_thickness() == (pytest.approx(z / T) if penalty else 0.0)
 
 
 @pytest.mark.mpi
@@ -307,20 +296,16 @@ def test_the_sheet_of_smaller_cells_has_the_points():
 
 
 @pytest.mark.mpi
-def test_default_penalty_is_that_of_the_softer_fabric():
-    thin = FABRIC.replace(thickness=0.2)
+def test_each_fabric_is_compacted_as_its_own_law_says():
+    thin = FABRIC.replace(thickness=0.2, compaction=ff.Compaction(8.0, 2e-3))
+    sheets = [("a", FABRIC), ("b", thin)]
     stack = ff.Stack(
-        [
-            (rectangle(20, 10, 4, 2, spatial=True), f.thickness, n)
-            for n, f in (("a", FABRIC), ("b", thin))
-        ]
+        [(rectangle(20, 10, 4, 2, spatial=True), f.thickness_under(0.0), n) for n, f in sheets]
     )
-    terms = [ff.Membrane(FABRIC).on("a"), ff.Membrane(thin).on("b")]
     pair = ff.SheetContact("a", "b")
-    ff.Scene(stack, [*terms, pair])
-    penalty = min(default_penalty(fabric, np.inf) for fabric in (FABRIC, thin))
-    law = PressureLaw(penalty, SMOOTHING * PERMITTED * 0.2)
-    assert pair.depth_under(2.0) == pytest.approx(float(law.depth(np.array(2.0))))
+    ff.Scene(stack, [*(ff.Membrane(fabric).on(name) for name, fabric in sheets), pair])
+    lost = [fabric.thickness_under(0.0) - fabric.thickness_under(2.0) for _, fabric in sheets]
+    assert pair.depth_under(2.0) == pytest.approx(sum(lost) / 2)
 
 
 # -- what bad input gets
@@ -335,7 +320,6 @@ def test_default_penalty_is_that_of_the_softer_fabric():
             "penalty of the contact of a and b is nan; allowed is",
         ),
         ({"lag": -1.0}, "lag of the contact of a and b is -1.0; allowed is"),
-        ({"layer": -0.1}, "contact of a and b: thickness of the soft layer is -0.1; allowed is"),
         ({"points": 2}, "contact of a and b has 2 points in a cell; allowed are 1, 3, 6"),
         ({"upper": "a"}, "contact of a and a is of one sheet; allowed are two different ones"),
     ],
@@ -370,7 +354,12 @@ def patches():
     "make, penalty, fabric, words",
     [
         (side_by_side, 9.0, FABRIC, "contact of a and b finds no place of one over the other;"),
-        (lambda: laid(-0.5 * T), 9.0, FABRIC, "begins with sheets that overlap by 0.5 mm; allowed"),
+        (
+            lambda: laid(-0.5 * T),
+            9.0,
+            FABRIC,
+            "sheets that overlap by 0.537 mm; allowed",
+        ),
         (patches, 9.0, FABRIC, "contact of a and b is asked of a, a patch; allowed are sheets of"),
         (
             lambda: laid(cell="quadrilateral"),
