@@ -17,7 +17,7 @@ HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
 def punch_force(tmp_path, holder, **fields):
     """Force of the punch after 8 mm, and of all holders along z [N]."""
     ply = ff.Forming(**SIZES | fields, holder=holder)
-    result = ply.job(steps=2).run(tmp_path / "run", overwrite=True, pictures=False)
+    result = ply.job(steps=4).run(tmp_path / "run", overwrite=True, pictures=False)
     held = [t for t in ply.pressing if t.tool not in (ply.punch_tool, ply.die)]
     return [result.force(ply.punch_tool)[2], sum(result.force(term.tool)[2] for term in held)]
 
@@ -69,7 +69,7 @@ def test_plates_of_segments_bear_their_forces(tmp_path):
     """A quarter of each, on the nodes of the flat blank that are theirs."""
     holders = [ff.ForceHolder(4000.0, HALVES[0]), ff.ForceHolder(8000.0, HALVES[1])]
     ply = ff.Forming(**SIZES, holder=holders)
-    result = ply.job(steps=2).run(tmp_path / "run", pictures=False)
+    result = ply.job(steps=4).run(tmp_path / "run", pictures=False)
     found = [result.force(name)[2] for name in ("blank holder", "blank holder 2")]
     assert found == pytest.approx([1000.0, 2000.0], rel=1e-6)
 

@@ -342,7 +342,11 @@ class Contact(PressingTerm):
         return self._found[1]
 
     def _state_at(self, x):
-        nearest = self.tool.evaluate(x, reach=float(self.thickness.max(initial=0.0)))
+        reach = float(self.thickness.max(initial=0.0))
+        nearest = self.tool.evaluate(x, reach)
+        deep = np.flatnonzero(nearest.gap < -0.9 * reach)  # which may be a bound
+        for value, exact in zip(nearest, self.tool.evaluate(x[deep])):
+            value[deep] = exact
         lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
         if len(lost):
             self._lost = f"({', '.join(f'{each:.4g}' for each in x[lost[0]])}) mm"
