@@ -28,8 +28,9 @@ class Laminate(Forming):
     with a dome of larger fillets (entry_radius 30 mm, unless `dome` says another)."""
 
     NAME: ClassVar[str] = "laminate"
-    # the metal reaches 20 mm and more onto the flange, so that the holder presses it
-    DEFAULT_SIZES = (640.0, 400.0)
+    # the metal reaches 50 mm onto the flange along x, where 40 mm of it are drawn in: an edge that
+    # slips into the die is bent back by the punch's flange, and jams
+    DEFAULT_SIZES = (720.0, 440.0)
     FULL = {"nx": 24, "steps": 40, "balance": 0.02}
     QUICK = {"nx": 5, "steps": 2, "balance": None, "stroke": 2}
 
