@@ -35,7 +35,7 @@ from . import holding, measuring, stacking
 from .dome import DIMENSIONS, dome_of
 from .holding import Holder, Press, PressureHolder
 from .plies import TOOL_METAL_FRICTION, Ply, read_plies
-from .punch import clearance_of, punch_of
+from .punch import PRESSED, clearance_of, punch_of
 from .scenario import ELEMENTS, FITS, Scenario, halved
 
 if TYPE_CHECKING:
@@ -174,7 +174,8 @@ class Forming(Scenario):
             raise InputError(
                 f"`stroke` {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm"
             )
-        self.clearance = clearance_of(self.clearance, t, surface)
+        pressed = sum(ply.thickness_under(PRESSED) for ply in self.plies)
+        self.clearance = clearance_of(self.clearance, t, pressed, surface)
         lift = t / 2 - self.clearance  # so that the punch ends `clearance` from the die all over
         start, stroke = lift - depth, self.stroke
         self.punch_tool = Tool(

@@ -13,6 +13,8 @@ from ..tools.double_dome import DoubleDome
 from ..tools.surfaces import Surface, radii_of
 from ..tools.triangulated import TriangulatedSurface
 
+PRESSED = 1.0  # MPa, under which a ply must fit between the closed tools
+
 
 def punch_of(
     given: Any,
@@ -52,19 +54,20 @@ def punch_of(
     return surface, top
 
 
-def clearance_of(asked: float | None, thickness: float, surface: Surface) -> float:
-    """Distance of punch and die [mm], by default 1.2 thicknesses. Raises InputError for one that
-    is less than the thickness, or leaves the die's bulges no radius."""
+def clearance_of(asked: float | None, thickness: float, pressed: float, surface: Surface) -> float:
+    """Distance of punch and die [mm], by default 1.2 thicknesses without pressure. Raises
+    InputError for one that is less than the `pressed` thickness, or leaves the die's bulges no
+    radius."""
     clearance, radius = asked or 1.2 * thickness, radii_of(surface)[1]
-    if clearance < thickness:
+    if clearance < pressed:
         raise InputError(
-            f"`clearance` {clearance:g} is less than the thickness of ply or stack; "
-            f"allowed is from {thickness:g} mm"
+            f"`clearance` {clearance:g} is less than the thickness of ply or stack under "
+            f"{PRESSED:g} MPa; allowed is from {pressed:.3g} mm"
         )
     if clearance >= radius:
         usual = "" if asked else ", 1.2 thicknesses,"
         raise InputError(
             f"`clearance` {clearance:g}{usual} leaves the die no radius where the punch is hollow; "
-            f"allowed is from {thickness:g} to below {radius:g} mm, the least radius there"
+            f"allowed is from {pressed:.3g} to below {radius:g} mm, the least radius there"
         )
     return clearance

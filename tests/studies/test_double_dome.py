@@ -44,7 +44,7 @@ def test_a_ply_is_formed(launch, angle):
     assert q["wrinkles"]["height_largest_mm"] < 0.5
     (warning,) = [w for w in s["warnings"] if "mm long where" in w]
     assert any("linear cells" in w for w in s["warnings"]) == (angle == 45)
-    assert "cells are 28.2 mm long where the die has a radius of 7.54 mm" in warning
+    assert "cells are 28.2 mm long where the die has a radius of 7.45 mm" in warning
     assert done.err.count(warning) == 1
     for name in ("formed", "states", "paths", "outline", "curve"):
         assert (done.folder / f"{name}.png").stat().st_size > 10_000
@@ -132,9 +132,9 @@ def test_a_run_goes_on_from_its_checkpoint(launch):
         (("--dome", "height=60"), ["--dome", "height", "entry_radius"]),
         (("--dome", "depth"), ["--dome NAME=VALUE", "depth is ''", "above 0"]),
         (("--stroke", 70), ["--stroke 70", "up to 60"]),
-        (("--clearance", 0.5), ["--clearance 0.5", "from 1 mm"]),
+        (("--clearance", 0.5), ["--clearance 0.5", "from 0.697 mm"]),
         (("--penalty", 0), ["--penalty", "above 0"]),
-        (("--holder", "gap", "--holder-gap", 0.2), ["gap", "is 0.2", "from 0.5 mm"]),
+        (("--holder", "gap", "--holder-gap", 0.2), ["gap", "is 0.2", "from 0.537"]),
         (("--holder-force", 5e4), ["--holder-force is", "--holder is pressure", "--holder force"]),
         (("--holder", "gap", "--holder-pressure", 1), ["--holder is gap", "--holder pressure"]),
         (("--punch", "nowhere.stl"), ["nowhere.stl", "does not exist"]),
@@ -159,7 +159,7 @@ def test_a_punch_from_a_file(launch, tmp_path):
     meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
     options = "--quick", "--nx", 8, "--stroke", 12, "--steps", 4, "--no-pictures"
     forces = []
-    for punch in ((), ("--punch", "punch.stl", "--penalty", 680)):
+    for punch in ((), ("--punch", "punch.stl")):
         done = launch("double_dome", *options, *punch)
         assert done.status == 0, done.err
         forces.append(done.summary["quantities"]["punch_force_N"])
