@@ -12,7 +12,8 @@ class Work:
     Between two accepted states forces and places are parabolas in the load. So work over few steps
     is as exact as energies are, also where forces grow as a power of the load or turn with the
     tool. A parabola goes through the last three states. It is bent at most `GROWTH` times as much
-    as the one before it: so a kink, as where friction begins to slip, stays a kink.
+    as the one before it, and to the same side: so a kink, as where friction begins to slip, stays a
+    kink. Sizes and sides are those of all forces, or places, together: axes don't matter.
     """
 
     def __init__(self) -> None:
@@ -53,5 +54,7 @@ def _curvature(loads, states):
     bends = [(b - a) / (y - x) for a, b, x, y in zip(slopes, slopes[1:], loads, loads[2:])]
     if not bends:
         return np.zeros_like(states[0])
-    bound = GROWTH * bends[0]  # of itself after two steps
-    return np.clip(bends[-1], np.minimum(bound, 0), np.maximum(bound, 0))
+    before, now = bends[0], bends[-1]  # the same after two steps
+    bound, size = (np.linalg.norm(bend, axis=1, keepdims=True) for bend in (GROWTH * before, now))
+    along = (before * now).sum(1, keepdims=True) > 0
+    return now * np.where(along, np.minimum(1.0, bound / np.maximum(size, 1e-300)), 0.0)

@@ -50,7 +50,7 @@ class LoadStepping:
     `start`: next load, attempt, judges, accept or back off.
 
     A scene that is not in equilibrium at load 0, as under a blank holder's dead pressure, is first
-    brought to it there: what it then stores counts as work done. Work of supports and tools is
+    brought to it there. What it stores at load 0 counts as work done. Work of supports and tools is
     summed by parabolas, see `Work`.
 
     on_accept(Accepted) is called at load 0 and at each accepted state, with the scene in that
@@ -123,6 +123,7 @@ class LoadStepping:
             progress.stored = sum(self._energies().values())
             self._in_equilibrium = newton.is_at_rest(progress.x)
             if self._in_equilibrium:
+                progress.work = progress.stored
                 self._tell(Report(converged=True), self._energies())
 
     def _is_finished(self):

@@ -100,7 +100,7 @@ class BlankHolderPressure(PressingTerm):
         """Press the areas under the holder now, if they differ by more than `lag`, and have
         friction follow; whether any did."""
         updated = self._update_areas()
-        rubbed = self.friction is not None and self.friction.update_lagged(self.normal_forces())
+        rubbed = self.update_friction()
         return updated or rubbed
 
     def _update_areas(self):

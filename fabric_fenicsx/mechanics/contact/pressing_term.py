@@ -46,6 +46,11 @@ class PressingTerm(Term):
         """Unit vectors along which this rank's nodes are or would be pressed, (nodes, 3)."""
         raise NotImplementedError
 
+    def arms(self) -> np.ndarray:
+        """Vectors from the tool to this rank's nodes, across its surface (nodes, 3) [mm], NaN where
+        it is far off; 0 by default, as of a tool that is flat."""
+        return np.zeros((self.nodes.count, 3))
+
     def pressing_forces(self) -> np.ndarray:
         """Forces by which the tool presses this rank's nodes, without friction, (nodes, 3) [N]. A
         tool moved by force is then where its force is balanced, on all ranks."""
@@ -62,8 +67,8 @@ class PressingTerm(Term):
         self._note_start()
         self._friction_force = np.zeros(3)  # in the last accepted state, before it was accepted
         if self.coulomb:
-            given = (self._coefficient(self.coulomb), self.normal_forces(), self.normals())
-            self.friction = Friction(self.coulomb, *given, self.nodes.comm)
+            given = self._coefficient(self.coulomb), self.normal_forces(), self.normals()
+            self.friction = Friction(self.coulomb, *given, self.arms(), self.nodes.comm)
             self._friction_at_start = np.zeros(3)
 
     def _coefficient(self, coulomb):
@@ -85,12 +90,18 @@ class PressingTerm(Term):
         place, tool = self._start
         return self.nodes.displacement() - place - (self.tool.displacement - tool)
 
+    def update_friction(self) -> bool:
+        """Have friction take normal forces and arms if needed; whether it did."""
+        if not self.friction:
+            return False
+        return self.friction.update_lagged(self.slid(), self.normal_forces(), self.arms())
+
     def accept_friction(self) -> None:
         """Have friction take the present state as the last accepted one."""
         if self.friction:
             slid = self.slid()
             self._friction_force = self.friction.total(slid)
-            self.friction.accept(slid, self.normal_forces(), self.normals())
+            self.friction.accept(slid, self.normal_forces(), self.normals(), self.arms())
             self._note_start()
             self._friction_at_start = self.friction.total(self.slid())
 

@@ -100,10 +100,10 @@ class SheetContact(Term):
         # the last displacement and faces, and what was found there
         self._found: tuple[np.ndarray, Facing, Pressed] | None = None
         self._first = self._held.accepted
-        self.totals = self._totals()
+        self.totals, self._couple = self._totals(), np.zeros(3)
         self._check_start()
         if self.coulomb:
-            given = self.coulomb.largest, self.normal_forces(), self._normals()
+            given = self.coulomb.largest, self.normal_forces(), self._normals(), self._arms()
             self.friction = Friction(self.coulomb, *given, scene.blank.mesh.comm)
 
     def _face(self, scene, part):
@@ -163,7 +163,8 @@ class SheetContact(Term):
         self._depth[now.points] = np.maximum(self._depth[now.points], -now.gap)
         if self.friction:
             slid = self.points.of_all(start, start.slid())
-            self.friction.accept(slid, self.normal_forces(), self._normals())
+            self._couple = self.friction.couple(slid)
+            self.friction.accept(slid, self.normal_forces(), self._normals(), self._arms())
 
     def update_lagged(self) -> bool:
         """Take the faces anew if needed, and have friction take the normal forces; whether any
@@ -171,8 +172,10 @@ class SheetContact(Term):
         moved = self._held.update(
             lambda facing: self.points.of_all(facing, self._pressed(facing).forces)
         )
-        rubbed = self.friction is not None and self.friction.update_lagged(self.normal_forces())
-        return moved or rubbed
+        if not self.friction:
+            return moved
+        given = self._slid(), self.normal_forces(), self._arms()
+        return self.friction.update_lagged(*given) or moved
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Largest overlap at each point in accepted states, (cells, points) [mm]; elastic slip
@@ -252,6 +255,14 @@ class SheetContact(Term):
         unit = start.normal / np.linalg.norm(start.normal, axis=1)[:, None]
         return self.points.of_all(start, unit)
 
+    def _arms(self, facing=None):
+        """From the other sheet to all points, across its face (count, 3) [mm], NaN where a point
+        lies over nothing; of the faces that are held, or others."""
+        now = facing or self._held.now
+        unit = now.normal / np.linalg.norm(now.normal, axis=1)[:, None]
+        apart = now.gap + self.points.distance
+        return self.points.of_all(now, apart[:, None] * unit, np.nan)
+
     def normal_forces(self) -> np.ndarray:
         """Normal forces on all points of this rank, 0 where one lies over nothing (count,) [N]."""
         now = self._held.now
@@ -286,10 +297,11 @@ class SheetContact(Term):
         return self.name
 
     def sliding(self) -> np.ndarray:
-        """How far each point has moved along the other sheet from the place that it lay over at the
-        start, (count, 3) [mm]; NaN where it lay or lies over none."""
+        """How far the face at each point has slid along that of the other sheet from the place that
+        it lay on at the start, (count, 3) [mm]; NaN where it lay or lies over none."""
         first, now = self._first, self._held.now
         moved = self.points.of_all(first, first.slid(), np.nan)
+        moved -= self._arms() - self._arms(first)
         normal = self.points.of_all(now, now.normal, np.nan)
         return moved - (moved * normal).sum(1, keepdims=True) * normal
 
@@ -315,4 +327,6 @@ class SheetContact(Term):
             "penetration_of_thickness": self.penetration_of_thickness(),
             "sliding_largest_mm": comm.allreduce(float(np.nanmax(sizes, initial=0.0)), MPI.MAX),
         }
+        if self.friction:
+            pair["friction_couple_Nmm"] = float(np.linalg.norm(self._couple))
         return {"sheet_contacts": joined({f"{self.sheets[0]}, {self.sheets[1]}": pair})}

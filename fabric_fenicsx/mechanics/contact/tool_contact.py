@@ -173,7 +173,7 @@ class Contact(PressingTerm):
         """Shift the surface by what is penetrated, if more than permitted, and have friction take
         the normal forces; whether any did."""
         shifted = self._shift_surface()
-        rubbed = self.friction is not None and self.friction.update_lagged(self.normal_forces())
+        rubbed = self.update_friction()
         if rubbed and self.tool.force:
             self.rebalance()
         return shifted or rubbed
@@ -221,6 +221,11 @@ class Contact(PressingTerm):
     def normals(self) -> np.ndarray:
         """Of the tool nearest to this rank's nodes, (nodes, 3)."""
         return self.state().normal
+
+    def arms(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        now, half = self.state(), self.thickness / 2
+        return np.where(now.gap < half, now.gap + half, np.nan)[:, None] * now.normal
 
     def pressing_forces(self) -> np.ndarray:
         """As in `PressingTerm`."""
