@@ -11,6 +11,7 @@ from ...runtime.errors import InputError
 from ...sheets.blank import Part
 from ...tools.facets import LAST, NEXT, vertex_normals
 from ..shell.morley import Where
+from .face_sliding import Corners
 
 UP = np.array([0.0, 0.0, 1.0])
 NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
@@ -154,6 +155,15 @@ class Face:
     def own_weights(self, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
         """`weights` of this rank's cells, at the k places N (k, 3) of each, (cells k, nodes)."""
         return self.weights(np.repeat(self._own, len(N)), np.tile(N, (len(self._own), 1)), flat)
+
+    def own_triangles(self) -> np.ndarray:
+        """Numbers (cells,) of this rank's cells among `triangles`."""
+        return self._own
+
+    def corners(self, triangle: np.ndarray, N: np.ndarray, arm: np.ndarray) -> Corners:
+        """`Corners` of triangles (n,) with points at barycentric coordinates N (n, 3), and arms."""
+        nodes = self.triangles[triangle]
+        return Corners(self.nodes[nodes], self.places[nodes], N, arm)
 
     def flat(self, N: np.ndarray) -> np.ndarray:
         """Undeformed places (cells k, 3) [mm] of the points of `own_weights`."""

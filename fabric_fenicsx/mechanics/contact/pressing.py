@@ -11,11 +11,13 @@ ANTICIPATED = 4.0  # times the present pressure, up to which the next one is ant
 
 class Pressed(NamedTuple):
     """What a face does to n points: gap (n,) [mm] between both, below 0 where they overlap, its
-    gradient `normal` (n, 3), pressure (n,) [MPa], forces on the points (n, 3) [N], `blocks`
-    (n, 3, 3) [N/mm] by which these fall as points move, and energy (n,) [N mm]."""
+    gradient `normal` (n, 3) and Hessian `curvature` (n, 3, 3) [1/mm], pressure (n,) [MPa], forces
+    on the points (n, 3) [N], `blocks` (n, 3, 3) [N/mm] by which these fall as points move, and
+    energy (n,) [N mm]."""
 
     gap: np.ndarray
     normal: np.ndarray
+    curvature: np.ndarray
     pressure: np.ndarray
     forces: np.ndarray
     blocks: np.ndarray
@@ -36,10 +38,10 @@ def press(
     energy, pressure, slope = law(np.maximum(0.0, shift - gap))
     if np.any(shift):
         energy = energy - law(np.asarray(shift))[0]
-    force = areas * pressure
+    force, energy = areas * pressure, areas * energy
     blocks = (areas * slope)[:, None, None] * normal[:, :, None] * normal[:, None]
     blocks -= force[:, None, None] * curvature
-    return Pressed(gap, normal, pressure, force[:, None] * normal, blocks, areas * energy)
+    return Pressed(gap, normal, curvature, pressure, force[:, None] * normal, blocks, energy)
 
 
 def anticipate(law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray) -> Pressed:

@@ -51,6 +51,11 @@ class PressingTerm(Term):
         it is far off; 0 by default, as of a tool that is flat."""
         return np.zeros((self.nodes.count, 3))
 
+    def levers(self) -> np.ndarray:
+        """How the sheet's face moves along the tool as a node does: the derivative of the node's
+        place less its arm, symmetric (nodes, 3, 3); by default as the node."""
+        return np.broadcast_to(np.eye(3), (self.nodes.count, 3, 3))
+
     def pressing_forces(self) -> np.ndarray:
         """Forces by which the tool presses this rank's nodes, without friction, (nodes, 3) [N]. A
         tool moved by force is then where its force is balanced, on all ranks."""
@@ -68,7 +73,7 @@ class PressingTerm(Term):
         self._friction_force = np.zeros(3)  # in the last accepted state, before it was accepted
         if self.coulomb:
             given = self._coefficient(self.coulomb), self.normal_forces(), self.normals()
-            self.friction = Friction(self.coulomb, *given, self.arms(), self.nodes.comm)
+            self.friction = Friction(self.coulomb, *given, self.nodes.comm)
             self._friction_at_start = np.zeros(3)
 
     def _coefficient(self, coulomb):
@@ -83,27 +88,61 @@ class PressingTerm(Term):
     def _note_start(self):
         """Sliding counts from here."""
         self._start = self.nodes.displacement(), self.tool.displacement.copy()
+        self._offset = 0.0  # of sliding, by which it is not linear in the nodes' motion
+        if self.coulomb:
+            self._arms, self._levers = self.arms(), self.levers()
 
-    def slid(self) -> np.ndarray:
-        """How far this rank's nodes moved relative to the tool since the last accepted state,
-        (nodes, 3) [mm]."""
+    def _moved(self):
+        """How far nodes moved along with the tool since the last accepted state (nodes, 3)."""
         place, tool = self._start
         return self.nodes.displacement() - place - (self.tool.displacement - tool)
 
+    def slid(self) -> np.ndarray:
+        """How far the sheet's face has slid along the tool since the last accepted state, as it is
+        held during a solve: linear in the nodes' motion (nodes, 3) [mm]."""
+        return self._offset + _times(self._levers, self._moved())
+
+    def _slid_exactly(self):
+        """Without what the arms have turned by (nodes, 3) [mm]."""
+        return self._moved() - np.nan_to_num(self.arms() - self._arms)
+
+    def rubbing_forces(self) -> np.ndarray:
+        """Forces of friction on this rank's nodes (nodes, 3) [N]: as they act at the face, they do
+        less along a curved tool than at the mid-surface."""
+        if not self.friction:
+            return np.zeros((self.nodes.count, 3))
+        return _times(self._levers, self.friction.forces(self.slid()))
+
+    def rubbing_blocks(self) -> np.ndarray:
+        """By which the forces of friction fall as nodes move (nodes, 3, 3) [N/mm]."""
+        if not self.friction:
+            return np.zeros((self.nodes.count, 3, 3))
+        return self._levers @ self.friction.blocks(self.slid()) @ self._levers
+
     def update_friction(self) -> bool:
-        """Have friction take normal forces and arms if needed; whether it did."""
+        """Have friction take normal forces and sliding anew if needed; whether it did."""
         if not self.friction:
             return False
-        return self.friction.update_lagged(self.slid(), self.normal_forces(), self.arms())
+        held, exact = self.slid(), self._slid_exactly()
+        if not self.friction.update_lagged(self.normal_forces(), held, exact):
+            return False
+        self._offset = self._offset + exact - held
+        return True
+
+    def restore_friction(self) -> None:
+        """Have friction go back to the last accepted state."""
+        if self.friction:
+            self.friction.restore()
+            self._offset = 0.0
 
     def accept_friction(self) -> None:
         """Have friction take the present state as the last accepted one."""
         if self.friction:
-            slid = self.slid()
-            self._friction_force = self.friction.total(slid)
-            self.friction.accept(slid, self.normal_forces(), self.normals(), self.arms())
+            self._friction_force = self.nodes.total(self.rubbing_forces())
+            given = self.normal_forces(), self.normals()
+            self.friction.accept(self._slid_exactly(), *given)
             self._note_start()
-            self._friction_at_start = self.friction.total(self.slid())
+            self._friction_at_start = self.nodes.total(self.rubbing_forces())
 
     def friction_work(self) -> float:
         """Work of the tool's motion against friction since the last accepted state, by trapezoids,
@@ -111,13 +150,12 @@ class PressingTerm(Term):
         if not self.friction:
             return 0.0
         moved = self.tool.displacement - self._start[1]
-        work = 0.5 * (self._friction_at_start + self.friction.total(self.slid())) @ moved
+        work = 0.5 * (self._friction_at_start + self.nodes.total(self.rubbing_forces())) @ moved
         return float(work) if self.nodes.comm.rank == 0 else 0.0
 
     def forces(self) -> np.ndarray:
         """Forces of the tool on this rank's nodes, friction included (nodes, 3) [N]."""
-        pressing = self.pressing_forces()
-        return pressing + self.friction.forces(self.slid()) if self.friction else pressing
+        return self.pressing_forces() + self.rubbing_forces()
 
     # -- what a scene calls
 
@@ -144,7 +182,7 @@ class PressingTerm(Term):
         """As in `Term`: that of friction, (9 nodes,) each [N/mm]."""
         if not self.friction:
             return NO_TANGENT
-        return self.nodes.rows, self.nodes.cols, self.friction.blocks(self.slid()).ravel()
+        return self.nodes.rows, self.nodes.cols, self.rubbing_blocks().ravel()
 
     def memory(self) -> dict[str, np.ndarray]:
         """Elastic slip (nodes, 3) [mm] and energy taken by friction (nodes, 1) [N mm] in the last
@@ -163,3 +201,8 @@ class PressingTerm(Term):
     def tool_force(self) -> np.ndarray:
         """As in `Pressing`."""
         return self.force() + self._friction_force
+
+
+def _times(matrices, vectors):
+    """Products (n, 3) of matrices (n, 3, 3) and vectors (n, 3)."""
+    return (matrices @ vectors[..., None])[..., 0]

@@ -13,6 +13,7 @@ from ..roles import Touching
 from ..shell.morley import Where
 from ..term import SceneFacts, Term, Triplets
 from .coulomb import Coulomb, as_coulomb
+from .face_sliding import FaceSliding
 from .friction import Friction
 from .held_faces import HeldFaces
 from .pressing import Pressed, anticipate, press
@@ -40,8 +41,8 @@ class SheetContact(Term):
     - penalty [N/mm^3]: makes fabric rigid, too; by default metal has `default_penalty` with the
       scene's tightest tool
     - symmetric: as in `Bending`
-    - friction: its coefficient, or a `Coulomb` with its options; it acts at the same points, on the
-      flat triangles of the last accepted state
+    - friction: its coefficient, or a `Coulomb` with its options; it acts at the same points, at the
+      faces (`FaceSliding`)
 
     totals: force by which the lower sheet presses the upper one, and the sum of normal forces, in
     the last accepted state before faces were taken anew, of all ranks (4,) [N]. Raises InputError
@@ -91,7 +92,7 @@ class SheetContact(Term):
             lower,
             upper,
             self._points_of_cell,
-            sum(thickness for thickness, _ in faces) / 2,
+            [thickness for thickness, _ in faces],
             self._symmetric,
         )
         self._held = HeldFaces(self.points, self._lag, 3 * self.points.nodes.count)
@@ -100,11 +101,12 @@ class SheetContact(Term):
         # the last displacement and faces, and what was found there
         self._found: tuple[np.ndarray, Facing, Pressed] | None = None
         self._first = self._held.accepted
-        self.totals, self._couple = self._totals(), np.zeros(3)
+        self.totals = self._totals()
         self._check_start()
         if self.coulomb:
-            given = self.coulomb.largest, self.normal_forces(), self._normals(), self._arms()
+            given = self.coulomb.largest, self.normal_forces(), self._normals()
             self.friction = Friction(self.coulomb, *given, scene.blank.mesh.comm)
+            self._begin_sliding()
 
     def _face(self, scene, part):
         """A sheet's thickness without pressure [mm], and the law of its face."""
@@ -151,6 +153,7 @@ class SheetContact(Term):
         self._held.restore()
         if self.friction:
             self.friction.restore()
+            self._offset = 0.0
 
     def accept(self) -> None:
         """Take the faces as they are, and let friction follow."""
@@ -158,13 +161,12 @@ class SheetContact(Term):
         if self.points.facing() is not self._held.now:
             self.totals = self._totals()
         self._held.accept()
-        now = self._held.accepted
+        exact, now = self._slid_exactly(start, self._held.accepted), self._held.accepted
         self._depth *= self._load > 0  # states before the last one at load 0 are not in equilibrium
         self._depth[now.points] = np.maximum(self._depth[now.points], -now.gap)
         if self.friction:
-            slid = self.points.of_all(start, start.slid())
-            self._couple = self.friction.couple(slid)
-            self.friction.accept(slid, self.normal_forces(), self._normals(), self._arms())
+            self.friction.accept(exact, self.normal_forces(), self._normals())
+            self._begin_sliding()
 
     def update_lagged(self) -> bool:
         """Take the faces anew if needed, and have friction take the normal forces; whether any
@@ -174,8 +176,11 @@ class SheetContact(Term):
         )
         if not self.friction:
             return moved
-        given = self._slid(), self.normal_forces(), self._arms()
-        return self.friction.update_lagged(*given) or moved
+        held, exact = self._slid(), self._slid_exactly(self._held.accepted, self._held.now)
+        if not self.friction.update_lagged(self.normal_forces(), held, exact):
+            return moved
+        self._offset = self._offset + exact - held
+        return True
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Largest overlap at each point in accepted states, (cells, points) [mm]; elastic slip
@@ -190,6 +195,7 @@ class SheetContact(Term):
         if self.friction:
             self.friction.recall(known)
             self._held.begin_here()
+            self._begin_sliding()
 
     # -- energy, forces, stiffness
 
@@ -229,39 +235,41 @@ class SheetContact(Term):
         """As in `Term`."""
         self._held.now.pairs.add(-self._pressed().forces, f)
         if self.friction:
-            start = self._held.accepted
-            start.pairs.add(-self.friction.forces(self._slid())[start.points], f)
+            forces = self.friction.forces(self._slid())
+            self._sliding.add(-forces[self._held.accepted.points], f)
 
     def tangent(self) -> Triplets:
         """As in `Term`."""
-        pairs, start = self._held.now.pairs, self._held.accepted
+        pairs = self._held.now.pairs
         pressed = pairs.rows, pairs.cols, pairs.values(self._pressed().blocks)
         if not self.friction:
             return pressed
-        blocks = self.friction.blocks(self._slid())[start.points]
-        rubbed = start.pairs.rows, start.pairs.cols, start.pairs.values(blocks)
+        blocks = self.friction.blocks(self._slid())[self._held.accepted.points]
+        rubbed = self._sliding.rows, self._sliding.cols, self._sliding.values(blocks)
         rows, cols, values = (np.concatenate(both) for both in zip(pressed, rubbed))
         return rows, cols, values
 
     def _slid(self):
-        """How far the points moved on the other sheet since the last accepted state (count, 3)
-        [mm]; 0 of those that lay over nothing."""
+        """How far faces slid at the points since the last accepted state (count, 3) [mm], 0 at
+        those that lay over nothing: as it is held during a solve, linear in the displacement."""
+        return self._offset + self.points.of_all(self._held.accepted, self._sliding.slid())
+
+    def _slid_exactly(self, start, now):
+        """From one `Facing` to another: what points moved, less what their arms turned."""
+        moved = self.points.of_all(start, start.moved())
+        before, after = (self.points.of_all(each, each.arms(), np.nan) for each in (start, now))
+        return moved - np.nan_to_num(after - before)
+
+    def _begin_sliding(self):
+        """Sliding counts from the accepted state."""
         start = self._held.accepted
-        return self.points.of_all(start, start.slid())
+        self._sliding = FaceSliding(self.blank, *start.corners, start.unit_normals())
+        self._offset = 0.0  # of sliding, by which it is not linear
 
     def _normals(self):
         """Unit normals of the accepted faces at all points (count, 3), 0 where there is none."""
         start = self._held.accepted
-        unit = start.normal / np.linalg.norm(start.normal, axis=1)[:, None]
-        return self.points.of_all(start, unit)
-
-    def _arms(self, facing=None):
-        """From the other sheet to all points, across its face (count, 3) [mm], NaN where a point
-        lies over nothing; of the faces that are held, or others."""
-        now = facing or self._held.now
-        unit = now.normal / np.linalg.norm(now.normal, axis=1)[:, None]
-        apart = now.gap + self.points.distance
-        return self.points.of_all(now, apart[:, None] * unit, np.nan)
+        return self.points.of_all(start, start.unit_normals())
 
     def normal_forces(self) -> np.ndarray:
         """Normal forces on all points of this rank, 0 where one lies over nothing (count,) [N]."""
@@ -300,8 +308,9 @@ class SheetContact(Term):
         """How far the face at each point has slid along that of the other sheet from the place that
         it lay on at the start, (count, 3) [mm]; NaN where it lay or lies over none."""
         first, now = self._first, self._held.now
-        moved = self.points.of_all(first, first.slid(), np.nan)
-        moved -= self._arms() - self._arms(first)
+        moved = self.points.of_all(first, first.moved(), np.nan)
+        moved -= self.points.of_all(now, now.arms(), np.nan)
+        moved += self.points.of_all(first, first.arms(), np.nan)
         normal = self.points.of_all(now, now.normal, np.nan)
         return moved - (moved * normal).sum(1, keepdims=True) * normal
 
@@ -327,6 +336,4 @@ class SheetContact(Term):
             "penetration_of_thickness": self.penetration_of_thickness(),
             "sliding_largest_mm": comm.allreduce(float(np.nanmax(sizes, initial=0.0)), MPI.MAX),
         }
-        if self.friction:
-            pair["friction_couple_Nmm"] = float(np.linalg.norm(self._couple))
         return {"sheet_contacts": joined({f"{self.sheets[0]}, {self.sheets[1]}": pair})}

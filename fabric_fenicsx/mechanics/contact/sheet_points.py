@@ -10,6 +10,7 @@ from scipy import sparse
 
 from ...sheets.blank import Part
 from ..shell.morley import Where
+from .face_sliding import Corners
 from .faces import Face
 from .nodes import Nodes
 from .pairs import Pairs
@@ -26,6 +27,7 @@ class Facing(NamedTuple):
       (n, 3, 3) [1/mm]
     - pairs: what the points move with, on flat triangles, so that few nodes are coupled; relative
       (n, 3): their displacement relative to the other sheet in that shape [mm]
+    - corners: the flat triangles of both sheets, of the one with the points first
     """
 
     points: np.ndarray
@@ -35,16 +37,26 @@ class Facing(NamedTuple):
     curvature: np.ndarray
     pairs: Pairs
     relative: np.ndarray
+    corners: tuple[Corners, Corners]
+
+    def unit_normals(self) -> np.ndarray:
+        """Of the face below, towards the points (n, 3)."""
+        return self.normal / np.linalg.norm(self.normal, axis=1)[:, None]
+
+    def arms(self) -> np.ndarray:
+        """From mid-surface to mid-surface, across the faces (n, 3) [mm]."""
+        over, below = self.corners
+        return (below.arm - over.arm)[:, None] * self.unit_normals()
 
     def paraboloid(self) -> tuple[np.ndarray, np.ndarray]:
         """Gap (n,) [mm] and its gradient (n, 3) at the present displacement, from place, gradient
         and Hessian of then: without kinks."""
-        moved = self.slid()
+        moved = self.moved()
         turned = np.einsum("nij,nj->ni", self.curvature, moved)
         gap = self.gap + ((self.normal + 0.5 * turned) * moved).sum(1)
         return gap, self.normal + turned
 
-    def slid(self) -> np.ndarray:
+    def moved(self) -> np.ndarray:
         """Displacement relative to the other sheet since then, (n, 3) [mm]."""
         return self.pairs.relative() - self.relative
 
@@ -56,31 +68,38 @@ class SheetPoints:
 
     - part: the sheet with the points; side: 1 if it is the upper one, else -1
     - areas (count,): undeformed areas that this rank's `count` points stand for [mm^2]
-    - distance [mm]: of the mid-surfaces where the gap is 0
+    - thickness (lower, upper) [mm]: their mean is the distance of the mid-surfaces where the gap
+      is 0
     - nodes: of the whole blank
     """
 
     def __init__(
-        self, lower: Part, upper: Part, rule: int, distance: float, symmetric: Sequence[Where]
+        self,
+        lower: Part,
+        upper: Part,
+        rule: int,
+        thickness: Sequence[float],
+        symmetric: Sequence[Where],
     ) -> None:
         self.blank, self._lower, self._upper = lower.blank, lower, upper
         parts = lower, upper
-        comm, self.distance = self.blank.mesh.comm, distance
+        comm, self._distance = self.blank.mesh.comm, sum(thickness) / 2
         areas = [self.blank.areas()[part.cells] for part in parts]
         sizes = [comm.allreduce(each.sum()) / comm.allreduce(len(each)) for each in areas]
         over = 1 if sizes[1] <= sizes[0] * (1 + 1e-6) else 0
         self.part = parts[over]
+        self._share = thickness[over] / sum(thickness)  # of the distance, by which the face is off
         self.side = 1.0 if over else -1.0  # the face below the points looks at them
         self._face = Face(parts[1 - over], self.side, list(symmetric))
         self._own = Face(self.part, 1.0, list(symmetric))
         # other sheets may lie between them
         apart = abs(self._own.flat_height() - self._face.flat_height())
-        self._reach = apart + REACH * distance
+        self._reach = apart + REACH * self._distance
         places, weights = basix.make_quadrature(basix.CellType.triangle, POINTS[rule])
         N = np.column_stack([1 - places.sum(1), places])
         self.per_cell = len(N)
         self._weights = self._own.own_weights(N)
-        self._flat_weights = self._own.own_weights(N, flat=True)
+        self._flat_weights, self._places = self._own.own_weights(N, flat=True), N
         self._flat = self._own.flat(N)
         self.areas = (areas[over][:, None] * weights / weights.sum()).ravel()
         self.count = len(self.areas)
@@ -113,11 +132,21 @@ class SheetPoints:
         return Facing(
             at,
             self.areas[at],
-            over.gap[at] - self.distance,
+            over.gap[at] - self._distance,
             over.normal[at],
             over.curvature[at],
             pairs,
             pairs.relative(),
+            self._corners(over, at),
+        )
+
+    def _corners(self, over, at):
+        """Of the points `at`, what a `Facing` tells."""
+        own, face, arm = self._own, self._face, over.gap[at]
+        mine, N = at // self.per_cell, self._places[at % self.per_cell]
+        return (
+            own.corners(own.own_triangles()[mine], N, -self._share * arm),
+            face.corners(over.triangle[at], over.weights[at], (1 - self._share) * arm),
         )
 
     def of_all(self, facing: Facing, values: np.ndarray, other: float = 0.0) -> np.ndarray:

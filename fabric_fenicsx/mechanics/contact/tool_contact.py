@@ -152,8 +152,7 @@ class Contact(PressingTerm):
             self._accepted_shift,
             None,
         )
-        if self.friction:
-            self.friction.restore()
+        self.restore_friction()
 
     def accept(self) -> None:
         """Take the present place of the tool and shift of its surface as the last accepted ones."""
@@ -224,8 +223,16 @@ class Contact(PressingTerm):
 
     def arms(self) -> np.ndarray:
         """As in `PressingTerm`."""
+        return self._arm_lengths()[:, None] * self.state().normal
+
+    def levers(self) -> np.ndarray:
+        """As in `PressingTerm`."""
+        curvature = np.nan_to_num(self._arm_lengths())[:, None, None] * self.state().curvature
+        return np.eye(3) - curvature
+
+    def _arm_lengths(self):
         now, half = self.state(), self.thickness / 2
-        return np.where(now.gap < half, now.gap + half, np.nan)[:, None] * now.normal
+        return np.where(now.gap < half, now.gap + half, np.nan)
 
     def pressing_forces(self) -> np.ndarray:
         """As in `PressingTerm`."""
@@ -363,7 +370,7 @@ class Contact(PressingTerm):
 
     def _blocks(self, now):
         """By which forces of contact and friction fall as nodes move, (nodes, 3, 3) [N/mm]."""
-        return now.blocks + self.friction.blocks(self.slid()) if self.friction else now.blocks
+        return now.blocks + self.rubbing_blocks()
 
     def _balanced(self, x):
         """The nodes at x as they are pressed where the tool's force is in balance, sought from
@@ -375,7 +382,7 @@ class Contact(PressingTerm):
             nonlocal now
             tool.travel = travel
             now = self._state_at(x)
-            forces = now.forces + self.friction.forces(self.slid()) if self.friction else now.forces
+            forces = now.forces + self.rubbing_forces()
             free = nodes.comm.allreduce(now.gap.min(initial=np.inf), MPI.MIN)
             return Resistance(
                 float(nodes.total(forces) @ tool.direction),

@@ -92,7 +92,7 @@ LIMIT = 0.3 * AREAS
 
 def friction(**options):
     """Points pressed by 1 N for each area."""
-    return Friction(Coulomb(0.3, 0.1, **options), 0.3, AREAS, UP, UP, MPI.COMM_SELF)
+    return Friction(Coulomb(0.3, 0.1, **options), 0.3, AREAS, UP, MPI.COMM_SELF)
 
 
 def along(x):
@@ -104,7 +104,7 @@ def test_points_stick_then_slide_and_keep_what_is_elastic():
     assert rubbing.forces(along(0.05))[:, 0] == pytest.approx(-LIMIT / 2)
     assert rubbing.forces(along(0.5))[:, 0] == pytest.approx(-LIMIT)
     assert rubbing.energy(along(0.5)) == pytest.approx(LIMIT.sum() * 0.45)
-    rubbing.accept(along(0.5), AREAS, UP, UP)
+    rubbing.accept(along(0.5), AREAS, UP)
     assert rubbing.energy(along(0.0)) == pytest.approx(LIMIT.sum() * 0.45)
     assert rubbing.forces(along(-0.1))[:, 0] == pytest.approx(0, abs=1e-12)
 
@@ -122,19 +122,21 @@ def test_blocks_are_derivatives_of_the_forces():
 
 def test_normal_forces_are_taken_anew_beyond_the_lag_and_forgotten_by_restore():
     rubbing = friction(lag=0.1)
-    assert not rubbing.update_lagged(along(0.0), 1.05 * AREAS, UP)
-    assert rubbing.update_lagged(along(0.0), 2 * AREAS, UP)
+    assert not rubbing.update_lagged(1.05 * AREAS, along(0.0), along(0.0))
+    assert rubbing.update_lagged(2 * AREAS, along(0.0), along(0.0))
     assert rubbing.forces(along(1.0))[:, 0] == pytest.approx(-2 * LIMIT)
     rubbing.restore()
     assert rubbing.forces(along(1.0))[:, 0] == pytest.approx(-LIMIT)
-    assert not friction().update_lagged(along(0.0), 2 * AREAS, UP)  # one step behind, by default
+    assert not friction().update_lagged(
+        2 * AREAS, along(0.0), along(0.0)
+    )  # one step behind, by default
 
 
 def test_what_is_remembered_is_taken_back():
     first, second = friction(), friction()
-    first.accept(along(0.15), AREAS, UP, UP)
+    first.accept(along(0.15), AREAS, UP)
     second.recall(first.memory())
-    second.accept(along(0.0), AREAS, UP, UP)
+    second.accept(along(0.0), AREAS, UP)
     for x in (0.0, 0.02, 0.3):
         assert second.forces(along(x)) == pytest.approx(first.forces(along(x)))
         assert second.energy(along(x)) == pytest.approx(first.energy(along(x)))

@@ -176,27 +176,24 @@ def pulled_at_its_end(pull, stiffness):
     return force(brentq(excess, 0.0, LENGTH))
 
 
-@pytest.mark.parametrize(
-    "pull, falls", [(0.5 * SLIP, 0.55), pytest.param(2 * SLIP, 0.9, marks=pytest.mark.mpi)]
-)
-def test_shear_lag(pull, falls):
-    """An elastic sheet pulled at its end, that sticks, or slides along a part of it; converging,
-    with the width of the rim, where the pressure is uneven."""
-    exact, off = pulled_at_its_end(pull, 1e4 * WIDTH), []
-    for cells in (6, 12):
-        result = pull_out(lambda load: pull * load, False, cells, cells, steps=2)
-        off.append(abs(result.rows[-1]["reaction_N"] / exact - 1))
-    assert off[1] < 5e-3 and off[1] < falls * off[0]
+@pytest.mark.parametrize("cells", [6, 12])
+@pytest.mark.parametrize("pull", [0.5 * SLIP, pytest.param(2 * SLIP, marks=pytest.mark.mpi)])
+def test_shear_lag(pull, cells):
+    """An elastic sheet pulled at its end, that sticks, or slides along a part of it."""
+    exact = pulled_at_its_end(pull, 1e4 * WIDTH)
+    result = pull_out(lambda load: pull * load, False, cells, cells, steps=2)
+    assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=2e-3)
 
 
 @pytest.mark.mpi
 def test_sheets_that_stick_pull_as_one():
     """A sheet held and pulled at its ends carries a free one along by friction alone. As of two
     bars E A joined by a layer of stiffness k, the stretch under P is P / (2 E A) (L + 2 / b tanh(b
-    L / 2)) with b^2 = 2 k / (E A)."""
-    rigidity, slip, pull = 1e4 * WIDTH, 0.02, 2e-3
-    stack = ff.Stack([(rectangle(LENGTH, WIDTH, 16, 4, spatial=True), T, n) for n in "ab"])
-    held, free = (lambda x: x[2] < T / 2), (lambda x: x[2] > T / 2)
+    L / 2)) with b^2 = 2 k / (E A). They are thin, as the moment of the forces at the faces makes
+    the pressure uneven."""
+    rigidity, slip, pull, t = 1e4 * WIDTH, 0.02, 2e-3, 0.1
+    stack = ff.Stack([(rectangle(LENGTH, WIDTH, 16, 4, spatial=True), t, n) for n in "ab"])
+    held, free = (lambda x: x[2] < t / 2), (lambda x: x[2] > t / 2)
     press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1])).on("b")
 
     def moved(x, load):
@@ -208,7 +205,7 @@ def test_sheets_that_stick_pull_as_one():
         ff.Support("end", lambda x: held(x) & near(0, 0.0)(x), (0,)),
         ff.Support("grip", lambda x: held(x) & near(0, LENGTH)(x), (0,), moved),
     ]
-    contact = ff.SheetContact("a", "b", PENALTY, friction=ff.Coulomb(5.0, slip))
+    contact = ff.SheetContact("a", "b", 10 * PENALTY, friction=ff.Coulomb(5.0, slip))
     scene = ff.Scene(stack, [Elastic(1e4), contact, press], supports)
     stack.u.x.array[2::3] = np.where(free(stack.coordinates().T), -contact.depth_under(PRESSURE), 0)
     run(scene, 1)
@@ -227,8 +224,9 @@ def test_sheets_that_stick_pull_as_one():
 )
 def test_two_layers_around_a_bar(drawn, mu):
     """Dead pulls at one end; at the other both layers, or the outer one alone, are drawn: what is
-    drawn is pulled e^(mu theta) times as much, mu being the bar's or that of the inner layer."""
-    radius, theta, tail, width, pull, slid = 10.0, math.pi / 2, 2.0, 2.0, 2.0, 0.05
+    drawn is pulled e^(mu theta) times as much, mu being the bar's or that of the inner layer. The
+    bar is thick, as friction acts on its radius, and tension on that of the mid-surface."""
+    radius, theta, tail, width, pull, slid = 100.0, math.pi / 2, 20.0, 20.0, 2.0, 0.5
     length = radius * theta + 2 * tail
     out = np.array([math.cos(theta / 2), 0, -math.sin(theta / 2)])  # at the drawn end
 
@@ -251,7 +249,7 @@ def test_two_layers_around_a_bar(drawn, mu):
 
         return ff.Support(f"end of {name}", where, (0, 1, 2), moved)
 
-    stack = ff.Stack([(rectangle(length, width, 24, 1, spatial=True), T, name) for name in "ab"])
+    stack = ff.Stack([(rectangle(length, width, 72, 1, spatial=True), T, name) for name in "ab"])
     bar = ff.Tool(ff.Cylinder((0, 0, 0), (0, 1, 0), radius - T / 2), name="bar")
     contacts = [
         ff.Contact(bar, T, PENALTY, friction=ff.Coulomb(MU, 1e-3)).on("a"),
