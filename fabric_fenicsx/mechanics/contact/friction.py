@@ -55,15 +55,17 @@ class Friction:
     ) -> bool:
         """Take these normal forces (n,) [N] if they differ from the held ones by more than the
         law's `lag`; whether they do, or friction does by more than `INEXACT` between what points
-        are held to have `moved` and what they have (n, 3) [mm]; the same on all ranks."""
+        are held to have `moved` and what they have (n, 3) [mm]; the same on all ranks. Nothing is
+        taken where it is to follow one step behind."""
+        if np.isinf(self._lag):
+            return False
         now = self.coefficient * normal_forces
         off = np.linalg.norm(self.forces(exact) - self.forces(moved), axis=1).sum()
         sums = np.array([abs(now - self._limit).sum(), now.sum(), off, self._limit.sum()])
         changed, total, off, limit = self._comm.allreduce(sums)
         if changed <= self._lag * total and off <= INEXACT * limit:
             return False
-        if np.isfinite(self._lag):
-            self._limit = now
+        self._limit = now
         return True
 
     def accept(self, moved: np.ndarray, normal_forces: np.ndarray, normals: np.ndarray) -> None:
