@@ -18,7 +18,7 @@ def pair():
         (rectangle(20, 10, n, n // 2, spatial=True), T, name) for n, name in ((8, "a"), (10, "b"))
     ]
     stack = ff.Stack(sheets)
-    contact = ff.SheetContact("a", "b", friction=ff.Coulomb(0.3, 0.05))
+    contact = ff.SheetContact("a", "b", friction=ff.Coulomb(0.3, 0.5))
     ff.Scene(stack, [*(ff.Membrane(FABRIC).on(name) for name in "ab"), contact])
     X = stack.coordinates()
     u = 0.01 * (X[:, 0] - 7) ** 2 - 0.1 * X[:, 2]
