@@ -142,7 +142,7 @@ def test_a_file_that_is_not_there(tmp_path):
         ({"weave_angle": 80}, "`weave_angle` is given beside `stack`; allowed is to say it of"),
         (
             {"clearance": 0.9},
-            "`clearance` 0.9 is less than the thickness of ply or stack; allowed is",
+            "`clearance` 0.9 is less than the thickness of ply or stack under 1 MPa; allowed is",
         ),
         ({"element": "Q1"}, "on other than linear triangles; allowed is P1"),
         ({"element": "P2"}, "sheet ply 1 of the stack has other than linear cells; allowed are P1"),
