@@ -44,7 +44,7 @@ class FaceSliding:
     def slid(self) -> np.ndarray:
         """Since it was made, (n, 3) [mm]."""
         moved = (self._gathered.displacement() - self._start)[self._nodes]
-        return (self._levers @ moved.reshape(len(moved), -1, 1))[..., 0]
+        return (self._levers @ moved.reshape(*self._levers.shape[::2], 1))[..., 0]
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
         """Add to f, this rank's degrees of freedom, what forces (n, 3) [N] on the faces of the

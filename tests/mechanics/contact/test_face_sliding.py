@@ -6,6 +6,7 @@ from builders import COMM, off_differences
 from builders import sheet as rectangle
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.contact.face_sliding import Corners, FaceSliding
 
 FABRIC = ff.load("komeili")
 T = FABRIC.thickness_under(0.0)
@@ -65,3 +66,12 @@ def test_friction_and_its_stiffness_are_derivatives(pair):
     displaced(pair, lambda x: np.outer(np.sin(x[:, 0]), [0.02, 0.01, 0.0]) * (x[:, 2:] > 0.5 * T))
     forces, stiffness = off_differences(pair, pair)
     assert forces < 1e-6 and stiffness < 1e-6
+
+
+def test_a_rank_without_points_has_no_sliding(pair):
+    over, below = (Corners(*(each[:0] for each in c)) for c in pair._held.accepted.corners)
+    none = FaceSliding(pair.blank, over, below, np.zeros((0, 3)))
+    assert none.slid().shape == (0, 3) and not none.values(np.zeros((0, 3, 3))).any()
+    f = np.zeros(len(pair.blank.u.x.array))
+    none.add(np.zeros((0, 3)), f)
+    assert not f.any()
