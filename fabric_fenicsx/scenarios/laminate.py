@@ -18,8 +18,8 @@ from .plies import Ply
 AREA = 13568 / 20268  # of metal over fabric, from the numbers of elements that the paper gives
 MIDDLE, METAL = "middle", "upper metal"  # names of the plies that pictures show
 FABRICS = "lower", MIDDLE, "upper"
-# In the dome's own fillet, of 15 mm, the laminate of 5 mm would have a die of 2.7 mm radius. In this
-# one it has 22.8 mm, which cells of 15 mm follow.
+# In the dome's own fillet, of 15 mm, the laminate of 5 mm would have a die of 2.7 mm radius. Here
+# that is 22.8 mm, which cells of 15 mm follow.
 DOME = {"entry_radius": 45.0, "wall_angle": 20.0}
 
 
