@@ -1,13 +1,16 @@
 """How a ply of fabric loses thickness under pressure."""
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..runtime.rules import Rule, above_zero
+from ..runtime.errors import InputError
+from ..runtime.rules import Rule, above_zero, check_complete, shown
+from .files import read_numbers
 from .parameters import Parameters
 
 ITERATIONS = 6  # of Newton's method; three or four do
@@ -40,6 +43,30 @@ class Compaction(Parameters):
         """Thickness under pressures p from 0 [MPa], over the fabric's."""
         y = log_compaction(np.array([self.pressure, *np.atleast_1d(p).ravel()]) / self.onset)
         return np.exp((y[0] - y[1:]) / self.exponent).reshape(np.shape(p))
+
+
+def compaction_of(document: dict[str, Any], units: Mapping[str, str]) -> Compaction | None:
+    """The compaction that a material file tells, taken out of its TOML document: a table
+    [compaction]; None for `compaction = false`; the default where it says nothing. units: of its
+    table [units]. Raises InputError by key."""
+    if "compaction" not in document:
+        return Compaction()
+    given = document.pop("compaction")
+    if given is False:
+        return None
+    if not isinstance(given, dict):
+        raise InputError(
+            f"compaction is {shown(given)}; allowed is a table, [compaction], or false for fabric "
+            "that keeps its thickness"
+        )
+    numbers = read_numbers(given, Compaction.rules, units, "compaction.")
+    check_complete(numbers, Compaction.rules, "compaction.", "in [compaction]")
+    return Compaction(**numbers)
+
+
+def table_of(compaction: Compaction | None) -> dict[str, float] | bool:
+    """What a material file says of it, as `compaction_of` reads it."""
+    return dataclasses.asdict(compaction) if compaction else False
 
 
 def log_compaction(q: np.ndarray) -> np.ndarray:

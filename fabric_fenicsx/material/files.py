@@ -13,6 +13,7 @@ from ..runtime.rules import Rule, above_zero, shown, unknown_key
 from .units import check_unit, power_of_key, suffixes
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
+FIBRES = {"fibre_density": above_zero("density")}
 
 
 def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from ...runtime.errors import InputError
 from ...runtime.rules import Rule, check_complete, shown, unknown_key
-from ..compaction import Compaction
-from ..files import SHEET, read_sheet_numbers, read_toml, take_units, write_whole
+from ..compaction import Compaction, compaction_of, table_of
+from ..files import FIBRES, SHEET, read_sheet_numbers, read_toml, take_units, write_whole
 from ..hyperdual import HyperDual
 from ..parameters import Parameters
 from ..units import UNITS
@@ -25,6 +25,7 @@ LAWS: "dict[str, type[Law]]" = {}  # by their names in material files
 PLAUSIBLE = {
     "thickness": (0.01, 20.0, "mm"),
     "density": (0.05, 10.0, "g/cm3"),
+    "fibre_density": (0.8, 10.0, "g/cm3"),
     "b": (1.0, 1e5, "MPa"),
     "s1": (1e-4, 10.0, "MPa"),
     "stiffness along a": (2.0, 2e5, "MPa"),
@@ -113,8 +114,8 @@ class Material(Parameters):
 
 @dataclass(frozen=True)
 class Law(Material):
-    """A fabric: the parameters of a law, thickness [mm], density [g/cm3], a name and its
-    `Compaction`, None for fabric that keeps its thickness.
+    """A fabric: the parameters of a law, thickness [mm], density [g/cm3], a name, its `Compaction`,
+    None for fabric that keeps its thickness, and the fibre density [g/cm3], None if not known.
 
     A law is one frozen dataclass. It states `law`, its name in material files; `rules`, a `Rule`
     for each of its numbers; and `energy`. All else follows from these: stresses and tangents, the
@@ -129,6 +130,7 @@ class Law(Material):
     density: float = dataclasses.field(default=0.75, kw_only=True)
     name: str = dataclasses.field(default="", kw_only=True)
     compaction: Compaction | None = dataclasses.field(default=Compaction(), kw_only=True)
+    fibre_density: float | None = dataclasses.field(default=None, kw_only=True)
 
     def __init_subclass__(cls) -> None:
         known, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
@@ -174,6 +176,14 @@ class Law(Material):
             raise InputError(
                 f"compaction is {shown(self.compaction)}; allowed is one, as `Compaction(16.0)`"
             )
+        if self.fibre_density is not None:
+            fibres = FIBRES["fibre_density"].check("fibre_density", self.fibre_density)
+            object.__setattr__(self, "fibre_density", fibres)
+            if not fibres > self.density:
+                raise InputError(
+                    f"fibre_density is {fibres:g} g/cm3; allowed is more than the fabric's density "
+                    f"of {self.density:g} g/cm3, as fibres do not fill all of it"
+                )
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
         """The three parts of the strain energy density W, along a, along b and shear with its
@@ -228,6 +238,17 @@ class Law(Material):
         """As in `Material`, by its `compaction`."""
         share = float(self.compaction.thickness(pressure)) if self.compaction else 1.0
         return share * self.thickness
+
+    def fibre_volume_fraction(self, thickness: ArrayLike, area: ArrayLike = 1.0) -> np.ndarray:
+        """Share of the volume that is fibres where the sheet is `thickness` [mm] thick and `area`
+        times as large as the flat fabric; InputError without a fibre density."""
+        if self.fibre_density is None:
+            raise InputError(
+                f"fibre_density of material {self.name or self.law} is not known; allowed is a "
+                "number above 0 [g/cm3]"
+            )
+        fibres = self.density / self.fibre_density * self.thickness  # as a layer without pores [mm]
+        return fibres / (np.asarray(thickness, float) * area)
 
     @property
     def shear_stiffness(self) -> float:
@@ -315,7 +336,9 @@ class Law(Material):
     def _implausible(self, values):
         """A sentence on each of these (name, value), thickness and density that is so."""
         found = []
-        for name, value in (*values, ("thickness", self.thickness), ("density", self.density)):
+        values = [*values, ("thickness", self.thickness), ("density", self.density)]
+        values += [] if self.fibre_density is None else [("fibre_density", self.fibre_density)]
+        for name, value in values:
             low, high, unit = PLAUSIBLE[name]
             if not low <= value <= high:
                 found.append(
@@ -340,19 +363,37 @@ class Law(Material):
     def table(self) -> dict[str, Any]:
         """What a material file says of the fabric."""
         units = {kind: next(iter(names)) for kind, names in UNITS.items() if kind != "areal_weight"}
-        head = {"law": self.law, "name": self.name}
-        numbers = {name: getattr(self, name) for name in (*SHEET, *self.rules)}
-        return head | numbers | {"units": units}
+        numbers = {name: getattr(self, name) for name in self.rules}
+        return {"law": self.law} | self.sheet_table() | numbers | {"units": units}
+
+    def sheet_table(self) -> dict[str, Any]:
+        """What a material file of any law says: all but the law and its numbers."""
+        known = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
+        told = {name: value for name, value in known.items() if value is not None}
+        return told | {"compaction": table_of(self.compaction)}
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
         """The fabric of a TOML document that lies in `folder`; InputError by field."""
         document.pop("law", None)
-        fields: dict[str, Any] = {"name": document.pop("name", "")}
-        units = take_units(document)
-        fields |= read_sheet_numbers(document, units, ("law", "name", "units"), cls.rules)[0]
-        check_complete(fields, (*SHEET, *cls.rules), "", "at the top of the file")
+        fields = sheet_fields(document, take_units(document), ("law", "units"), cls.rules)
         return cls(**fields)
+
+
+def sheet_fields(
+    document: dict[str, Any],
+    units: Mapping[str, str],
+    also: tuple[str, ...] = (),
+    rules: Mapping[str, Rule] | None = None,
+) -> dict[str, Any]:
+    """The fields that every law has, and the numbers of `rules`, from what a law leaves of a TOML
+    document; units: of its table [units], also: keys that the law took. Raises InputError by key,
+    and for a number that is missing."""
+    fields = {"name": document.pop("name", ""), "compaction": compaction_of(document, units)}
+    known, rules = (*also, *fields), rules or {}
+    fields |= read_sheet_numbers(document, units, known, {**FIBRES, **rules})[0]
+    check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
+    return fields
 
 
 def coupling_variants(fabric: Law) -> dict[str, Law]:

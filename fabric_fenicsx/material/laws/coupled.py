@@ -18,11 +18,11 @@ from ...runtime.rules import (
     shown,
     unknown_key,
 )
-from ..files import SHEET, read_numbers, read_sheet_numbers, take_table, take_units
+from ..files import read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
 from ..parameters import Parameters
 from ..units import UNITS
-from .base import COUPLINGS, Derivatives, Law, check_couplings
+from .base import COUPLINGS, Derivatives, Law, check_couplings, sheet_fields
 
 YARN: dict[str, Rule] = {
     "a": not_negative("stress"),
@@ -271,8 +271,7 @@ class WovenFabric(Law):
 
     def table(self) -> dict[str, Any]:
         """What a material file says of the fabric."""
-        head = {"name": self.name, "thickness": self.thickness, "density": self.density}
-        table: dict[str, Any] = head
+        table = self.sheet_table()
         table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
         table["units"] = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
         both = {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
@@ -286,13 +285,9 @@ class WovenFabric(Law):
         document.pop("law", None)
         yarns = {key: take_table(document, key) for key in ("yarns", "warp", "weft")}
         shear, units = take_table(document, "shear"), take_units(document)
-        fields: dict[str, Any] = {
-            key: document.pop(key) for key in ("name", "couplings") if key in document
-        }
-        known = ("law", "name", "couplings", "units", *yarns, "shear")
-        fields |= read_sheet_numbers(document, units, known)[0]
-        fields |= read_numbers(shear, SHEAR, units, "shear.")
-        check_complete(fields, SHEET, "", "at the top of the file")
+        couplings = {key: document.pop(key) for key in ("couplings",) if key in document}
+        fields = sheet_fields(document, units, ("law", "couplings", "units", *yarns, "shear"))
+        fields |= couplings | read_numbers(shear, SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")
         numbers = {key: read_numbers(yarns[key], YARN, units, f"{key}.") for key in yarns}
         for direction in ("warp", "weft"):

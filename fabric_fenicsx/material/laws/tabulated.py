@@ -14,12 +14,11 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from ...runtime.errors import InputError
-from ...runtime.rules import check_complete
-from ..files import SHEET, read_sheet_numbers, take_units
+from ..files import take_units
 from ..functions import where
 from ..parameters import Parameters
 from ..units import ANGLE, STRAIN, factors
-from .base import Derivatives, Law
+from .base import Derivatives, Law, sheet_fields
 
 MIN_POINTS = 3
 MAX_POINTS = (
@@ -137,7 +136,7 @@ class TabulatedFabric(Law):
         super().__post_init__()
         if self.shear.x[0] < 0:
             raise InputError(
-                f"shear begins at {self.shear.x[0]:.6g}; allowed isgin at 0; "
+                f"shear begins at {self.shear.x[0]:.6g}; allowed is to begin at 0; "
                 "the other sense is its mirror image"
             )
         x, y = np.array(self.shear.x), np.array(self.shear.y)
@@ -165,8 +164,7 @@ class TabulatedFabric(Law):
         """All of it; a material file names CSV files in the place of the points."""
         curves = (("warp", self.warp), ("weft", self.weft), ("shear", self.shear))
         tables = {key: {"x": list(c.x), "y": list(c.y)} for key, c in curves}
-        head = {"model": "fabric", "name": self.name}
-        return head | {"thickness": self.thickness, "density": self.density} | tables
+        return {"model": "fabric"} | self.sheet_table() | tables
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
@@ -177,13 +175,9 @@ class TabulatedFabric(Law):
         Raises InputError by file and row.
         """
         files = {key: document.pop(key, None) for key in ("warp", "weft", "shear")}
-        fields: dict[str, Any] = {"name": document.pop("name", "")}
         for key in ("law", "model"):
             document.pop(key, None)
-        units = take_units(document)
-        known = ("law", "model", "name", *files)
-        fields |= (numbers := read_sheet_numbers(document, units, known)[0])
-        check_complete(numbers, SHEET, "", "at the top of the file")
+        fields = sheet_fields(document, take_units(document), ("law", "model", *files))
         for key, name in files.items():
             if not isinstance(name, str):
                 raise InputError(
