@@ -21,6 +21,7 @@ then rows with a decimal point:
 | shear | gamma; tau or F_sh; optional eps_a, eps_b (pre-strain) | |
 | picture_frame | gamma; F; optional eps_a, eps_b (pre-strain) | frame_length, fabric_length |
 | bias_extension | gamma or displacement; F | height, width |
+| compaction | pressure; thickness or fibre_volume_fraction of one ply between plates | |
 
 The usual strip test, pulled between two grips with nothing at its sides, is `lateral: free`: the
 width follows from sigma_b = 0, be it measured (eps_b) or not. A strip as wide as it is long, or a
@@ -32,13 +33,14 @@ conjugate to (eps_a, eps_b, gamma) per undeformed volume: sigma_i = dW/d(eps_i),
 a force per width (N/mm) is divided by the sheet's thickness. Yarns start at right angles.
 
 `sheet.toml` says thickness_mm, balanced (whether warp and weft are equal), density_g_per_cm3 or
-areal_weight_g_per_m2 (density = areal weight / thickness), and in [assumed], [assumed.warp],
-[assumed.weft] values for parameters that the data do not determine.
+areal_weight_g_per_m2 (density = areal weight / thickness), fibre_density_g_per_cm3 if it is known,
+and in [assumed], [assumed.warp], [assumed.weft] values for parameters that the data do not
+determine.
 """
 
 from .checks import check_contradictions, unit_warnings
 from .forces import bias_displacement, bias_force, bias_normalised
-from .model import MIN_POINTS, STRAINS, TESTS, Curve, Response, Sheet
+from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
 from .reading import read, read_curve, read_sheet
 from .writing import write
 
@@ -46,6 +48,7 @@ __all__ = [
     "MIN_POINTS",
     "STRAINS",
     "TESTS",
+    "CompactionTest",
     "Curve",
     "Response",
     "Sheet",

@@ -6,7 +6,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...runtime.errors import InputError
-from .model import STRAINS, TESTS, Curve, Response, Table, unit_inside, units
+from .model import (
+    STRAINS,
+    TESTS,
+    CompactionTest,
+    Curve,
+    Response,
+    Sheet,
+    Table,
+    unit_inside,
+    units,
+)
 
 # beyond it a wrong unit is the likely reason
 _RANGE = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
@@ -15,6 +25,8 @@ _LONGEST = 0.2  # strain of a yarn in tension that fabrics hardly have
 _LEAST = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
 _OFFSET = 0.2  # largest share of the peak that may be measured in the undeformed state
 _FALLEN = 0.5  # share of the peak below which tension falls where yarns break
+_PRESSED = 4  # points that tell compaction's three numbers
+_RANGE_OF_PRESSURE = 5.0  # the last over the first, as thickness follows the logarithm
 
 
 def _fail(row: int, text: str) -> InputError:
@@ -101,6 +113,59 @@ def _check_response(name, table, column, undeformed):
         value = f"{100 * values[-1] / values[peak]:.0f} % of its value in row {rows[peak]}"
         allowed = f"{100 * _FALLEN:g} % or more (keep the rows before yarns break)"
         raise _fail(rows[-1], f"{column} has fallen to {value}; allowed is {allowed}")
+
+
+def check_compaction(table: Table) -> None:
+    """InputError by row for what a test of compaction cannot have."""
+    columns, rows = table.columns, table.rows
+    if len(columns) > 2:
+        raise _fail(
+            table.top, "both columns thickness and fibre_volume_fraction; allowed is one of them"
+        )
+    if len(rows) < _PRESSED:
+        raise _fail(
+            rows[-1] if rows else table.top,
+            f"the file ends after {len(rows)} points; allowed is {_PRESSED} or more",
+        )
+    (column,) = (name for name in columns if name != "pressure")
+    is_share = column == "fibre_volume_fraction"
+    for name, most in (("pressure", math.inf), (column, 1.0 if is_share else math.inf)):
+        if (wrong := np.flatnonzero((columns[name] <= 0) | (columns[name] >= most))).size:
+            value = _told(columns[name][wrong[0]], name)
+            below = " and below 1" if most == 1 else ""
+            raise _fail(rows[wrong[0]], f"{name} is {value}; allowed is above 0{below}")
+    p, v = columns["pressure"], columns[column]
+    if (fallen := np.flatnonzero(np.diff(p) <= 0)).size:
+        k = fallen[0] + 1
+        raise _fail(
+            rows[k],
+            f"pressure is {p[k]:.6g} MPa after {p[k - 1]:.6g} MPa; allowed is to rise strictly "
+            "(keep one loading branch)",
+        )
+    if p[-1] < _RANGE_OF_PRESSURE * p[0]:
+        raise _fail(
+            rows[-1],
+            f"pressure ends at {p[-1] / p[0]:.2g} times the first; allowed is "
+            f"{_RANGE_OF_PRESSURE:g} times or more",
+        )
+    if (v[-1] <= v[0]) if is_share else (v[-1] >= v[0]):
+        raise _fail(
+            rows[-1],
+            f"{column} is {_told(v[-1], column)} under the highest pressure and "
+            f"{_told(v[0], column)} under the lowest; allowed is {'more' if is_share else 'less'} "
+            "under the highest",
+        )
+
+
+def check_fibres(tests: Sequence[CompactionTest], sheet: Sheet) -> None:
+    """InputError for fibre volume fractions of a sheet without a fibre density."""
+    for test in tests:
+        if test.response.column == "fibre_volume_fraction" and sheet.fibre_density is None:
+            raise InputError(
+                f"{test.file}: the column fibre_volume_fraction needs the density of the fibres; "
+                "allowed is a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example, or "
+                "the column thickness"
+            )
 
 
 def unit_warnings(curves: Sequence[Curve]) -> list[str]:

@@ -11,6 +11,7 @@ import numpy as np
 from ..units import ANGLE, STRAIN, factors
 
 MIN_POINTS = 5
+COMPACTION = "compaction"  # the test across the thickness
 STRAINS = ("eps_a", "eps_b", "gamma")
 
 _STRESS = factors("stress") | {"N/mm2": 1.0}
@@ -22,6 +23,9 @@ _UNIT = {  # first unit of each: the one used inside
     "F_sh": _PER_WIDTH,
     "F": {"N": 1.0, "kN": 1e3},
     "displacement": factors("length"),
+    "pressure": factors("stress") | {"bar": 0.1},
+    "thickness": factors("length"),
+    "fibre_volume_fraction": STRAIN,
 }
 COLUMNS = tuple(_UNIT)
 
@@ -69,6 +73,7 @@ TESTS = {
     "bias_extension": Kind(
         ("gamma",), (), ("F",), ("height", "width"), 1, {"displacement": ("gamma", "height")}
     ),
+    COMPACTION: Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
 }
 
 
@@ -133,10 +138,23 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class CompactionTest:
+    """A ply that plates pressed: pressure (n,) [MPa], rising, and the measured thickness [mm] or
+    fibre volume fraction [-] in `response`; rows, noise: as of a `Curve`."""
+
+    file: str
+    pressure: np.ndarray
+    response: Response
+    rows: np.ndarray
+    noise: tuple[str, float] | None = None
+
+
+@dataclass(frozen=True)
 class Sheet:
     """What `sheet.toml` says: thickness [mm], density [g/cm3], whether warp and weft are tied
     (`balanced`), values to assume for parameters that the data don't determine, as {"p_min": ..} or
-    {"warp.p_min": ..}, and the areal weight [g/m2] if the density is from one."""
+    {"warp.p_min": ..}, the areal weight [g/m2] if the density is from one, and the fibre density
+    [g/cm3] if known. compaction: tests across the thickness."""
 
     name: str
     thickness: float
@@ -144,3 +162,12 @@ class Sheet:
     balanced: bool
     assumed: dict[str, float] = field(default_factory=dict)
     areal_weight: float | None = None
+    fibre_density: float | None = None
+    compaction: tuple[CompactionTest, ...] = field(default=(), compare=False)  # has arrays
+
+    def measured_thickness(self, test: CompactionTest) -> np.ndarray:
+        """Thickness of one ply at each point of a test, (n,) [mm]."""
+        if test.response.column == "thickness":
+            return test.response.values
+        fibres = self.density * self.thickness / (self.fibre_density or math.nan)
+        return fibres / test.response.values

@@ -1,6 +1,7 @@
 """Data sets from files: `sheet.toml` and a CSV file a test."""
 
 import csv
+import dataclasses
 import difflib
 import math
 import re
@@ -11,18 +12,21 @@ import numpy as np
 
 from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
-from ..files import read_numbers, read_sheet_numbers
+from ..files import FIBRES, read_numbers, read_sheet_numbers
 from ..laws.coupled import SHEAR, YARN
 from ..units import UNITS, factors
 from . import checks
 from .forces import of_fabric, response
 from .model import (
     COLUMNS,
+    COMPACTION,
     KEYS,
     MIN_POINTS,
     STRAINS,
     TESTS,
+    CompactionTest,
     Curve,
+    Response,
     Sheet,
     Table,
     keys_of,
@@ -34,8 +38,8 @@ _LENGTH = factors("length")
 
 
 def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
-    """Sheet and curves of a data set; InputError by file, row and reason, also for two curves that
-    contradict."""
+    """Sheet, which has the tests of compaction, and curves of a data set; InputError by file, row
+    and reason, also for two curves that contradict."""
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(
@@ -48,15 +52,18 @@ def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
         raise InputError(
             f"{folder} has no *.csv; allowed is a folder with a CSV file for each test"
         )
-    curves = tuple(read_curve(path, sheet.thickness) for path in paths)
+    tests = [_read_test(path, sheet.thickness) for path in paths]
+    curves = tuple(test for test in tests if isinstance(test, Curve))
     checks.check_contradictions(curves, sheet.balanced)
-    return sheet, curves
+    compaction = tuple(test for test in tests if isinstance(test, CompactionTest))
+    checks.check_fibres(compaction, sheet)
+    return dataclasses.replace(sheet, compaction=compaction), curves
 
 
 def read_sheet(path: Path | str) -> Sheet:
     """Read `sheet.toml`: name, thickness_mm, density_g_per_cm3 or areal_weight_g_per_m2, balanced,
-    and optional [assumed], [assumed.warp], [assumed.weft] with parameters as in a material file
-    (d_MPa, p_min, ..). Raises InputError by file and key."""
+    and optional fibre_density_g_per_cm3, [assumed], [assumed.warp], [assumed.weft] with parameters
+    as in a material file (d_MPa, p_min, ..). Raises InputError by file and key."""
     try:
         document = tomllib.loads(Path(path).read_text(encoding="utf-8-sig"))
     except tomllib.TOMLDecodeError as error:
@@ -86,7 +93,7 @@ def read_sheet(path: Path | str) -> Sheet:
                     unit, [u for us in UNITS.values() for u in us], f"units.{kind} {unit!r}"
                 )
         numbers, weight = read_sheet_numbers(
-            document, given, ("name", "balanced", "assumed", "units")
+            document, given, ("name", "balanced", "assumed", "units"), FIBRES
         )
         if "thickness" not in numbers:
             raise InputError(
@@ -112,14 +119,25 @@ def read_sheet(path: Path | str) -> Sheet:
         values = (
             read_numbers(assumed, {**YARN, **SHEAR}, given, "assumed.", ("warp", "weft")) | values
         )
-        return Sheet(name, balanced=balanced, assumed=values, areal_weight=weight, **numbers)
+        known = numbers["thickness"], numbers["density"], balanced, values, weight
+        return Sheet(name, *known, numbers.get("fibre_density"))
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
 def read_curve(path: Path | str, thickness: float) -> Curve:
-    """Read and check one CSV file; thickness [mm] of the sheet turns shear forces into stresses.
-    InputError by file and row."""
+    """Read and check one CSV file of a test in the sheet's plane; thickness [mm] of the sheet turns
+    shear forces into stresses. InputError by file and row."""
+    found = _read_test(path, thickness)
+    if isinstance(found, CompactionTest):
+        raise InputError(
+            f"{path}: the test is {COMPACTION}, across the sheet; allowed is one in its plane"
+        )
+    return found
+
+
+def _read_test(path, thickness):
+    """The `Curve` or `CompactionTest` in a CSV file."""
     try:
         lines = Path(path).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, ValueError) as error:
@@ -143,6 +161,8 @@ def _parse(file, lines, thickness):
     test = TESTS[name]
     lengths = {key: _quantity(key, row, text, _LENGTH) for key, (row, text) in keys.items()}
     table = _table(lines, name, (*test.measured, *lateral), others, thickness)
+    if name == COMPACTION:
+        return _compaction_test(file, table, noise)
     _convert_raw(table, name, lengths, thickness)
     columns, rows = table.columns, table.rows
     found = [column for column in (*test.measured, *lateral) if column in columns]
@@ -174,6 +194,15 @@ def _parse(file, lines, thickness):
         _noise(noise, responses, thickness),
         lengths,
     )
+
+
+def _compaction_test(file, table, noise):
+    checks.check_compaction(table)
+    (column,) = (name for name in table.columns if name != "pressure")
+    values = table.columns[column]
+    response = Response(column, unit_inside(column), values, np.ones(len(values)))
+    stated = _noise(noise, [response], math.nan)
+    return CompactionTest(file, table.columns["pressure"], response, np.array(table.rows), stated)
 
 
 def _test_of(keys):

@@ -16,26 +16,33 @@ A fabric with balanced = false is refused if only one of its directions was pull
 sheet.toml must then tell the other direction: another fabric's values would invent the very
 difference that the user asks for.
 
+Compaction is apart from that: `fit_compaction` fits it to tests across the thickness alone.
+
 Stresses are those of the law (`homogeneous.nominal`); nothing of the law is repeated here.
 """
 
+from .compaction import CompactionFit, fit_compaction
 from .fit import identify
 from .lines import coverage_lines, result_lines
+from .parameter import Assumed, Determined
 from .pictures import draw
 from .problem import true_values
-from .result import Assumed, Determined, Identification
-from .synthetic import PLANS, coverage, synthesise
+from .result import Identification
+from .synthetic import PLANS, coverage, synthesise, synthesise_compaction
 
 __all__ = [
     "PLANS",
     "Assumed",
+    "CompactionFit",
     "Determined",
     "Identification",
     "coverage",
     "coverage_lines",
     "draw",
+    "fit_compaction",
     "identify",
     "result_lines",
     "synthesise",
+    "synthesise_compaction",
     "true_values",
 ]

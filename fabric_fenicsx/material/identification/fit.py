@@ -11,8 +11,10 @@ from ...runtime.errors import InputError
 from ..curves import Curve, Sheet, unit_warnings
 from ..homogeneous import nominal
 from ..laws.coupled import SHEAR, YARN, WovenFabric, Yarn
+from .compaction import fit_compaction
+from .parameter import Assumed, Determined
 from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of
-from .result import Assumed, Determined, Identification
+from .result import Identification
 from .toe import toe_warning
 
 STAGE_1 = ("a", "b", "d", *SHEAR)
@@ -27,8 +29,14 @@ HIGHER = {
 
 
 def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
-    """Fit the law to the curves; InputError if they determine nothing or are too few, SolverFailure
-    if the fit fails."""
+    """Fit the law to the curves, and compaction to the sheet's tests of it; InputError if they
+    determine nothing or are too few, SolverFailure if a fit fails."""
+    compaction = fit_compaction(sheet) if sheet.compaction else None
+    if compaction and not curves:
+        raise InputError(
+            "all tests are of compaction; allowed are one or more in the fabric's plane beside "
+            "them, or `fit_compaction`, which needs no others"
+        )
     problem = Problem(sheet, curves)
     default, source, reason = _assumptions(problem, sheet)
     _check_yarns(sheet, problem.names, reason, source)
@@ -62,6 +70,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         for k, why in sorted(reason.items())
     }
     fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet)
+    if compaction:
+        fabric = fabric.replace(compaction=compaction.compaction)
     softest, convex = _physics(problem, fabric)
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
@@ -71,6 +81,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *_parameter_warnings(determined),
         *filter(None, (toe_warning(*each) for each in fits)),
         *unit_warnings(curves),
+        *(compaction.warnings if compaction else ()),
         *fabric.plausibility_warnings(),
     ]
     return Identification(
@@ -86,6 +97,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         convex,
         warnings,
         sheet.areal_weight,
+        compaction,
     )
 
 
@@ -153,7 +165,13 @@ def _fabric(value, sheet):
     )
     shear: dict[str, Any] = {n: value[n] for n in SHEAR}
     return WovenFabric(
-        warp, weft, **shear, thickness=sheet.thickness, density=sheet.density, name=sheet.name
+        warp,
+        weft,
+        **shear,
+        thickness=sheet.thickness,
+        density=sheet.density,
+        fibre_density=sheet.fibre_density,
+        name=sheet.name,
     )
 
 

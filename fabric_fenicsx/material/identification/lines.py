@@ -8,16 +8,19 @@ from .result import Identification
 
 def result_lines(result: Identification) -> Iterator[str]:
     """Lines for the parameters of `result`, the errors of its curves and its warnings."""
-    for name, p in result.determined.items():
+    for name, p in result.all_determined.items():
         low, high = p.interval
-        yield f"{name:12s} {p.value:12.6g} {p.unit:4s} 95 % interval {low:.6g} to {high:.6g}"
-    for name, assumed in result.assumed.items():
-        yield f"{name:12s} {assumed.value:12.6g} {assumed.unit:4s} {assumed}"
+        yield f"{name:20s} {p.value:12.6g} {p.unit:4s} 95 % interval {low:.6g} to {high:.6g}"
+    for name, assumed in result.all_assumed.items():
+        yield f"{name:20s} {assumed.value:12.6g} {assumed.unit:4s} {assumed}"
     for curve in result.report()["curves"]:
         yield (
             f"{curve['file']}: r.m.s. error of {curve['column']} {curve['rms_error']:.4g} "
             f"{curve['unit']}, {100 * curve['rms_error_of_peak']:.2g} % of its peak"
         )
+    across = result.report()["compaction"] or {"tests": []}
+    for test in across["tests"]:
+        yield f"{test['file']}: r.m.s. error of thickness {test['rms_error_mm']:.3g} mm"
     if result.areal_weight is not None:
         density = f"{result.fabric.density:.4g} g/cm3"
         yield f"density {density} = areal weight {result.areal_weight:g} g/m2 / thickness"

@@ -10,8 +10,8 @@ from .result import Identification
 
 
 def draw(result: Identification, stem: Path | str) -> list[str]:
-    """Write stem_fit.png (measured and fitted curves), stem_residuals.png (in standard deviations)
-    and stem_correlation.png; returns their names."""
+    """Write stem_fit.png (measured and fitted curves), stem_residuals.png (in standard deviations),
+    stem_correlation.png and, with tests of it, stem_compaction.png; returns their names."""
     from matplotlib.figure import Figure
 
     n = len(result.fits)
@@ -68,4 +68,22 @@ def draw(result: Identification, stem: Path | str) -> list[str]:
     figure.colorbar(image, label="correlation")
     written.append(f"{stem}_correlation.png")
     figure.savefig(written[-1], dpi=130)
+    if result.compaction:
+        written.append(_draw_compaction(result.compaction, stem))
     return written
+
+
+def _draw_compaction(fit, stem):
+    """Measured and fitted thickness over pressure; returns the file's name."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.4, 3.2), layout="constrained")
+    ax = figure.subplots()
+    for test, measured, fitted in fit.tests:
+        (dots,) = ax.semilogx(1e3 * test.pressure, measured, ".", label=test.file)
+        ax.semilogx(1e3 * test.pressure, fitted, "-", color=dots.get_color())
+    ax.set_xlabel("pressure / kPa")
+    ax.set_ylabel("thickness of a ply / mm")
+    ax.legend(fontsize=8)
+    figure.savefig(name := f"{stem}_compaction.png", dpi=130)
+    return name

@@ -8,47 +8,8 @@ import numpy as np
 
 from ..curves import Curve, Response
 from ..laws.coupled import WovenFabric
-from .problem import unit_of
-
-
-@dataclass(frozen=True)
-class Determined:
-    """A fitted parameter: value, standard error and 95 % interval (t-distribution, from the
-    linearised joint fit, bounds not applied), all in `unit`; two_stage: its value before the joint
-    fit; weak: the interval is wider than +-100 %; at_bound: a bound from physics holds it, so the
-    interval is a rough guide."""
-
-    value: float
-    standard_error: float
-    interval: tuple[float, float]
-    unit: str
-    two_stage: float
-    weak: bool
-    at_bound: bool
-
-
-@dataclass(frozen=True)
-class Assumed:
-    """A parameter that was not fitted: value in `unit`, where that is from, and why the data don't
-    determine it.
-
-    moves: changes of fitted parameters, in their units, if this one were 10 % larger. Only those
-    beyond half the width of their intervals are listed: the intervals hold for the assumed values.
-    """
-
-    value: float
-    unit: str
-    source: str
-    reason: str
-    moves: dict[str, float]
-
-    def __str__(self) -> str:
-        told = f"assumed ({self.source}): {self.reason}"
-        if self.moves:
-            told += "; 10 % more of it moves " + ", ".join(
-                f"{n} by {v:+.3g} {unit_of(n)}".removesuffix(" -") for n, v in self.moves.items()
-            )
-        return told
+from .compaction import CompactionFit
+from .parameter import Assumed, Determined
 
 
 @dataclass(frozen=True)
@@ -69,6 +30,7 @@ class Identification:
     convex_in_tension: bool | None  # whether W(eps_a, eps_b) is, over the measured tension
     warnings: list[str]
     areal_weight: float | None = None  # [g/m2], if the density is from it
+    compaction: CompactionFit | None = None  # None without a test of it: the default
 
     def remarks(self) -> list[str]:
         """Lines for a material file that tell where its values are from."""
@@ -78,13 +40,27 @@ class Identification:
                 f"density = areal weight {self.areal_weight:g} g/m2 / thickness "
                 f"{self.fabric.thickness:g} mm"
             )
-        for name, p in self.determined.items():
+        for name, p in self.all_determined.items():
             low, high = (f"{value:.4g}" for value in p.interval)
             lines.append(f"{name} was fitted, 95 % interval {low} to {high} {p.unit}")
-        for name, assumed in self.assumed.items():
+        for name, assumed in self.all_assumed.items():
             value = f"{assumed.value:.6g} {assumed.unit}".removesuffix(" -")
             lines.append(f"{name} = {value} is {assumed}")
+        if self.compaction is None:
+            lines.append("compaction is assumed (default): there is no test of it")
         return lines
+
+    @property
+    def all_determined(self) -> dict[str, Determined]:
+        """Fitted parameters of the law and, as compaction.exponent, of compaction."""
+        across = self.compaction.determined if self.compaction else {}
+        return self.determined | {f"compaction.{name}": p for name, p in across.items()}
+
+    @property
+    def all_assumed(self) -> dict[str, Assumed]:
+        """Assumed parameters of the law and of compaction."""
+        across = self.compaction.assumed if self.compaction else {}
+        return self.assumed | {f"compaction.{name}": p for name, p in across.items()}
 
     def report(self) -> dict[str, Any]:
         """All of it for JSON, with the r.m.s. error of each curve."""
@@ -99,6 +75,7 @@ class Identification:
             "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
             "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
             "curves": [self._error(*fit) for fit in self.fits],
+            "compaction": self.compaction and self.compaction.report(),
             "degrees_of_freedom": self.degrees_of_freedom,
             "variance_of_weighted_residuals": self.variance,
             "noise_estimated_of_peak": self.noise_estimated,

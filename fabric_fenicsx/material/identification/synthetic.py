@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from .. import curves as data
-from ..curves import Curve, Response, Sheet
+from ..compaction import Compaction
+from ..curves import CompactionTest, Curve, Response, Sheet
 from ..homogeneous import lateral_strain, nominal
 from ..laws.coupled import WovenFabric
 from .fit import identify
@@ -49,7 +50,7 @@ def synthesise(
 ) -> tuple[Sheet, tuple[Curve, ...]]:
     """Sheet and curves that the law predicts for the tests of a plan: "paper" (held uniaxial,
     biaxial, pure and pre-tensioned shear) or "all" (also free tension, tension-compression,
-    compression, sheared compression).
+    compression, sheared compression, and compaction unless the fabric keeps its thickness).
 
     noise: standard deviation, normal, of each column's largest value; stated in the curves if above
     0. points: of each curve; balanced: what the sheet says, by default what the fabric is. Raises
@@ -104,7 +105,30 @@ def synthesise(
                 ("maximum", noise) if noise else None,
             )
         )
-    return Sheet(fabric.name, fabric.thickness, fabric.density, balanced), tuple(curves)
+    sheet = Sheet(
+        fabric.name,
+        fabric.thickness,
+        fabric.density,
+        balanced,
+        fibre_density=fabric.fibre_density,
+    )
+    if plan == "all" and fabric.compaction:
+        pressed = synthesise_compaction(sheet, fabric.compaction, noise, seed, points)
+        sheet = dataclasses.replace(sheet, compaction=(pressed,))
+    return sheet, tuple(curves)
+
+
+def synthesise_compaction(
+    sheet: Sheet, compaction: Compaction, noise: float = 0.0, seed: int = 1, points: int = 30
+) -> CompactionTest:
+    """The thickness of one ply that plates press with 0.5 kPa to 1 MPa; noise, seed and points as
+    in `synthesise`."""
+    p = np.geomspace(5e-4, 1.0, points)
+    h = sheet.thickness * compaction.thickness(p)
+    h = h + noise * h.max() * np.random.default_rng(seed).standard_normal(points)
+    response = Response("thickness", "mm", h, np.ones(points))
+    stated = ("maximum", noise) if noise else None
+    return CompactionTest("compaction.csv", p, response, np.arange(points), stated)
 
 
 def coverage(

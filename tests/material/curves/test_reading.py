@@ -48,6 +48,10 @@ def test_written_data_read_back(tmp_path, unbalanced):
     data.write(tmp_path / "new", sheet, curves, ["synthetic"])
     again, read = data.read(tmp_path / "new")
     assert again == sheet and {c.file for c in read} == {c.file for c in curves}
+    (pressed,), (made,) = again.compaction, sheet.compaction
+    assert pressed.pressure == pytest.approx(made.pressure, rel=1e-11)
+    assert pressed.response.values == pytest.approx(made.response.values, rel=1e-11)
+    assert pressed.noise == made.noise
     for one in curves:
         two = next(c for c in read if c.file == one.file)
         assert (two.test, two.free, two.noise, two.abscissa) == (
