@@ -29,9 +29,10 @@ METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"  # that 
 def ply_quantities(
     result: Result, part: Part, tool: Tool, middle: float, closed: bool
 ) -> dict[str, Any]:
-    """Shear, strains, draw-in, wrinkles over the tool of one ply, which is all of a sheet or a part
-    of a stack; middle: height of its mid-surface over the tool that it lies on [mm]; closed:
-    whether the tools are, as otherwise the ply does not follow them and wrinkles are None."""
+    """Shear, strains, thickness, draw-in, wrinkles over the tool of one ply, which is all of a
+    sheet or a part of a stack; middle: height of its mid-surface over the tool that it lies on
+    [mm]; closed: whether the tools are, as otherwise the ply does not follow them and wrinkles are
+    None. So is the largest fibre volume fraction without a fibre density."""
     comm = result.scene.comm
     fields = {name: values[part.cells] for name, values in result.fields.items()}
     gamma = np.degrees(np.abs(fields["shear_angle"]))
@@ -47,7 +48,17 @@ def ply_quantities(
         "share_of_state_1_to_4": [
             measures.mean(comm, (states == k) * 1.0, np.ones(len(states))) for k in (1, 2, 3, 4)
         ],
+        "thickness_min_mm": _known(np.fmin, comm, fields.get("thickness_under_pressure")),
+        "fibre_volume_fraction_max": _known(np.fmax, comm, fields.get("fibre_volume_fraction")),
     } | _shape(result, part, tool, middle, closed)
+
+
+def _known(extreme, comm, values):
+    """The least (`np.fmin`) or largest number of all ranks in a field (cells,), None if it has no
+    number or is not told."""
+    mine = np.nan if values is None else extreme.reduce(values, initial=np.nan)
+    found = extreme.reduce(comm.allgather(float(mine)))
+    return None if np.isnan(found) else float(found)
 
 
 def metal_quantities(

@@ -48,7 +48,18 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
         "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,
     }
     several = {"plies": plies} if forming.stack else {}
-    return found | worst | {"draw_in": largest["draw_in"]} | several
+    return found | worst | _across(fabrics) | {"draw_in": largest["draw_in"]} | several
+
+
+def _across(plies):
+    """Least thickness and largest fibre volume fraction of all plies of fabric, None if none is
+    known, nothing without such a ply."""
+    thickness, share = (
+        [q[name] for q in plies if q[name] is not None]
+        for name in ("thickness_min_mm", "fibre_volume_fraction_max")
+    )
+    found = min(thickness, default=None), max(share, default=None)
+    return dict(zip(("thickness_min_mm", "fibre_volume_fraction_max"), found)) if plies else {}
 
 
 def pictures(forming: Any, result: Result, folder: Path) -> None:

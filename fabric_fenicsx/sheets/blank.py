@@ -155,19 +155,24 @@ class Blank:
         """Undeformed corners of the owned cells along the frame's axes, in order around each,
         (cells, 3 or 4, gdim) [mm]."""
         nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
-        around = [0, 1, 2] if compat.cell_name(self.mesh) == "triangle" else [0, 1, 3, 2]
-        x = self.mesh.geometry.x[nodes[:, around]]
+        x = self.mesh.geometry.x[nodes[:, self._around()]]
         along = self.along(x.reshape(-1, 3).T)  # some ranks have no cell
         return np.moveaxis(along.reshape(len(along), *x.shape[:2]), 0, -1)
 
     def areas(self) -> np.ndarray:
         """Undeformed areas of the owned cells, of those with curved edges between their corners,
         (cells,) [mm2]."""
-        x = self.corners()
-        arms = x[:, 1:] - x[:, :1]
-        first, second = arms[:, :-1], arms[:, 1:]
-        squares = (first**2).sum(2) * (second**2).sum(2) - (first * second).sum(2) ** 2
-        return np.sqrt(np.maximum(squares, 0)).sum(1) / 2
+        return _areas(self.corners())
+
+    def area_ratios(self) -> np.ndarray:
+        """Areas of the owned cells now over those of the flat sheet, both as `areas`, (cells,)."""
+        x = self.coordinates()[:, : self.mesh.geometry.dim] + self.nodal_displacement()
+        corners = compat.dofmap(self.V)[: self.mesh.topology.index_map(2).size_local]
+        return _areas(x[corners[:, self._around()]]) / self.areas()
+
+    def _around(self):
+        """The corners of a cell, of its nodes, in order around it."""
+        return [0, 1, 2] if compat.cell_name(self.mesh) == "triangle" else [0, 1, 3, 2]
 
     def inverted_area(self) -> ufl.Form:
         """Area [mm2] of the cells that a plane displacement turns inside out, which a law in
@@ -192,6 +197,12 @@ class Blank:
         total.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
         with total.localForm() as local:
             return local.array.reshape(-1, gdim)[:, :k].copy()
+
+    def cell_means(self, values: np.ndarray) -> np.ndarray:
+        """Means over the nodes of each owned cell, (cells,), of `values` (owned nodes,), on all
+        ranks together."""
+        nodes = compat.dofmap(self.V)[: self.mesh.topology.index_map(2).size_local]
+        return self.with_ghosts(values)[nodes].mean(1)
 
     def with_ghosts(self, values: np.ndarray) -> np.ndarray:
         """`values` (owned nodes,) or (owned nodes, k) of `u` at all local nodes, ghosts too."""
@@ -380,6 +391,14 @@ class Part:
         found = np.full(shape, none, dtype=values.dtype)
         found[self.cells] = values
         return found
+
+
+def _areas(corners: np.ndarray) -> np.ndarray:
+    """Areas (m,) of the triangles that meet in the first of `corners` (m, 3 or 4, 2 or 3)."""
+    arms = corners[:, 1:] - corners[:, :1]
+    first, second = arms[:, :-1], arms[:, 1:]
+    squares = (first**2).sum(2) * (second**2).sum(2) - (first * second).sum(2) ** 2
+    return np.sqrt(np.maximum(squares, 0)).sum(1) / 2
 
 
 def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,7 +20,8 @@ class Stopped(Exception):
 
 def job(comm, stop=2.0):
     """Of a short stroke; one that ends itself once the load factor is `stop`."""
-    plies = [ff.Ply(name="inner"), ff.Ply(name="outer", fibre_angle=45, nx=5)]
+    glass = ff.load("komeili").replace(fibre_density=2.54)
+    plies = [ff.Ply(name="inner"), ff.Ply(name="outer", fibre_angle=45, nx=5, fabric=glass)]
     made = ff.Forming(stack=plies, nx=4, stroke=3.0, comm=comm)
     found = made.job(steps=3, every=1)
 
@@ -72,6 +73,21 @@ def test_summary_speaks_of_each_ply(alone):
     assert quantities["shear_angle_max_deg"] == max(shear)
     assert tuple(alone.summary["parts"]) == PLIES
     assert list(alone.summary["sheet_contacts"]) == ["inner, outer"]
+
+
+def test_summary_tells_how_thick_plies_are(alone):
+    """They lie on the die, a little compacted; fibres are known of one of them."""
+    quantities, cells = alone.summary["quantities"], alone.fields["thickness_under_pressure"]
+    free = ff.load("komeili").thickness_under(0.0)
+    for name, ply in quantities["plies"].items():
+        mine = cells[alone.scene.blank.part(name).cells]
+        assert ply["thickness_min_mm"] == mine.min()
+        assert 0.5 < mine.min() < mine.max() <= free
+    least = [ply["thickness_min_mm"] for ply in quantities["plies"].values()]
+    assert quantities["thickness_min_mm"] == min(least)
+    shares = [ply["fibre_volume_fraction_max"] for ply in quantities["plies"].values()]
+    assert shares[0] is None and 0.75 / 2.54 / free < shares[1] < 0.6
+    assert quantities["fibre_volume_fraction_max"] == shares[1]
 
 
 @pytest.mark.filterwarnings("error")

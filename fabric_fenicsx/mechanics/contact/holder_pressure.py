@@ -12,12 +12,14 @@ from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
 from ..load import at_load
+from ..reports import Value
 from ..term import SceneFacts
 from ..term_checks import bind
 from .coulomb import Coulomb
 from .nodes import Nodes, values_at
 from .pressing_term import PressingTerm
 from .sheet_contact import SheetContact
+from .thickness import PlyThickness
 
 UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
 
@@ -73,6 +75,7 @@ class BlankHolderPressure(PressingTerm):
         self.nodes = Nodes(scene.blank, self.part)
         for contact in self._against:
             bind(contact, scene)
+        self._plies = PlyThickness(scene)
         self._accepted_areas = self._pressed()
         self.set_load(0.0)
         self.accept()
@@ -139,6 +142,12 @@ class BlankHolderPressure(PressingTerm):
     def normals(self) -> np.ndarray:
         """As in `PressingTerm`."""
         return np.tile(self.direction, (self.nodes.count, 1))
+
+    def cell_fields(self) -> dict[str, Value]:
+        """As `PlyThickness.fields`, of the face that the holder presses."""
+        share = self._areas / np.maximum(self.nodes.areas, 1e-300)
+        lost = self.blank.cell_means(share) * self._plies.lost_under(self.now)
+        return self._plies.fields(lost)
 
     def force(self) -> np.ndarray:
         """Of the holder on the ply, of all ranks (3,) [N], in the last accepted state."""

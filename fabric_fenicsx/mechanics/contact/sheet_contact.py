@@ -19,6 +19,7 @@ from .held_faces import HeldFaces
 from .pressing import Pressed, anticipate, press
 from .pressure_law import PERMITTED, SMOOTHING, Rigid, between_faces, face_of
 from .sheet_points import POINTS, Facing, SheetPoints
+from .thickness import PlyThickness
 
 LAG = 0.01  # of the contact's forces, by which those of the faces as they are may differ
 
@@ -87,7 +88,9 @@ class SheetContact(Term):
         lower, upper = parts = [scene.blank.part(name) for name in self.sheets]
         faces = [self._face(scene, part) for part in parts]
         self.thickness = min(thickness for thickness, _ in faces)
-        self._law = between_faces(*(law for _, law in faces))
+        self._laws = [law for _, law in faces]
+        self._law = between_faces(*self._laws)
+        self._plies = PlyThickness(scene, rigid=bool(self._penalty))
         self.points = SheetPoints(
             lower,
             upper,
@@ -325,7 +328,18 @@ class SheetContact(Term):
             "sheet_pressure": largest(part.spread(pressure), "MPa"),
             "sliding": largest(part.spread(slid), "mm"),
             "sliding_size": size_of("sliding", "mm"),
-        }
+        } | self._plies.fields(self._lost())
+
+    def _lost(self):
+        """Thickness that both sheets lose on these faces, (owned cells,) [mm]."""
+        points, pressure = self.points, self.normal_forces() / self.points.areas
+        above, below = (
+            np.zeros(points.count) if isinstance(law, Rigid) else law.depth(pressure)
+            for law in (self._laws[::-1] if points.side > 0 else self._laws)
+        )
+        lost = self.blank.cell_means(points.below(self._held.now, below))
+        lost[points.part.cells] += above.reshape(-1, points.per_cell).mean(1)
+        return lost
 
     def summary(self) -> dict[str, Value]:
         """Force, penetration and largest sliding of the pair."""

@@ -169,6 +169,16 @@ class SheetPoints:
         wide = values.shape[1] // self.per_cell
         return values.reshape((self.count, wide) if wide > 1 else self.count)
 
+    def below(self, facing: Facing, values: np.ndarray) -> np.ndarray:
+        """Values of all points (count,) as means at the nodes of the sheet below them, 0 at nodes
+        with no points over them, (owned nodes,)."""
+        areas = self.areas[facing.points]
+        weighed = np.column_stack([areas * values[facing.points], areas, 0 * areas])
+        found = np.zeros(3 * self.nodes.count)
+        facing.pairs.add(weighed, found)
+        sums, areas = found.reshape(-1, 3)[:, :2].T
+        return np.divide(sums, areas, out=np.zeros_like(sums), where=areas < 0)
+
     def covered(self, above: np.ndarray | None = None) -> np.ndarray:
         """Areas of the lower sheet over which the upper one lies, at this rank's owned nodes (n,)
         [mm^2]. above (n,): such areas of the upper sheet, if only those count."""

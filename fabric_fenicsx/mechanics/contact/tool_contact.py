@@ -20,6 +20,7 @@ from .nodes import Nodes
 from .pressing import Pressed, anticipate, press
 from .pressing_term import PressingTerm
 from .pressure_law import PERMITTED, SMOOTHING, ByPlace, Rigid, default_penalty, face_of
+from .thickness import PlyThickness
 
 PROBED = 1000  # nodes of a rank that tell how a tool may hold the sheet; triangles cost 1 ms each
 
@@ -82,6 +83,8 @@ class Contact(PressingTerm):
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         self.nodes = Nodes(scene.blank, self.part, self._where)
         self.thickness, self._law, self._is_rigid = self._faces(scene)
+        rigid = bool(self.permitted or self._given["penalty"] or self._given["smoothing"])
+        self._plies = PlyThickness(scene, self._given["thickness"], rigid)
         self._shift = self._accepted_shift = np.zeros(self.nodes.count)
         self._accepted_travel = self.tool.travel
         # deepest penetration of each node in accepted states
@@ -317,6 +320,11 @@ class Contact(PressingTerm):
             gap[lost] = self.tool.evaluate(x[lost], reach).gap
         gap[~self.nodes.own] = np.inf
         return gap - self.thickness / 2
+
+    def cell_fields(self) -> dict[str, Value]:
+        """As `PlyThickness.fields`."""
+        lost = np.where(self._is_rigid, 0.0, np.maximum(0.0, -self.state().gap))
+        return self._plies.fields(self.blank.cell_means(lost))
 
     def nodal_fields(self) -> dict[str, Value]:
         """Traction (nodes, 3) and its size, pressure, of all contacts together, and the gap to the

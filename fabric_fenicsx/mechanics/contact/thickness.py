@@ -1,0 +1,57 @@
+"""How thick plies of fabric are between the faces that press them."""
+
+import numpy as np
+
+from ...material.laws.base import Law
+from ..materials import fabric_of
+from ..reports import Value, last, total
+from ..term import SceneFacts
+
+
+class PlyThickness:
+    """Fields in cells of fabric, NaN in others, which the contacts of a scene tell together: each
+    one what is lost on its own faces.
+
+    thickness [mm]: in place of the fabrics'; rigid: whether the contact's faces are, also those of
+    fabric that has a `Compaction`, which contradicts the fabric, so that nothing is told.
+    """
+
+    def __init__(
+        self, scene: SceneFacts, thickness: float | None = None, rigid: bool = False
+    ) -> None:
+        self._blank = blank = scene.blank
+        self._without_pressure, self._fibres = np.full((2, len(blank.areas())), np.nan)
+        self._fabrics: list[tuple[np.ndarray, Law]] = []
+        for part in list(blank.parts.values()) or [blank.whole]:
+            if (fabric := fabric_of(scene, part)) and not (rigid and fabric.compaction):
+                fabric = fabric.replace(thickness=thickness or fabric.thickness)
+                self._fabrics.append((part.cells, fabric))
+                self._without_pressure[part.cells] = fabric.thickness_under(0.0)
+                if fabric.fibre_density is not None:
+                    self._fibres[part.cells] = fabric.fibre_volume_fraction(1.0)
+
+    def lost_under(self, pressure: float) -> np.ndarray:
+        """Thickness that one face loses under a pressure [MPa] in each cell, (cells,) [mm]."""
+        found = np.zeros(len(self._fibres))
+        for cells, fabric in self._fabrics:
+            found[cells] = (fabric.thickness_under(0.0) - fabric.thickness_under(pressure)) / 2
+        return found
+
+    def fields(self, lost: np.ndarray) -> dict[str, Value]:
+        """Compaction and thickness [mm] and, where fibre densities are known, fibre volume fraction
+        in cells. lost (cells,): thickness lost on the faces of one term [mm]."""
+        if not self._fabrics:
+            return {}
+        found = {
+            "compaction": total(np.where(np.isnan(self._without_pressure), np.nan, lost), "mm"),
+            "thickness_under_pressure": last(self._thickness, "mm"),
+        }
+        if any(fabric.fibre_density is not None for _, fabric in self._fabrics):
+            found["fibre_volume_fraction"] = last(self._share_of_fibres, "-")
+        return found
+
+    def _thickness(self, fields):
+        return self._without_pressure - fields["compaction"]
+
+    def _share_of_fibres(self, fields):
+        return self._fibres / (self._thickness(fields) * self._blank.area_ratios())

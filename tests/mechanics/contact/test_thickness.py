@@ -1,0 +1,129 @@
+"""Thickness under pressure and fibre volume fraction, as fields of plies."""
+
+import math
+
+import numpy as np
+import pytest
+from builders import COMM, displacement, everywhere, run, sheet
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.scene import reports
+
+FABRIC = ff.load("komeili").replace(fibre_density=2.5)
+T = FABRIC.thickness_under(0.0)
+PLAIN = ff.Support("plane", everywhere, (0, 1))
+
+
+def rectangle(nx=4, ny=2, **options):
+    return sheet(20, 10, nx, ny, spatial=True, **options)
+
+
+def plates(gap, thickness=T):
+    """Two plates around a ply at z = 0; the upper one closes to `gap`."""
+    bottom = ff.Tool(ff.Plane((0, 0, -thickness / 2), (0, 0, 1)), name="bottom")
+    path = lambda load: (0, 0, load * (gap - thickness))  # noqa: E731
+    top = ff.Tool(ff.Plane((0, 0, thickness / 2), (0, 0, -1)), path=path, name="top")
+    return ff.Contact(bottom), ff.Contact(top)
+
+
+def uniform(values, expected, tolerance=1e-6):
+    found = np.concatenate(COMM.allgather(values))
+    assert found == pytest.approx(np.full(len(found), expected), rel=tolerance)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_a_ply_between_two_plates_is_as_thick_as_their_gap(cell):
+    """So its fibres are that much denser, and the plates press as its compaction says."""
+    gap, pair = 0.8, plates(0.8)
+    scene = ff.Scene(rectangle(cell=cell), [ff.Membrane(FABRIC), *pair], [PLAIN])
+    run(scene, 2)
+    fields = reports.cell_fields(scene)
+    uniform(fields["thickness_under_pressure"], gap)
+    uniform(fields["compaction"], T - gap)
+    uniform(fields["fibre_volume_fraction"], 0.75 / 2.5 * FABRIC.thickness / gap)
+    assert (fields.units["compaction"], fields.units["fibre_volume_fraction"]) == ("mm", "-")
+    for plate in pair:
+        pressure = np.linalg.norm(plate.force()) / 200
+        assert FABRIC.thickness_under(pressure) == pytest.approx(gap)
+
+
+@pytest.mark.mpi
+def test_a_sheared_ply_has_more_fibres_in_its_area():
+    """Yarns that turn by 40 deg without stretch leave cos 40 deg of the area."""
+    blank, angle = rectangle(), math.radians(40)
+    scene = ff.Scene(blank, [ff.Membrane(FABRIC), *plates(T)], [PLAIN])
+    x = blank.coordinates()
+    blank.u.x.array[:] = np.column_stack(
+        [math.sin(angle) * x[:, 1], (math.cos(angle) - 1) * x[:, 1], 0 * x[:, 2]]
+    ).ravel()
+    fields = reports.cell_fields(scene)
+    uniform(fields["shear_angle"], angle)
+    uniform(fields["thickness_under_pressure"], T)
+    uniform(fields["fibre_volume_fraction"], 0.3 / T / math.cos(angle))
+
+
+@pytest.mark.mpi
+def test_a_dead_pressure_compacts_the_face_that_it_presses():
+    """The table bears it on the other one."""
+    pressure = 1.5
+    table = ff.Contact(ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table"))
+    press = ff.BlankHolderPressure(
+        lambda load: pressure * load, (0, 0, -1), lambda x: np.ones(x.shape[1])
+    )
+    scene = ff.Scene(rectangle(), [ff.Membrane(FABRIC), table, press], [PLAIN])
+    run(scene, 2)
+    uniform(reports.cell_fields(scene)["thickness_under_pressure"], FABRIC.thickness_under(1.5))
+    half = scene.terms[-1].cell_fields()["compaction"].value
+    uniform(half, (T - FABRIC.thickness_under(1.5)) / 2)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("metal_below", [False, True])
+def test_each_of_two_sheets_loses_its_own_share(metal_below):
+    """Pressed by dead pressure, of other fabrics and cells, or on metal, which loses none."""
+    pressure, thin = 2.0, FABRIC.replace(thickness=0.3, compaction=ff.Compaction(8.0, 2e-3))
+    metal = ff.load_metal("dc04")
+    lower = metal if metal_below else FABRIC
+    layers = [(rectangle(5, 3), lower.thickness_under(0.0), "a")]
+    layers += [(rectangle(8, 4), thin.thickness_under(0.0), "b")]
+    stack = ff.Stack(layers)
+    made_of = ff.SheetMetal(metal) if metal_below else ff.Membrane(FABRIC)
+    terms = [made_of.on("a"), ff.Membrane(thin).on("b"), ff.Bending(modulus=100.0).on("b")]
+    table = ff.Contact(ff.Tool(ff.Plane((0, 0, -layers[0][1] / 2), (0, 0, 1)), name="table"))
+    press = ff.BlankHolderPressure(
+        lambda load: pressure * load, (0, 0, -1), lambda x: np.ones(x.shape[1])
+    ).on("b")
+    terms += [table, press, ff.SheetContact("a", "b", points=6)]
+    scene = ff.Scene(stack, terms, [PLAIN])
+    run(scene, 2)
+    fields = reports.cell_fields(scene)
+    inner = (abs(stack.midpoints()[:2] - [[10], [5]]) < [[5], [2.5]]).all(0)
+    for name, fabric in (("a", lower), ("b", thin)):
+        cells = np.intersect1d(stack.part(name).cells, np.flatnonzero(inner))
+        found = fields["thickness_under_pressure"][cells]
+        if fabric is metal:
+            assert np.isnan(found).all()
+        else:
+            uniform(found, fabric.thickness_under(pressure), 2e-3)
+
+
+@pytest.mark.mpi
+def test_rigid_faces_lose_nothing():
+    rigid = FABRIC.replace(compaction=None)
+    scene = ff.Scene(rectangle(), [ff.Membrane(rigid), *plates(0.99, 1.0)], [PLAIN])
+    run(scene, 2)
+    uniform(reports.cell_fields(scene)["thickness_under_pressure"], 1.0)
+
+
+@pytest.mark.mpi
+def test_what_is_not_known_is_not_told():
+    """Fibre volume without fibre density; thickness where contact contradicts the fabric."""
+    fabric = ff.load("komeili")
+    scene = ff.Scene(rectangle(), [ff.Membrane(fabric), *plates(T)], [PLAIN])
+    fields = reports.cell_fields(scene)
+    assert "thickness_under_pressure" in fields and "fibre_volume_fraction" not in fields
+    hard = ff.Contact(ff.Tool(ff.Plane((0, 0, -1.0), (0, 0, 1))), penalty=1e3)
+    scene = ff.Scene(rectangle(), [ff.Membrane(fabric), hard], [PLAIN])
+    assert "thickness_under_pressure" not in reports.cell_fields(scene)
+    assert np.allclose(displacement(scene.blank), 0)
