@@ -18,7 +18,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.material import curves
 from fabric_fenicsx.material.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.material.curves.model import units as units_of
-from fabric_fenicsx.material.identification import identify
+from fabric_fenicsx.material.identification import identify, result_lines
 from fabric_fenicsx.material.laws.base import LAWS
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.material.units import UNITS
@@ -42,9 +42,9 @@ def material_file():
     return text
 
 
-def write_data_set(folder):
-    """The data set `mine` of the page on own data, written into a folder."""
-    text = (DOCS / "howto/own_data.md").read_text()
+def write_data_set(folder, *more):
+    """The data set `mine` of the page on own data and of `more`, written into a folder."""
+    text = "\n".join((DOCS / "howto" / page).read_text() for page in ("own_data.md", *more))
     files = re.findall(r"^`(mine/\w+\.(?:toml|csv))`:\n\n```\w+\n(.*?)^```", text, re.S | re.M)
     (folder / "mine").mkdir()
     for file, content in files:
@@ -127,6 +127,13 @@ def test_the_data_set(tmp_path):
     (reaction,) = re.findall(r"the simulated reaction is (\d+) N", text)
     strip = ff.Tensile(found.fabric, length=300, width=100, strain=0.03, nx=16)
     assert strip.job(steps=5).run().summary["reaction_N"] == pytest.approx(float(reaction), 0.01)
+
+
+def test_the_compaction_test(tmp_path):
+    found = identify(*curves.read(write_data_set(tmp_path, "compaction_test.md")))
+    told = re.findall(r"^compaction\.\w+ .*", (DOCS / "howto/compaction_test.md").read_text(), re.M)
+    assert len(told) == 3
+    assert set(told) <= set(result_lines(found))
 
 
 def test_the_format_of_data_names_every_test_column_key_and_unit():
