@@ -31,12 +31,7 @@ HIGHER = {
 def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     """Fit the law to the curves, and compaction to the sheet's tests of it; InputError if they
     determine nothing or are too few, SolverFailure if a fit fails."""
-    compaction = fit_compaction(sheet) if sheet.compaction else None
-    if compaction and not curves:
-        raise InputError(
-            "all tests are of compaction; allowed are one or more in the fabric's plane beside "
-            "them, or `fit_compaction`, which needs no others"
-        )
+    compaction = _compaction(sheet, curves)
     problem = Problem(sheet, curves)
     default, source, reason = _assumptions(problem, sheet)
     _check_yarns(sheet, problem.names, reason, source)
@@ -48,15 +43,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         estimated = NOISE * math.sqrt(found.variance)
     bound = _at_bound(problem, theta, free, fitted)
     determined = {
-        problem.names[k]: Determined(
-            float(theta[k]),
-            float(e),
-            tuple(np.clip([theta[k] - half, theta[k] + half], *problem.box(k)).tolist()),
-            unit_of(problem.names[k]),
-            float(staged[k]),
-            bool(half > abs(theta[k])),
-            k in bound,
-        )
+        problem.names[k]: _determined(problem, k, theta[k], staged[k], e, half, k in bound)
         for k, e, half in zip(free, found.error, found.half)
     }
     assumed = {
@@ -69,9 +56,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         )
         for k, why in sorted(reason.items())
     }
-    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet)
-    if compaction:
-        fabric = fabric.replace(compaction=compaction.compaction)
+    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, compaction)
     softest, convex = _physics(problem, fabric)
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
@@ -99,6 +84,26 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         sheet.areal_weight,
         compaction,
     )
+
+
+def _determined(problem, k, value, staged, error, half, at_bound):
+    """Parameter k, fitted."""
+    interval = tuple(np.clip([value - half, value + half], *problem.box(k)).tolist())
+    is_weak = bool(half > abs(value))
+    unit = unit_of(problem.names[k])
+    return Determined(float(value), float(error), interval, unit, float(staged), is_weak, at_bound)
+
+
+def _compaction(sheet, curves):
+    """The fit to the sheet's compaction tests, None without any."""
+    if not sheet.compaction:
+        return None
+    if not curves:
+        raise InputError(
+            "all tests are of compaction; allowed are one or more in the fabric's plane beside "
+            "them, or `fit_compaction`, which needs no others"
+        )
+    return fit_compaction(sheet)
 
 
 def _assumptions(problem, sheet):
@@ -157,22 +162,17 @@ def _statistics(problem, theta, free, sd):
     return _Statistics(dof, variance, error, stats.t.ppf(0.975, dof) * error, correlation, J)
 
 
-def _fabric(value, sheet):
-    """The fabric of values {name: number}."""
+def _fabric(value, sheet, compaction):
+    """The fabric of values {name: number} and of a fit of compaction, if there is one."""
     warp, weft = (
         Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN})
         for yarn in ("warp", "weft")
     )
     shear: dict[str, Any] = {n: value[n] for n in SHEAR}
-    return WovenFabric(
-        warp,
-        weft,
-        **shear,
-        thickness=sheet.thickness,
-        density=sheet.density,
-        fibre_density=sheet.fibre_density,
-        name=sheet.name,
-    )
+    known = "thickness", "density", "fibre_density", "name"
+    across: dict[str, Any] = {name: getattr(sheet, name) for name in known}
+    across |= {"compaction": compaction.compaction} if compaction else {}
+    return WovenFabric(warp, weft, **shear, **across)
 
 
 def _noise_warnings(curves, found):
