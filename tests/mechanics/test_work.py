@@ -81,3 +81,18 @@ def test_a_kink_is_not_rounded():
         work.accept(loads[k], forces[k], np.array([loads[k]]))
         total += work.since(loads[k + 1], forces[k + 1], np.array([loads[k + 1]]))
     assert total == pytest.approx(0.18, rel=1e-12)
+
+
+def test_work_does_not_depend_on_the_axes():
+    """Nor where a bend is bounded."""
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    forces = np.array([[0.0, 0, 0], [1, 2, 0], [1.2, 2.1, 0.1], [9, 1, -4], [9.5, 2, -4]])
+    places = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0.1, 0], [2.5, 1, 0.3], [4, 1, 2]])
+    found = []
+    for axes in (np.eye(3), turn):
+        work, total = Work(), 0.0
+        for k in range(len(forces) - 1):
+            work.accept(k, axes @ forces[k], axes @ places[k])
+            total += work.since(k + 1, axes @ forces[k + 1], axes @ places[k + 1])
+        found.append(total)
+    assert found[1] == pytest.approx(found[0], rel=1e-12)
