@@ -98,7 +98,9 @@ def _presets() -> bool:
 
         for name, fabric in PRESETS.items():
             couplings = ", ".join(sorted(fabric.couplings)) or "none"
-            print(f"preset {name:8} {fabric.thickness:g} mm thick, couplings: {couplings}")
+            pressed = f"{fabric.thickness_under(1.0):.2g} mm under 1 MPa"
+            thickness = f"{fabric.thickness:g} mm thick, {pressed}"
+            print(f"preset {name:8} {thickness}, couplings: {couplings}")
     except Exception as error:
         print(f"presets         fails: {_words(error)}")
         return False
