@@ -2,10 +2,6 @@
 
 from dataclasses import dataclass
 
-from petsc4py import PETSc
-
-from ..scene.scene import Scene
-
 SMALL_WORK = 0.1  # of the energies, below which a step's work is not what its balance is of
 FINEST = 8  # of these make the largest step; smaller ones are not judged by their balance
 
@@ -51,15 +47,3 @@ class EnergyBalance:
             f"{100 * missing:.3g} % of the step's work is not in the energies; allowed is "
             f"{100 * self.allowed:g} %"
         )
-
-
-def upset_objection(scene: Scene, x: PETSc.Vec, load: float) -> str:
-    """Contact, taken anew after a solution x at a load factor, leaves a residual below all forces
-    on the scene: otherwise it would settle after hundreds of iterations, if ever. The forces are
-    those of full load, if they grow as the load does: at first they are nearly nothing."""
-    residual = x.duplicate()
-    scene.set(x)
-    scene.residual(residual)
-    if load * residual.norm() > scene.force_scale():
-        return "contact changed by more than all forces after a solution"
-    return ""

@@ -2,7 +2,6 @@
 
 from petsc4py import PETSc
 
-from .judges import upset_objection
 from .newton import Newton
 from .report import Report
 
@@ -17,14 +16,10 @@ LOOSE = 3e-3
 LONG = 6
 
 
-def solve_lagged(
-    newton: Newton, x: PETSc.Vec, tolerance: float, moved_to: float
-) -> tuple[Report, int]:
+def solve_lagged(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Report, int]:
     """Solve for x, again and again until terms have nothing to take anew: to `LOOSE` meanwhile, in
     the end to `tolerance` or the solver's. Nothing is to be taken anew after that solution either.
-
-    moved_to: load factor, if it changes: an update may then not upset the scene; else 0. The last
-    `Report`, with the iterations of the hardest solve, and the iterations of all.
+    The last `Report`, with the iterations of the hardest solve, and the iterations of all.
     """
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
@@ -42,9 +37,6 @@ def solve_lagged(
             if now == asked:
                 break
             now = asked
-        elif moved_to and (objection := upset_objection(scene, x, moved_to)):
-            report.object(objection)
-            break
     else:
         report.object(f"contact was not settled by {MOST} solutions")
     return report, sum(every)

@@ -161,8 +161,7 @@ class LoadStepping:
         self._predict(attempt)
         x.copy(self._predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
-        moved_to = attempt.load if attempt.taken else 0.0
-        attempt.report, iterations = solve_lagged(self.newton, x, attempt.tolerance, moved_to)
+        attempt.report, iterations = solve_lagged(self.newton, x, attempt.tolerance)
         progress.iterations += iterations
         if self.path.accuracy and progress.last_step:
             self._predicted.axpy(-1.0, x)

@@ -1,9 +1,8 @@
 """What speaks against a converged step."""
 
 import pytest
-from petsc4py import PETSc
 
-from fabric_fenicsx.solve.judges import EnergyBalance, StraightPath, upset_objection
+from fabric_fenicsx.solve.judges import EnergyBalance, StraightPath
 
 
 @pytest.mark.parametrize("accuracy, deviation, objects", [(1e-2, 0.021, True), (1e-2, 0.02, False)])
@@ -31,32 +30,3 @@ def test_work_must_be_in_the_energies_unless_it_is_little_or_the_step_is_fine(
 ):
     balance = EnergyBalance(0.02, largest=0.1)
     assert balance.objection(taken, work, rise, stored=1e3, contact=contact) == words
-
-
-class Upset:
-    """A scene whose forces are `force` [N], and which is out of balance by `residual` [N]."""
-
-    def __init__(self, force, residual):
-        self.force, self._residual = force, residual
-
-    def set(self, x):
-        pass
-
-    def residual(self, r):
-        r.set(0.0)
-        r.setValue(0, self._residual)
-        r.assemble()
-
-    def force_scale(self):
-        return self.force
-
-
-@pytest.mark.parametrize(
-    "load, residual, objects",
-    [(1.0, 1.1, True), (1.0, 0.9, False), (0.1, 9.0, False), (0.1, 11, True)],
-)
-def test_contact_may_not_change_by_more_than_the_forces_that_the_load_will_bring(
-    load, residual, objects
-):
-    x = PETSc.Vec().createSeq(3, comm=PETSc.COMM_SELF)
-    assert bool(upset_objection(Upset(1.0, residual), x, load)) == objects

@@ -89,47 +89,6 @@ class Holding(Term):
         return self.left >= 0
 
 
-class Striking(Term):
-    """Finds a push [N] along y on all nodes after the first solution of a step, if that is longer
-    than a quarter; an hour's iterations might follow."""
-
-    name, energy_kind = "striking", "contact"
-
-    def __init__(self, push):
-        self.push = push
-
-    def set_load(self, load):
-        self.force, self._load = 0.0, load
-
-    def accept(self):
-        self._from = self._load
-
-    def stored(self):
-        u = self.blank.u.x.array[: 2 * self.blank.V.dofmap.index_map.size_local]
-        return -self.force * u[1::2].sum()
-
-    def add_forces(self, f):
-        f[1::2] -= self.force
-
-    def update_lagged(self):
-        found = self.push * (self._load - self._from > 0.25)
-        self.force, before = found, self.force
-        return found != before
-
-
-@pytest.mark.mpi
-@pytest.mark.parametrize("push, words", [(1e-3, []), (1e3, ["contact changed by more than all"])])
-def test_contact_that_throws_a_step_out_of_balance_is_not_followed(push, words):
-    blank = Blank.rectangle(20, 10, nx=4, element="P1")
-    scene = Scene(blank, [builders.Elastic(), Striking(push)], clamped_ends(0.2))
-    reasons = []
-    outcome = march(
-        Newton(scene), steps=2, on_reject=lambda load, report: reasons.append(report.reason)
-    )
-    assert outcome.reached == 1 and not outcome.reason
-    assert {reason[:32] for reason in reasons} == set(words)
-
-
 @pytest.fixture
 def asked(monkeypatch):
     """Tolerances of all solves, negative where a saddle will do."""
