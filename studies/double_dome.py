@@ -34,7 +34,8 @@ def main(study: Study):
         q = found[label]
         study.say(
             f"{label or args.out}: punch force {r.told('punch_force_N', '.5g')} N, largest shear "
-            f"angle {r.told('shear_angle_max_deg', '.2f')} deg, draw-in "
+            f"angle {r.told('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
+            f"{r.told('shear_angle_99_percent_deg', '.2f')}), draw-in "
             f"{r.told('draw_in.largest_mm', '.2f')} mm, "
             f"penetration {100 * q['penetration_of_thickness']:.2g} % of the thickness"
         )

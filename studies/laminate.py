@@ -43,13 +43,15 @@ def main(study: Study):
             result = failure.result
             failed.append(f"{label}: {failure}")
         results[label], q = result, result.summary["quantities"]
+        middle = q["plies"].get(MIDDLE, {})
         row = {"variant": label, "stroke_reached": result.summary["stroke_reached"]}
-        rows.append(row | {k: v for k, v in q.items() if isinstance(v, float)})
-        thinning = max(ply.get("thinning_max", 0.0) for ply in q["plies"].values())
-        shear = q["plies"].get(MIDDLE, q)["shear_angle_max_deg"]
+        row |= {k: v for k, v in q.items() if isinstance(v, float)}
+        rows.append(row | {f"middle_{k}": v for k, v in middle.items() if isinstance(v, float)})
+        shear = result.told(f"plies.{MIDDLE}.shear_angle_max_deg", ".2f")
         study.say(
             f"{label or study.args.out}: punch force {q['punch_force_N']:.5g} N, largest shear "
-            f"angle of the middle ply {shear:.2f} deg, thinning of the metal {thinning:.2%}, "
+            f"angle of the middle ply {shear} deg, thinning of the metal "
+            f"{result.told('thinning_max', '.2f', 100)} %, "
             f"penetration {q['penetration_of_thickness']:.2%} of a thickness"
         )
     if len(results) > 1:

@@ -6,6 +6,8 @@ from typing import Any
 from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..mechanics.term_checks import misspelt
 from ..results.history import ENERGIES, energy_balance
+from ..results.result import Result
+from ..results.shear import crumpling_warnings
 from ..scene import reports
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
@@ -74,23 +76,21 @@ def warnings_at_start(scene: Scene) -> list[str]:
     return [words for words in found if words]
 
 
-def warnings_at_end(
-    scene: Scene, rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
-) -> list[str]:
-    """What speaks against the result though nothing failed, in words. rows, energy: as of
+def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
+    """What speaks against the result though nothing failed, in words. energy: as of
     `beyond_limits_at_end`."""
-    untouched = ""
+    scene, untouched = result.scene, ""
     if reports.tools(scene):
         from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
-    found = [untouched, crossing_warning(scene.blank)]
+    found = [untouched, crossing_warning(scene.blank), *crumpling_warnings(result)]
     if not (untouched or any(energy.values()) or scene.u.norm()):
         found.append(
             "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
             "that moves would, as `clamped_ends(stroke)`"
         )
-    balance = energy_balance(rows, energy)
+    balance = energy_balance(result.rows, energy)
     if branches := ", ".join(f"{load:.6g}" for load in balance["branches"]):
         found.append(
             f"the path branches at load {branches}: the equilibrium there was a saddle, and "

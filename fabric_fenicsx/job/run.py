@@ -136,7 +136,7 @@ class Run:
                 self.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, self.folder, scene)
         energy = self._energy()
-        for warning in belief.warnings_at_end(scene, rows, energy):
+        for warning in belief.warnings_at_end(result, energy):
             output.warn(warning)
         wrong = belief.beyond_limits_at_end(scene, self.job.limits, rows, energy)
         self.wrong = outcome.reason or belief.not_believed(self._wrong_now + wrong)

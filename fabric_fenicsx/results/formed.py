@@ -20,37 +20,35 @@ from ..tools.triangulated import TriangulatedSurface
 from . import forming, forming_pictures, measures, pictures
 from .output import MARKED
 from .result import OUTLIERS, Result, of_fabric
+from .shear import shear_quantities
 
 log = logging.getLogger("fabric_fenicsx")
 ANGLES = 0, 45, 90  # of the paths to x [deg]
+# of the shapes of plies, what of several ones the largest has a meaning
+LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("height_largest_mm", "slope_largest_deg")}
 METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"  # that is drawn
 
 
-def ply_quantities(
-    result: Result, part: Part, tool: Tool, middle: float, closed: bool
-) -> dict[str, Any]:
-    """Shear, strains, thickness, draw-in, wrinkles over the tool of one ply, which is all of a
-    sheet or a part of a stack; middle: height of its mid-surface over the tool that it lies on
-    [mm]; closed: whether the tools are, as otherwise the ply does not follow them and wrinkles are
-    None. So is the largest fibre volume fraction without a fibre density."""
-    comm = result.scene.comm
-    fields = {name: values[part.cells] for name, values in result.fields.items()}
-    gamma = np.degrees(np.abs(fields["shear_angle"]))
+def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+    """Shear, crumpling, strains and thickness of all cells of the `parts`, one ply or several of
+    fabric. The largest fibre volume fraction is None without a fibre density."""
+    comm, cells = result.scene.comm, _cells(parts)
+    fields = {name: values[cells] for name, values in result.fields.items()}
     ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
-    extremes = partial(measures.extremes, comm)
+    extremes, areas = partial(measures.extremes, comm), measures.areas(result.scene.blank)[cells]
     return {
         "shear_angle_deg": extremes(np.degrees(fields["shear_angle"])),
-        "shear_angle_max_deg": extremes(gamma)[1],
+        **shear_quantities(result, parts),
         "log_eps_11": extremes(fields["log_eps_11"]),
         "log_eps_22": extremes(fields["log_eps_22"]),
         "stability_ellipticity_min": extremes(ellipticity)[0],
         "cells_that_lost_ellipticity": comm.allreduce(int((ellipticity < 0).sum())),
         "share_of_state_1_to_4": [
-            measures.mean(comm, (states == k) * 1.0, np.ones(len(states))) for k in (1, 2, 3, 4)
+            measures.mean(comm, (states == k) * 1.0, areas) for k in (1, 2, 3, 4)
         ],
         "thickness_min_mm": _known(np.fmin, comm, fields.get("thickness_under_pressure")),
         "fibre_volume_fraction_max": _known(np.fmax, comm, fields.get("fibre_volume_fraction")),
-    } | _shape(result, part, tool, middle, closed)
+    }
 
 
 def _known(extreme, comm, values):
@@ -61,32 +59,52 @@ def _known(extreme, comm, values):
     return None if np.isnan(found) else float(found)
 
 
-def metal_quantities(
-    result: Result, part: Part, tool: Tool, middle: float, closed: bool
-) -> dict[str, Any]:
-    """Plastic strain, thickness, von Mises' stress, draw-in and wrinkles of one ply of metal, as
-    `ply_quantities`."""
-    comm = result.scene.comm
-    thinnest, thickest = measures.extremes(comm, result.fields["metal_thickness"][part.cells])
-    stress = np.fmax(
-        *(result.fields[f"von_mises_{face}"][part.cells] for face in ("top", "bottom"))
-    )
+def metal_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+    """Plastic strain, thickness and von Mises' stress of all cells of the `parts`, one ply or
+    several of metal."""
+    cells, fields = _cells(parts), result.fields
+    extremes = partial(measures.extremes, result.scene.comm)
+    thickness = fields["metal_thickness"][cells]
+    before = np.repeat([part.thickness or 1.0 for part in parts], [len(p.cells) for p in parts])
+    stress = np.fmax(*(fields[f"von_mises_{face}"][cells] for face in ("top", "bottom")))
     return {
-        "plastic_strain_max": measures.extremes(
-            comm, result.fields["equivalent_plastic_strain"][part.cells]
-        )[1],
-        "thinning_max": 1 - thinnest / (part.thickness or 1.0),
-        "thickness_mm": [thinnest, thickest],
-        "von_mises_max_MPa": measures.extremes(comm, stress)[1],
-    } | _shape(result, part, tool, middle, closed)
+        "plastic_strain_max": extremes(fields["equivalent_plastic_strain"][cells])[1],
+        "thinning_max": extremes(1 - thickness / before)[1],
+        "thickness_mm": extremes(thickness),
+        "von_mises_max_MPa": extremes(stress)[1],
+    }
 
 
-def _shape(result, part, tool, middle, closed):
-    """Draw-in and wrinkles of a ply, on all ranks."""
+def _cells(parts):
+    return np.concatenate([part.cells for part in parts])
+
+
+def shape(result: Result, part: Part, tool: Tool, middle: float, closed: bool) -> dict[str, Any]:
+    """Draw-in, and wrinkles over the tool, of one ply, which is all of a sheet or a part of a
+    stack; middle: height of its mid-surface over the tool that it lies on [mm]; closed: whether the
+    tools are, as otherwise the ply does not follow them and wrinkles are None."""
     comm, wrinkles = result.scene.comm, None
     if closed and comm.rank == 0:
         wrinkles = forming.wrinkles(result.grids[part.name], tool, 2 * middle)
     return {"draw_in": result.draw_in(part.name), "wrinkles": comm.bcast(wrinkles)}
+
+
+def stack_quantities(
+    result: Result,
+    plies: Mapping[str, Mapping[str, Any]],
+    fabrics: Sequence[Part],
+    metals: Sequence[Part],
+) -> dict[str, Any]:
+    """Quantities of a stack: those of cells over all cells of its plies of fabric and of metal, and
+    of the shapes of its `plies` {name: quantities} the largest ones. What is of one ply's edge or
+    area alone is left out: each ply has it."""
+    found = fabric_quantities(result, fabrics) if fabrics else {}
+    found |= metal_quantities(result, metals) if metals else {}
+    for name, keys in LARGEST.items():
+        shapes = [ply[name] for ply in plies.values()]
+        known = None not in shapes
+        found[name] = {key: max(each[key] for each in shapes) for key in keys} if known else None
+    return found
 
 
 def tool_mesh(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyData:

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.path import Path as Polygon
@@ -19,10 +18,9 @@ BETWEEN = "sheet_pressure", "sliding_size"
 INWARDS = 1e-6  # mm, so that paths on planes of symmetry are within the metal
 
 
-def middle_quantities(result: Result, name: str) -> dict[str, Any]:
+def middle_quantities(result: Result, name: str) -> dict[str, float]:
     """Of ply `name`: the largest shear angle on the path at 45 deg, and the contrast of its shear
-    angle (see `forming.contrast`) [deg]; of all sheets the largest mean pressure of a cell on the
-    next sheet [MPa]."""
+    angle (see `forming.contrast`) [deg]."""
     comm, found = result.scene.comm, {}
     if comm.rank == 0:
         grid = result.grids[name]
@@ -31,9 +29,15 @@ def middle_quantities(result: Result, name: str) -> dict[str, Any]:
             "shear_angle_on_45_deg_path_deg": float(abs(path.shear_angle).max()),
             "shear_contrast_deg": float(np.degrees(forming.contrast(grid, "shear_angle"))),
         }
+    return comm.bcast(found)
+
+
+def pressure_quantities(result: Result) -> dict[str, float]:
+    """Of all sheets the largest mean pressure of a cell on the next sheet [MPa]; nothing of one."""
+    if "sheet_pressure" not in result.fields:
+        return {}
     pressure = np.nan_to_num(result.fields["sheet_pressure"])
-    largest = {"sheet_pressure_largest_MPa": measures.extremes(comm, pressure)[1]}
-    return comm.bcast(found) | largest
+    return {"sheet_pressure_largest_MPa": measures.extremes(result.scene.comm, pressure)[1]}
 
 
 def marks(ply: Grid, metal: Grid, punch: Tool) -> dict[str, list[float]]:

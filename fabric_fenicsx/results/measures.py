@@ -11,6 +11,7 @@ from ..scene.scene import Scene
 from ..sheets.blank import Blank, Part
 
 SAME = 1e-6  # mm within which places are the same
+EQUAL = 1e-6  # of a value, by which others are the same
 TAIL = 0.01  # share of the area beyond each of the two values that `bulk` gives
 
 
@@ -69,6 +70,17 @@ def extremes(comm: MPI.Comm, values: np.ndarray) -> tuple[float, float]:
     """Smallest and largest of the arrays of all ranks."""
     low = comm.allreduce(values.min(initial=np.inf), MPI.MIN)
     return float(low), float(comm.allreduce(values.max(initial=-np.inf), MPI.MAX))
+
+
+def where_largest(
+    comm: MPI.Comm, values: np.ndarray, rows: np.ndarray
+) -> tuple[float, list[float]]:
+    """Largest of the `values` (n,) of all ranks, and which of the `rows` (n, k) is there: of those
+    whose values differ by rounding (`EQUAL`) the first in their own order, which is the same on any
+    number of ranks."""
+    largest = extremes(comm, values)[1]
+    mine = rows[values >= largest - EQUAL * abs(largest)].tolist()
+    return largest, min(row for each in comm.allgather(mine) for row in each)
 
 
 def near(comm: MPI.Comm, places: np.ndarray, point: ArrayLike, radius: float) -> np.ndarray:

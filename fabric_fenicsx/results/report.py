@@ -51,6 +51,9 @@ WORDS = {
     "viscous_of_strain_energy": "viscous energy over strain energy",
     "stability_ellipticity_min": "least ellipticity of the law (negative: it allows bands)",
     "cells_that_lost_ellipticity": "cells in which the law allows bands",
+    "crumpled_share": "share of the area in which yarns are shortened by more than 5 %",
+    "shortening_max": "shortening of yarns max",
+    "shortening_at_shear_angle_max": "shortening of yarns where the shear angle is largest",
     "share_of_state_1_to_4": "area shares: both yarns in tension, a alone, b alone, none",
 }
 MISMATCH = 1e-10  # of UFL and kernel, up to which it is rounding
@@ -95,6 +98,7 @@ def label(name: str) -> str:
     longest = max(begins, key=len, default="")
     text = WORDS.get(longest, "") + name.removeprefix(longest)
     text = text.replace("_98_percent", ", without 1 % of the area at either end")
+    text = text.replace("_99_percent", ", which 99 % of the area stay below")
     for end, unit in UNITS.items():
         for mark in "_ ":
             if text.endswith(mark + end):

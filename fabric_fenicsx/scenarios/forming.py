@@ -60,7 +60,10 @@ class Forming(Scenario):
     """
 
     NAME: ClassVar[str] = "double_dome"
-    HEADLINES = "punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm"
+    HEADLINES = (
+        *("punch_force_N", "shear_angle_max_deg", "shear_angle_99_percent_deg"),
+        "draw_in.largest_mm",
+    )
     FULL = {"nx": 47, "steps": 40, "balance": 0.02}
     QUICK = {"nx": 12, "steps": 12, "balance": None}  # few steps are not to become many
     SOLVER = {"path_tolerance": 1e-6, "every": 10}

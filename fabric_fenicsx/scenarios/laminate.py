@@ -64,12 +64,14 @@ class Laminate(Forming):
         return [Ply(name="lower metal", **sheet), *plies, Ply(name=METAL, **sheet)]
 
     def quantities(self, result: Result) -> dict[str, Any]:
-        """As of `Forming`, with the largest shear angle on the middle ply's path at 45 deg, its
-        contrast, and pressure between the sheets."""
+        """As of `Forming`, with the pressure between the sheets and, of the middle ply, the largest
+        shear angle on the path at 45 deg and its contrast."""
         from ..results import laminate
 
-        middle = laminate.middle_quantities(result, MIDDLE) if MIDDLE in self.blank.parts else {}
-        return super().quantities(result) | middle
+        found = super().quantities(result) | laminate.pressure_quantities(result)
+        if MIDDLE in self.blank.parts:
+            found["plies"][MIDDLE] |= laminate.middle_quantities(result, MIDDLE)
+        return found
 
     def pictures(self, result: Result, folder: Path) -> None:
         """As of `Forming`, and the middle ply with the metal's contour."""

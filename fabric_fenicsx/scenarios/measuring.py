@@ -8,28 +8,16 @@ import numpy as np
 
 from ..job.job import Result
 from ..scene import reports
+from ..sheets.blank import Part
 
 STRETCHING = "strain", "metal", "plastic"  # energies that regularisation is measured by
 
 
 def quantities(forming: Any, result: Result) -> dict[str, Any]:
     """Forces, penetrations, shear, strains, draw-in and, once the tools are closed, wrinkles; of
-    metal thinning, plastic strain and stress. Of several plies the worst, and each one's in
-    `plies`."""
-    from ..results import formed
-
+    metal thinning, plastic strain and stress. Those of a stack are over all its plies, and each
+    one's are in `plies`."""
     rows, scene = result.rows, forming.scene
-    parts = forming.blank.parts or {"": forming.blank.whole}
-    plies, below = {}, 0.0
-    closed = forming.closes and rows[-1]["load"] == 1
-    for ply, (name, part) in zip(forming.plies, parts.items()):
-        middle = below + ply.thickness_under(0.0) / 2
-        measures = formed.metal_quantities if ply.metal else formed.ply_quantities
-        plies[name] = measures(result, part, forming.punch_tool, middle, closed)
-        below += ply.thickness_under(0.0)
-    fabrics = [plies[name] for ply, name in zip(forming.plies, parts) if ply.fabric]
-    worst = max(fabrics, key=lambda q: q["shear_angle_max_deg"], default={})
-    largest = max(plies.values(), key=lambda q: q["draw_in"]["largest_mm"])
     total = sum((reports.tool_force(scene, term.tool) for term in forming.pressing), np.zeros(3))
     kept = sum(rows[-1].get(f"{kind}_energy_Nmm", 0.0) for kind in STRETCHING)
     force = rows[-1]["reaction_N"]
@@ -47,19 +35,29 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
         "sticking_slip_mm": forming.slip if forming.friction else None,
         "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,
     }
-    several = {"plies": plies} if forming.stack else {}
-    return found | worst | _across(fabrics) | {"draw_in": largest["draw_in"]} | several
+    return found | _of_plies(forming, result)
 
 
-def _across(plies):
-    """Least thickness and largest fibre volume fraction of all plies of fabric, None if none is
-    known, nothing without such a ply."""
-    thickness, share = (
-        [q[name] for q in plies if q[name] is not None]
-        for name in ("thickness_min_mm", "fibre_volume_fraction_max")
-    )
-    found = min(thickness, default=None), max(share, default=None)
-    return dict(zip(("thickness_min_mm", "fibre_volume_fraction_max"), found)) if plies else {}
+def _of_plies(forming, result):
+    """Of the one ply, or of a stack over all plies and of each."""
+    from ..results import formed
+
+    parts = forming.blank.parts or {"": forming.blank.whole}
+    closed = forming.closes and result.rows[-1]["load"] == 1
+    plies, below = {}, 0.0
+    fabrics: list[Part] = []
+    metals: list[Part] = []
+    for ply, (name, part) in zip(forming.plies, parts.items()):
+        thickness = ply.thickness_under(0.0)
+        (metals if ply.metal else fabrics).append(part)
+        of_cells = formed.metal_quantities if ply.metal else formed.fabric_quantities
+        middle = below + thickness / 2
+        plies[name] = of_cells(result, [part])
+        plies[name] |= formed.shape(result, part, forming.punch_tool, middle, closed)
+        below += thickness
+    if not forming.stack:
+        return plies[""]
+    return formed.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
 
 
 def pictures(forming: Any, result: Result, folder: Path) -> None:

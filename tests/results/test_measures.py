@@ -77,6 +77,17 @@ def test_quantiles_of_few_values():
 
 
 @pytest.mark.mpi
+def test_of_values_that_differ_by_rounding_the_first_row_is_told():
+    """Whichever ranks have them, and if some have none."""
+    mine = np.arange(COMM.rank, 4, COMM.size)
+    values = np.array([5.0, 7.0, 7.0 * (1 + 1e-9), 6.0])[mine]
+    rows = np.array([[0.0, 1], [2, 0], [2, 1], [1, 1]])[mine]
+    largest, row = measures.where_largest(COMM, values, rows)
+    assert largest == 7.0 * (1 + 1e-9) and row == [2, 0]
+    assert measures.where_largest(COMM, -values, rows) == (-5, [0, 1])
+
+
+@pytest.mark.mpi
 def test_one_bad_cell_moves_extremes_and_not_the_bulk():
     bulks = []
     for nx in (24, 48):

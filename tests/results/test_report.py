@@ -20,6 +20,12 @@ from fabric_fenicsx.results.report import label, page
             "shear_angle_98_percent_deg",
             "shear angle, without 1 % of the area at either end [deg]",
         ),
+        (
+            "shear_angle_99_percent_deg",
+            "shear angle, which 99 % of the area stay below [deg]",
+        ),
+        ("shear_angle_max_at_mm", "shear angle max at [mm]"),
+        ("shortening_max_at_mm", "shortening of yarns max at [mm]"),
         ("penetration_largest_mm", "penetration of tools, largest of the run [mm]"),
         ("steps_accepted", "steps accepted"),
     ],

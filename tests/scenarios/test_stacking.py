@@ -50,6 +50,11 @@ def agree(result, alone):
     (pair,), (same,) = (r.summary["sheet_contacts"].values() for r in (result, alone))
     for name in ("force_N", "normal_force_N", "penetration_of_thickness"):
         assert pair[name] == pytest.approx(same[name], rel=1e-6)
+    here, there = (r.summary["quantities"] for r in (result, alone))
+    for name in ("shear_angle_max_deg", "shear_angle_99_percent_deg", "shortening_max"):
+        assert here[name] == pytest.approx(there[name], rel=1e-6)
+    for name in ("shear_angle_max_at_mm", "shear_angle_max_in", "shortening_max_at_mm"):
+        assert here[name] == there[name]
 
 
 @pytest.mark.versions
@@ -67,10 +72,7 @@ def test_resumed_on_other_ranks(shared_path, alone):
 
 
 def test_summary_speaks_of_each_ply(alone):
-    quantities = alone.summary["quantities"]
-    assert tuple(quantities["plies"]) == PLIES
-    shear = [ply["shear_angle_max_deg"] for ply in quantities["plies"].values()]
-    assert quantities["shear_angle_max_deg"] == max(shear)
+    assert tuple(alone.summary["quantities"]["plies"]) == PLIES
     assert tuple(alone.summary["parts"]) == PLIES
     assert list(alone.summary["sheet_contacts"]) == ["inner, outer"]
 
@@ -88,6 +90,36 @@ def test_summary_tells_how_thick_plies_are(alone):
     shares = [ply["fibre_volume_fraction_max"] for ply in quantities["plies"].values()]
     assert shares[0] is None and 0.75 / 2.54 / free < shares[1] < 0.6
     assert quantities["fibre_volume_fraction_max"] == shares[1]
+
+
+def test_quantities_of_the_stack_are_of_all_cells_of_its_plies(alone):
+    """The outer ply has the larger cells: shares are of areas."""
+    q, fields, blank = alone.summary["quantities"], alone.fields, alone.scene.blank
+    plies = [q["plies"][name] for name in PLIES]
+    for name in ("shear_angle_deg", "log_eps_11", "log_eps_22"):
+        lows, highs = zip(*(ply[name] for ply in plies))
+        assert list(q[name]) == [min(lows), max(highs)]
+    angles = [ply["shear_angle_max_deg"] for ply in plies]
+    assert q["shear_angle_max_deg"] == max(angles)
+    k = int(np.argmax(angles))
+    assert q["shear_angle_max_in"] == PLIES[k]
+    assert q["shear_angle_max_at_mm"] == plies[k]["shear_angle_max_at_mm"]
+    below = [ply["shear_angle_99_percent_deg"] for ply in plies]
+    assert min(below) <= q["shear_angle_99_percent_deg"] <= max(below)
+    lost = "cells_that_lost_ellipticity"
+    assert q[lost] == sum(ply[lost] for ply in plies)
+    areas = blank.areas()
+    for number, share in enumerate(q["share_of_state_1_to_4"], 1):
+        expected = areas[fields["strain_state"] == number].sum() / areas.sum()
+        assert share == pytest.approx(expected)
+
+
+def test_what_is_of_one_edge_is_left_to_the_ply(alone):
+    q = alone.summary["quantities"]
+    draw_in = [q["plies"][name]["draw_in"] for name in PLIES]
+    assert q["draw_in"] == {"largest_mm": max(each["largest_mm"] for each in draw_in)}
+    assert all("corner_mm" in each for each in draw_in)
+    assert q["wrinkles"] is None  # as the tools are not closed
 
 
 @pytest.mark.filterwarnings("error")

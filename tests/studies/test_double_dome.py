@@ -40,6 +40,7 @@ def test_a_ply_is_formed(launch, angle):
     assert q["penetration_of_thickness"] < 0.02
     assert q["unbalanced_force_N"] < 1e-4 * q["contact_forces_N"]["die"]
     assert 35 < q["shear_angle_max_deg"] < 60
+    assert 0.7 < q["shear_angle_99_percent_deg"] / q["shear_angle_max_deg"] < 1
     assert 15 < q["draw_in"]["largest_mm"] < 48
     assert q["wrinkles"]["height_largest_mm"] < 0.5
     (warning,) = [w for w in s["warnings"] if "mm long where" in w]

@@ -26,6 +26,13 @@ def test_a_laminate_is_formed(launch):
         is_metal = "metal" in name
         assert ("thinning_max" in ply) == is_metal
         assert ("shear_angle_max_deg" in ply) != is_metal
+    fabrics, metals = (
+        [ply for name, ply in q["plies"].items() if ("metal" in name) == is_metal]
+        for is_metal in (False, True)
+    )
+    for name, plies in (("shear_angle_max_deg", fabrics), ("thinning_max", metals)):
+        assert q[name] == max(ply[name] for ply in plies)
+    assert q["plies"]["middle"]["shear_contrast_deg"] > 0 and "shear_contrast_deg" not in q
     assert q["sheet_pressure_largest_MPa"] > 1  # of 2 MPa beneath the holder
     pictures = "middle", "middle_paths", "between", "metal", "formed", "states_middle"
     if COMM.rank == 0:

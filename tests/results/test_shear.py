@@ -1,0 +1,103 @@
+"""How far fabric is sheared, and where it crumples, from fields that are known."""
+
+import numpy as np
+import pytest
+from builders import COMM, Elastic, sheet
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.mechanics.reports import Fields
+from fabric_fenicsx.results.result import Result
+from fabric_fenicsx.results.shear import crumpling_warnings, shear_quantities
+
+LENGTH, WIDTH = 200.0, 100.0
+
+
+def sheared(spatial=True, crumpled=0.0, names=(), nx=20):
+    """A `Result` of a sheet about the origin, with the shear angle 0.3 x / 100 mm and, in its
+    outermost cells along x, 0.9 with yarns b shortened by `crumpled`."""
+    blank = sheet(LENGTH, WIDTH, nx, nx // 2, spatial=spatial)
+    if names:
+        first = lambda x: x[0] < LENGTH / 2  # noqa: E731
+        blank.divide({names[0]: first}, rest=names[1])
+    scene = ff.Scene(blank, [Elastic()])
+    x = blank.midpoints()[0] - LENGTH / 2
+    fields = Fields({})
+    fields |= {"shear_angle": 0.3 * x / 100, "eps_a": 0 * x + 0.01, "eps_b": 0 * x - 0.02}
+    last = abs(x) > LENGTH / 2 - LENGTH / nx / 3  # a triangle of each rectangle at either end
+    fields["shear_angle"][last] = -0.9
+    fields["eps_b"][last] = -crumpled
+    return Result({}, [], fields, None, scene)
+
+
+def found(result):
+    blank = result.scene.blank
+    return shear_quantities(result, list(blank.parts.values()) or [blank.whole])
+
+
+@pytest.mark.mpi
+def test_shear_and_crumpling():
+    """The ends are 2 x 10 triangles of 800; of places that mirror each other the first is told."""
+    q = found(sheared(crumpled=0.12))
+    assert q["shear_angle_max_deg"] == pytest.approx(np.degrees(0.9))
+    assert q["shear_angle_max_at_mm"] == pytest.approx([5 / 3, 5])
+    assert q["shortening_max"] == q["shortening_at_shear_angle_max"] == pytest.approx(0.12)
+    assert q["shortening_max_at_mm"] == q["shear_angle_max_at_mm"]
+    assert q["crumpled_share"] == pytest.approx(20 / 800)
+    assert "shear_angle_max_in" not in q
+
+
+@pytest.mark.mpi
+def test_what_99_percent_stay_below_is_not_of_a_few_cells():
+    """Cells near the ends, whose share falls with their size, move the largest angle alone."""
+    plain, coarse, fine = sheared(), sheared(nx=40), sheared(nx=80)
+    for result in (plain, coarse, fine):
+        result.fields["shear_angle"][:] = abs(result.fields["shear_angle"])
+    below = [found(each)["shear_angle_99_percent_deg"] for each in (coarse, fine)]
+    largest = [found(each)["shear_angle_max_deg"] for each in (coarse, fine)]
+    assert largest == pytest.approx([np.degrees(0.9)] * 2)
+    assert below[1] == pytest.approx(np.degrees(0.3), rel=0.02)
+    assert below[0] > 1.2 * below[1]  # 1.25 % of the area have 0.9
+
+
+@pytest.mark.mpi
+def test_of_several_plies_the_one_is_named():
+    q = found(sheared(crumpled=0.12, names=("left", "right")))
+    assert q["shear_angle_max_in"] == q["shortening_max_in"] == "left"
+    assert q["crumpled_share"] == pytest.approx(20 / 800)
+
+
+@pytest.mark.mpi
+def test_a_sheet_that_is_not_shortened():
+    result = sheared()
+    for name in ("eps_a", "eps_b"):
+        result.fields[name][:] = 0.01
+    q = found(result)
+    assert q["shortening_max"] == q["crumpled_share"] == 0
+
+
+@pytest.mark.mpi
+def test_a_largest_angle_in_a_cell_that_crumples_is_told_of():
+    (words,) = crumpling_warnings(sheared(crumpled=0.12))
+    assert words.startswith("the largest shear angle of blank, 51.6 deg at (1.667, 5) mm of the")
+    assert "yarns are shortened by 12 %: cells crumple there" in words
+    assert "99 % of the area stay below" in words
+    both = crumpling_warnings(sheared(crumpled=0.12, names=("left", "right")))
+    assert [words.split(",")[0].split()[-1] for words in both] == ["left", "right"]
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("options", [{"crumpled": 0.049}, {"crumpled": 0.12, "spatial": False}])
+def test_what_does_not_crumple_is_not_told_of(options):
+    """Yarns that are hardly shortened, and a plane sheet, which can't fold."""
+    assert not crumpling_warnings(sheared(**options))
+
+
+@pytest.mark.mpi
+def test_sheets_without_yarns_are_not_asked():
+    result = sheared(crumpled=0.12, names=("metal", "fabric"))
+    for values in result.fields.values():
+        values[result.scene.blank.part("metal").cells] = np.nan
+    (words,) = crumpling_warnings(result)
+    assert "shear angle of fabric" in words
+    assert not crumpling_warnings(Result({}, [], Fields({}), None, result.scene))
+    assert COMM.allreduce(len(words)) == COMM.size * len(words)
