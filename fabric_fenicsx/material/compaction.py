@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule, above_zero, check_complete, shown
@@ -39,7 +38,7 @@ class Compaction(Parameters):
     onset: float = 1e-3
     pressure: float = 1e-3
 
-    def thickness(self, p: ArrayLike) -> np.ndarray:
+    def thickness(self, p: float | np.ndarray) -> np.ndarray:
         """Thickness under pressures p from 0 [MPa], over the fabric's."""
         y = log_compaction(np.array([self.pressure, *np.atleast_1d(p).ravel()]) / self.onset)
         return np.exp((y[0] - y[1:]) / self.exponent).reshape(np.shape(p))

@@ -239,7 +239,9 @@ class Law(Material):
         share = float(self.compaction.thickness(pressure)) if self.compaction else 1.0
         return share * self.thickness
 
-    def fibre_volume_fraction(self, thickness: ArrayLike, area: ArrayLike = 1.0) -> np.ndarray:
+    def fibre_volume_fraction(
+        self, thickness: float | np.ndarray, area: float | np.ndarray = 1.0
+    ) -> np.ndarray:
         """Share of the volume that is fibres where the sheet is `thickness` [mm] thick and `area`
         times as large as the flat fabric; InputError without a fibre density."""
         if self.fibre_density is None:
