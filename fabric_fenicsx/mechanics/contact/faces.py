@@ -71,12 +71,14 @@ class Face:
         counts = comm.allgather(len(known))
         triangles = np.concatenate(comm.allgather(known)).astype(np.int64)
         self.nodes, triangles = np.unique(triangles, return_inverse=True)
-        self.triangles = triangles.reshape(-1, 3)
-        first = sum(counts[: comm.rank])
-        self._own = np.arange(first, first + len(known))
         self._count = index_map.size_local
         self._comm, self._blank = comm, blank
         self._X = X = self._gathered(blank.coordinates()[: self._count])
+        # in an order that does not depend on the ranks: of two triangles at an edge one is found
+        order = np.lexsort(X[triangles.reshape(-1, 3)].mean(1).round(9).T)
+        self.triangles = triangles.reshape(-1, 3)[order]
+        first = sum(counts[: comm.rank])
+        self._own = order.argsort()[first : first + len(known)]
         # corners in an order that does not depend on the ranks
         place = np.empty(len(X), dtype=np.int64)
         place[np.lexsort(X.T)] = np.arange(len(X))
@@ -218,10 +220,12 @@ class Face:
             self._tree = self._tree or cKDTree(corners.mean(1))
             many = min(NEIGHBOURS, len(self.triangles))
             largest = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).max()
-            _, near = self._tree.query(
+            away, near = self._tree.query(
                 points[rest], many, distance_upper_bound=2 * (reach + largest)
             )
-            near = near.reshape(len(rest), many)
+            away, near = (each.reshape(len(rest), many) for each in (away, near))
+            # of equally near ones in their order, on any ranks
+            near = np.take_along_axis(near, np.lexsort((near, away.round(6)), axis=1), 1)
             for column in near.T:
                 left = np.flatnonzero((column < len(corners)) & (found.triangle[rest] < 0))
                 self._look(points, rest[left], column[left], ahead, found)

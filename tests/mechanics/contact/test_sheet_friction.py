@@ -22,7 +22,7 @@ def between(name):
     return lambda x: (x[2] > low) & (x[2] < low + T)
 
 
-def pull_out(path, rigid=True, cells=6, others=4, mu=MU, steps=8):
+def pull_out(path, rigid=True, cells=6, others=5, mu=MU, steps=8):
     """The middle of three sheets pulled by path(load) [mm] along x, all of it if `rigid`, otherwise
     at its end, under pressure on the upper one; the other two, of `others` cells, held in
     their planes."""
