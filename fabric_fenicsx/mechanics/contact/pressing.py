@@ -51,10 +51,8 @@ def anticipate(law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.nd
     A point that nothing presses any more then leaves the face in one correction of Newton's method.
     With the tangent its depth is but halved, as the law starts with slope 0.
     """
-    at = np.flatnonzero(now.pressure > 0)
-    p, normal, law = now.pressure[at], now.normal[at], law.at(at)
-    balancing = np.clip(p + missing[at], 0.0, ANTICIPATED * p)
-    change = areas[at] * (chord(law, p, balancing) - law(law.depth(p))[2])
-    blocks = now.blocks.copy()
-    blocks[at] += change[:, None, None] * normal[:, :, None] * normal[:, None]
-    return now._replace(blocks=blocks)
+    p, normal = now.pressure, now.normal
+    balancing = np.clip(p + missing, 0.0, ANTICIPATED * p)
+    change = areas * (chord(law, p, balancing) - law(law.depth(p))[2])
+    across = change[:, None, None] * normal[:, :, None] * normal[:, None]
+    return now._replace(blocks=now.blocks + across)

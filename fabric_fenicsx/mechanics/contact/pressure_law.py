@@ -1,7 +1,7 @@
 """Laws of contact: pressure over the depth to which faces overlap."""
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, Self
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -53,9 +53,6 @@ class PressureLaw(Protocol):
     def depth(self, p: np.ndarray) -> np.ndarray:
         """Depths (n,) [mm] at pressures p (n,) from 0 [MPa]."""
 
-    def at(self, places: np.ndarray) -> "PressureLaw":
-        """The law at some of the places (k,) for which it stands."""
-
 
 class Rigid(NamedTuple):
     """A face that is not soft: p = k e^2 / (2 s) at depths e up to s; beyond, p grows with the
@@ -63,10 +60,6 @@ class Rigid(NamedTuple):
 
     penalty: float
     smoothing: float
-
-    def at(self, places: np.ndarray) -> Self:
-        """As in `PressureLaw`."""
-        return self
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As in `PressureLaw`."""
@@ -92,10 +85,6 @@ class Compacted(NamedTuple):
     length: float
     exponent: float
     onset: float
-
-    def at(self, places: np.ndarray) -> Self:
-        """As in `PressureLaw`."""
-        return self
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As in `PressureLaw`."""
@@ -125,10 +114,6 @@ class InSeries(NamedTuple):
 
     first: Compacted
     second: Compacted
-
-    def at(self, places: np.ndarray) -> Self:
-        """As in `PressureLaw`."""
-        return self
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As in `PressureLaw`."""
@@ -160,10 +145,6 @@ class ByPlace:
 
     def __init__(self, laws: Sequence[PressureLaw], which: np.ndarray) -> None:
         self.laws, self.which = list(laws), which
-
-    def at(self, places: np.ndarray) -> "ByPlace":
-        """As in `PressureLaw`."""
-        return ByPlace(self.laws, self.which[places])
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As in `PressureLaw`."""

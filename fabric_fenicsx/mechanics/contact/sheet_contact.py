@@ -1,4 +1,4 @@
-"""Contact of two sheets: a penalty at points of one over the smooth face of the other."""
+"""Contact of two sheets: pressure at points of one over the smooth face of the other."""
 
 from collections.abc import Mapping, Sequence
 
@@ -29,12 +29,11 @@ class SheetContact(Term):
 
     Without pressure a sheet's face is half its thickness off its smooth `Face`. Pressure follows
     from the depth to which both faces overlap, see `between_faces`: fabric is `Compacted`, metal is
-    `Rigid`. It acts at `points` (1, 3 or 6) in each cell of the
-    sheet of smaller cells, the upper one if they are equal, over their undeformed areas. It reacts
-    on the nodes that shape the `Face` below, so that forces balance exactly. Uniform pressure loads
-    the nodes of the one sheet exactly, those of the other as well as the points integrate it: with
-    cells in the ratio 1 : 1.37, 6 points are 0.8 % off, 3 points 1.9 %. In the first two rows of
-    cells at free edges, see `Face`, both are some per cent off.
+    `Rigid`. It acts at `points` (1, 3 or 6) in each cell of the sheet of smaller cells, the upper
+    one if they are equal, over their undeformed areas. It reacts on the corners of the triangle
+    below each point, so that forces balance exactly. Uniform pressure loads the nodes of the one
+    sheet exactly, those of the other as well as the points integrate it: with cells in the ratio
+    1 : 1.37, 6 points are 0.8 % off, 3 points 1.9 %.
 
     Within a solve the gap is a paraboloid in the relative displacement, of `HeldFaces`: these are
     taken anew after it if that changes the forces by more than `lag` of their sum.
@@ -164,10 +163,11 @@ class SheetContact(Term):
         if self.points.facing() is not self._held.now:
             self.totals = self._totals()
         self._held.accept()
-        exact, now = self._slid_exactly(start, self._held.accepted), self._held.accepted
+        now = self._held.accepted
         self._depth *= self._load > 0  # states before the last one at load 0 are not in equilibrium
         self._depth[now.points] = np.maximum(self._depth[now.points], -now.gap)
         if self.friction:
+            exact = self._slid_exactly(start, now)
             self.friction.accept(exact, self.normal_forces(), self._normals())
             self._begin_sliding()
 

@@ -1,4 +1,4 @@
-"""Contact of a sheet with rigid tools: a penalty at its nodes."""
+"""Contact of a sheet with rigid tools: pressure at its nodes."""
 
 from collections.abc import Mapping
 
@@ -364,9 +364,10 @@ class Contact(PressingTerm):
     def _state_at(self, x):
         reach = float(self.thickness.max(initial=0.0))
         nearest = self.tool.evaluate(x, reach)
-        deep = np.flatnonzero(nearest.gap < -0.9 * reach)  # which may be a bound
-        for value, exact in zip(nearest, self.tool.evaluate(x[deep])):
-            value[deep] = exact
+        deep = np.flatnonzero(nearest.gap < -0.9 * reach)
+        if len(deep):  # their gaps may be bounds, of which forces are no derivatives
+            for value, exact in zip(nearest, self.tool.evaluate(x[deep])):
+                value[deep] = exact
         lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
         if len(lost):
             self._lost = f"({', '.join(f'{each:.4g}' for each in x[lost[0]])}) mm"

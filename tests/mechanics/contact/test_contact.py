@@ -10,6 +10,7 @@ from mpi4py import MPI
 from scipy import sparse
 from scipy.spatial import Delaunay
 
+import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.holder_pressure import BlankHolderPressure
@@ -133,6 +134,18 @@ def test_derivatives(kind, side, direction):
         )
         assert abs(contact.tool.travel) < 1e-8
     check_derivatives(contact, blank.u.x.array)
+
+
+def test_forces_are_derivatives_where_the_mid_surface_is_deep_in_the_tool():
+    """Deeper than a ply is thick, where surfaces may tell a bound in place of the gap."""
+    fabric, surface = ff.load("komeili"), SURFACES["double dome"]
+    blank = sheet(10, 10, 5, 5, comm=MPI.COMM_SELF)
+    contact = Contact(Tool(surface, name="tool"))
+    Scene(blank, [Membrane(fabric), contact], [])
+    u, t = blank.u.x.array, fabric.thickness_under(0.0)
+    depth = np.linspace(0.1, 4.0, len(blank.coordinates())) * t
+    u[:] = pressed_in(blank, contact.tool, depth, around(surface, blank))
+    check_derivatives(contact, u)
 
 
 @pytest.mark.mpi

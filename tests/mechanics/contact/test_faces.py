@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from builders import COMM, near, rotation
 from builders import sheet as rectangle
+from mpi4py.MPI import COMM_SELF
 
 from fabric_fenicsx.mechanics.contact.faces import Face
 from fabric_fenicsx.runtime.errors import InputError
@@ -219,3 +220,15 @@ def test_other_cells_have_no_face(options):
     blank = rectangle(10, 10, 2, 2, spatial=True, **options)
     with pytest.raises(InputError, match="on other than linear triangles; allowed is P1"):
         Face(blank.whole, 1.0, [])
+
+
+@pytest.mark.mpi
+def test_the_same_of_two_triangles_at_an_edge_is_found_on_any_ranks():
+    """As over a sheet that one rank has alone, though numbers of nodes and cells differ."""
+    x = np.array([[a, b, 0.3] for a in np.linspace(-22.5, 22.5, 13) for b in (-7.5, 0.0, 3.75)])
+    found = []
+    for comm in (COMM, COMM_SELF):
+        face = Face(bent(comm=comm, curve=lambda x: 0 * x[:, 0]).whole, 1.0, [])
+        triangle = over(face, x).triangle
+        found.append(face.places[face.triangles[triangle]].mean(1))
+    assert found[0] == pytest.approx(found[1], abs=1e-9)
