@@ -56,6 +56,16 @@ def test_a_ply_takes_what_it_lacks_from_the_scenario(file):
     assert made.thickness == pytest.approx(sum(both))
 
 
+@pytest.mark.parametrize("rigid", [{"penalty": 100.0}, {"permitted": 0.01}])
+def test_rigid_contact_makes_each_fabric_keep_its_thickness(rigid):
+    thin = ff.load("komeili").replace(thickness=0.3)
+    made = ff.Forming(stack=[ff.Ply(fabric=thin), ff.Ply(name="own")], **COARSE, **rigid)
+    assert [ply.fabric.compaction for ply in made.plies] == [None, None]
+    assert made.thickness == pytest.approx(1.3)
+    single = ff.Forming(nx=4, **rigid)
+    assert single.fabric.compaction is None and single.thickness == pytest.approx(1.0)
+
+
 def test_plies_given_are_those_of_a_file(file):
     plies = [
         ff.Ply(name="inner", fibre_angle=45, nx=5, friction=0.2),
