@@ -280,7 +280,7 @@ class Contact(PressingTerm):
 
     def penetration(self) -> float:
         """Largest depth of the tool in rigid faces, of all ranks [mm]."""
-        depth = -self.state().gap[self._is_rigid].min(initial=0.0)
+        depth = 0.0 - self.state().gap[self._is_rigid].min(initial=0.0)
         return self.nodes.comm.allreduce(depth, MPI.MAX)
 
     def touched(self) -> bool:
