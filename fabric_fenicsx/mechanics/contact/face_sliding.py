@@ -47,8 +47,8 @@ class FaceSliding:
         return (self._levers @ moved.reshape(*self._levers.shape[::2], 1))[..., 0]
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
-        """Add to f, this rank's degrees of freedom, what forces (n, 3) [N] on the faces of the
-        points, and their reactions, do to the nodes."""
+        """Add to f, of this rank's degrees of freedom [N], forces (n, 3) [N] on the faces of the
+        points, and their reactions, as forces on the nodes."""
         each = (self._levers.swapaxes(1, 2) @ forces[..., None]).reshape(-1, 3)
         at, k = self._nodes.ravel(), len(self._known)
         total = [np.bincount(at, each[:, axis], k) for axis in range(3)]

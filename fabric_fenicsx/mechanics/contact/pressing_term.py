@@ -52,8 +52,8 @@ class PressingTerm(Term):
         return np.zeros((self.nodes.count, 3))
 
     def levers(self) -> np.ndarray:
-        """How the sheet's face moves along the tool as a node does: the derivative of the node's
-        place less its arm, symmetric (nodes, 3, 3); by default as the node."""
+        """By how much the sheet's face slides as each node moves: the derivative of the node's
+        place less that of its arm, symmetric (nodes, 3, 3); by default 1."""
         return np.broadcast_to(np.eye(3), (self.nodes.count, 3, 3))
 
     def pressing_forces(self) -> np.ndarray:
@@ -93,7 +93,7 @@ class PressingTerm(Term):
             self._arms, self._levers = self.arms(), self.levers()
 
     def _moved(self):
-        """How far nodes moved along with the tool since the last accepted state (nodes, 3)."""
+        """How far nodes moved relative to the tool since the last accepted state (nodes, 3)."""
         place, tool = self._start
         return self.nodes.displacement() - place - (self.tool.displacement - tool)
 
@@ -103,12 +103,12 @@ class PressingTerm(Term):
         return self._offset + _times(self._levers, self._moved())
 
     def _slid_exactly(self):
-        """Without what the arms have turned by (nodes, 3) [mm]."""
+        """As `slid`, not held: the nodes' motion less the change of their arms (nodes, 3) [mm]."""
         return self._moved() - np.nan_to_num(self.arms() - self._arms)
 
     def rubbing_forces(self) -> np.ndarray:
-        """Forces of friction on this rank's nodes (nodes, 3) [N]: as they act at the face, they do
-        less along a curved tool than at the mid-surface."""
+        """Forces on this rank's nodes that have the moment of friction at the face (nodes, 3) [N]:
+        less than friction where the sheet lies round a bar, more where it lies in a hollow."""
         if not self.friction:
             return np.zeros((self.nodes.count, 3))
         return _times(self._levers, self.friction.forces(self.slid()))

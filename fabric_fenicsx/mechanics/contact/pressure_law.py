@@ -176,8 +176,8 @@ def face_of(material: Material, radius: float, penalty: float | None = None) -> 
 
 
 def between_faces(first: PressureLaw, second: PressureLaw) -> PressureLaw:
-    """The law of two faces that press each other. A rigid face yields nothing to a fabric; of two,
-    the one of the lower penalty counts."""
+    """The law of two faces that press each other. Beside a fabric a rigid face is not pressed in;
+    of two rigid faces the one of the lower penalty counts."""
     if isinstance(first, Rigid) and isinstance(second, Rigid):
         return min(first, second)
     if isinstance(first, Compacted) and isinstance(second, Compacted):
