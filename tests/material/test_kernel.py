@@ -16,10 +16,11 @@ from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.expression import energy_density
 from fabric_fenicsx.material.laws import COUPLINGS, Law
 from fabric_fenicsx.material.laws.law58 import Law58
+from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.runtime.errors import InputError
 
-LAW58 = Law58(1335.0, 900.0, 4000.0, 0.0, 1e-3, 0.025, 0.6, 0.8)
+LAW58 = Law58(1335.0, 900.0, 2e4, 0.0, 1e-3, 0.025, 0.6, 0.8)
 
 
 def relative(value, reference):
@@ -102,6 +103,19 @@ def test_a_law_needs_no_closed_forms(unbalanced, random_states, law):
     C, a0, b0 = random_states(2_000)
     state = kernel.evaluate(fabric, cauchy_green=C, fibres=(a0, b0), tangent=True)
     W, S, D = through_ufl(fabric, C, a0, b0)
+    assert relative(W, state.energy).max() <= 1e-12
+    assert relative(S, voigt(state.S)).max() <= 1e-12
+    assert relative(D, state.tangent).max() <= 1e-12
+
+
+@pytest.mark.parametrize("extrapolation", ["constant", "linear"])
+def test_tables_agree_with_ufl_within_and_beyond(random_states, extrapolation):
+    warp = Curve((-0.05, 0.0, 0.01, 0.03), (-0.5, 0.0, 35.0, 135.0), extrapolation)
+    weft = Curve((0.0, 0.02, 0.06), (0.0, 28.0, 90.0), extrapolation)
+    table = TabulatedFabric(warp, weft, Curve((0.0, 0.4, 0.8), (0.0, 0.1, 0.05), extrapolation))
+    C, a0, b0 = random_states(2_000)
+    state = kernel.evaluate(table, cauchy_green=C, fibres=(a0, b0), tangent=True)
+    W, S, D = through_ufl(table, C, a0, b0)
     assert relative(W, state.energy).max() <= 1e-12
     assert relative(S, voigt(state.S)).max() <= 1e-12
     assert relative(D, state.tangent).max() <= 1e-12

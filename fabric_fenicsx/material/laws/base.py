@@ -69,6 +69,22 @@ class Derivatives(NamedTuple):
     second: np.ndarray | None
 
 
+class Range(NamedTuple):
+    """Strains that a law's numbers are for.
+
+    - strain: "eps_a", "eps_b" or "gamma", of which the size counts
+    - source: what says so, as "the table of warp"
+    - low, high: the least and the greatest [-, rad]; infinite where it has no end
+    - beyond: what the law does beyond them, in words
+    """
+
+    strain: str
+    source: str
+    low: float
+    high: float
+    beyond: str
+
+
 class Material(Parameters):
     """Parameters of a sheet's material that a file holds; a subclass says what in `table`, and
     reads it in `from_document`. thickness: of the sheet [mm]."""
@@ -233,6 +249,11 @@ class Law(Material):
             W = parts[0] + parts[1] + parts[2]
         values = np.stack([part.value for part in parts], -1)
         return Derivatives(values, W.first, W.second if second else None)
+
+    def ranges(self) -> tuple[Range, ...]:
+        """The strains that the law's numbers are for, where they have an end: a run warns of
+        states beyond."""
+        return ()
 
     def thickness_under(self, pressure: float) -> float:
         """As in `Material`, by its `compaction`."""

@@ -1,11 +1,12 @@
 """Straight yarns and shear with a locking angle, as Radioss' fabric LAW58 has them."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 from ...runtime.rules import Rule, above_zero, fraction, not_negative
 from ..functions import cos, log, negative, positive, tan, where
-from .base import Law
+from .base import Law, Range
 
 
 @dataclass(frozen=True)
@@ -13,12 +14,13 @@ class Law58(Law):
     """Loading without hysteresis of Radioss' /MAT/LAW58 (FABR_A), for yarns without crimp.
 
     - E_a, E_b [MPa]: stiffness of the yarns (E1, E2 there); B_a, B_b [MPa]: their softening (B1,
-      B2), which ends their stiffness at a strain of E / B
+      B2), which ends their stiffness at a strain of E / B; beyond it the stress stays at E^2 / 2B
     - flex [-]: stiffness in compression over E
     - G_0 [MPa]: shear stiffness at rest; G_T [MPa]: that at the locking angle gamma_T [rad]
       (GT and AlphaT, which Radioss takes in degrees)
 
-    Source: Altair Radioss Reference Guide, /MAT/LAW58, and OpenRadioss, mat058/hm_read_mat58.F.
+    Source: Altair Radioss Reference Guide, /MAT/LAW58, and OpenRadioss, hm_read_mat58.F and, beyond
+    E / B, sigeps58c.F.
     Crimp, friction, viscosity and unloading are left out; tau is taken as conjugate to gamma. The
     guide has no constants of a real fabric: those of a file are the user's own.
     """
@@ -41,17 +43,35 @@ class Law58(Law):
     gamma_T: float
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
-        r"""$W_i = \tfrac12 E_i \epsilon_i^2 - \tfrac16 B_i \epsilon_i^3$ in tension and
+        r"""$W_i = \tfrac12 E_i m^2 - \tfrac16 B_i m^3 + \frac{E_i^2}{2 B_i} (\epsilon_i - m)$ with
+        $m = \min(\epsilon_i, E_i / B_i)$ in tension, and
         $W_i = \tfrac12 flex E_i \epsilon_i^2$ in compression. In shear, with
         $G = G_T / (1 + \tan^2\gamma_T)$, $\tau = G_0 \tan\gamma$ up to $\gamma_T$ and
         $\tau = G \tan\gamma + (G_0 - G) \tan\gamma_T$ beyond it."""
         gamma, lock, G = abs(gamma), tan(self.gamma_T), self.G_T * cos(self.gamma_T) ** 2
         W_a, W_b = (
-            E * positive(e) ** 2 / 2
-            - B * positive(e) ** 3 / 6
-            + self.flex * E * negative(e) ** 2 / 2
+            _pulled(positive(e), E, B) + self.flex * E * negative(e) ** 2 / 2
             for e, E, B in ((eps_a, self.E_a, self.B_a), (eps_b, self.E_b, self.B_b))
         )
         beyond = log(cos(gamma) / cos(self.gamma_T)) + lock * (gamma - self.gamma_T)
         W_S = -self.G_0 * log(cos(gamma)) + where(gamma > self.gamma_T, self.G_0 - G, 0.0) * beyond
         return W_a, W_b, W_S
+
+    def ranges(self) -> tuple[Range, ...]:
+        """Yarns up to E / B, where their stiffness ends."""
+        yarns = (
+            ("eps_a", "E_a / B_a", self.E_a, self.B_a),
+            ("eps_b", "E_b / B_b", self.E_b, self.B_b),
+        )
+        return tuple(
+            Range(strain, words, -math.inf, E / B, "there the stress stays as it is")
+            for strain, words, E, B in yarns
+            if B
+        )
+
+
+def _pulled(e, E, B):
+    """The energy of a yarn at strains e >= 0."""
+    softens = where(B > 0, B, 1.0)  # without B no strain is beyond E / B
+    m = where(B * e > E, E / softens, e)
+    return E * m**2 / 2 - B * m**3 / 6 + E**2 / (2 * softens) * (e - m)

@@ -1,6 +1,7 @@
 """The decoupled baseline as users of Abaqus' FABRIC know it: tables for warp, weft and shear."""
 
 import csv
+import dataclasses
 import math
 import os
 import re
@@ -14,16 +15,23 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from ...runtime.errors import InputError
+from ...runtime.rules import shown
 from ..files import take_units
 from ..functions import where
 from ..parameters import Parameters
 from ..units import ANGLE, STRAIN, factors
-from .base import Derivatives, Law, sheet_fields
+from .base import Derivatives, Law, Range, sheet_fields
 
 MIN_POINTS = 3
 MAX_POINTS = (
     40  # in a file: compiling the form takes the square of their number, half a minute at 100
 )
+EXTRAPOLATION = CONSTANT, LINEAR = "constant", "linear"
+CURVES = "warp", "weft", "shear"
+_BEYOND = {
+    CONSTANT: "there the stress stays at the table's last, without stiffness",
+    LINEAR: "there the table's last slope goes on",
+}
 _COLUMNS = {
     "yarn": (("eps", STRAIN), ("sigma", factors("stress"))),
     "shear": (("gamma", ANGLE), ("tau", factors("stress"))),
@@ -36,13 +44,20 @@ class Curve(Parameters):
     x rising.
 
     Between the points it is a monotone cubic (Fritsch and Carlson 1980, SciPy's PCHIP): it rises
-    where the data rise, and its slope is continuous, so the energy is C2. Beyond the first and last
-    point it is straight. Energy counts from zero strain, where the curve must be free of stress.
-    Raises InputError, which names the point, for points of another kind.
+    where the data rise, and its slope is continuous, so the energy is C2. Energy counts from zero
+    strain, where the curve must be free of stress.
+
+    extrapolation, in Abaqus' words: `constant` holds the first and the last stress beyond the
+    points, `linear` goes on with the slopes there, but holds a stress that falls towards 0. A
+    curve that begins at 0 has no stress below, with either.
+
+    Raises InputError, which names the point, for points of another kind, and for another
+    extrapolation.
     """
 
     x: tuple[float, ...]
     y: tuple[float, ...]
+    extrapolation: str = CONSTANT
     # for each piece where its t is zero, and its energy's coefficients, highest power first
     _pieces: Any = field(init=False, repr=False, compare=False)
 
@@ -51,6 +66,11 @@ class Curve(Parameters):
         for k in range(len(x)):
             if not (math.isfinite(x[k]) and math.isfinite(y[k])):
                 raise InputError(f"point {k + 1} is ({x[k]}, {y[k]}); allowed are finite numbers")
+            if x[k] * y[k] < 0:
+                raise InputError(
+                    f"point {k + 1}: the stress is {y[k]:.6g} MPa at the strain {x[k]:.6g}; "
+                    "allowed is one of the same sign"
+                )
             if k and x[k] <= x[k - 1]:
                 raise InputError(
                     f"point {k + 1}: {x[k]:.6g} comes after {x[k - 1]:.6g}; "
@@ -64,8 +84,15 @@ class Curve(Parameters):
                 "the curve has no point (0, 0); "
                 "allowed is one that is free of stress at zero strain"
             )
+        if self.extrapolation not in EXTRAPOLATION:
+            raise InputError(
+                f"extrapolation is {shown(self.extrapolation)}; allowed is "
+                f"{' or '.join(EXTRAPOLATION)}"
+            )
         inner = PchipInterpolator(x, y)
-        left, right = inner.derivative()(x[[0, -1]])
+        left, right = (0.0, 0.0)
+        if self.extrapolation == LINEAR:  # but never towards 0 and beyond
+            left, right = np.maximum(inner.derivative()(x[[0, -1]]), 0) * [x[0] < 0, x[-1] > 0]
         # stress of [left tail, pieces.., right tail]
         c = np.column_stack([[0, 0, left, y[0]], inner.c, [0, 0, right, y[-1]]])
         object.__setattr__(self, "_pieces", _energies(np.concatenate([x[:1], x]), c))
@@ -140,7 +167,8 @@ class TabulatedFabric(Law):
                 "the other sense is its mirror image"
             )
         x, y = np.array(self.shear.x), np.array(self.shear.y)
-        both = Curve(tuple(np.concatenate([-x[:0:-1], x])), tuple(np.concatenate([-y[:0:-1], y])))
+        mirrored = [tuple(np.concatenate([-v[:0:-1], v])) for v in (x, y)]
+        both = Curve(mirrored[0], mirrored[1], self.shear.extrapolation)
         object.__setattr__(self, "_both", both)
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
@@ -160,10 +188,45 @@ class TabulatedFabric(Law):
         tangent = np.stack([A_aa, zero, B_bb, zero, zero, H_gg]) if second else None
         return Derivatives(np.stack([A, B, H], -1), np.stack([A_a, B_b, H_g]), tangent)
 
+    def ranges(self) -> tuple[Range, ...]:
+        """What the tables cover. Yarns of a table without compression have none, which
+        `plausibility_warnings` tells."""
+        found = []
+        for strain, name in zip(("eps_a", "eps_b", "gamma"), CURVES):
+            curve = getattr(self, name)
+            low = curve.x[0] if curve.x[0] < 0 else -math.inf
+            beyond = _BEYOND[curve.extrapolation]
+            found.append(Range(strain, f"the table of {name}", low, curve.x[-1], beyond))
+        return tuple(found)
+
+    def plausibility_warnings(self) -> list[str]:
+        """As of any law, and of tables without compression, or in which the stress falls."""
+        found = super().plausibility_warnings()
+        for name in CURVES:
+            curve, words = getattr(self, name), f"the table of {name} of material {self.name}"
+            if name != "shear" and curve.x[0] == 0:
+                found.append(
+                    f"{words} begins at 0, so the yarns have no stress and no stiffness in "
+                    "compression; rows below 0 would give them one"
+                )
+            falls = np.flatnonzero(np.diff(curve.y) < 0)
+            if falls.size:
+                start = (
+                    math.degrees(curve.x[falls[0]]) if name == "shear" else 100 * curve.x[falls[0]]
+                )
+                found.append(
+                    f"{words} falls from {start:.4g} {'deg' if name == 'shear' else '%'} on, where "
+                    "the fabric is unstable: strains gather in rows of cells"
+                )
+        return found
+
     def table(self) -> dict[str, Any]:
         """All of it; a material file names CSV files in the place of the points."""
-        curves = (("warp", self.warp), ("weft", self.weft), ("shear", self.shear))
-        tables = {key: {"x": list(c.x), "y": list(c.y)} for key, c in curves}
+        curves = {name: getattr(self, name) for name in CURVES}
+        tables = {
+            name: {"x": list(c.x), "y": list(c.y), "extrapolation": c.extrapolation}
+            for name, c in curves.items()
+        }
         return {"model": "fabric"} | self.sheet_table() | tables
 
     @classmethod
@@ -171,19 +234,23 @@ class TabulatedFabric(Law):
         """The fabric of a TOML document in `folder` with `law = "tabulated"` or `model = "fabric"`.
 
         Top level: name, thickness, density as in any material file, and `warp`, `weft`, `shear`:
-        CSV files beside it with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`.
-        Raises InputError by file and row.
+        CSV files beside it with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`,
+        and `extrapolation` of all, see `Curve`. Raises InputError by file and row.
         """
-        files = {key: document.pop(key, None) for key in ("warp", "weft", "shear")}
+        files = {key: document.pop(key, None) for key in CURVES}
+        beyond = document.pop("extrapolation", CONSTANT)
         for key in ("law", "model"):
             document.pop(key, None)
-        fields = sheet_fields(document, take_units(document), ("law", "model", *files))
+        fields = sheet_fields(
+            document, take_units(document), ("law", "model", "extrapolation", *files)
+        )
         for key, name in files.items():
             if not isinstance(name, str):
                 raise InputError(
                     f"{key} is {name!r}; allowed is the name of a CSV file beside this one"
                 )
-            fields[key] = read_table(folder / name, "shear" if key == "shear" else "yarn")
+            curve = read_table(folder / name, "shear" if key == "shear" else "yarn")
+            fields[key] = dataclasses.replace(curve, extrapolation=beyond)
         return cls(**fields)
 
 
@@ -226,7 +293,8 @@ def read_table(path: str | os.PathLike[str], kind: str) -> Curve:
             f"allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
         )
     try:
-        return Curve(*(tuple(column) for column in zip(*points))) if points else Curve((), ())
+        x, y = zip(*points) if points else ((), ())
+        return Curve(x, y)
     except InputError as error:
         message = str(error)
         if match := re.match(r"point (\d+)", message):

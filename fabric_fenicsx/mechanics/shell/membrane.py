@@ -18,6 +18,7 @@ from ...runtime.errors import InputError
 from ..reports import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
 from .mesh_warnings import band_warning, locking_warning
+from .range_warning import range_warnings
 
 # Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that
 # UFL estimates for this energy would take thousands of points.
@@ -367,8 +368,15 @@ class Membrane(Term):
         return float(over / whole)
 
     def warnings(self) -> list[str]:
-        """As in `Warns`: cells that lock, and bands."""
-        return [text for text in (locking_warning(self), band_warning(self)) if text]
+        """As in `Warns`: cells that lock, bands, and strains beyond the law's ranges."""
+        found = locking_warning(self), band_warning(self), *range_warnings(self)
+        return [text for text in found if text]
+
+    def strains_at_points(self) -> np.ndarray:
+        """Nominal strains along a and b [-] and the shear angle [rad] at each quadrature point of
+        the part's cells, (3, cells, points)."""
+        I4, _, I8, gamma = np.moveaxis(self._invariants_at_points(), -1, 0)
+        return np.stack([nominal_strain(I4), nominal_strain(I8), gamma])
 
     def least_ellipticity(self) -> np.ndarray:
         """The least ellipticity indicator of each of the part's cells, (cells,) [-]."""

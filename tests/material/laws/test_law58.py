@@ -19,6 +19,17 @@ def test_stresses_as_the_guide_lists_them():
     assert tau == pytest.approx(-np.where(g > 0.8, beyond, 0.025 * np.tan(g)), rel=1e-13)
 
 
+def test_beyond_their_softening_yarns_hold_their_stress():
+    """As in OpenRadioss, E^2 / 2B."""
+    fabric = Law58(100.0, 100.0, 2000.0, 0.0, 0.01, 0.1, 1.0, 0.7)
+    e, none = np.array([0.04, 0.05, 0.08, 0.12, 0.5]), np.zeros(5)
+    parts, (sigma_a, sigma_b, _), tangent = fabric.derivatives(e, e, none)
+    assert sigma_a == pytest.approx([2.4, 2.5, 2.5, 2.5, 2.5], rel=1e-14)
+    assert sigma_b == pytest.approx(100 * e, rel=1e-14)
+    assert parts[1:, 0] == pytest.approx(1 / 12 + 2.5 * (e[1:] - 0.05), rel=1e-14)
+    assert tangent[0, 2:] == pytest.approx(0, abs=1e-12)
+
+
 @pytest.mark.parametrize("study", ["tensile", "picture_frame", "bias_extension"])
 def test_it_runs_in_studies(launch, tmp_path, study):
     FABRIC.to_toml(tmp_path / "m.toml")

@@ -25,7 +25,7 @@ def tabulated():
 
 
 def test_curve_keeps_points_monotony_and_a_twice_continuous_energy(tabulated):
-    curve = tabulated.warp
+    curve = Curve(tabulated.warp.x, tabulated.warp.y, "linear")
     assert curve(curve.x) == pytest.approx(curve.y, abs=1e-12)
     e = np.linspace(-0.3, 0.05, 5001)
     energy, stress, tangent = curve.derivatives(e)
@@ -41,6 +41,28 @@ def test_curve_keeps_points_monotony_and_a_twice_continuous_energy(tabulated):
     beyond = curve.derivatives([0.04, 0.05, 0.08])[1:]
     assert np.ptp(beyond[1]) < 1e-9
     assert beyond[0][1] - beyond[0][0] == pytest.approx(0.01 * beyond[1][0])
+
+
+def test_beyond_its_points_a_curve_holds_its_stress(tabulated):
+    curve = tabulated.warp
+    energy, stress, tangent = curve.derivatives([-0.4, -0.3, 0.05, 0.08])
+    assert list(stress) == [curve.y[0], curve.y[0], curve.y[-1], curve.y[-1]]
+    assert list(tangent) == [0, 0, 0, 0]
+    assert energy[1] - energy[0] == pytest.approx(0.1 * curve.y[0])
+    assert energy[3] - energy[2] == pytest.approx(0.03 * curve.y[-1])
+
+
+def test_tables_of_tension_alone_give_no_compression():
+    for extrapolation in ("constant", "linear"):
+        curve = Curve((0.0, 0.01, 0.03), (0.0, 35.0, 135.0), extrapolation)
+        energy, stress, tangent = curve.derivatives([-0.1, -1e-12])
+        assert not energy.any() and not stress.any() and not tangent.any()
+        assert curve.derivatives(0.0)[2] == pytest.approx(2500, rel=0.5)
+
+
+def test_a_stress_that_falls_never_turns_over():
+    falling = Curve((0.0, 0.5, 1.0), (0.0, 0.022, 0.004), "linear")
+    assert falling(np.array([1.0, 1.2, 3.0])) == pytest.approx(0.004)
 
 
 def states(n=3000, seed=4):
@@ -98,6 +120,15 @@ def test_tables_from_files(tmp_path, tabulated):
     assert fabric.couplings == frozenset()
 
 
+def test_what_tables_lack_is_told_before_a_run(tabulated):
+    assert tabulated.plausibility_warnings() == []
+    falling = Curve((0.0, 0.5, 1.0), (0.0, 0.022, 0.004))
+    pulled = Curve(tabulated.weft.x[2:], tabulated.weft.y[2:])
+    lacks, falls = tabulated.replace(shear=falling, weft=pulled).plausibility_warnings()
+    assert "the table of weft of material table begins at 0, so the yarns have no stress" in lacks
+    assert "the table of shear of material table falls from 28.65 deg on" in falls
+
+
 GOOD = "eps [%], sigma [MPa]\n-1, -0.1\n0, 0\n1, 10\n2, 30\n"
 BAD = {
     "eps [%], sigma [bar]\n0, 0": "row 1 has the column",
@@ -109,20 +140,33 @@ BAD = {
     "eps [%], sigma [MPa]\n"
     + "".join(f"{e}, {e}\n" for e in range(41)): "41 points; allowed are 3 to 40",
     "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n": "(0, 0)",
+    GOOD + "3, -1\n": "row 6: the stress is -1 MPa at the strain 0.03",
     "": "row 1 is no header",
 }
 
 
+def write_material(folder, more="", warp=GOOD):
+    (folder / "warp.csv").write_text(warp)
+    (folder / "weft.csv").write_text(GOOD)
+    (folder / "shear.csv").write_text("gamma [deg], tau [MPa]\n0, 0\n10, 1\n20, 3\n")
+    (folder / "m.toml").write_text(
+        'model = "fabric"\nthickness_mm = 1\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\n'
+        f'weft = "weft.csv"\nshear = "shear.csv"\n{more}'
+    )
+
+
+@pytest.mark.parametrize("extrapolation, stress", [("constant", 30.0), ("linear", 55.0)])
+def test_a_material_file_says_how_its_tables_go_on(tmp_path, extrapolation, stress):
+    write_material(tmp_path, f'extrapolation = "{extrapolation}"\n')
+    assert load(str(tmp_path / "m.toml")).warp(0.03) == pytest.approx(stress)
+    write_material(tmp_path, 'extrapolation = "cubic"\n')
+    with pytest.raises(InputError, match="extrapolation is 'cubic'; allowed is constant or linear"):
+        load(str(tmp_path / "m.toml"))
+
+
 @pytest.mark.parametrize("text", BAD)
 def test_bad_tables_are_named(tmp_path, text):
-    for name in ("warp", "weft"):
-        (tmp_path / f"{name}.csv").write_text(GOOD)
-    (tmp_path / "shear.csv").write_text("gamma [deg], tau [MPa]\n0, 0\n10, 1\n20, 3\n")
-    (tmp_path / "warp.csv").write_text(text)
-    (tmp_path / "m.toml").write_text(
-        'model = "fabric"\nthickness_mm = 1\ndensity_g_per_cm3 = 1\nwarp = "warp.csv"\nweft '
-        '= "weft.csv"\nshear = "shear.csv"'
-    )
+    write_material(tmp_path, warp=text)
     with pytest.raises(InputError) as error:
         load(str(tmp_path / "m.toml"))
     assert BAD[text] in str(error.value) and "warp.csv" in str(error.value)

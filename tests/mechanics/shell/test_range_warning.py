@@ -1,0 +1,46 @@
+"""States beyond the strains that a law's numbers are for."""
+
+import pytest
+from builders import alone, sheet
+
+from fabric_fenicsx.material.laws.law58 import Law58
+from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.mechanics.shell.range_warning import range_warnings
+
+YARN = Curve((-0.05, 0.0, 0.01, 0.03), (-0.5, 0.0, 35.0, 135.0))
+TABLE = TabulatedFabric(
+    YARN, Curve(YARN.x[1:], YARN.y[1:]), Curve((0.0, 0.3, 0.6), (0.0, 0.1, 0.4))
+)
+
+
+def told(fabric, displacement):
+    membrane = alone(sheet(80, 20, 16, 4), Membrane(fabric))
+    membrane.blank.u.interpolate(displacement)
+    return range_warnings(membrane)
+
+
+@pytest.mark.mpi
+def test_a_state_within_the_tables_is_not_told():
+    assert told(TABLE, lambda x: [0.03 * x[0] + 0.3 * x[1], -0.2 * x[1]]) == []
+
+
+@pytest.mark.mpi
+def test_share_of_the_area_and_the_furthest_strain_are_told():
+    (words,) = told(TABLE, lambda x: [0.01 * x[0] + 0.05 * (x[0] - 60) * (x[0] > 60), 0 * x[1]])
+    assert words.startswith("in 25 % of blank eps_a is beyond the table of warp, which ends at 3 %")
+    assert "it reaches 6 %; there the stress stays at the table's last" in words
+
+
+@pytest.mark.mpi
+def test_compression_and_shear_beyond_the_tables_are_told():
+    squeezed, sheared = told(TABLE, lambda x: [-0.1 * x[0] - 0.7 * x[1], -0.29 * x[1]])
+    assert "in 100 % of blank eps_a" in squeezed and "ends at -5 %: it reaches -10 %" in squeezed
+    assert "gamma is beyond the table of shear, which ends at 34.38 deg" in sheared
+
+
+@pytest.mark.mpi
+def test_yarns_of_law58_beyond_their_softening_are_told():
+    fabric = Law58(100.0, 100.0, 2000.0, 0.0, 0.01, 0.1, 1.0, 0.7)
+    (words,) = told(fabric, lambda x: [0.08 * x[0], 0.2 * x[1]])
+    assert "eps_a is beyond E_a / B_a, which ends at 5 %: it reaches 8 %" in words
