@@ -27,14 +27,15 @@ def main(study: Study):
             from fabric_fenicsx.results import pictures
 
             forming.compare(results, folder)
-            labels = "stroke / mm", "punch force / N"
+            labels = "stroke / mm", f"{forming.force_name()} / N"
             pictures.reactions(folder / "compare_curves.png", results, *labels)
         study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
     for label, r in results.items():
         q = found[label]
         study.say(
-            f"{label or args.out}: punch force {r.told('punch_force_N', '.5g')} N, largest shear "
-            f"angle {r.told('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
+            f"{label or args.out}: punch force {r.told('punch_force_N', '.5g')} N"
+            f"{forming.of_whole(q)}, largest shear angle "
+            f"{r.told('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
             f"{r.told('shear_angle_99_percent_deg', '.2f')}), draw-in "
             f"{r.told('draw_in.largest_mm', '.2f')} mm, "
             f"penetration {100 * q['penetration_of_thickness']:.2g} % of the thickness"

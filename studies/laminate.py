@@ -49,9 +49,9 @@ def main(study: Study):
         rows.append(row | {f"middle_{k}": v for k, v in middle.items() if isinstance(v, float)})
         shear = result.told(f"plies.{MIDDLE}.shear_angle_max_deg", ".2f")
         study.say(
-            f"{label or study.args.out}: punch force {q['punch_force_N']:.5g} N, largest shear "
-            f"angle of the middle ply {shear} deg, thinning of the metal "
-            f"{result.told('thinning_max', '.2f', 100)} %, "
+            f"{label or study.args.out}: punch force {q['punch_force_N']:.5g} N"
+            f"{laminate.of_whole(q)}, largest shear angle of the middle ply {shear} deg, thinning "
+            f"of the metal {result.told('thinning_max', '.2f', 100)} %, "
             f"penetration {q['penetration_of_thickness']:.2%} of a thickness"
         )
     if len(results) > 1:

@@ -84,7 +84,8 @@ def add_fields(
         if "help" not in meta or (owner is Scenario and meta["group"] == "weave"):
             continue
         p.group(meta["group"])
-        how: dict[str, Any] = {"help": meta["help"].replace("%", "%%"), "default": each.default}
+        default = getattr(scenario.LIMITS, each.name) if owner is Limits else each.default
+        how: dict[str, Any] = {"help": meta["help"].replace("%", "%%"), "default": default}
         if each.name in scenario.FULL:
             full, quick = (
                 "any" if sizes[each.name] is None else sizes[each.name]
@@ -200,7 +201,7 @@ class Study(Output):
         self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(
             *args.without
         )
-        self._options = options
+        self._options, self._about = options, ("", "")
         log.handlers.clear()
         log.setLevel(logging.DEBUG)
         log.propagate = False
@@ -216,6 +217,11 @@ class Study(Output):
         )
         for doubt in fabric.plausibility_warnings():
             self.warn(doubt)
+
+    def write_report(self, description: str, ending: str) -> None:
+        """As `Output.report`, by what the scenario says of itself, else this description."""
+        title, own = self._about
+        self.report(own or description, ending, title)
 
     def warn(self, text: str) -> None:
         """As `Output.warn`, with parameters as options."""
@@ -234,6 +240,7 @@ class Study(Output):
             setattr(args, name, getattr(made, name))  # as an own mesh's length
         for doubt in made.warnings:
             self.warn(doubt)
+        self._about = made.about()
         return made
 
     def run(self, scenario: Scenario, part: str = "") -> Result:
@@ -295,13 +302,13 @@ def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
     try:
         study = Study(name, options)
         main(study)
-        study.report(description, "done")
+        study.write_report(description, "done")
         return
     except (InputError, SolverFailure, Interrupted) as error:
         status, text = exit_status(error)
         text = options.translated(text)
         if study and status == 3:
-            study.report(description, text)
+            study.write_report(description, text)
     except OSError as error:
         file = error.filename or (study.args.out if study else "a file")
         status, text = (

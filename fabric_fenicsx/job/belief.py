@@ -3,11 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ..material.strains import SHORTENED
 from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..mechanics.term_checks import misspelt
 from ..results.history import ENERGIES, energy_balance
 from ..results.result import Result
-from ..results.shear import crumpling_warnings
+from ..results.shear import fabric_warnings
 from ..scene import reports
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
@@ -49,7 +50,10 @@ def beyond_limits_at_end(
     found = {
         "imbalance": energy_balance(rows, energy)["energy_imbalance"],
         "viscous": energy["viscous"] / max(abs(kept), 1e-300),
+        "located": scene.supports.located_share(reports.outer_forces(scene)),
     }
+    if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
+        found["shortening"] = reports.shortened(scene, SHORTENED)
     return limits.exceeded(found) + _passed_through(scene)
 
 
@@ -84,7 +88,7 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
         from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
-    found = [untouched, crossing_warning(scene.blank), *crumpling_warnings(result)]
+    found = [untouched, crossing_warning(scene.blank), *fabric_warnings(result)]
     if not (untouched or any(energy.values()) or scene.u.norm()):
         found.append(
             "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "

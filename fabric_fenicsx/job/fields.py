@@ -21,6 +21,8 @@ class JobFields(Settings):
     order: float = 1.0
     headlines: Sequence[str] = ()
     measure: Measure | None = None
+    force_name: str = "reaction"
+    modelled: float = 1.0
     quantities: Callable[[Result], dict[str, Any]] | None = None
     tables: Callable[[Result, Path], None] | None = None
     pictures: Callable[[Result, Path], None] | None = None

@@ -38,7 +38,9 @@ class Job(JobFields):
       cells, as observed in problems of this kind; headlines: which quantities get errors, those of
       nested ones as "draw_in.largest_mm"
     - measure: function of scene and load factor to displacement [mm] and force [N] for the history;
-      by default those of the first tool or moving support
+      by default those of the first tool or moving support; force_name: what that force is called;
+      modelled: share of a sheet that symmetry leaves, so that the history tells the whole one's
+      force, too
     - quantities: function of a `Result` to what the summary says beside the rest; tables, pictures:
       what to write and draw of it besides
     - warnings: sentences that the run begins with
@@ -103,6 +105,8 @@ class Job(JobFields):
         known_by = {k: v for part in parts for k, v in part.items()} | problem | of_scene(scene)
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
+        for material in materials_of(scene, scene.blank.whole):
+            output.say_once(material.assumed_words())
         start, notes = None, dict[str, Any]()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
@@ -161,7 +165,7 @@ class Job(JobFields):
         if self.scene.comm.rank == 0 and pictures:
             if self.pictures and reached:
                 self.pictures(result, result.folder)
-            draw_state(output.name, result, result.folder, self.beside)
+            draw_state(output.name, result, result.folder, self.beside, self.force_name)
         self.scene.comm.barrier()
 
 

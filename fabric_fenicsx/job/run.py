@@ -101,7 +101,7 @@ class Run:
         self._wrong_now = belief.beyond_limits_now(scene, self.job.limits)
         measured = self._measure(scene, accepted.load)
         with timing.phase("output"):
-            self.history.add(accepted, *measured, partial(reports.history, scene))
+            self.history.add(accepted, *measured, partial(self._further, measured[1]))
             if len(rows) == 1:
                 reports.summary(scene)  # so that names given twice are refused now, not at the end
         output.warn(viscous_words(rows, accepted.load))
@@ -118,6 +118,12 @@ class Run:
                 self.series.write(accepted.load)
             notes = {"rows": rows, "states": self.series.states}
             self._checkpoint.save(accepted.progress, notes)
+
+    def _further(self, force, taken):
+        """Columns of the history beside those `taken`: of the terms, and the whole sheet's force
+        where symmetry leaves a share of it."""
+        share, found = self.job.modelled, reports.history(self.scene, taken)
+        return found if share == 1 else {"reaction_of_whole_N": force / share} | found
 
     def _reject(self, load: float, report: Report) -> None:
         if self.scene.comm.rank == 0:
@@ -151,6 +157,7 @@ class Run:
             newton_iterations=outcome.iterations,
             energy=energy,
             reaction_N=rows[-1]["reaction_N"],
+            reaction_is=self.job.force_name,
             **energy_balance(rows, energy),
             quantities=self.job.quantities(result) if self.job.quantities else {},
         )

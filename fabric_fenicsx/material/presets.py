@@ -24,6 +24,7 @@ _KOMEILI = WovenFabric(
     thickness=1.0,
     density=0.75,
     name="komeili",
+    assumed=("d", "p_min", "s_C"),
 )
 PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
     {"komeili": _KOMEILI, "fabric": _KOMEILI.decoupled().replace(name="fabric")}

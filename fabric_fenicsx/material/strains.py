@@ -7,6 +7,14 @@ import numpy as np
 from ..runtime.errors import InputError
 from .functions import atan, sqrt
 
+# nominal strain by which yarns are shorter under compression where a real ply rather wrinkles
+SHORTENED = 0.02
+
+
+def share_name(strain: float) -> str:
+    """What the share of the area with yarns shortened by more than `strain` is called."""
+    return f"shortened_by_{100 * strain:g}_percent_share"
+
 
 def nominal_strain(I: Any) -> Any:
     """sqrt(I) - 1 [-] of I4 or I8, eq. (9), without its loss of digits near I = 1."""

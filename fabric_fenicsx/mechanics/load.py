@@ -14,6 +14,7 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from .term import SceneFacts, Term
+from .work import Work
 
 
 def _direction(name: str, direction: ArrayLike, gdim: int) -> np.ndarray:
@@ -51,22 +52,25 @@ class DeadPressure(Term):
         unit = _direction(self.name, self._direction, blank.mesh.geometry.dim)
         moved = ufl.dot(blank.displacement, ufl.as_vector(unit.tolist())) * self.part.dx()
         self.energy = -self._now * moved
-        self._moved, self._last = compat.form(moved), (0.0, 0.0)
+        self._moved, self._work = compat.form(moved), Work(1)
+        self.set_load(0.0)
+        self.accept()
 
     def set_load(self, load: float) -> None:
         """Set the load factor."""
-        self._now.value = load * self._pressure
+        self._load, self._now.value = load, load * self._pressure
 
     def accept(self) -> None:
         """Count `work` from the present state."""
-        self._last = float(self._now.value), fem.assemble_scalar(self._moved)
+        self._work.accept(*self._state())
 
     def work(self) -> float:
-        """Done on this rank's part since the last accepted state, by trapezoids [N mm]."""
-        pressure, moved = self._last
-        return (
-            0.5 * (pressure + float(self._now.value)) * (fem.assemble_scalar(self._moved) - moved)
-        )
+        """Done on this rank's part since the last accepted state [N mm]."""
+        return self._work.since(*self._state())
+
+    def _state(self):
+        pressure = float(self._now.value)
+        return self._load, np.array([pressure]), np.array([fem.assemble_scalar(self._moved)])
 
 
 class EdgeTension(Term):
@@ -99,13 +103,13 @@ class EdgeTension(Term):
         lengths = fem_petsc.assemble_vector(compat.form(along * ds))
         lengths.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         # of the edge at each owned degree of freedom
-        self._lengths, self._u = lengths.array.copy(), blank.u
+        self._lengths, self._u, self._work = lengths.array.copy(), blank.u, Work(1)
         self.set_load(0.0)
         self.accept()
 
     def set_load(self, load: float) -> None:
         """Set the load factor; InputError if the tension there is not finite."""
-        self._now = at_load(self._tension, load)
+        self._load, self._now = load, at_load(self._tension, load)
         if not np.isfinite(self._now):
             raise InputError(
                 f"{self.name} is {self._now} N/mm at load {load:g}; allowed is a finite number"
@@ -113,12 +117,14 @@ class EdgeTension(Term):
 
     def accept(self) -> None:
         """Count `work` from the present state."""
-        self._last = self._now, self._travel()
+        self._work.accept(*self._state())
 
     def work(self) -> float:
-        """Done on this rank's part since the last accepted state, by trapezoids [N mm]."""
-        tension, travel = self._last
-        return 0.5 * (tension + self._now) * (self._travel() - travel)
+        """Done on this rank's part since the last accepted state [N mm]."""
+        return self._work.since(*self._state())
+
+    def _state(self):
+        return self._load, np.array([self._now]), np.array([self._travel()])
 
     def stored(self) -> float:
         """As in `Term`."""

@@ -123,6 +123,15 @@ class Touching(Pressing, Protocol):
 
 
 @runtime_checkable
+class Rubbing(Protocol):
+    """Holds points of the sheet by friction of a tool."""
+
+    def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points of the undeformed sheet (k, 3) [mm], unit normals (k, 3) there, and the friction
+        that each can bear in the accepted state, (k,) [N]."""
+
+
+@runtime_checkable
 class MadeOf(Protocol):
     """Knows what its part of the sheet is made of."""
 
@@ -186,12 +195,15 @@ class Penetrated(Protocol):
 
 
 @runtime_checkable
-class Stretched(Protocol):
-    """Knows how far yarns are stretched."""
+class Strained(Protocol):
+    """Knows how far yarns are stretched and shortened."""
 
     def overstretched(self, strain: float) -> float:
-        """Share of the area, 0 to 1, in which yarns are stretched by more than `strain`, of all
-        ranks."""
+        """Share of the area, 0 to 1, in which yarns are stretched by more than the nominal
+        `strain`, of all ranks."""
+
+    def shortened(self, strain: float) -> float:
+        """As `overstretched`, in which they are shortened by more."""
 
 
 @runtime_checkable

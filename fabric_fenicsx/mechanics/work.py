@@ -7,38 +7,54 @@ GROWTH = 10  # of the bend from one step to the next, beyond which it is a kink
 
 
 class Work:
-    """Work of forces (n,) [N] whose points move: of a tool, or of the supports.
+    """Work of forces (n,) [N] whose points move: of a tool, of a load, or of the supports.
 
     Between two accepted states forces and places are parabolas in the load. So work over few steps
     is as exact as energies are, also where forces grow as a power of the load or turn with the
     tool. A parabola goes through the last three states. It is bent at most `GROWTH` times as much
     as the one before it, and to the same side: so a kink, as where friction begins to slip, stays a
     kink. Sizes and sides are those of all forces, or places, together: axes don't matter.
+
+    With less than three states it is a straight line. Whoever doubts that asks for the work on the
+    way, then again: that is by the polynomial through all states that were asked of.
+
+    states: how many are remembered at most, 1 for straight lines always.
     """
 
-    def __init__(self) -> None:
-        # loads, forces and places: the last accepted
+    def __init__(self, states: int = STATES) -> None:
+        self._most = states
+        # loads, forces and places: the last accepted, and those asked of since
         self._states: list[tuple[float, np.ndarray]] = []
+        self._asked: dict[float, np.ndarray] = {}
 
     def accept(self, load: float, force: np.ndarray, place: np.ndarray) -> None:
         """Take load, force and place (n,) [mm] as those of the last accepted state."""
         before = [state for state in self._states if state[0] < load]
-        self._states = [*before, (load, np.array([force, place]))][-STATES:]
+        self._states = [*before, (load, np.array([force, place]))][-self._most :]
+        self._asked = {}
 
     def since(self, load: float, force: np.ndarray, place: np.ndarray) -> float:
         """Work since the last accepted state, up to this load, force and place [N mm]."""
-        loads, states = zip(*self._states, (load, np.array([force, place])))
-        rise, moved = states[-1] - states[-2]
-        work = (states[-2][0] + states[-1][0]) @ moved / 2
-        if load > loads[-2]:
-            bend, turn = (load - loads[-2]) ** 2 * _curvature(loads, states)
+        start, now = self._states[-1], (load, np.array([force, place]))
+        self._asked[load] = now[1]
+        on_the_way = [each for each in self._asked.items() if start[0] < each[0] < load]
+        if on_the_way:
+            return _polynomial_work([start, *on_the_way, now])
+        rise, moved = now[1] - start[1]
+        work = (start[1][0] + now[1][0]) @ moved / 2
+        if load > start[0]:
+            bend, turn = (load - start[0]) ** 2 * _curvature(*zip(*self._states, now))
             work += (turn @ rise - bend @ moved) / 6
         return float(work)
 
+    def keep(self, points: np.ndarray) -> None:
+        """Go on with these `points` (n,) of bool alone."""
+        self._states = [(load, state[:, points]) for load, state in self._states]
+
     def memory(self) -> np.ndarray:
-        """Load, force and place of up to three states, (3, 2 + 2 n); the first column is 0 where
-        there is none yet."""
-        rows = np.zeros((STATES, 2 + (self._states[0][1].size if self._states else 0)))
+        """Load, force and place of the states that are remembered, (states, 2 + 2 n); the first
+        column is 0 where there is none yet."""
+        rows = np.zeros((self._most, 2 + (self._states[0][1].size if self._states else 0)))
         for row, (load, state) in zip(rows, self._states):
             row[:] = 1.0, load, *state.ravel()
         return rows
@@ -46,6 +62,18 @@ class Work:
     def recall(self, rows: np.ndarray) -> None:
         """Take back what `memory` gave."""
         self._states = [(float(row[1]), row[2:].reshape(2, -1).copy()) for row in rows if row[0]]
+
+
+def _polynomial_work(known):
+    """Work from the first of the `known` states to the last, by polynomials in the load."""
+    loads = np.array([load for load, _ in known])
+    at = (loads - loads[0]) / (loads[-1] - loads[0])
+    powers = np.arange(len(at))
+    values = np.array([state for _, state in known])
+    forces, places = np.tensordot(np.linalg.inv(at[:, None] ** powers), values, 1).swapaxes(0, 1)
+    # the integral of s^i d(s^j) over 0 to 1
+    shares = powers / np.maximum(powers[:, None] + powers, 1)
+    return float((shares * (forces @ places.T)).sum())
 
 
 def _curvature(loads, states):

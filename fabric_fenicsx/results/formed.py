@@ -21,16 +21,17 @@ from . import forming, forming_pictures, measures, pictures
 from .output import MARKED
 from .result import OUTLIERS, Result, of_fabric
 from .shear import shear_quantities
+from .shortening import shortening_quantities
 
 log = logging.getLogger("fabric_fenicsx")
 ANGLES = 0, 45, 90  # of the paths to x [deg]
 # of the shapes of plies, what of several ones the largest has a meaning
-LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("height_largest_mm", "slope_largest_deg")}
+LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("slope_largest_deg",)}
 METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"  # that is drawn
 
 
 def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
-    """Shear, crumpling, strains and thickness of all cells of the `parts`, one ply or several of
+    """Shear, shortening, strains and thickness of all cells of the `parts`, one ply or several of
     fabric. The largest fibre volume fraction is None without a fibre density."""
     comm, cells = result.scene.comm, _cells(parts)
     fields = {name: values[cells] for name, values in result.fields.items()}
@@ -39,6 +40,7 @@ def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
     return {
         "shear_angle_deg": extremes(np.degrees(fields["shear_angle"])),
         **shear_quantities(result, parts),
+        **shortening_quantities(result, parts),
         "log_eps_11": extremes(fields["log_eps_11"]),
         "log_eps_22": extremes(fields["log_eps_22"]),
         "stability_ellipticity_min": extremes(ellipticity)[0],
@@ -80,12 +82,14 @@ def _cells(parts):
 
 
 def shape(result: Result, part: Part, tool: Tool, middle: float, closed: bool) -> dict[str, Any]:
-    """Draw-in, and wrinkles over the tool, of one ply, which is all of a sheet or a part of a
-    stack; middle: height of its mid-surface over the tool that it lies on [mm]; closed: whether the
-    tools are, as otherwise the ply does not follow them and wrinkles are None."""
+    """Draw-in, and slopes of wrinkles over the tool, of one ply, which is all of a sheet or a part
+    of a stack. Their height is left out: closed tools leave it no more than their play. middle:
+    height of its mid-surface over the tool that it lies on [mm]; closed: whether the tools are,
+    as otherwise the ply does not follow them and wrinkles are None."""
     comm, wrinkles = result.scene.comm, None
     if closed and comm.rank == 0:
-        wrinkles = forming.wrinkles(result.grids[part.name], tool, 2 * middle)
+        found = forming.wrinkles(result.grids[part.name], tool, 2 * middle)
+        wrinkles = {name: value for name, value in found.items() if name.startswith("slope")}
     return {"draw_in": result.draw_in(part.name), "wrinkles": comm.bcast(wrinkles)}
 
 

@@ -167,25 +167,28 @@ def outline(grid: Grid, planes: Sequence[int] | None = None) -> list[Outline]:
 def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, float]:
     """How far the edge went inwards in plan [mm], as in `Outline`: {name: value} at the middle of
     the long and of the short side of the rectangle around the ply, at its corner, each the mean of
-    those that the grid has, and the largest of all points of the edge. planes: as in `outline`."""
+    those that the grid has, and the largest of all points of the edge. Where the grid has two such
+    sides, also at the middle of each: `middle_at_low_x_mm` and so on. planes: as in `outline`."""
     edges = outline(grid, planes)
     place, inwards = (
         np.concatenate([getattr(edge, name) for edge in edges])
         for name in ("undeformed", "inwards")
     )
-    place = place[:, :2]
+    place, cut = place[:, :2], list(ply_of(grid).planes if planes is None else planes)
     centre = (place.min(0) + place.max(0)) / 2
-    centre[ply_of(grid).planes if planes is None else list(planes)] = 0
-    place = abs(place - centre)
+    centre[cut] = 0
+    sides = place - centre
+    place = abs(sides)
     half = place.max(0)
     long, short = half * np.eye(2)[[1, 0]] if half[0] >= half[1] else half * np.eye(2)
+    spots = {"middle_of_long_side": long, "middle_of_short_side": short, "corner": half}
+    asked = [(name, place, at) for name, at in spots.items()]
+    for axis, side in enumerate(half * np.eye(2)):
+        ends = [] if axis in cut else [("low", -side), ("high", side)]
+        asked += [(f"middle_at_{end}_{'xy'[axis]}", sides, at) for end, at in ends]
     found = {}
-    for name, at in {
-        "middle_of_long_side": long,
-        "middle_of_short_side": short,
-        "corner": half,
-    }.items():
-        distance = np.linalg.norm(place - at, axis=1)
+    for name, places, at in asked:
+        distance = np.linalg.norm(places - at, axis=1)
         found[f"{name}_mm"] = float(inwards[distance < distance.min() + SAME].mean())
     return found | {"largest_mm": float(inwards.max())}
 

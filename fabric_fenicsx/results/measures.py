@@ -2,6 +2,7 @@
 what is at a point."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -81,6 +82,21 @@ def where_largest(
     largest = extremes(comm, values)[1]
     mine = rows[values >= largest - EQUAL * abs(largest)].tolist()
     return largest, min(row for each in comm.allgather(mine) for row in each)
+
+
+def largest_in(
+    blank: Blank, parts: Sequence[Part], values: np.ndarray, also: np.ndarray
+) -> tuple[float, dict[str, Any], float]:
+    """Largest of the `values` (n,) in all cells of the `parts`; the place `at_mm` (x, y) of the
+    flat sheet where it is and, of several parts, the name of the one that it is `in`; and what
+    `also` (n,) is there."""
+    cells = np.concatenate([part.cells for part in parts])
+    part_of = np.repeat(np.arange(len(parts)), [len(part.cells) for part in parts])
+    # to few digits, so that of places that mirror each other the same is named on any ranks
+    rows = np.column_stack([part_of, blank.midpoints()[:2, cells].T.round(6), also])
+    largest, (k, x, y, there) = where_largest(blank.mesh.comm, values, rows)
+    place: dict[str, Any] = {"at_mm": [x + 0.0, y + 0.0]}
+    return largest, place | ({"in": parts[int(k)].name} if len(parts) > 1 else {}), there
 
 
 def near(comm: MPI.Comm, places: np.ndarray, point: ArrayLike, radius: float) -> np.ndarray:

@@ -104,6 +104,7 @@ class Output:
         self._started = time.perf_counter() - sum(timing.seconds.values())
         self.warnings: list[str] = []  # since the last summary
         self._warned: set[str] = set()
+        self._said: set[str] = set()
         self._lock: IO | None = None
         self._log: LogFile | None = None
         self._done: dict[str, dict[str, Any]] = {}
@@ -112,6 +113,13 @@ class Output:
         """Print on rank 0, and to log.txt."""
         if self.comm.rank == 0:
             log.info(text)
+
+    def say_once(self, text: str) -> None:
+        """As `say`, what was not said before, unless warnings are quiet, too; an empty text is
+        nothing."""
+        if text and not self.is_quiet and text not in self._said:
+            self._said.add(text)
+            self.say(text)
 
     def warn(self, text: str) -> None:
         """Print once, on rank 0, what the user should look at; the summary repeats it.
@@ -271,15 +279,16 @@ class Output:
             text = json.dumps(finite(summary), indent=2, allow_nan=False) + "\n"
             replace_file(folder / "summary.json", text)
 
-    def report(self, description: str, ending: str) -> None:
-        """Write report.html of all that this run wrote, on rank 0; ending: how it ended."""
+    def report(self, description: str, ending: str, title: str = "") -> None:
+        """Write report.html of all that this run wrote, on rank 0; ending: how it ended, title: by
+        default the name."""
         if self.comm.rank != 0 or not self.begun:
             return
         from . import report
 
         parts = {part: self.path / part for part in ("", *self.parts)}
         runs = {part: (at / "summary.json", at.glob("*.png")) for part, at in parts.items()}
-        page = report.page(self.name, runs, description, ending, self.path / "log.txt")
+        page = report.page(title or self.name, runs, description, ending, self.path / "log.txt")
         replace_file(self.path / "report.html", page)
 
     def close(self) -> None:

@@ -9,13 +9,14 @@ from pathlib import Path
 
 import jinja2
 
-# picture -> what it shows
+from ..material.strains import share_name
+
+# picture -> what it shows, in the order of a report
 CAPTIONS = {
+    "curve": "Reaction, or force of the punch, over displacement; a band is its estimated error, "
+    "squares are measured, if they are there",
     "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where "
     "the angle from yarns a to b grows), on the deformed sheet",
-    "curve": "Reaction over displacement; a band is its estimated error, squares are measured, if "
-    "they are there",
-    "error": "Estimated errors of strains and shear angle, from a mesh twice as coarse",
     "axis": "Magnitude of the shear angle along the strip's axis",
     "measured": "Normalised shear force, simulated and measured",
     "compare": "Variants of the couplings: strains and shear angle",
@@ -24,6 +25,7 @@ CAPTIONS = {
     "states": "Strain states: which yarns are in tension, which in compression",
     "paths": "Strains and shear angle along paths from the centre",
     "outline": "Outline of the formed ply over the flat one",
+    "error": "Estimated errors of strains and shear angle, from a mesh twice as coarse",
     "front": "Error over cost; the line joins the runs that none beats in both",
 }
 # the end of a name -> the unit that it tells
@@ -51,8 +53,13 @@ WORDS = {
     "viscous_of_strain_energy": "viscous energy over strain energy",
     "stability_ellipticity_min": "least ellipticity of the law (negative: it allows bands)",
     "cells_that_lost_ellipticity": "cells in which the law allows bands",
-    "crumpled_share": "share of the area in which yarns are shortened by more than 5 %",
-    "shortening_max": "shortening of yarns max",
+    **{
+        share_name(strain): "share of the area in which compression shortens yarns by more than "
+        f"{100 * strain:g} %"
+        for strain in (0.01, 0.02, 0.05)
+    },
+    "shortening_max": "shortening of yarns by compression max",
+    "excess_length_mm": "length that a yarn loses by compression mm",
     "shortening_at_shear_angle_max": "shortening of yarns where the shear angle is largest",
     "share_of_state_1_to_4": "area shares: both yarns in tension, a alone, b alone, none",
 }
@@ -111,14 +118,33 @@ def _shown(name, summary, pictures):
     own = {k: v for k, v in facts.items() if k not in SHARED}
     return {
         "name": name,
-        "summary": facts and {"quantities": own} | facts,
+        "summary": facts,
+        "quantities": _with_errors(facts.get("quantities", own), facts.get("error") or {}),
         "pictures": [
             (
                 CAPTIONS.get(file.stem, file.stem.replace("_", " ")),
                 base64.b64encode(file.read_bytes()).decode(),
             )
-            for file in sorted(pictures)
+            for file in sorted(pictures, key=_place)
         ],
+    }
+
+
+def _place(picture):
+    """Order of pictures: as of `CAPTIONS`, then all others."""
+    known = list(CAPTIONS)
+    return known.index(picture.stem) if picture.stem in known else len(known), picture.stem
+
+
+def _with_errors(values, errors, before=""):
+    """The `values` with their errors behind them, which have dots in names of nested ones."""
+    return {
+        name: _with_errors(value, errors, f"{before}{name}.")
+        if isinstance(value, dict)
+        else f"{_number(value)} +- {errors[before + name]:.2g}"
+        if before + name in errors
+        else value
+        for name, value in values.items()
     }
 
 

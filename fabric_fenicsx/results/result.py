@@ -226,12 +226,13 @@ def of_fabric(
     return {name: grid for name, grid in grids.items() if "shear_angle" in grid.cell_data}
 
 
-def draw_state(name: str, result: Result, folder: Path, beside: Curves) -> None:
-    """maps.png and curve.png, what one looks at first; beside: other curves to draw in that."""
+def draw_state(name: str, result: Result, folder: Path, beside: Curves, force_name: str) -> None:
+    """maps.png and curve.png, what one looks at first; beside: other curves to draw in that,
+    force_name: what its force is called."""
     from . import pictures
 
     run = {"simulated" if beside else "": result}
-    pictures.reactions(folder / "curve.png", run, beside=beside)
+    pictures.reactions(folder / "curve.png", run, ylabel=f"{force_name} / N", beside=beside)
     maps = {part or name.replace("_", " "): grid for part, grid in of_fabric(result.grids).items()}
     pictures.maps(folder / LAST_PICTURE, maps, MAPS, outliers=OUTLIERS)
     errors = tuple(f"error_{field}" for field in MAPS)

@@ -372,6 +372,30 @@ class Forming(Scenario):
         """Stroke [mm] and force [N] of the punch, of a quarter if that is modelled."""
         return load * self.stroke, float(reports.tool_force(scene, self.punch_tool)[2])
 
+    def force_name(self) -> str:
+        """As in `Scenario`."""
+        return "punch force" if self.full else "punch force on a quarter of the ply"
+
+    def modelled(self) -> float:
+        """As in `Scenario`."""
+        return 1.0 if self.full else 0.25
+
+    def of_whole(self, quantities: Mapping[str, Any]) -> str:
+        """What to say behind the punch force of a quarter, "" for a whole ply."""
+        whole = quantities["punch_force_of_whole_ply_N"]
+        return "" if self.full else f" on the quarter, {whole:.5g} N on the whole ply"
+
+    def about(self) -> tuple[str, str]:
+        """As in `Scenario`: which plies are formed over what."""
+        if not (self.punch or self.stack):
+            return "", ""
+        over, count = "the double dome", len(self.plies)
+        if self.punch:
+            punch = self.punch
+            over = Path(punch).name if isinstance(punch, str) else type(punch).__name__
+        plies = f"{count} plies" if count > 1 else "a ply"
+        return f"Forming over {over}", f"Forming of {plies} over {over}, between rigid tools."
+
     def quantities(self, result: Result) -> dict[str, Any]:
         """Forces, penetrations, shear, strains, draw-in and wrinkles; thinning of metal."""
         return measuring.quantities(self, result)

@@ -10,6 +10,7 @@ from ..job.job import Result
 from ..material.metal import load_metal
 from ..runtime.fields import number, text
 from ..runtime.rules import POSITIVE, SHARE
+from ..solve.limits import Limits
 from ..tools.double_dome import DoubleDome
 from .dome import dome_of
 from .forming import Forming
@@ -34,6 +35,7 @@ class Laminate(Forming):
     DEFAULT_SIZES = (760.0, 460.0)
     FULL = {"nx": 24, "steps": 40, "balance": 0.02}
     QUICK = {"nx": 5, "steps": 2, "balance": None, "stroke": 2}
+    LIMITS = Limits(shortening=1.0)  # yarns between sheets of metal are shortened, and can't fold
 
     metal: str = text("dc04", "of the outer sheets: preset or material file", "FILE", "laminate")
     metal_thickness: float = number(
@@ -62,6 +64,10 @@ class Laminate(Forming):
         }
         plies = [Ply(name=name) for name in FABRICS]
         return [Ply(name="lower metal", **sheet), *plies, Ply(name=METAL, **sheet)]
+
+    def about(self) -> tuple[str, str]:
+        """As in `Scenario`."""
+        return super().about() if self.punch else ("", "")
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """As of `Forming`, with the pressure between the sheets and, of the middle ply, the largest

@@ -23,7 +23,7 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
     force = rows[-1]["reaction_N"]
     found = {
         "punch_force_N": force,
-        "punch_force_of_whole_ply_N": force * (1 if forming.full else 4),
+        "punch_force_of_whole_ply_N": force / forming.modelled(),
         "contact_forces_N": {
             term.tool.name: float(np.linalg.norm(term.force())) for term in forming.pressing
         },

@@ -26,6 +26,7 @@ from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..sheets.blank import Blank
 from ..sheets.layout import Layout, blank_options
+from ..solve.limits import Limits
 from ..solve.settings import Settings
 
 ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
@@ -45,6 +46,7 @@ class Scenario:
     FULL: ClassVar[Mapping[str, Any]] = {"nx": 32, "steps": 20}
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 20, "steps": 5}
     SOLVER: ClassVar[Mapping[str, Any]] = {}  # what its `Job` has by default
+    LIMITS: ClassVar[Limits] = Limits()
     SIZES: ClassVar[tuple[str, str]] = ("length", "width")  # fields of the sheet's sides
     DEFAULT_SIZES: ClassVar[tuple[float, float]] = (200.0, 50.0)  # without a mesh of its own
     SPATIAL: ClassVar[bool] = False
@@ -179,6 +181,8 @@ class Scenario:
         usual |= {
             "name": self.NAME,
             "measure": self.measure,
+            "force_name": self.force_name(),
+            "modelled": self.modelled(),
             "quantities": self.quantities,
             "tables": self.tables,
             "pictures": self.pictures,
@@ -187,8 +191,21 @@ class Scenario:
             "coarser": self._coarser_job if self.can_be_coarser() else None,
             "order": self.order(),
             "headlines": self.HEADLINES,
+            "limits": self.LIMITS,
         }
         return Job(self.scene, **usual | dict(self.SOLVER) | changes)
+
+    def force_name(self) -> str:
+        """What the force of `measure` is called."""
+        return "reaction"
+
+    def modelled(self) -> float:
+        """Share of the sheet that symmetry leaves."""
+        return 1.0
+
+    def about(self) -> tuple[str, str]:
+        """Title and description of the report, "" for those of the study."""
+        return "", ""
 
     def _coarser_job(self):
         return self.coarser().job()

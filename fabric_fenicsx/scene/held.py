@@ -19,8 +19,8 @@ class HeldDofs:
     """Degrees of freedom of a `blank` that `supports` hold.
 
     - given: the supports
-    - dofs (held,): those that this rank owns; dofs_of: of each support {name: (nodes, gdim)}, free
-      ones of its nodes among them
+    - dofs (held,): those that this rank owns and that are held now; dofs_of: of each support
+      {name: (nodes, gdim)}, free ones of its nodes among them
     - bcs: DOLFINx's view of them
     - work: of all supports
 
@@ -33,7 +33,6 @@ class HeldDofs:
         owned = V.dofmap.index_map.size_local
         self.dofs_of: dict[str, np.ndarray] = {}
         self._nodes: list[np.ndarray] = []
-        held = np.zeros(len(x) * gdim, dtype=bool)
         for support in self.given:
             if not set(support.components) <= set(range(gdim)):
                 raise InputError(
@@ -47,12 +46,31 @@ class HeldDofs:
                     f"support {support.name} holds no node of {blank.name}; allowed are 1 or more"
                 )
             self._nodes.append(nodes)
-            held[nodes[:, None] * gdim + np.asarray(support.components)] = True
             self.dofs_of[support.name] = nodes[nodes < owned, None] * gdim + np.arange(gdim)
+        self._hold(self.given)
+
+    def _hold(self, supports):
+        """Hold the degrees of freedom of these `supports` alone."""
+        V, gdim, x = self.blank.V, self.blank.mesh.geometry.dim, self.blank.coordinates()
+        held = np.zeros(len(x) * gdim, dtype=bool)
+        for support, nodes in zip(self.given, self._nodes):
+            if support in supports:
+                held[nodes[:, None] * gdim + np.asarray(support.components, dtype=int)] = True
         dofs = np.flatnonzero(held).astype(np.int32)
         zero = PETSc.ScalarType(0)
         self.bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
-        self.dofs = dofs[dofs < owned * gdim]
+        self.dofs = dofs[dofs < V.dofmap.index_map.size_local * gdim]
+
+    @property
+    def locating(self) -> list[Support]:
+        """Those that only locate the sheet."""
+        return [support for support in self.given if support.locates]
+
+    def let_go(self) -> None:
+        """Hold no longer what supports only locate."""
+        before = self.dofs
+        self._hold([support for support in self.given if not support.locates])
+        self.work.keep(np.isin(before, self.dofs))
 
     def values(self, load: float) -> np.ndarray:
         """Displacements of `dofs` at a load factor, along the frame's axes, (held,) [mm]."""
@@ -99,16 +117,23 @@ class HeldDofs:
             np.hstack([known, nodal[self.dofs, :, 2:].transpose(1, 2, 0).reshape(states, -1)])
         )
 
+    def located_share(self, sizes: dict[str, float]) -> float:
+        """What supports that only locate the sheet bear, over all forces; sizes: of nodal forces
+        added up, by supports and of all else [N]."""
+        borne = sum(sizes[support.name] for support in self.locating)
+        return borne / max(sum(sizes.values()), 1e-300)
+
     def locating_warning(self, sizes: dict[str, float]) -> str:
-        """A sentence if supports that only locate the sheet bear a force, else ""; sizes: of nodal
-        forces added up, by supports and of all else [N]."""
+        """A sentence if supports that only locate the sheet bear a force, else ""; sizes: as in
+        `located_share`."""
         most = BORNE * sum(sizes.values())
-        borne = {s.name: sizes[s.name] for s in self.given if s.locates}
-        words = [f"{name} {force:.3g} N" for name, force in borne.items() if force > most]
-        if not words:
+        borne = {s.name: sizes[s.name] for s in self.locating if sizes[s.name] > most}
+        if not borne:
             return ""
+        words = " and ".join(f"{name} {force:.3g} N" for name, force in borne.items())
         return (
-            f"supports that should only keep the sheet in its place bear {' and '.join(words)}, as "
-            "sheet, yarns or tools are not symmetric: the formed shape depends on them; give "
-            "supports of your own"
+            f"supports that should only keep the sheet in its place bear {words}, "
+            f"{100 * self.located_share(sizes):.2g} % of all forces, as sheet, yarns or tools are "
+            "not symmetric: the formed shape depends on them; friction of a blank holder or of "
+            "tools would hold the sheet without them"
         )

@@ -7,7 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..mechanics.reports import Fields, told
-from ..mechanics.roles import Penetrated, Pressing, Stretched, Touching, Warns
+from ..mechanics.roles import Penetrated, Pressing, Strained, Touching, Warns
 from ..tools.tool import Tool
 from .scene import Scene
 
@@ -15,7 +15,8 @@ from .scene import Scene
 OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
 OF_A_SUMMARY = (
     *("study", "ranks", "converged", "stroke_reached", "reason", "element", "dofs", "cells"),
-    *("terms", "steps_accepted", "steps_rejected", "newton_iterations", "energy", "reaction_N"),
+    *("terms", "steps_accepted", "steps_rejected", "newton_iterations", "energy"),
+    *("reaction_N", "reaction_is"),
     *("energy_imbalance", "energy_imbalance_largest", "branches", "quantities", "error"),
     *("warnings", "wall_s", "peak_memory_mib", "versions"),
 )
@@ -68,9 +69,18 @@ def deepest(scene: Scene) -> tuple[float, str]:
 
 
 def overstretched(scene: Scene, strain: float) -> float:
-    """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`."""
-    terms = [term for term in scene.terms if isinstance(term, Stretched)]
-    return max((term.overstretched(strain) for term in terms), default=0.0)
+    """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`; of
+    several sheets the largest."""
+    return max((term.overstretched(strain) for term in _strained(scene)), default=0.0)
+
+
+def shortened(scene: Scene, strain: float) -> float:
+    """As `overstretched`, in which they are shortened by more."""
+    return max((term.shortened(strain) for term in _strained(scene)), default=0.0)
+
+
+def _strained(scene):
+    return [term for term in scene.terms if isinstance(term, Strained)]
 
 
 def virial(scene: Scene) -> np.ndarray:

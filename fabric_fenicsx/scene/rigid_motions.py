@@ -5,13 +5,15 @@ from collections.abc import Sequence
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.roles import Touching
+from ..mechanics.roles import Rubbing, Touching
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 from .held import HeldDofs
 
 FLAT = 0.05  # height over length, up to which a smooth tool does not hold a blank within its plane
+BROAD = 1e-3  # stiffness against turning of friction that holds more than one place
+AXES = list(enumerate(np.eye(3)))
 LIFTS = "move along its normal", "turn about its length", "turn about its width"
 
 
@@ -53,10 +55,30 @@ def check_held(blank: Blank, terms: Sequence[Term], held: HeldDofs) -> str:
     return ""
 
 
-def free_motion(blank: Blank, places: np.ndarray, along: np.ndarray, resisted: set[str]) -> str:
+def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
+    """Whether what friction of tools can bear in the accepted state holds the blank in its plane,
+    against turning not only near one point. A stack's sheets may slide on one another, so of it
+    this is not known."""
+    known = [term.rubbed() for term in terms if isinstance(term, Rubbing)]
+    if blank.parts or not known:
+        return False
+    x, normals, most = (np.concatenate(each) for each in zip(*known))
+    total = blank.mesh.comm.allreduce(float(most.sum()))
+    if not total:
+        return False
+    share = np.sqrt(most / total)[:, None]
+    tangents = np.concatenate([share * (axis - normals * normals[:, [i]]) for i, axis in AXES])
+    resisted = {word for term in terms for word in term.resists} - {"slide"}
+    return not free_motion(blank, np.tile(x, (3, 1)), tangents, resisted, BROAD)
+
+
+def free_motion(
+    blank: Blank, places: np.ndarray, along: np.ndarray, resisted: set[str], least: float = 1e-9
+) -> str:
     """The rigid motion, in words such as "turn about its length", that is left free by the terms'
     `resisted` ones and by what holds points of this rank at `places` (k, 3) [mm] along axes of the
-    frame or vectors `along` (k, 3); "" if none is."""
+    frame or vectors `along` (k, 3); "" if none is. least: stiffness from which a motion is held, of
+    unit vectors that move all of the blank."""
     gdim = blank.mesh.geometry.dim
     low, high = (corner[:, None] for corner in blank.extent())
     x = (blank.along(places.T) - (low + high) / 2) / (high - low).max()
@@ -75,6 +97,6 @@ def free_motion(blank: Blank, places: np.ndarray, along: np.ndarray, resisted: s
     if not left:
         return ""
     stiffness, free = np.linalg.eigh(products)
-    if stiffness[0] > 1e-9 * max(stiffness[-1], 1.0):
+    if stiffness[0] > least * max(stiffness[-1], 1.0):
         return ""
     return names[left[np.abs(free[:, 0]).argmax()]]

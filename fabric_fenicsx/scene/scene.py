@@ -23,7 +23,7 @@ from ..runtime.errors import InputError
 from ..runtime.timing import phase
 from ..sheets.blank import Blank
 from .held import HeldDofs
-from .rigid_motions import check_held
+from .rigid_motions import check_held, is_held_by_friction
 from .supports import Supports
 
 OF_CELLS = "cells "  # before the names of what terms remember of cells
@@ -64,12 +64,21 @@ class Scene:
             compat.form(blank.inverted_area()) if blank.mesh.geometry.dim == 2 else None
         )
         self.supports = HeldDofs(blank, supports(blank) if callable(supports) else supports)
-        self.held = self.supports.dofs
         # a viscous drag [N/mm] on the nodes' displacement since `origin`
         self.drag, self.origin = 0.0, None
         self.forces, self._free = self.u.duplicate(), self.u.duplicate()
+        self._note_held()
+
+    def _note_held(self):
+        self.held = self.supports.dofs
         self._free.set(1.0)
         self._free.array[self.held] = 0.0
+
+    def let_go(self) -> None:
+        """Free what supports only locate, if friction holds the sheet in its accepted state."""
+        if self.supports.locating and is_held_by_friction(self.blank, self.terms):
+            self.supports.let_go()
+            self._note_held()
 
     def check_held(self) -> str:
         """Raise InputError, naming the motion, if the scene lets the blank move as a rigid body; a

@@ -18,8 +18,10 @@ class Support:
     - components: the axes held
     - value: displacement at full load (gdim,) [mm], growing with the load factor, or a function of
       points (3, n) and load factor to (gdim, n)
-    - locates: only keeps the sheet from moving as a rigid body and should bear nothing; a run warns
-      if it bears more than 0.5 % of all forces on nodes from outside, added up by size
+    - locates: only keeps the sheet from moving as a rigid body and should bear nothing. It lets go
+      of a single sheet as soon as friction of tools holds that. Otherwise a run warns if such
+      supports bear more than 0.5 % of all forces on nodes from outside, added up by size, and is
+      not believed beyond `Limits.located`
     """
 
     name: str

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ..material.strains import SHORTENED
 from ..runtime.fields import check_fields, number
 from ..runtime.rules import POSITIVE
 
@@ -18,6 +19,9 @@ class Limits:
     - viscous: energy that regularisation took, over the strain energy
     - penetration: of tools into the sheet in any state in equilibrium, over its thickness
     - strain: nominal strain of yarns in tension, in all but `EDGES` of the area
+    - shortening: area of a sheet in space in which compression shortens yarns by more than
+      `SHORTENED`, over all of it: a membrane does so where a real ply wrinkles
+    - located: forces of supports that only locate the sheet, over all forces from outside
 
     Raises InputError for a limit that is not above 0.
     """
@@ -37,6 +41,16 @@ class Limits:
         "nominal strain of yarns in tension, singular points at edges left out",
         GROUP,
     )
+    shortening: float = number(
+        0.05,
+        POSITIVE,
+        "area in which compression shortens yarns by more than 2 %, over the sheet's: a real ply "
+        "wrinkles there",
+        GROUP,
+    )
+    located: float = number(
+        0.05, POSITIVE, "forces of supports that only locate, over all from outside", GROUP
+    )
 
     def __post_init__(self) -> None:
         check_fields(self, "`Limits.{}`".format)
@@ -48,6 +62,9 @@ class Limits:
             "imbalance": "work of supports and tools differs from the energies by {} % of these",
             "viscous": "regularisation took {} % of the strain energy",
             "penetration": "the sheet is penetrated by {} % of its thickness",
+            "shortening": f"compression shortens yarns by more than {100 * SHORTENED:g} % in {{}} "
+            "% of the area, where a real ply wrinkles",
+            "located": "supports that only locate the sheet bear {} % of the forces on it",
         }
 
         def told(name, value):

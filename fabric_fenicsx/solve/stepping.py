@@ -18,6 +18,7 @@ from .viscosity import Viscosity
 GROWTH, CUT = 1.5, 0.5
 SMALLEST = 1e-5  # load step that is still halved
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
+ON_THE_WAY = 1 / 2, 1 / 4  # shares of the first step, where its work is looked at if in doubt
 STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
 
 
@@ -119,7 +120,9 @@ class LoadStepping:
             scene.supports.work.accept(
                 progress.load, scene.held_forces(), progress.x.array[scene.held]
             )
-        if self._is_new:
+        if not self._is_new:
+            scene.let_go()
+        else:
             progress.stored = sum(self._energies().values())
             self._in_equilibrium = newton.is_at_rest(progress.x)
             if self._in_equilibrium:
@@ -154,11 +157,14 @@ class LoadStepping:
         tolerance = (self.settings.path_tolerance or 0.0) if is_on_the_way else 0.0
         return Attempt(load, load - progress.load, tolerance, self.scene.supports.values(load))
 
-    def _solve(self, attempt):
-        """Find the attempt's state, from a prediction."""
+    def _solve(self, attempt, start=None):
+        """Find the attempt's state, from a prediction or the vector `start`."""
         scene, progress, x = self.scene, self.progress, self.newton.x
         scene.set_load(attempt.load)
-        self._predict(attempt)
+        if start:
+            start.copy(x)
+        else:
+            self._predict(attempt)
         x.copy(self._predicted)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         attempt.report, iterations = solve_lagged(self.newton, x, attempt.tolerance)
@@ -169,17 +175,41 @@ class LoadStepping:
 
     def _judge(self, attempt):
         """Have the judges object to the attempt's state, if there is one."""
-        report, stored = attempt.report, self.progress.stored
-        if report.converged:
-            report.object(self.path.objection(attempt.deviation))
-        if not report.converged:
+        if attempt.report.converged:
+            attempt.report.object(self.path.objection(attempt.deviation))
+        if not attempt.report.converged:
             return
         self._measure(attempt)
-        # work of the first step is a trapezoid's, which halving does not mend
-        if self._in_equilibrium and self.progress.last_step:
-            contact = attempt.energies.get("contact", 0.0)
-            known = attempt.taken, attempt.work, attempt.energy - stored, stored, contact
-            report.object(self.balance.objection(*known))
+        if not self._in_equilibrium:
+            return
+        objection = self._imbalance(attempt)
+        for share in () if self.progress.last_step else ON_THE_WAY:
+            if objection and self._look_back(attempt, share):
+                objection = self._imbalance(attempt)
+        attempt.report.object(objection)
+
+    def _imbalance(self, attempt):
+        """What the judge of the balance objects."""
+        rise = attempt.energy - self.progress.stored
+        contact = attempt.energies.get("contact", 0.0)
+        known = attempt.work, rise, self.progress.stored, contact
+        return self.balance.objection(attempt.taken, *known)
+
+    def _look_back(self, attempt, share):
+        """Measure the first step's work anew with the state at this share of it, as without it
+        work is a trapezoid's, which halving would not mend; whether that state was found."""
+        found, iterations = self.newton.x.copy(), attempt.report.iterations
+        load = self.progress.load + share * attempt.taken
+        values = self.scene.supports.values(load)
+        back = Attempt(load, share * attempt.taken, attempt.tolerance, values)
+        self._solve(back)
+        if back.report.converged:
+            self._measure(back)
+        self._solve(attempt, start=found)
+        attempt.report.iterations = max(iterations, attempt.report.iterations)
+        if attempt.report.converged:
+            self._measure(attempt)
+        return back.report.converged and attempt.report.converged
 
     def _measure(self, attempt):
         """Energies, forces and work of the attempt's state."""
@@ -198,6 +228,7 @@ class LoadStepping:
         self.newton.x.copy(progress.x)
         scene.supports.work.accept(attempt.load, attempt.forces, attempt.values)
         scene.accept()
+        scene.let_go()
         progress.memory, progress.solver = scene.memory(), self.newton.memory()
         if self._in_equilibrium:
             progress.accepted += 1

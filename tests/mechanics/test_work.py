@@ -96,3 +96,20 @@ def test_work_does_not_depend_on_the_axes():
             total += work.since(k + 1, axes @ forces[k + 1], axes @ places[k + 1])
         found.append(total)
     assert found[1] == pytest.approx(found[0], rel=1e-12)
+
+
+@pytest.mark.parametrize("power", [2, 3])
+def test_a_first_step_looked_at_on_the_way_has_its_exact_work(power):
+    work = Work()
+    work.accept(0.0, np.zeros(1), np.zeros(1))
+    loads = (1.0, 0.5, 1.0, 0.25, 1.0)
+    found = [work.since(load, np.array([load**power]), np.array([load])) for load in loads]
+    assert found[0] == pytest.approx(0.5)
+    assert [found[2], found[4]] == pytest.approx([1 / (power + 1)] * 2)
+
+
+def test_points_that_are_let_go_do_no_work():
+    work = Work()
+    work.accept(0.0, np.ones(2), np.zeros(2))
+    work.keep(np.array([True, False]))
+    assert work.since(1.0, np.ones(1), np.full(1, 3.0)) == pytest.approx(3.0)

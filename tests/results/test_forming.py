@@ -195,14 +195,23 @@ def test_draw_in(full):
     half = np.array([235, 135]) / (2 if full else 1)
     short, long = half * [0.02, 0.1]
     corner = (short + long) / np.sqrt(2)
+    sides = {"low_x": short, "high_x": short, "low_y": long, "high_y": long} if full else {}
     assert found == pytest.approx(
         {
             "middle_of_long_side_mm": long,
             "middle_of_short_side_mm": short,
             "corner_mm": corner,
             "largest_mm": max(long, corner),
+            **{f"middle_at_{side}_mm": value for side, value in sides.items()},
         }
     )
+
+
+def test_draw_in_of_two_sides_that_differ():
+    grid = formed(plane((0.98, 0), (0, 0.9)), full=True)
+    grid.point_data["u"][:, 0] += 1.0
+    found = forming.draw_in(grid)
+    assert found["middle_at_low_x_mm"] - found["middle_at_high_x_mm"] == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize("cells, error", [(1, 0.04), (2, 0.01)])

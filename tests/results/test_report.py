@@ -25,7 +25,7 @@ from fabric_fenicsx.results.report import label, page
             "shear angle, which 99 % of the area stay below [deg]",
         ),
         ("shear_angle_max_at_mm", "shear angle max at [mm]"),
-        ("shortening_max_at_mm", "shortening of yarns max at [mm]"),
+        ("shortening_max_at_mm", "shortening of yarns by compression max at [mm]"),
         ("penetration_largest_mm", "penetration of tools, largest of the run [mm]"),
         ("steps_accepted", "steps accepted"),
     ],
@@ -41,3 +41,22 @@ def test_a_range_is_written_as_one(tmp_path):
     text = page("dome", {"": (file, [])}, "", "done")
     assert "<th>shear angle [deg]</th><td>-1.5 to 47</td>" in text
     assert "<td>1, 2</td>" in text
+
+
+def test_numbers_come_first_with_their_errors_and_maps_of_errors_last(tmp_path):
+    file = tmp_path / "summary.json"
+    found = {"draw_in": {"largest_mm": 30.0, "corner_mm": 8.0}}
+    errors = {"draw_in.largest_mm": 0.5}
+    file.write_text(json.dumps({"quantities": found, "error": errors, "wall_s": {}}))
+    pictures = [tmp_path / f"{name}.png" for name in ("error", "zebra", "curve", "maps")]
+    for picture in pictures:
+        picture.write_bytes(b"")
+    text = page("dome", {"": (file, pictures)}, "", "done")
+    shown = [
+        "<td>30 +- 0.5</td>",
+        "Reaction, or force",
+        "Logarithmic strains",
+        "Estimated errors of",
+    ]
+    places = [text.index(words) for words in shown]
+    assert places == sorted(places) and "<td>8</td>" in text

@@ -45,12 +45,14 @@ def test_draw_in_of_a_scene_of_ones_own(folder, supports, centred, share, about)
     x, y = share * (SHRINK * SIZES)[:2]
     long, short = (y, x) if (share * SIZES[:2]).argmax() == 0 else (x, y)
     corner = (x + y) / np.sqrt(2)
+    both = [(axis, way) for axis, way, part in zip("xy", (x, y), share * np.ones(2)) if part == 0.5]
     assert found == pytest.approx(
         {
             "middle_of_long_side_mm": long,
             "middle_of_short_side_mm": short,
             "corner_mm": corner,
             "largest_mm": max(x, y, corner),
+            **{f"middle_at_{end}_{axis}_mm": way for axis, way in both for end in ("low", "high")},
         },
         abs=1e-5,  # files have single precision
     )

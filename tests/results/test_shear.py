@@ -7,7 +7,8 @@ from builders import COMM, Elastic, sheet
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.reports import Fields
 from fabric_fenicsx.results.result import Result
-from fabric_fenicsx.results.shear import crumpling_warnings, shear_quantities
+from fabric_fenicsx.results.shear import fabric_warnings, shear_quantities
+from fabric_fenicsx.results.shortening import shortening_quantities
 
 LENGTH, WIDTH = 200.0, 100.0
 
@@ -22,16 +23,17 @@ def sheared(spatial=True, crumpled=0.0, names=(), nx=20):
     scene = ff.Scene(blank, [Elastic()])
     x = blank.midpoints()[0] - LENGTH / 2
     fields = Fields({})
-    fields |= {"shear_angle": 0.3 * x / 100, "eps_a": 0 * x + 0.01, "eps_b": 0 * x - 0.02}
+    fields |= {"shear_angle": 0.3 * x / 100, "shortening_a": 0 * x, "shortening_b": 0 * x + 0.005}
     last = abs(x) > LENGTH / 2 - LENGTH / nx / 3  # a triangle of each rectangle at either end
     fields["shear_angle"][last] = -0.9
-    fields["eps_b"][last] = -crumpled
+    fields["shortening_b"][last] = crumpled
     return Result({}, [], fields, None, scene)
 
 
 def found(result):
     blank = result.scene.blank
-    return shear_quantities(result, list(blank.parts.values()) or [blank.whole])
+    parts = list(blank.parts.values()) or [blank.whole]
+    return shear_quantities(result, parts) | shortening_quantities(result, parts)
 
 
 @pytest.mark.mpi
@@ -42,7 +44,7 @@ def test_shear_and_crumpling():
     assert q["shear_angle_max_at_mm"] == pytest.approx([5 / 3, 5])
     assert q["shortening_max"] == q["shortening_at_shear_angle_max"] == pytest.approx(0.12)
     assert q["shortening_max_at_mm"] == q["shear_angle_max_at_mm"]
-    assert q["crumpled_share"] == pytest.approx(20 / 800)
+    assert q["shortened_by_5_percent_share"] == pytest.approx(20 / 800)
     assert "shear_angle_max_in" not in q
 
 
@@ -63,33 +65,55 @@ def test_what_99_percent_stay_below_is_not_of_a_few_cells():
 def test_of_several_plies_the_one_is_named():
     q = found(sheared(crumpled=0.12, names=("left", "right")))
     assert q["shear_angle_max_in"] == q["shortening_max_in"] == "left"
-    assert q["crumpled_share"] == pytest.approx(20 / 800)
+    assert q["shortened_by_5_percent_share"] == pytest.approx(20 / 800)
 
 
 @pytest.mark.mpi
 def test_a_sheet_that_is_not_shortened():
     result = sheared()
-    for name in ("eps_a", "eps_b"):
-        result.fields[name][:] = 0.01
+    result.fields["shortening_b"][:] = 0.0
     q = found(result)
-    assert q["shortening_max"] == q["crumpled_share"] == 0
+    assert q["shortening_max"] == q["shortened_by_1_percent_share"] == q["excess_length_mm"] == 0
 
 
 @pytest.mark.mpi
 def test_a_largest_angle_in_a_cell_that_crumples_is_told_of():
-    (words,) = crumpling_warnings(sheared(crumpled=0.12))
+    words, _ = fabric_warnings(sheared(crumpled=0.12))
     assert words.startswith("the largest shear angle of blank, 51.6 deg at (1.667, 5) mm of the")
     assert "yarns are shortened by 12 %: cells crumple there" in words
     assert "99 % of the area stay below" in words
-    both = crumpling_warnings(sheared(crumpled=0.12, names=("left", "right")))
-    assert [words.split(",")[0].split()[-1] for words in both] == ["left", "right"]
+    both = fabric_warnings(sheared(crumpled=0.12, names=("left", "right")))
+    assert [words.split(",")[0].split()[-1] for words in both[::2]] == ["left", "right"]
 
 
 @pytest.mark.mpi
-@pytest.mark.parametrize("options", [{"crumpled": 0.049}, {"crumpled": 0.12, "spatial": False}])
-def test_what_does_not_crumple_is_not_told_of(options):
+def test_shortening_is_told_of_as_what_hides_wrinkles():
+    _, words = fabric_warnings(sheared(crumpled=0.12))
+    assert words.startswith(
+        "compression shortens yarns of blank by up to 12 %, as at (1.667, 5) mm of"
+    )
+    assert "by more than 2 % in 2.5 % of the area" in words
+    assert words.endswith("the law stores as shortening what a real ply folds into wrinkles")
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("options", [{"crumpled": 0.019}, {"crumpled": 0.12, "spatial": False}])
+def test_what_is_not_shortened_is_not_told_of(options):
     """Yarns that are hardly shortened, and a plane sheet, which can't fold."""
-    assert not crumpling_warnings(sheared(**options))
+    assert not fabric_warnings(sheared(**options))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("nx", [20, 44])
+def test_a_yarn_loses_its_shortening_times_its_length(nx):
+    """Of 200 mm along x and 100 mm along y."""
+    result = sheared(nx=nx)
+    y = result.scene.blank.midpoints()[1]
+    result.fields["shortening_a"][:] = 0.01 * (abs(y - 30) < 20)
+    result.fields["shortening_b"][:] = 0.0
+    assert found(result)["excess_length_mm"] == pytest.approx(2.0, rel=0.1)
+    result.fields["shortening_b"][:] = 0.03
+    assert found(result)["excess_length_mm"] == pytest.approx(3.0, rel=0.1)
 
 
 @pytest.mark.mpi
@@ -97,7 +121,7 @@ def test_sheets_without_yarns_are_not_asked():
     result = sheared(crumpled=0.12, names=("metal", "fabric"))
     for values in result.fields.values():
         values[result.scene.blank.part("metal").cells] = np.nan
-    (words,) = crumpling_warnings(result)
-    assert "shear angle of fabric" in words
-    assert not crumpling_warnings(Result({}, [], Fields({}), None, result.scene))
+    words, other = fabric_warnings(result)
+    assert "shear angle of fabric" in words and "shortens yarns of fabric" in other
+    assert not fabric_warnings(Result({}, [], Fields({}), None, result.scene))
     assert COMM.allreduce(len(words)) == COMM.size * len(words)

@@ -135,7 +135,7 @@ def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned, nx):
     assert not march(Newton(scene), 4).reason
     assert len(reports.warnings(scene)) == warned
     if warned:
-        assert "bear middle 4 N, as sheet" in reports.warnings(scene)[0]
+        assert "bear middle 4 N, 2." in reports.warnings(scene)[0]
 
 
 def test_a_dead_pressure_is_a_force_beside_which_locating_supports_bear_nothing():

@@ -56,7 +56,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         )
         for k, why in sorted(reason.items())
     }
-    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, compaction)
+    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, compaction, assumed)
     softest, convex = _physics(problem, fabric)
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
@@ -162,8 +162,9 @@ def _statistics(problem, theta, free, sd):
     return _Statistics(dof, variance, error, stats.t.ppf(0.975, dof) * error, correlation, J)
 
 
-def _fabric(value, sheet, compaction):
-    """The fabric of values {name: number} and of a fit of compaction, if there is one."""
+def _fabric(value, sheet, compaction, assumed):
+    """The fabric of values {name: number} and of a fit of compaction, if there is one; assumed:
+    names of values that were not fitted."""
     warp, weft = (
         Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN})
         for yarn in ("warp", "weft")
@@ -171,6 +172,7 @@ def _fabric(value, sheet, compaction):
     shear: dict[str, Any] = {n: value[n] for n in SHEAR}
     known = "thickness", "density", "fibre_density", "name"
     across: dict[str, Any] = {name: getattr(sheet, name) for name in known}
+    across |= {"assumed": sorted({base(name) for name in assumed})}
     across |= {"compaction": compaction.compaction} if compaction else {}
     return WovenFabric(warp, weft, **shear, **across)
 

@@ -95,6 +95,10 @@ class Material(Parameters):
         """Thickness of the sheet between faces that press it [MPa], in mm."""
         return self.thickness
 
+    def assumed_words(self) -> str:
+        """A sentence on numbers that act and that no test has determined, "" without any."""
+        return ""
+
     def replace(self, **changes: Any) -> Self:
         """A changed copy; InputError for an unknown name."""
         own = [field.name for field in dataclasses.fields(self)]
@@ -132,6 +136,7 @@ class Material(Parameters):
 class Law(Material):
     """A fabric: the parameters of a law, thickness [mm], density [g/cm3], a name, its `Compaction`,
     None for fabric that keeps its thickness, and the fibre density [g/cm3], None if not known.
+    assumed: names of its numbers that no test has determined.
 
     A law is one frozen dataclass. It states `law`, its name in material files; `rules`, a `Rule`
     for each of its numbers; and `energy`. All else follows from these: stresses and tangents, the
@@ -147,6 +152,8 @@ class Law(Material):
     name: str = dataclasses.field(default="", kw_only=True)
     compaction: Compaction | None = dataclasses.field(default=Compaction(), kw_only=True)
     fibre_density: float | None = dataclasses.field(default=None, kw_only=True)
+    # where numbers are from does not make another fabric
+    assumed: tuple[str, ...] = dataclasses.field(default=(), kw_only=True, compare=False)
 
     def __init_subclass__(cls) -> None:
         known, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
@@ -192,6 +199,7 @@ class Law(Material):
             raise InputError(
                 f"compaction is {shown(self.compaction)}; allowed is one, as `Compaction(16.0)`"
             )
+        object.__setattr__(self, "assumed", self._checked_assumed())
         if self.fibre_density is not None:
             fibres = FIBRES["fibre_density"].check("fibre_density", self.fibre_density)
             object.__setattr__(self, "fibre_density", fibres)
@@ -200,6 +208,35 @@ class Law(Material):
                     f"fibre_density is {fibres:g} g/cm3; allowed is more than the fabric's density "
                     f"of {self.density:g} g/cm3, as fibres do not fill all of it"
                 )
+
+    def _checked_assumed(self):
+        given = self.assumed
+        if isinstance(given, str) or not isinstance(given, Iterable):
+            allowed = f"allowed is a list of {', '.join(self.parameters)}"
+            raise InputError(f"assumed is {shown(given)}; {allowed}")
+        for name in given:
+            if name not in self.parameters:
+                raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
+        return tuple(name for name in self.parameters if name in given)
+
+    def assumed_words(self) -> str:
+        """A sentence on the numbers that act and that no test has determined, "" without any."""
+        names = [f"{name} = {values}" for name, values in self.assumed_values().items()]
+        if not names:
+            return ""
+        return f"of {self.name or self.law}, no test has determined {', '.join(names)}"
+
+    def assumed_values(self) -> dict[str, str]:
+        """What `assumed` numbers are, of which those of couplings that are off are left out."""
+        return {name: self._value_words(name) for name in self.assumed if self._acts(name)}
+
+    def _value_words(self, name):
+        unit = self.rules[name].unit
+        return f"{getattr(self, name):g}" + (f" {next(iter(UNITS[unit]))}" if unit else "")
+
+    def _acts(self, name):
+        """Whether a number has an effect."""
+        return True
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
         """The three parts of the strain energy density W, along a, along b and shear with its
@@ -393,6 +430,7 @@ class Law(Material):
         """What a material file of any law says: all but the law and its numbers."""
         known = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
         told = {name: value for name, value in known.items() if value is not None}
+        told |= {"assumed": list(self.assumed)} if self.assumed else {}
         return told | {"compaction": table_of(self.compaction)}
 
     @classmethod
@@ -413,6 +451,7 @@ def sheet_fields(
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
     and for a number that is missing."""
     fields = {"name": document.pop("name", ""), "compaction": compaction_of(document, units)}
+    fields |= {"assumed": document.pop("assumed", ())}
     known, rules = (*also, *fields), rules or {}
     fields |= read_sheet_numbers(document, units, known, {**FIBRES, **rules})[0]
     check_complete(fields, (*SHEET, *rules), "", "at the top of the file")

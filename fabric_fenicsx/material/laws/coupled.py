@@ -33,6 +33,8 @@ YARN: dict[str, Rule] = {
     "s_T": not_negative("stress"),
     "s_C": not_negative(),
 }
+# what acts only with a coupling
+COUPLED = {"p_min": "biaxial", "c": "biaxial", "s_T": "tension_shear", "s_C": "compression_shear"}
 SHEAR: dict[str, Rule] = {
     "s1": above_zero("stress"),
     "s2": of_either_sign("stress"),
@@ -94,6 +96,16 @@ class WovenFabric(Law):
                 raise InputError(f"{direction} is {shown(yarn)}; allowed is a Yarn")
         super().__post_init__()
         object.__setattr__(self, "couplings", check_couplings(self.couplings))
+
+    def _value_words(self, name):
+        if name in SHEAR:
+            return super()._value_words(name)
+        unit = next(iter(UNITS[YARN[name].unit])) if YARN[name].unit else ""
+        values = dict.fromkeys(f"{getattr(yarn, name):g}" for yarn in (self.warp, self.weft))
+        return " and ".join(f"{value} {unit}".strip() for value in values)
+
+    def _acts(self, name):
+        return COUPLED.get(name) in (None, *self.couplings)
 
     @property
     def parameters(self) -> tuple[str, ...]:

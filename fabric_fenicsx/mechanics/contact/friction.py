@@ -40,6 +40,11 @@ class Friction:
         self._normals = normals
         self._slip = _turned(self._slip, self._limit, normals)
 
+    @property
+    def most(self) -> np.ndarray:
+        """What the points can bear in the last accepted state, (n,) [N]."""
+        return self._accepted_limit
+
     def restore(self) -> None:
         """Go back to the normal forces of the last accepted state."""
         self._limit = self._accepted_limit

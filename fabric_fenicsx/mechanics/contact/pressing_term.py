@@ -144,6 +144,12 @@ class PressingTerm(Term):
             self._note_start()
             self._friction_at_start = self.nodes.total(self.rubbing_forces())
 
+    def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As in `Rubbing`: the nodes."""
+        most = self.friction.most if self.friction else np.zeros(self.nodes.count)
+        pressed = most > 0
+        return self.nodes.places[pressed], self.normals()[pressed], most[pressed]
+
     def friction_work(self) -> float:
         """Work of the tool's motion against friction since the last accepted state, by trapezoids,
         on rank 0 [N mm]."""

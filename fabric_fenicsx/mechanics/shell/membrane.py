@@ -13,7 +13,7 @@ from ...material import kernel, stability
 from ...material.expression import derivatives, energy_density
 from ...material.laws import Law
 from ...material.presets import checked_fabric
-from ...material.strains import nominal_strain, shear_angle
+from ...material.strains import SHORTENED, nominal_strain, share_name, shear_angle
 from ...runtime.errors import InputError
 from ..reports import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
@@ -295,10 +295,11 @@ class Membrane(Term):
         """Means over the part's cells, (cells,) or (cells, 3).
 
         a, b: deformed fibres; eps_a, eps_b: nominal, log_eps_11, log_eps_22: logarithmic fibre
-        strains; shear_angle; I4, I6, I8, I10; energy_a, energy_b, energy_shear; strain_state 1..4,
-        eq. (13); sigma_a, sigma_b: Cauchy stress along the deformed fibres; stability_convexity,
-        stability_ellipticity: the smallest indicators of a cell's points, 1 at rest and negative
-        where the law itself allows a band, see `material.stability`.
+        strains; shortening_a, shortening_b: of yarns under compression; shear_angle; I4, I6, I8,
+        I10; energy_a, energy_b, energy_shear; strain_state 1..4, eq. (13); sigma_a, sigma_b: Cauchy
+        stress along the deformed fibres; stability_convexity, stability_ellipticity: the smallest
+        indicators of a cell's points, 1 at rest and negative where the law itself allows a band,
+        see `material.stability`.
         """
         state, fa, fb, _ = self.state()
 
@@ -309,6 +310,7 @@ class Membrane(Term):
         parts = mean(state.energy_parts)
         found = {"a": mean(fa), "b": mean(fb)}
         found |= {"eps_a": mean(np.sqrt(I4) - 1), "eps_b": mean(np.sqrt(I8) - 1)}
+        found |= dict(zip(("shortening_a", "shortening_b"), self.shortening().T))
         found |= {
             "log_eps_11": mean(np.log(I4)) / 2,
             "log_eps_22": mean(np.log(I8)) / 2,
@@ -342,9 +344,17 @@ class Membrane(Term):
 
     def history(self) -> dict[str, Value]:
         """`min_stability`, the least ellipticity indicator of all points: a band is the material's
-        only where it is negative, see `material.stability`."""
-        found = stability.least_ellipticity(self.fabric, self._invariants_at_points())
-        return {"min_stability": least(self.blank.mesh.comm.allreduce(found, MPI.MIN))}
+        only where it is negative, see `material.stability`. In space, where shortening hides
+        wrinkles, also the largest shortening of yarns in a cell, and the share of the part's area
+        in which it is more than `SHORTENED`."""
+        comm = self.blank.mesh.comm
+        stable = stability.least_ellipticity(self.fabric, self._invariants_at_points())
+        found = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
+        if self.blank.mesh.geometry.dim == 3:
+            most = float(self.shortening().max(initial=0.0))
+            found["shortening_max"] = largest(comm.allreduce(most, MPI.MAX))
+            found[share_name(SHORTENED)] = largest(self.shortened(SHORTENED))
+        return found
 
     def summary(self) -> dict[str, Value]:
         """What the sheet is made of and how it is integrated, and the kernel's mismatch."""
@@ -355,17 +365,41 @@ class Membrane(Term):
             "integration": last(self.integration),
             **({k: last(v) for k, v in known.items()} if self.part.is_whole else by_part),
             "kernel_mismatch": largest(mismatch),
+            "assumed": joined({self.fabric.name: list(self.fabric.assumed_values())}),
         }
 
     def overstretched(self, strain: float) -> float:
-        """As in `Stretched`, by the larger mean nominal strain of a cell's two yarns."""
-        invariants, areas = self._invariants_at_points(), self.blank.areas()[self.part.cells]
-        stretch = np.sqrt(
-            np.maximum(invariants[..., 0] @ self.weights, invariants[..., 2] @ self.weights)
-        )
-        parts = np.array([areas[stretch - 1 > strain].sum(), areas.sum()])
-        over, whole = self.blank.mesh.comm.allreduce(parts)
-        return float(over / whole)
+        """As in `Strained`, by the larger mean of a cell's two yarns."""
+        stretches = np.sqrt(self._invariants_at_points()[..., [0, 2]])
+        return self._share(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
+
+    def shortened(self, strain: float) -> float:
+        """As in `Strained`, by the larger mean of a cell's two yarns."""
+        return self._share(self.shortening().max(1) > strain)
+
+    def shortening(self) -> np.ndarray:
+        """How much both yarns are shortened under compression, means over the part's cells (cells,
+        2): the nominal strain, as far as the yarn's stress is what that strain alone gives. What
+        yarns contract beside stretched ones, free of stress, is not in it."""
+        invariants = self._invariants_at_points()
+        I4, _, I8, gamma = invariants.reshape(-1, 4).T
+        eps_a, eps_b, none = nominal_strain(I4), nominal_strain(I8), 0 * I4
+
+        def stress(a, b, gamma):
+            return self.fabric.derivatives(a, b, gamma, second=False).first
+
+        now, alone = stress(eps_a, eps_b, gamma), stress(eps_a, none, none)[:1]
+        alone = np.concatenate([alone, stress(none, eps_b, none)[1:2]])
+        share = np.clip(now[:2] / np.minimum(alone, -1e-300), 0.0, 1.0)
+        share[(alone == 0) & (now[:2] <= 0)] = 1.0  # laws that do not resist compression
+        found = np.maximum(0.0, -np.stack([eps_a, eps_b])) * share
+        return np.einsum("q,kcq->ck", self.weights, found.reshape(2, *invariants.shape[:2]))
+
+    def _share(self, cells):
+        """Share of the part's area that lies in `cells` (cells,) of bool, of all ranks."""
+        areas = self.blank.areas()[self.part.cells]
+        inside, whole = self.blank.mesh.comm.allreduce(np.array([areas[cells].sum(), areas.sum()]))
+        return float(inside / whole)
 
     def warnings(self) -> list[str]:
         """As in `Warns`: cells that lock, bands, and strains beyond the law's ranges."""

@@ -357,3 +357,26 @@ def test_values_of_a_wrong_unit_are_doubted():
     assert thin.startswith("thickness of material komeili is 0.0004 mm, fabrics have 0.01 to 20")
     in_gpa = fabric.replace(b=667.5e3)
     assert [warning.split()[0] for warning in in_gpa.plausibility_warnings()] == ["b"]
+
+
+def test_numbers_that_no_test_has_determined_are_told_where_they_act():
+    assert KOMEILI.assumed == ("d", "p_min", "s_C")
+    words = "of komeili, no test has determined d = 0.65 MPa, p_min = 0.75, s_C = 100"
+    assert KOMEILI.assumed_words() == words
+    assert set(KOMEILI.without("biaxial").assumed_values()) == {"d", "s_C"}
+    assert KOMEILI.replace(assumed=()).assumed_words() == ""
+    weft = UNBALANCED.replace(assumed=["s1", "d"])
+    assert list(weft.assumed_values().values()) == ["0.65 MPa and 4.94066e-324 MPa", "0.02506 MPa"]
+
+
+def test_assumed_numbers_are_kept_in_a_file(tmp_path):
+    KOMEILI.to_toml(tmp_path / "fabric.toml")
+    assert load(tmp_path / "fabric.toml").assumed == KOMEILI.assumed
+
+
+@pytest.mark.parametrize(
+    "given, words", [("d", "assumed is 'd'; allowed is a list"), (["D"], "assumed: 'D' is unknown")]
+)
+def test_unknown_assumed_numbers_are_refused(given, words):
+    with pytest.raises(InputError, match=words):
+        KOMEILI.replace(assumed=given)

@@ -1,0 +1,58 @@
+"""Supports that only locate a sheet let go of it once friction holds it."""
+
+import numpy as np
+import pytest
+from builders import COMM, sheet
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.scene.rigid_motions import is_held_by_friction
+
+PULL, PRESSURE, AREA = 4.0, 0.5, 800.0  # N/mm along x on the right end, MPa
+
+
+def near(x, y):
+    return lambda points: (np.abs(points[:2].T - (x, y)) < 1e-6).all(1)
+
+
+def pressed(friction, where=None):
+    """A ply pressed on a table and pulled to one side."""
+    blank = sheet(40, 20, 8, 4, spatial=True)
+    fabric = ff.load("komeili")
+    below = ff.Plane((0, 0, -fabric.thickness_under(0.0) / 2), (0, 0, 1))
+    table = ff.Contact(ff.Tool(below, name="table"), friction=friction, where=where)
+    press = ff.BlankHolderPressure(PRESSURE, (0, 0, -1), lambda x: np.ones(x.shape[1]))
+    pull = ff.EdgeTension(lambda load: PULL * load, (1, 0, 0), lambda x: x[0] > 40 - 1e-6)
+    supports = [
+        ff.Support("centre", near(20, 10), (0, 1), locates=True),
+        ff.Support("end", near(40, 10), (1,), locates=True),
+    ]
+    terms = [ff.Membrane(fabric), ff.Bending(modulus=100.0), table, press, pull]
+    return ff.Scene(blank, terms, supports)
+
+
+@pytest.mark.mpi
+def test_friction_takes_over_from_supports():
+    scene = pressed(friction=0.3)
+    result = ff.Job(scene, steps=4).run()
+    assert COMM.allreduce(len(scene.held)) == 0
+    assert result.force("table")[0] == pytest.approx(-20 * PULL, rel=1e-6)
+    assert abs(scene.reaction("centre")).max() < 1e-4
+    assert not any("keep the sheet in its place" in words for words in result.summary["warnings"])
+
+
+@pytest.mark.mpi
+def test_without_friction_they_bear_what_is_not_symmetric():
+    scene = pressed(friction=0.0)
+    with pytest.raises(ff.SolverFailure, match="supports that only locate the sheet bear 8.*`Lim"):
+        ff.Job(scene, steps=4).run()
+    assert scene.reaction("centre")[0] == pytest.approx(-20 * PULL, rel=1e-6)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("where, held", [(None, True), (near(20, 10), False)])
+def test_friction_at_one_node_does_not_hold_a_sheet_from_turning(where, held):
+    scene = pressed(0.3, where)
+    scene.u.array[2::3] = -0.1
+    scene.set(scene.u.copy())
+    scene.accept()
+    assert is_held_by_friction(scene.blank, scene.terms) == held
