@@ -11,6 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "fabric_fenicsx"
 ORDER = (
     "runtime",
     "dolfinx_compat",
+    "readers",
     "material",
     "tools",
     "meshes",

@@ -185,8 +185,8 @@ class Study(Output):
                 setattr(args, option, value)
         if args.mesh and not Path(args.mesh).is_file():
             raise InputError(
-                f"--mesh {args.mesh} is not there or not a file; allowed is any mesh that gmsh or "
-                "meshio writes"
+                f"--mesh {args.mesh} is not there or not a file; allowed is a mesh that meshio, "
+                "gmsh or PyVista reads"
             )
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")

@@ -56,7 +56,7 @@ class Scenario:
     fabric: Law = field(kw_only=False, default_factory=lambda: load("komeili"))
     mesh: str | None = text(
         None,
-        "sheet from a file of gmsh or meshio [mm], instead of a rectangle that is meshed",
+        "sheet from a file, as of gmsh or Abaqus [mm], instead of a rectangle that is meshed",
         "FILE",
         "mesh",
     )

@@ -299,9 +299,9 @@ class Blank:
         comm: MPI.Comm = MPI.COMM_WORLD,
         **options: Any,
     ) -> Self:
-        """Blank from any file that meshio reads (.msh of gmsh, .vtk, .vtu, .stl, .inp, .xdmf ...),
-        in mm; the rest, and what is raised, as in `from_arrays`; InputError also for a file that
-        cannot be read or has solid or mixed cells."""
+        """Blank from a mesh that meshio, gmsh or PyVista reads (.msh, .inp, .bdf, .unv, .vtk, .vtu,
+        .stl, .xdmf ...), in mm; the rest, and what is raised, as in `from_arrays`; InputError also
+        for a file that cannot be read or has solid, mixed or unknown cells."""
         points, cells, kind, _ = on_root(comm, lambda: read_mesh(path))
         source = str(path)
         blank = cls.from_arrays(comm, points, cells, kind, source, spatial, **options)

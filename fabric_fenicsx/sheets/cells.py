@@ -39,6 +39,12 @@ CELLS = {
         [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
     ),
 }
+# corners and degree of cells of which DOLFINx would have more than the checks can judge
+HIGHER = {
+    **{f"triangle{(p + 1) * (p + 2) // 2}": (3, p) for p in range(3, 11)},
+    **{f"quad{(p + 1) ** 2}": (4, p) for p in range(3, 11)},
+}
+STRAIGHT = 1e-6  # distance of nodes from a straight edge or a plane, over the edge's length
 FLAT = 1e-16  # squared area over the longest edge's fourth power: no area below it
 FINE = 40  # places along an edge at which a cell is looked at that may be turned over inside
 
@@ -48,11 +54,72 @@ def at_place(place: np.ndarray) -> str:
     return f"at {np.round(place, 6).tolist()} mm"
 
 
-def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str, plane: bool) -> None:
+def turned_over(cells: np.ndarray, how: CellKind) -> np.ndarray:
+    """The same cells (m, k) with their nodes the other way round."""
+    k = how.corners
+    corners, edges = np.r_[0, k - 1 : 0 : -1], np.arange(2 * k - 1, k - 1, -1)
+    order = np.concatenate([corners, edges, np.arange(2 * k, len(how.nodes))])
+    return cells[:, order[: len(how.nodes)] if how.degree > 1 else corners]
+
+
+def with_centres(points: np.ndarray, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points and cells (m, 9) of the same shape as quadrilaterals (m, 8) without a node inside."""
+    x = points[cells]
+    centres = x[:, 4:].sum(1) / 2 - x[:, :4].sum(1) / 4
+    numbers = len(points) + np.arange(len(cells))
+    return np.vstack([points, centres]), np.column_stack([cells, numbers])
+
+
+def straight_cells(
+    points: np.ndarray, cells: np.ndarray, kind: str, source: str
+) -> tuple[np.ndarray, str]:
+    """The corners (m, 3 or 4) of plane cells (m, k) of a higher degree with straight edges, and
+    their kind; `kind` is one of `HIGHER`. Raises InputError for cells of another shape."""
+    k, degree = HIGHER[kind]
+    x = points[cells]
+    edges = np.roll(x[:, :k], -1, 1) - x[:, :k]
+    length = np.linalg.norm(edges, axis=2)
+    size = length.max(1)
+    arms = x[:, k : k * degree].reshape(-1, k, degree - 1, 3) - x[:, :k, None]
+    beside = np.linalg.norm(np.cross(arms, edges[:, :, None]), axis=3).max(2)
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    above = abs(((x - x[:, :1]) * normal[:, None]).sum(2)).max(1)
+    curved = (beside > STRAIGHT * size[:, None] * length).any(1)
+    curved |= above > STRAIGHT * size * np.linalg.norm(normal, axis=1)
+    if curved.any():
+        first = int(curved.argmax())
+        raise InputError(
+            f"{source} has curved cells of order {degree}, the first number {first} "
+            f"{at_place(x[first, :k].mean(0))}; allowed are curved cells of order 2 (in gmsh "
+            "Mesh.ElementOrder = 2) and straight ones of any"
+        )
+    return cells[:, :k], {3: "triangle", 4: "quad"}[k]
+
+
+def one_sense(
+    x: np.ndarray, cells: np.ndarray, how: CellKind, source: str
+) -> tuple[np.ndarray, list[str]]:
+    """Cells (m, k) of a plane mesh that all turn the same way round about z, as most of them do,
+    and a sentence if some had to be turned over. x: points (n, 3) [mm]."""
+    corners = x[cells[:, : how.corners]]
+    arms = corners[:, 2:] - corners[:, :1]
+    before = corners[:, 1:-1] - corners[:, :1]
+    sense = np.sign((before[..., 0] * arms[..., 1] - before[..., 1] * arms[..., 0]).sum(1))
+    turn = np.flatnonzero(sense == (-1 if sense.sum() >= 0 else 1))
+    if not turn.size:
+        return cells, []
+    cells = cells.copy()
+    cells[turn] = turned_over(cells[turn], how)
+    return cells, [
+        f"{source} has {turn.size} of {len(cells)} cells turned over, the first number {turn[0]} "
+        f"{at_place(corners[turn[0]].mean(0))}; they were turned to agree with the others"
+    ]
+
+
+def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -> None:
     """Raise InputError for a cell that is flat, not convex or turned over somewhere.
 
-    x: points (n, 3) [mm]; cells: (m, k), of kind `how`; source: what errors call the mesh; plane:
-    whether all cells must turn the same way round about z.
+    x: points (n, 3) [mm]; cells: (m, k), of kind `how`; source: what errors call the mesh.
     """
     corners = x[cells[:, : how.corners]]
     edges = np.roll(corners, -1, 1) - corners
@@ -65,14 +132,6 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str, p
             f"{source} has a degenerate or non-convex cell, number {flat[0]} "
             f"{at_place(corners[flat[0]].mean(0))}; allowed are cells with area"
         )
-    if plane:
-        sense = np.sign(mean[:, 2])
-        inverted = np.flatnonzero(sense != (1 if sense.sum() >= 0 else -1))
-        if inverted.size:
-            raise InputError(
-                f"{source} has an inverted cell, number {inverted[0]} "
-                f"{at_place(corners[inverted[0]].mean(0))}; allowed is one sense of rotation"
-            )
     if how.degree == 1:
         return
     # The normal is a polynomial: where its coefficients of Bernstein are positive it is, too; the

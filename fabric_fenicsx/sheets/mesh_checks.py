@@ -9,12 +9,13 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
-from .cells import CELLS, at_place, check_shapes
+from .cells import CELLS, at_place, check_shapes, one_sense
 
 # cosine of the angle between two cells at their edge below which one lies on the other
 FOLDED = np.cos(np.radians(10))
 # distance from an edge, over its length, of a node that lies on it; curved edges are cut
 NEAR = {1: 1e-3, 2: 3e-2}
+PLANE = 1e-7  # extent in z over the sheet's below which it is plane: files have singles
 SAME = 1e-6  # distance of nodes at one place, over the mean edge at the sheet's rim
 
 
@@ -34,9 +35,10 @@ def checked_mesh(
     """The mesh with only the nodes that are in use, in R^2 if it is plane in z and not `spatial`.
 
     points: (n, 2 or 3) [mm]; cells: (m, k), in gmsh's order; kind: one of `CELLS`; source: what
-    errors call the mesh. Raises InputError, with the first number (from 0) and place, for a mesh
-    without cells, nodes that are not there or not finite, cells without area, turned over (also
-    only inside, by curved edges), given twice, lying on others or hanging on a node inside an edge,
+    errors call the mesh. Cells of a plane mesh that are turned over are turned, and warned of.
+    Raises InputError, with the first number (from 0) and place, for a mesh without cells, nodes
+    that are not there or not finite, cells without area, turned over inside by curved edges, given
+    twice, lying on others or hanging on a node inside an edge,
     edges of more than two cells, and several sheets. Open slits are warned of.
     """
     if kind not in CELLS:
@@ -64,13 +66,17 @@ def checked_mesh(
             "lengths in mm"
         )
     height, plane = 0.0, points.shape[1] == 2
-    if not plane and np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points, axis=0).max():
-        height, plane = points[0, 2], True
-    x = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
-    check_shapes(x, cells, how, source, plane)
-    warnings = _Neighbours(x, cells, used, how, source, plane).check()
+    if not plane and np.ptp(points[:, 2]) <= PLANE * np.ptp(points, axis=0).max():
+        height, plane = np.median(points[:, 2]), True
+    warnings: list[str] = []
     if plane:
         points = points[:, :2]
+    x = np.column_stack([points, np.full(len(points), height)]) if plane else points
+    if plane:
+        cells, warnings = one_sense(x, cells, how, source)
+    check_shapes(x, cells, how, source)
+    warnings += _Neighbours(x, cells, used, how, source, plane).check()
+    if plane:
         if spatial:
             points = np.column_stack([points, np.full(len(points), height)])
     return MeshArrays(points, cells, kind, warnings)

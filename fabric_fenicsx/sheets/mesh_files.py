@@ -2,15 +2,17 @@
 
 import os
 from collections.abc import Callable
-from contextlib import redirect_stdout
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 
+from ..readers.read import READ, read_surface_mesh
 from ..runtime.errors import InputError
-from .cells import CELLS
+from .cells import CELLS, HIGHER, straight_cells, with_centres
 from .mesh_checks import MeshArrays
+
+GEOMETRY = (".geo", ".step", ".stp", ".iges", ".igs", ".brep")  # what gmsh makes meshes of
 
 
 def on_root(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> MeshArrays:
@@ -34,50 +36,37 @@ def on_root(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> MeshArrays:
 
 
 def read_mesh(path: Path | str) -> MeshArrays:
-    """The mesh in a file, not checked yet; InputError for a file that cannot be read, or has solid
-    or mixed cells."""
+    """The mesh in a file, not checked yet; InputError for a file that cannot be read, or has solid,
+    mixed or unknown cells."""
     if not isinstance(path, (str, os.PathLike)):
         raise InputError(
             f"mesh file is given as {type(path).__name__}; allowed is its name, as a text or a path"
         )
     path = Path(path)
-    import meshio  # as long to import as a coarse solve takes, and only own meshes need it
-
-    if not path.is_file():
+    if path.suffix.lower() in GEOMETRY:
         raise InputError(
-            f"mesh file {path} does not exist or is not a file; allowed is any mesh that gmsh or "
-            "meshio writes"
+            f"mesh file {path} is a geometry without a mesh; allowed is {READ}: gmsh "
+            f"makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
         )
-    try:
-        with redirect_stdout(None):  # its reader of .msh prints an empty line
-            mesh = meshio.read(path)
-    # meshio's readers raise whatever their parsing stumbles on, or exit
-    except (Exception, SystemExit) as e:
-        reason = " ".join(str(e).split()) or type(e).__name__
-        raise InputError(
-            f"mesh file {path} cannot be read ({reason}); allowed is any mesh that gmsh or meshio "
-            "writes"
-        ) from None
-    solid = sorted({block.type for block in mesh.cells if block.dim == 3})
-    if solid:
+    points, surface, others = read_surface_mesh(path, "mesh file")
+    if solid := sorted(kind for kind, dim in others.items() if dim == 3):
         raise InputError(
             f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of "
             f"{sorted(CELLS)}"
         )
-    surface: dict[str, list[np.ndarray]] = {
-        block.type: []
-        for block in mesh.cells
-        if block.type in CELLS or block.type in ("quad8", "polygon")
-    }
-    for block in mesh.cells:
-        if block.type in surface:
-            surface[block.type].append(block.data)
-    if len(surface) > 1 or set(surface) - set(CELLS):
+    if len(surface) > 1:
         raise InputError(
             f"mesh file {path} holds cells {sorted(surface)}; allowed is one kind out of "
             f"{sorted(CELLS)}"
         )
-    if not surface:
-        raise InputError(f"mesh file {path} holds no surface cells; allowed are {sorted(CELLS)}")
-    ((kind, blocks),) = surface.items()
-    return MeshArrays(mesh.points, np.concatenate(blocks), kind, [])
+    ((kind, cells),) = surface.items()
+    if kind == "quad8":
+        points, cells = with_centres(points, cells)
+        kind = "quad9"
+    elif kind in HIGHER:
+        cells, kind = straight_cells(points, cells, kind, f"mesh file {path}")
+    if kind not in CELLS:
+        raise InputError(
+            f"mesh file {path} holds cells {kind}; allowed is one kind out of {sorted(CELLS)}"
+        )
+    return MeshArrays(points, cells, kind, [])

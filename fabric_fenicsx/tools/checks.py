@@ -95,6 +95,17 @@ def check_punch(
             f"{name} is {size:.4g} mm large; allowed is a surface in mm, up to 50 times as large "
             f"as {ply}"
         )
+    middle = x[surface.rim].mean(1)
+    within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
+    open_words = (
+        f"{name} is open at {at(middle[within.argmax()])}, beneath the ply; allowed is a surface "
+        f"without holes or cracks that reaches beyond {ply}"
+        if within.any()
+        else ""
+    )
+    reaches = (x[:, :2].min(0) <= -end).all() and (x[:, :2].max(0) >= end).all()
+    if open_words and reaches and not len(surface.forks):
+        raise InputError(open_words)  # or a flange with cracks would pass for none
     outline = _outline(end)
     found = surface.evaluate(outline)
     off = np.where(
@@ -109,14 +120,8 @@ def check_punch(
             f"reaches beyond {ply}"
         )
     check_triangles(surface, name, thickness, warn)
-    middle = x[surface.rim].mean(1)
-    within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
-    if within.any():
-        raise InputError(
-            f"{name} is open at {at(middle[within][0])}, beneath the ply; allowed is a surface "
-            "without holes that reaches "
-            f"beyond {ply}"
-        )
+    if open_words:
+        raise InputError(open_words)
     if found.normal[:, 2].mean() < 0:
         warn(f"{name}: the normals of its flange point down, so it was turned round")
         return surface.turned_round()

@@ -1,47 +1,51 @@
 """Triangles in files."""
 
-from contextlib import redirect_stdout
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-FORMATS = "STL, VTP, MSH, STEP, IGES"
+from ..readers.libraries import own_model
+from ..readers.read import READ, check_file, read_surface_mesh
+from ..runtime.errors import InputError
+
+FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
 CAD = (".step", ".stp", ".iges", ".igs", ".brep")
 TURN = 0.35  # rad, by which the faces of CAD models turn along an edge at most
 
 
 def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models the normals at the
-    triangles' corners (m, 3, 3); raises whatever its reader raises."""
-    if path.suffix.lower() in CAD:
+    triangles' corners (m, 3, 3). Raises InputError for a file that cannot be read or has no
+    surface."""
+    if path.suffix.lower() not in CAD:
+        mesh = read_surface_mesh(path, "surface file", FORMATS)
+        return mesh.points, _triangles(mesh), None
+    check_file(path, "surface file", FORMATS)
+    try:
         return _mesh_of_model(path, chord)
-    return *_read_mesh(path), None
+    except Exception as error:  # gmsh raises nothing else
+        reason = " ".join(str(error).split())
+        raise InputError(
+            f"surface file {path} cannot be read as {path.suffix} ({reason}); allowed is {FORMATS}"
+        ) from None
 
 
-def _read_mesh(path):
-    import meshio  # takes long to import
+def _triangles(mesh):
+    """Triangles (m, 3) by the corners of all surface cells."""
+    triangles, larger = [np.empty((0, 3), dtype=np.int64)], []
+    for kind, cells in mesh.cells.items():
+        if kind.startswith("triangle"):
+            triangles.append(cells[:, :3])
+        else:
+            cells = cells[:, :4] if kind.startswith("quad") else cells
+            larger.append(np.insert(cells, 0, cells.shape[1], axis=1).ravel())
+    if larger:
+        import pyvista  # takes long to import
 
-    ending = path.suffix.lower()
-    of_vtk = ending == ".vtk" and b"POLYDATA" in path.read_bytes()[:1000]  # meshio reads others
-    if ending in meshio.extension_to_filetypes and not of_vtk:
-        with redirect_stdout(None):  # its reader of .msh prints an empty line
-            mesh = meshio.read(path)
-        points = np.pad(mesh.points, ((0, 0), (0, 3 - mesh.points.shape[1])))
-        parts = [np.empty((0, 3), dtype=np.int64)]
-        for block in mesh.cells:
-            if block.type.startswith("triangle"):
-                parts.append(block.data[:, :3])
-            elif block.type.startswith("quad"):
-                parts += [block.data[:, :3], block.data[:, [0, 2, 3]]]
-        return points, np.concatenate(parts).astype(np.int64)
-    import pyvista
-
-    mesh = pyvista.read(path)
-    if isinstance(mesh, pyvista.MultiBlock):
-        mesh = mesh.combine()
-    mesh = (mesh if isinstance(mesh, pyvista.PolyData) else mesh.extract_geometry()).triangulate()
-    return mesh.points, np.asarray(mesh.faces).reshape(-1, 4)[:, 1:]
+        cut = pyvista.PolyData(mesh.points, np.concatenate(larger)).triangulate()
+        triangles.append(np.asarray(cut.faces, dtype=np.int64).reshape(-1, 4)[:, 1:])
+    return np.concatenate(triangles)
 
 
 def _mesh_of_model(path, chord):
@@ -52,9 +56,7 @@ def _mesh_of_model(path, chord):
     """
     import gmsh
 
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
+    with own_model(gmsh):
         faces = _faces_of_model(gmsh, path)
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         most = np.linalg.norm(high - low) / 20
@@ -70,8 +72,6 @@ def _mesh_of_model(path, chord):
         gmsh.model.mesh.setSizeCallback(size_at)
         gmsh.model.mesh.generate(2)
         corners, normals = zip(*(_triangles_of_face(gmsh, face) for face in faces))
-    finally:
-        gmsh.finalize()
     points = np.vstack(corners).reshape(-1, 3)
     return points, np.arange(len(points)).reshape(-1, 3), np.vstack(normals)
 
@@ -80,7 +80,6 @@ def _faces_of_model(gmsh, path):
     """Numbers of the faces of the model in a file, which is the current one then."""
     if path.suffix.lower() in (".step", ".stp"):  # IGES files are read in mm anyhow
         gmsh.option.setString("Geometry.OCCTargetUnit", "MM")
-    gmsh.model.add(path.stem)
     gmsh.model.occ.importShapes(str(path))
     if path.suffix.lower() in (".iges", ".igs"):
         gmsh.model.occ.removeAllDuplicates()  # faces there do not share their edges

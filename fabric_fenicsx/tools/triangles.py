@@ -13,6 +13,8 @@ from ..runtime.errors import InputError
 from .facets import LAST, NEXT, facet_normals, topology
 
 SAME = 2e-7  # distance of points that are one, over the largest coordinate: files have singles
+# of points of open edges that are one: over the median edge, and over the shortest edge at them
+CRACK, SHORT = 2e-3, 0.1
 
 
 class Repaired(NamedTuple):
@@ -54,10 +56,13 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
         raise InputError(f"normals have the shape {given.shape}; allowed is {(*cells.shape, 3)}")
     x, number = _merged(x)
     cells = number[cells]
+    x, number = _closed(x, cells)
+    cells = number[cells]
     corners = x[cells]
     edges = np.roll(corners, -1, 1) - corners
     longest = (edges**2).sum(2).max(1, initial=0)
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-10 * longest
+    area &= _first(cells)
     if not area.any():
         raise InputError("the surface has no triangle with an area; allowed is one at least")
     used, number = np.unique(cells[area], return_inverse=True)
@@ -78,12 +83,43 @@ def _merged(x):
     x, number = np.unique(x, axis=0, return_inverse=True)
     number = number.reshape(-1)
     pairs = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
-    if len(pairs):
-        graph = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(x),) * 2)
-        one = connected_components(graph, directed=False)[1]
-        _, first = np.unique(one, return_index=True)
-        x, number = x[first], one[number]
-    return x, number
+    x, one = _joined(x, pairs)
+    return x, one[number]
+
+
+def _closed(x, cells):
+    """Points with cracks between triangles closed, as CAD programs leave them between faces, and
+    the number among them of each."""
+    ends = np.sort(np.stack([cells, np.roll(cells, -1, 1)], -1).reshape(-1, 2), 1)
+    ends = ends[ends[:, 0] != ends[:, 1]]
+    ends, sharing = np.unique(ends, axis=0, return_counts=True)
+    rim = np.unique(ends[sharing == 1])
+    if not rim.size:
+        return x, np.arange(len(x))
+    length = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
+    near = np.full(len(x), CRACK * np.median(length))
+    for end in ends.T:
+        np.minimum.at(near, end, SHORT * length)
+    pairs = rim[cKDTree(x[rim]).query_pairs(near[rim].max(), output_type="ndarray")]
+    apart = np.linalg.norm(x[pairs[:, 1]] - x[pairs[:, 0]], axis=1)
+    return _joined(x, pairs[apart <= near[pairs].min(1)])
+
+
+def _joined(x, pairs):
+    """Points without the later ones of pairs (k, 2) that are one, and the number of each."""
+    if not len(pairs):
+        return x, np.arange(len(x))
+    graph = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(x),) * 2)
+    one = connected_components(graph, directed=False)[1]
+    _, first = np.unique(one, return_index=True)
+    return x[first], one
+
+
+def _first(cells):
+    """Mask (m,) without triangles whose three points another one before has."""
+    first = np.zeros(len(cells), dtype=bool)
+    first[np.unique(np.sort(cells, 1), axis=0, return_index=True)[1]] = True
+    return first
 
 
 def _agreeing(triangles):

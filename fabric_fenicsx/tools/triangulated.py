@@ -15,7 +15,7 @@ from ..runtime.errors import InputError
 from ..runtime.rules import BELOW_180, POSITIVE
 from .closest_triangles import ClosestTriangles
 from .curved_triangles import CurvedTriangles, row_dots
-from .files import FORMATS, read_triangles
+from .files import read_triangles
 from .projection import Projection, least_radii
 from .surfaces import Nearest, Surface
 from .triangles import repaired
@@ -89,10 +89,10 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> Self:
-        """The surface in a file [mm]: STL, VTP, MSH, or any other that meshio or PyVista reads,
-        where quadrilaterals are cut; or STEP, IGES or BREP, whose faces gmsh meshes up to `chord`
-        [mm] off them. Rank 0 of comm reads: gmsh meshes the same faces a little differently each
-        time, and all ranks need one tool.
+        """The surface in a file [mm]: STL, VTP, MSH, or any other that meshio, gmsh or PyVista
+        reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes up to
+        `chord` [mm] off them. Rank 0 of comm reads: gmsh meshes the same faces a little
+        differently each time, and all ranks need one tool.
 
         Raises InputError if it cannot be read or has no triangle, or for a chord that is not above
         0.
@@ -100,7 +100,7 @@ class TriangulatedSurface(Surface):
         path, chord = Path(path), POSITIVE.check("chord", chord)
         found, wrong = comm.bcast(_read(path, chord) if comm.rank == 0 else None)
         if wrong:
-            raise InputError(f"surface file {path} {wrong}; allowed is {FORMATS}")
+            raise InputError(wrong)
         points, triangles, normals = found
         try:
             return cls(points, triangles, normals, crease)
@@ -184,14 +184,8 @@ class TriangulatedSurface(Surface):
 
 
 def _read(path, chord):
-    """What `read_triangles` finds, and what is wrong with the file in words."""
-    if not path.is_file():
-        return None, "does not exist or is not a file"
-    if not path.stat().st_size:
-        return None, "is empty"
+    """What `read_triangles` finds, or what is wrong with the file."""
     try:
         return read_triangles(path, chord), ""
-    # the readers raise whatever their parsing stumbles on, or exit
-    except (Exception, SystemExit) as error:
-        reason = " ".join([f"{type(error).__name__}:", *str(error).split()]).removesuffix(":")
-        return None, f"cannot be read as {path.suffix or 'a surface'} ({reason})"
+    except InputError as error:
+        return None, str(error)

@@ -235,7 +235,6 @@ def test_fibres_normal_to_a_curved_blank_are_named_on_all_ranks():
 
 
 BAD_MESHES = [
-    (SQUARE, [[0, 1, 2], [0, 3, 2]], "triangle", "inverted cell, number 1"),
     (SQUARE, [[0, 1, 1]], "triangle", "degenerate"),
     (SQUARE, [[0, 2, 1, 3]], "quad", "degenerate or non-convex"),
     (SQUARE * np.nan, [[0, 1, 2]], "triangle", "not a number at node 0"),

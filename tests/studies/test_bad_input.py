@@ -90,11 +90,6 @@ CASES = {
         mesh(SQUARE, ("triangle", [[0, 1, 2]]), ("quad", [[0, 1, 2, 3]])),
         ["input.vtk", "quad", "one kind"],
     ),
-    "inverted mesh": (
-        MESH,
-        mesh(SQUARE, ("triangle", [[0, 1, 2], [0, 3, 2]])),
-        ["input.vtk", "inverted cell, number 1"],
-    ),
     "flat cell": (
         MESH,
         mesh(SQUARE, ("triangle", [[0, 1, 2], [0, 2, 2]])),

@@ -128,6 +128,16 @@ def test_flaws(surface, words):
     assert str(error.value).startswith(words) and "allowed" in str(error.value)
 
 
+def test_a_punch_with_cracks_has_its_flange():
+    points, cells = punch()
+    apart = points[cells].reshape(-1, 3)
+    moved = apart + np.random.default_rng(0).uniform(-1e-4, 1e-4, apart.shape)
+    assert checked(moved, np.arange(len(apart)).reshape(-1, 3))[0] == []
+    moved = apart + np.random.default_rng(0).uniform(-0.1, 0.1, apart.shape)
+    with pytest.raises(InputError, match="punch.stl is open at .* without holes or cracks"):
+        checked(moved, np.arange(len(apart)).reshape(-1, 3))
+
+
 def test_doubts():
     warnings, _ = checked(*double_dome(size=20, turn=28), thickness=2.0)
     assert len(warnings) == 1 and warnings[0].startswith("punch.stl is coarse: its facets turn by ")

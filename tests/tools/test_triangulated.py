@@ -285,6 +285,30 @@ def test_triangles_turned_against_each_other_are_put_right():
     assert inwards.normal[0, 2] < -0.99
 
 
+@pytest.mark.parametrize("off", [1e-4, 1e-3])
+def test_cracks_between_triangles_are_closed(off):
+    points, triangles = refined_sphere(4)
+    corners = 30 * points[triangles].reshape(-1, 3)
+    cracked = corners + np.random.default_rng(0).uniform(-off, off, corners.shape)
+    surface = TriangulatedSurface(cracked, np.arange(len(corners)).reshape(-1, 3))
+    assert len(surface.points) == len(TriangulatedSurface(points, triangles).points)
+    assert not len(surface.rim)
+
+
+def test_gaps_wider_than_cracks_stay_open():
+    points, triangles = refined_sphere(4)
+    lower = points[triangles][:, :, 2].mean(1) < 0
+    halves = np.vstack([30 * points, 30 * points - [0, 0, 0.2]])
+    halves = TriangulatedSurface(halves, triangles + np.where(lower, len(points), 0)[:, None])
+    assert len(halves.rim)
+
+
+def test_a_triangle_given_twice_counts_once():
+    points, triangles = refined_sphere(2)
+    surface = TriangulatedSurface(points, np.vstack([triangles, triangles[:3, [1, 2, 0]]]))
+    assert len(surface.triangles) == len(triangles) and not len(surface.forks)
+
+
 def test_beyond_the_rim_there_is_no_body():
     surface = TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]])
     points = [[-1e-3, 2, 0.5], [-1e-3, 2, -0.5], [3, -4, -3], [3, 3, -2]]
@@ -349,8 +373,20 @@ def test_quadrilaterals_are_cut_and_solids_are_refused(tmp_path):
     pyvista.Plane().triangulate().save(tmp_path / "plane.vtk")
     assert TriangulatedSurface.read(tmp_path / "plane.vtk").evaluate([[0, 0, 2]]).gap == 2
     meshio.write(tmp_path / "solid.vtu", meshio.Mesh(points, {"hexahedron": [list(range(8))]}))
-    with pytest.raises(InputError, match="solid.vtu: .*no triangle"):
+    with pytest.raises(InputError, match=r"solid.vtu holds no surface cells, but \['hexa"):
         TriangulatedSurface.read(tmp_path / "solid.vtu")
+
+
+@pytest.mark.versions
+def test_tools_of_finite_element_programs_are_read(tmp_path):
+    nodes = "1, 0., 0., 0.\n2, 4., 0., 0.\n3, 4., 4., 0.\n4, 0., 4., 0."
+    deck = f"*NODE\n{nodes}\n*ELEMENT, TYPE=R3D4, ELSET=plate\n1, 1, 2, 3, 4\n"
+    (tmp_path / "plate.inp").write_text(deck)
+    grids = "GRID,1,,0.,0.,0.\nGRID,2,,4.,0.,0.\nGRID,3,,4.,4.,0.\nGRID,4,,0.,4.,0.\n"
+    (tmp_path / "plate.bdf").write_text(f"{grids}CQUAD4,1,1,1,2,3,4,45.0\n")
+    for name in ("plate.inp", "plate.bdf"):
+        plate = TriangulatedSurface.read(tmp_path / name)
+        assert plate.evaluate([[1, 3, 2]]).gap == 2 and plate.areas.sum() == pytest.approx(16)
 
 
 @pytest.mark.versions

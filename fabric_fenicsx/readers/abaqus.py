@@ -1,0 +1,164 @@
+"""Meshes in Abaqus' input files, which CalculiX shares: nodes and elements as lists, in parts and
+their instances. meshio reads few types of elements and the last block of nodes alone."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..runtime.errors import InputError
+from .surface_mesh import SurfaceMesh, surface_kind
+
+# membranes, shells, rigid and surface elements, plane ones; then the number of nodes
+SURFACE = re.compile(r"(?:M3D|S|STRI|DS|R3D|SFM3D|CPS|CPE|CPEG|DC2D|AC2D|F3D)([34689])[A-Z0-9]*")
+SOLID = re.compile(r"(?:C3D|SC|CSS|DC3D|AC3D|CCL)\d")
+CORNERS = {3: 3, 6: 3, 4: 4, 8: 4, 9: 4}  # by the number of nodes
+GENERATED = ("ELCOPY", "ELGEN", "NCOPY", "NFILL", "NGEN", "NMAP", "SYSTEM")
+
+
+class _Part:
+    def __init__(self):
+        self.nodes: dict[int, list[float]] = {}
+        self.blocks: list[tuple[str, np.ndarray]] = []  # kind, nodes by their numbers
+        self.others: dict[str, int] = {}
+
+
+def read_abaqus(path: Path) -> SurfaceMesh:
+    """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
+
+    Raises InputError for a node or element that cannot be read, that is not there or that a keyword
+    generates; ValueError for a file of another program.
+    """
+    parts: dict[str, _Part] = {"": _Part()}
+    placed: list[tuple[_Part, np.ndarray]] = []
+    part = own = parts[""]
+    for keyword, options, rows in _blocks(path, path):
+        if keyword in GENERATED:
+            raise InputError(
+                f"mesh file {path} uses *{keyword}; allowed are nodes and elements as lists, as a "
+                "preprocessor writes them"
+            )
+        if keyword in ("PART", "INSTANCE"):
+            part = parts.setdefault(options.get("NAME", "").upper(), _Part())
+            if keyword == "INSTANCE":
+                part = parts.setdefault(options.get("PART", "").upper(), part)
+                placed.append((part, _numbers(rows, _length, keyword, path)))
+        elif keyword in ("END PART", "END INSTANCE"):
+            part = own
+        elif keyword == "NODE":
+            _add_nodes(part, options, rows, path)
+        elif keyword == "ELEMENT":
+            _add_elements(part, options.get("TYPE", "").upper(), rows, path)
+    if not any(each.nodes for each in parts.values()):
+        raise ValueError("no *NODE of Abaqus with rows")
+    whole = [(each, np.empty(0)) for each in parts.values() if not placed or each is own]
+    return _assembled([*whole, *placed], path)
+
+
+def _blocks(path: Path, main: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
+    """Keyword, options and rows of data of each block, also of files that are included."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    except OSError as error:
+        raise InputError(
+            f"mesh file {main} names {path}: {error.strerror}; allowed is a file that is there"
+        ) from None
+    lines = [line.strip() for line in lines if line.strip() and not line.lstrip().startswith("**")]
+    heads = [i for i, line in enumerate(lines) if line.startswith("*")]
+    for head, following in zip(heads, [*heads[1:], len(lines)]):
+        start, text = head + 1, lines[head]
+        while text.endswith(",") and start < following:  # the options go on
+            text, start = text + lines[start], start + 1
+        keyword, *words = (word.strip() for word in text[1:].split(","))
+        pairs = (word.partition("=") for word in words)
+        options = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
+        keyword, rows = " ".join(keyword.upper().split()), lines[start:following]
+        if "INPUT" in options and keyword in ("INCLUDE", "NODE", "ELEMENT"):
+            file = path.parent / options["INPUT"]
+            if keyword == "INCLUDE":
+                yield from _blocks(file, main)
+                continue
+            rows = file.read_text().splitlines() if file.is_file() else rows
+        yield keyword, options, rows
+
+
+def _numbers(rows, of, keyword, path):
+    """All numbers of rows of data, one behind the other."""
+    words = [word.strip() for row in rows for word in row.strip(" ,").split(",")]
+    try:
+        return np.array([of(word) for word in words])
+    except ValueError as error:
+        raise InputError(
+            f"mesh file {path} has a row under *{keyword} with {str(error).split(': ')[-1]}; "
+            "allowed are numbers"
+        ) from None
+
+
+def _length(word):
+    """A number, 0 if it is left out; Fortran has exponents with D."""
+    return float(re.sub("[dD]", "e", word)) if word else 0.0
+
+
+def _add_nodes(part, options, rows, path):
+    if options.get("SYSTEM", "R").upper() != "R":
+        raise InputError(
+            f"mesh file {path} has *NODE, SYSTEM={options['SYSTEM']}; allowed are rectangular "
+            "coordinates"
+        )
+    for row in rows:
+        number, *place = _numbers([row], _length, "NODE", path)
+        part.nodes[int(number)] = [*place[:3], 0.0, 0.0, 0.0][:3]
+
+
+def _add_elements(part, of, rows, path):
+    surface = SURFACE.fullmatch(of)
+    if not surface:
+        part.others[of] = 3 if SOLID.match(of) else 1
+        return
+    nodes = int(surface[1])
+    numbers = _numbers(rows, int, "ELEMENT", path)
+    if len(numbers) % (nodes + 1):
+        raise InputError(
+            f"mesh file {path} has {len(numbers)} numbers under *ELEMENT, TYPE={of}; allowed are "
+            f"{nodes + 1} for each element, its own and those of {nodes} nodes"
+        )
+    cells = numbers.reshape(-1, nodes + 1)[:, 1:]
+    part.blocks.append((surface_kind(CORNERS[nodes], nodes), cells))
+
+
+def _assembled(placed: list[tuple[_Part, np.ndarray]], path: Path) -> SurfaceMesh:
+    points: list[np.ndarray] = []
+    blocks: list[tuple[str, np.ndarray]] = []
+    others: dict[str, int] = {}
+    start = 0
+    for part, move in placed:
+        own = np.array(list(part.nodes), dtype=np.int64)
+        order = np.argsort(own)
+        for kind, cells in part.blocks:
+            at = np.searchsorted(own, cells, sorter=order).clip(0, max(0, len(own) - 1))
+            if not len(own) or (own[order[at]] != cells).any():
+                lost = cells[~np.isin(cells, own)][0]
+                raise InputError(
+                    f"mesh file {path} has an element with node {lost}, which *NODE does not give; "
+                    "allowed are nodes that are there"
+                )
+            blocks.append((kind, order[at] + start))
+        points.append(_moved(np.array(list(part.nodes.values())).reshape(-1, 3), move))
+        others |= part.others
+        start += len(own)
+    return SurfaceMesh.collected(np.vstack(points), blocks, others)
+
+
+def _moved(x: np.ndarray, move: Any) -> np.ndarray:
+    """Points where an instance has them: shifted, and turned about an axis of two points by an
+    angle [deg]."""
+    if len(move) >= 3:
+        x = x + move[:3]
+    if len(move) >= 10:
+        foot, axis = move[3:6], move[6:9] - move[3:6]
+        turn = Rotation.from_rotvec(np.radians(move[9]) * axis / np.linalg.norm(axis))
+        x = turn.apply(x - foot) + foot
+    return x

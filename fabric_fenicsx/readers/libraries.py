@@ -1,0 +1,170 @@
+"""Readers of surface meshes that libraries bring: each has faults that others do not have.
+
+Each takes a path and raises whatever its parsing stumbles on, `NotMine` for a file that it cannot
+know.
+"""
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .surface_mesh import SurfaceMesh, surface_kind
+
+# gmsh takes a file of another ending for a script and runs it
+GMSH = (".msh", ".unv", ".bdf", ".nas", ".dat", ".mesh", ".ply2", ".med", ".cgns", ".p3d")
+XDMF = (".xdmf", ".xmf")
+# of VTK's types of cells, with the number of corners
+CORNERS = {5: 3, 9: 4, 22: 3, 23: 4, 28: 4, 34: 3, 69: 3, 70: 4}
+POLYGON, STRIP, PIXEL = 7, 6, 8
+
+
+class NotMine(Exception):
+    """A file that the reader does not know by its ending."""
+
+
+def by_meshio(path: Path) -> SurfaceMesh:
+    """By meshio."""
+    import meshio  # takes long to import
+
+    if path.suffix.lower() not in meshio.extension_to_filetypes:
+        raise NotMine
+    mesh = meshio.read(path)
+    blocks, others = [], {}
+    for block in mesh.cells:
+        if block.dim != 2:
+            others[block.type] = block.dim
+        elif block.type.startswith("polygon"):
+            blocks += [_polygon(np.atleast_2d(cell)) for cell in block.data]
+        else:
+            blocks.append((block.type, block.data))
+    return SurfaceMesh.collected(mesh.points, blocks, others)
+
+
+def by_gmsh(path: Path) -> SurfaceMesh:
+    """By gmsh."""
+    if path.suffix.lower() not in GMSH:
+        raise NotMine
+    with open(path, "rb") as file:
+        if path.suffix.lower() == ".msh" and file.read(1) != b"$":
+            raise ValueError("no section that begins with $")
+    import gmsh
+
+    with own_model(gmsh):
+        gmsh.logger.start()
+        gmsh.merge(str(path))
+        print(*(line for line in gmsh.logger.get() if line.startswith("Warning")), sep="\n")
+        numbers, x, _ = gmsh.model.mesh.getNodes()
+        found = [
+            (gmsh.model.mesh.getElementProperties(kind), np.asarray(nodes, dtype=np.int64))
+            for kind, _, nodes in zip(*gmsh.model.mesh.getElements())
+        ]
+    order = np.argsort(numbers)
+    blocks, others = [], {}
+    for (name, dim, _, count, *_), nodes in found:
+        if dim == 2:
+            kind = surface_kind(3 if name.startswith("Tri") else 4, count)
+            at = order[np.searchsorted(numbers, nodes, sorter=order)]
+            blocks.append((kind, at.reshape(-1, count)))
+        else:
+            others[name.lower()] = dim
+    return SurfaceMesh.collected(x.reshape(-1, 3), blocks, others)
+
+
+@contextmanager
+def own_model(gmsh: Any) -> Iterator[None]:
+    """A new model of gmsh, which is the current one meanwhile; a user's session stays as it was."""
+    running = getattr(gmsh, "isInitialized", lambda: False)()
+    if not running:
+        gmsh.initialize(readConfigFiles=False)
+    before = gmsh.model.getCurrent()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("fabric_fenicsx reads")
+    try:
+        yield
+    finally:
+        if running:
+            gmsh.model.remove()
+            gmsh.model.setCurrent(before)
+        else:
+            gmsh.finalize()
+
+
+def by_dolfinx(path: Path) -> SurfaceMesh:
+    """By DOLFINx, which needs no h5py for the .h5 file beside its XDMF."""
+    if path.suffix.lower() not in XDMF:
+        raise NotMine
+    import dolfinx
+    from mpi4py import MPI
+
+    name = re.search(r"<Grid[^>]*\bName=\"([^\"]*)\"", path.read_text(errors="replace"))
+    where = (name[1] if name else "mesh", "/Xdmf/Domain")
+    with dolfinx.io.XDMFFile(MPI.COMM_SELF, str(path), "r") as file:
+        cell, _ = file.read_cell_type(*where)
+        cells, x = file.read_topology_data(*where), file.read_geometry_data(*where)
+    corners = {"triangle": 3, "quadrilateral": 4}.get(cell.name)
+    if not corners:
+        dim = dolfinx.cpp.mesh.cell_dim(cell)
+        return SurfaceMesh.collected(x, [], {cell.name: dim})
+    ordered = np.empty_like(cells)
+    ordered[:, dolfinx.cpp.io.perm_gmsh(cell, cells.shape[1])] = cells
+    if cells.shape[1] == 3 and x.shape[1] == 2:  # DOLFINx' triangles turn either way round
+        arms = x[ordered[:, 1:]] - x[ordered[:, :1]]
+        back = np.linalg.det(arms) < 0
+        ordered[back] = ordered[back][:, [0, 2, 1]]
+    return SurfaceMesh.collected(x, [(surface_kind(corners, cells.shape[1]), ordered)], {})
+
+
+def by_pyvista(path: Path) -> SurfaceMesh:
+    """By PyVista with VTK's own readers, of one mesh or of several blocks."""
+    import pyvista
+
+    try:
+        reader = pyvista.get_reader(str(path))
+    except ValueError:
+        raise NotMine from None
+    mesh: Any = reader.read()
+    if isinstance(mesh, pyvista.MultiBlock):
+        mesh = mesh.combine()
+    if isinstance(mesh, pyvista.PolyData) and mesh.n_strips:
+        mesh = mesh.triangulate()
+    if not isinstance(mesh, pyvista.UnstructuredGrid):
+        mesh = mesh.cast_to_unstructured_grid()
+    types, nodes = mesh.celltypes, mesh.cell_connectivity
+    ends = np.cumsum(sizes := _sizes(mesh))
+    blocks, others = [], {}
+    for kind, count in {*zip(types.tolist(), sizes.tolist())}:
+        which = np.flatnonzero((types == kind) & (sizes == count))
+        first = mesh.GetCell(int(which[0]))
+        name = first.GetClassName().removeprefix("vtk").lower()
+        if first.GetCellDimension() != 2:
+            others[name] = first.GetCellDimension()
+        else:
+            blocks.append(_of_vtk(kind, name, nodes[ends[which][:, None] + np.arange(-count, 0)]))
+    return SurfaceMesh.collected(mesh.points, blocks, others)
+
+
+def _sizes(mesh):
+    """Number of nodes of each cell."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    return np.diff(vtk_to_numpy(mesh.GetCells().GetOffsetsArray()))
+
+
+def _of_vtk(kind, name, cells):
+    """Cells (m, k) of one of VTK's types, with meshio's name if there is one."""
+    if kind == PIXEL:
+        return "quad", cells[:, [0, 1, 3, 2]]
+    if kind == POLYGON:
+        return _polygon(cells)
+    if corners := CORNERS.get(kind):
+        return surface_kind(corners, cells.shape[1]), cells
+    return name, cells
+
+
+def _polygon(cells):
+    count = cells.shape[1]
+    return (surface_kind(count, count) if count in (3, 4) else f"polygon{count}"), cells

@@ -1,0 +1,144 @@
+"""One mesh from a file: the first reader that reads it without doubt counts."""
+
+import logging
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from pathlib import Path
+from tempfile import TemporaryFile
+
+from ..runtime.errors import InputError
+from .abaqus import read_abaqus
+from .libraries import NotMine, by_dolfinx, by_gmsh, by_meshio, by_pyvista
+from .stl import read_stl
+from .surface_mesh import SurfaceMesh
+
+Reader = Callable[[Path], SurfaceMesh]
+OWN: dict[str, tuple[str, Reader]] = {
+    ".stl": ("as STL", read_stl),
+    ".inp": ("as Abaqus' input", read_abaqus),
+}
+LIBRARIES: tuple[tuple[str, Reader], ...] = (
+    ("meshio", by_meshio),
+    ("gmsh", by_gmsh),
+    ("DOLFINx", by_dolfinx),
+    ("PyVista", by_pyvista),
+)
+READ = "a mesh that meshio, gmsh or PyVista reads"
+LONGEST = 160  # of a reader's reason, in letters
+DOUBT = re.compile(r"\b(warning|warn|error|err)\b", re.IGNORECASE)
+
+
+def check_file(path: Path, what: str, allowed: str) -> None:
+    """Raise InputError for a `what` that is not there, no file, or empty."""
+    if not path.is_file():
+        raise InputError(f"{what} {path} does not exist or is not a file; allowed is {allowed}")
+    if not path.stat().st_size:
+        raise InputError(f"{what} {path} is empty; allowed is {allowed}")
+
+
+def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh:
+    """The mesh in a file, with surface cells; `what` and `allowed` are words of errors.
+
+    A reader that warns, or names nodes that are not there, counts if no other one reads the file.
+    Raises InputError, with the reasons of all readers, if none does, or if it has no surface cells.
+    """
+    check_file(path, what, allowed)
+    if path.suffix.lower() == ".h5" and path.with_suffix(".xdmf").is_file():
+        raise InputError(
+            f"{what} {path} has numbers alone; allowed is {path.with_suffix('.xdmf')}, which names "
+            "them"
+        )
+    reasons: list[str] = []
+    doubtful: list[SurfaceMesh] = []
+    without: list[SurfaceMesh] = []
+    own = [OWN[path.suffix.lower()]] if path.suffix.lower() in OWN else []
+    for name, reader in (*own, *LIBRARIES):
+        mesh, reason = _attempt(reader, path)
+        if mesh and mesh.sound and not reason:
+            return mesh
+        if mesh and len(mesh.points):
+            (doubtful if mesh.cells else without).append(mesh)
+        elif mesh:
+            reasons.append(f"{name}: {reason or 'no nodes in it'}")
+        elif reason:
+            reasons.append(f"{name}: {reason}")
+    if doubtful:
+        return doubtful[0]
+    if without:
+        found = sorted(next((mesh.others for mesh in without if mesh.others), {}))
+        curves = path.suffix.lower() == ".msh" and "line" in found
+        raise InputError(
+            f"{what} {path} holds no surface cells, but {found or 'nodes alone'}; allowed is "
+            f"{allowed}, with triangles or quadrilaterals"
+            + (": gmsh saves them too with Mesh.SaveAll = 1" if curves else "")
+        )
+    told = "; ".join(reasons) or "no reader knows this ending"
+    raise InputError(
+        f"{what} {path} cannot be read as {path.suffix or 'a mesh'} ({told}); allowed is {allowed}"
+    )
+
+
+def _attempt(reader: Reader, path: Path) -> tuple[SurfaceMesh | None, str]:
+    """What a reader finds, and its reason to fail or doubt in words, "" if there is none."""
+    mesh: SurfaceMesh | None = None
+    error: BaseException | None = None
+    with _printed() as lines:
+        try:
+            mesh = reader(path)
+        except (InputError, NotMine) as e:
+            error = e
+        # the libraries raise whatever their parsing stumbles on, or exit
+        except (Exception, SystemExit) as e:
+            error = e
+    if isinstance(error, InputError):
+        raise error
+    if isinstance(error, NotMine):
+        return None, ""
+    if mesh:
+        return mesh, _line(filter(DOUBT.search, lines), path)
+    told = "" if isinstance(error, SystemExit) else " ".join(str(error).split())
+    if told and type(error).__name__ not in ("Exception", "ReadError"):
+        told = f"{type(error).__name__}: {told}"  # without it a KeyError is a number alone
+    vtk = [line for line in lines if "ERR|" in line]
+    if vtk:  # the first one is what the others follow from
+        told = re.sub(r".*ERR\|( vtk\w* \(\w*\):)?", "", vtk[0])
+    return None, _line([told], path) or _line(lines, path) or "it gives no reason"
+
+
+def _line(lines, path):
+    """One short line of a reader's words, without the file's name."""
+    text = " ".join(" ".join(lines).split()).replace(str(path.absolute()), path.name)
+    text = text.replace(str(path), path.name)
+    text = re.sub(r"\x1b\[[0-9;]*m", "", re.sub(r"Error: Couldn't read file .*", "", text))
+    text = "".join(letter if letter.isprintable() else "?" for letter in text).strip(" ;")
+    return text if len(text) <= LONGEST else text[:LONGEST].rsplit(" ", 1)[0] + " ..."
+
+
+@contextmanager
+def _printed() -> Iterator[list[str]]:
+    """Lines that the block prints, by Python or by libraries in C, once it is left."""
+    lines: list[str] = []
+    with TemporaryFile("w+", encoding="utf-8", errors="replace") as file:
+        kept = []
+        for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
+            with suppress(OSError, ValueError, AttributeError):
+                stream.flush()
+            with suppress(OSError):  # a process may have closed it
+                kept.append((number, os.dup(number)))
+                os.dup2(file.fileno(), number)
+        try:
+            with redirect_stdout(file), redirect_stderr(file):
+                yield lines
+        finally:
+            file.flush()
+            for handler in logging.root.handlers:  # one that was made meanwhile
+                if isinstance(handler, logging.StreamHandler) and handler.stream is file:
+                    handler.setStream(sys.stderr)
+            for number, copy in kept:
+                os.dup2(copy, number)
+                os.close(copy)
+            file.seek(0)
+            lines += file.read().splitlines()

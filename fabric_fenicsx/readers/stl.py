@@ -1,0 +1,67 @@
+"""STL files as they are met: binary ones that begin with "solid" or end in further bytes, text with
+capitals, tabs, decimal commas. No library reads all of these, and some lose triangles unsaid."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from ..runtime.errors import InputError
+from .surface_mesh import SurfaceMesh
+
+HEADER, FACET = 84, 50  # bytes
+FACETS = re.compile(r"(?<!\S)facet\s+normal(?!\S)", re.IGNORECASE)
+VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
+
+
+def read_stl(path: Path) -> SurfaceMesh:
+    """The triangles of an STL file [mm]; corners at one place are one point.
+
+    Raises InputError for a file that is cut off or has something else than numbers; ValueError for
+    one that is no STL.
+    """
+    data = path.read_bytes()
+    count = int.from_bytes(data[HEADER - 4 : HEADER], "little")
+    if count and len(data) >= HEADER + FACET * count:
+        corners = _binary(data, count)
+    elif FACETS.search(text := data.decode("latin-1")):
+        corners = _text(text, path)
+    elif b"\0" in data:
+        raise InputError(
+            f"STL file {path} tells of {count} triangles and holds {max(0, len(data) - HEADER)} "
+            f"bytes of them; allowed are {FACET} bytes a triangle: it may be cut off"
+        )
+    else:
+        raise ValueError("neither facets in words nor a binary STL")
+    points, number = np.unique(corners, axis=0, return_inverse=True)
+    return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
+
+
+def _binary(data, count):
+    # a facet is its normal, three corners and two bytes
+    facets = np.frombuffer(data, np.dtype([("x", "<f4", (4, 3)), ("-", "<u2")]), count, HEADER)
+    return facets["x"][:, 1:].reshape(-1, 3).astype(float)
+
+
+def _text(text, path):
+    facets, vertices = len(FACETS.findall(text)), VERTICES.findall(text)
+    if len(vertices) != 3 * facets:
+        raise InputError(
+            f"STL file {path} has {len(vertices)} vertices in {facets} facets; allowed are three "
+            "in each: it may be cut off"
+        )
+    numbers = [word for vertex in vertices for word in vertex]
+    try:
+        found = np.array(numbers, dtype=float)
+    except ValueError:  # a decimal comma, or an exponent of Fortran
+        found = np.array([_number(word, path) for word in numbers])
+    return found.reshape(-1, 3)
+
+
+def _number(word, path):
+    try:
+        return float(re.sub("[dD]", "e", word.replace(",", ".")))
+    except ValueError:
+        raise InputError(
+            f"STL file {path} has a coordinate {word!r}; allowed are numbers in mm"
+        ) from None

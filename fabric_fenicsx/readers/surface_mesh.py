@@ -1,0 +1,53 @@
+"""A surface mesh as any reader finds it in a file."""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple, Self
+
+import numpy as np
+
+
+def surface_kind(corners: int, nodes: int) -> str:
+    """meshio's name of a triangle or quadrilateral with so many corners and nodes."""
+    name = {3: "triangle", 4: "quad"}[corners]
+    return name if nodes == corners else f"{name}{nodes}"
+
+
+class SurfaceMesh(NamedTuple):
+    """A mesh in a file.
+
+    - points (n, 3) [mm]
+    - cells: surface cells (m, k) by meshio's name of their kind, as triangle, quad9 or polygon5, in
+      gmsh's order of nodes: corners, edges, inside
+    - others: what else there is, each kind with its dimension
+    """
+
+    points: np.ndarray
+    cells: dict[str, np.ndarray]
+    others: dict[str, int]
+
+    @classmethod
+    def collected(
+        cls,
+        points: np.ndarray,
+        blocks: Iterable[tuple[str, np.ndarray]],
+        others: Mapping[str, int],
+    ) -> Self:
+        """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), which may share kinds."""
+        x = np.asarray(points, dtype=float).reshape(len(points), -1)
+        parts: dict[str, list[np.ndarray]] = {}
+        for kind, cells in blocks:
+            if len(cells):
+                parts.setdefault(kind, []).append(np.asarray(cells, dtype=np.int64))
+        return cls(
+            np.pad(x, ((0, 0), (0, max(0, 3 - x.shape[1])))),
+            {kind: np.concatenate(each) for kind, each in parts.items()},
+            dict(others),
+        )
+
+    @property
+    def sound(self) -> bool:
+        """Whether there are surface cells, and all their nodes."""
+        last = len(self.points) - 1
+        return bool(self.cells) and all(
+            0 <= cells.min() and cells.max() <= last for cells in self.cells.values()
+        )

@@ -1,0 +1,68 @@
+"""STL files as CAD programs write them."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.readers.stl import read_stl
+from fabric_fenicsx.runtime.errors import InputError
+
+CORNERS = np.array([[[0, 0, 0], [2, 0, 0], [2, 1.5, 0]], [[0, 0, 0], [2, 1.5, 0], [0, 1, -0.5]]])
+
+
+def text(number="{:e}", word=str, between=" ", end="\n"):
+    lines = [word("solid plate")]
+    for corners in CORNERS:
+        lines += [word(f"\tfacet{between}normal 0 0 1"), word("outer loop")]
+        for x in corners:
+            numbers = [number.format(each) for each in x]
+            lines.append(between.join([word("   vertex"), *numbers]))
+        lines += [word("endloop"), word("endfacet")]
+    return end.join([*lines, word("endsolid plate"), ""])
+
+
+def binary(header=b"", count=2, end=b""):
+    facets = [struct.pack("<12fH", 0, 0, 1, *corners.ravel(), 0) for corners in CORNERS]
+    return header.ljust(80) + struct.pack("<I", count) + b"".join(facets) + end
+
+
+FILES = {
+    "text": text().encode(),
+    "capitals": text("{:E}", str.upper).encode(),
+    "tabs and blank lines": text(between="\t", end="\n\n").encode(),
+    "lines of Windows": text(end="\r\n").encode(),
+    "decimal commas": text("{:.3f}").replace(".", ",").encode(),
+    "exponents of Fortran": text().replace("e+", "D+").replace("e-", "D-").encode(),
+    "a name in Latin 1": text().replace("plate", "Größe").encode("latin-1"),
+    "a mark of Unicode": text().encode("utf-8-sig"),
+    "two solids": (text() + text()).encode(),
+    "binary": binary(),
+    "solid in a binary header": binary(b"solid of a program"),
+    "a byte behind": binary(end=b"\n"),
+    "bytes behind": binary(b"solid", end=bytes(100)),
+}
+
+
+@pytest.mark.parametrize("case", FILES)
+def test_stl_with(tmp_path, case):
+    (tmp_path / "plate.stl").write_bytes(FILES[case])
+    mesh = read_stl(tmp_path / "plate.stl")
+    x = mesh.points[mesh.cells["triangle"][:2]]
+    np.testing.assert_allclose(x, CORNERS, atol=1e-7)
+    assert len(mesh.points) == 4
+
+
+@pytest.mark.parametrize(
+    "content, words",
+    [
+        (text()[:-60].encode(), "has 5 vertices in 2 facets"),
+        (text("{:.1f}").replace("1.5", "1.5mm").encode(), "coordinate '1.5mm'"),
+        (binary(count=3), "tells of 3 triangles and holds 100 bytes of them"),
+        (binary()[:-7], "tells of 2 triangles and holds 93 bytes"),
+    ],
+)
+def test_stl_that_is_cut_off_or_wrong(tmp_path, content, words):
+    (tmp_path / "plate.stl").write_bytes(content)
+    with pytest.raises(InputError, match=f"plate.stl .*{words}.*; allowed are"):
+        read_stl(tmp_path / "plate.stl")

@@ -1,0 +1,204 @@
+"""Meshes of other programs are read with their points and cells, and a file that no reader reads is
+refused with each reader's reason."""
+
+import logging
+
+import meshio
+import numpy as np
+import pytest
+import pyvista
+from mpi4py import MPI
+
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.readers.read import read_surface_mesh
+from fabric_fenicsx.runtime.errors import InputError
+
+SQUARE = np.array([[0.0, 0, 0], [10, 0, 0], [10, 10, 0], [0, 10, 0]])
+POINTS, TRIANGLES, _ = specimen(20, 10, 4, 2, "right")
+QUADS = specimen(20, 10, 4, 2, cell="quadrilateral")[1]
+
+
+def read(path, text=None):
+    if text is not None:
+        path.write_text(text)
+    return read_surface_mesh(path, "mesh file")
+
+
+def area(mesh):
+    """By the corners of all cells, [mm^2]."""
+    total = 0.0
+    for kind, cells in mesh.cells.items():
+        x = mesh.points[cells[:, : 3 if kind.startswith("triangle") else 4]]
+        parts = np.cross(x[:, 1:-1] - x[:, :1], x[:, 2:] - x[:, :1])
+        total += abs(parts[..., 2]).sum() / 2
+    return total
+
+
+def by_gmsh(path, order=1, curves=False, **options):
+    """A strip of 20 x 10 mm that gmsh meshes; curves: only its left side is in a group."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        strip = gmsh.model.occ.addRectangle(0, 0, 0, 20, 10)
+        gmsh.model.occ.synchronize()
+        gmsh.model.addPhysicalGroup(1 if curves else 2, [4 if curves else strip])
+        gmsh.option.setNumber("Mesh.MeshSizeMax", 5)
+        for option, value in options.items():
+            gmsh.option.setNumber(f"Mesh.{option}", value)
+        gmsh.model.mesh.generate(2)
+        gmsh.model.mesh.setOrder(order)
+        gmsh.write(str(path))
+    finally:
+        gmsh.finalize()
+
+
+GMSH = {
+    "version 4.0": ("strip.msh", {"MshFileVersion": 4.0}),
+    "version 2.2, binary": ("strip.msh", {"MshFileVersion": 2.2, "Binary": 1}),
+    "version 1": ("strip.msh", {"MshFileVersion": 1}),
+    "parametric": ("strip.msh", {"SaveParametric": 1}),
+    "curves in groups and all saved": ("strip.msh", {"curves": True, "SaveAll": 1}),
+    "third order": ("strip.msh", {"order": 3}),
+    "quadrilaterals of 8 nodes": (
+        "strip.msh",
+        {"order": 2, "RecombineAll": 1, "SecondOrderIncomplete": 1},
+    ),
+    "UNV": ("strip.unv", {}),
+    "UNV of order 2": ("strip.unv", {"order": 2}),
+    "Nastran": ("strip.bdf", {}),
+    "VTK in binary": ("strip.vtk", {"Binary": 1}),
+}
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize("case", GMSH)
+def test_what_gmsh_writes_is_read(tmp_path, case, capfd):
+    name, options = GMSH[case]
+    by_gmsh(tmp_path / name, **options)
+    mesh = read(tmp_path / name)
+    assert len(mesh.cells) == 1 and area(mesh) == pytest.approx(200)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_curves_alone_are_no_surface(tmp_path):
+    by_gmsh(tmp_path / "strip.msh", curves=True)
+    with pytest.raises(InputError, match=r"no surface cells, but \['line'\].*Mesh.SaveAll = 1"):
+        read(tmp_path / "strip.msh")
+
+
+def vtk_mesh():
+    sizes = np.full((len(TRIANGLES), 1), 3)
+    return pyvista.PolyData(POINTS, np.hstack([sizes, TRIANGLES]).ravel())
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize("name", ["strip.vtk", "strip.vtp", "strip.ply", "strip.stl", "strip.VTP"])
+def test_what_pyvista_writes_is_read(tmp_path, name):
+    vtk_mesh().save(tmp_path / "strip.vtp")
+    vtk_mesh().save(tmp_path / name.lower())
+    (tmp_path / name.lower()).rename(tmp_path / name)
+    assert area(read(tmp_path / name)) == pytest.approx(200)
+
+
+@pytest.mark.versions
+def test_grids_blocks_and_strips_of_vtk_are_read(tmp_path):
+    x, y = np.meshgrid([0.0, 5, 10, 20], [0.0, 10], indexing="ij")
+    pyvista.StructuredGrid(x, y, 0 * x).save(tmp_path / "grid.vts")
+    pyvista.MultiBlock({"ply": vtk_mesh()}).save(tmp_path / "blocks.vtm")
+    vtk_mesh().strip().save(tmp_path / "strips.vtp")
+    for name, kind in {
+        "grid.vts": "quad",
+        "blocks.vtm": "triangle",
+        "strips.vtp": "triangle",
+    }.items():
+        mesh = read(tmp_path / name)
+        assert [*mesh.cells] == [kind] and area(mesh) == pytest.approx(200)
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize("cells", [TRIANGLES, QUADS])
+def test_xdmf_of_dolfinx_is_read(tmp_path, cells):
+    from dolfinx.io import XDMFFile
+
+    cell = {3: "triangle", 4: "quadrilateral"}[cells.shape[1]]
+    nodes = cells[:, compat.to_dolfinx_order(cell, cells.shape[1])]
+    made = compat.create_mesh(MPI.COMM_SELF, nodes, POINTS[:, :2], cell, 1)
+    with XDMFFile(MPI.COMM_SELF, str(tmp_path / "strip.xdmf"), "w") as file:
+        file.write_mesh(made)
+    assert area(read(tmp_path / "strip.xdmf")) == pytest.approx(200)
+    with pytest.raises(InputError, match="numbers alone; allowed is .*strip.xdmf"):
+        read(tmp_path / "strip.h5")
+
+
+GRIDS = "".join(f"GRID,{i},,{x},{y},{z}\n" for i, (x, y, z) in enumerate(SQUARE, 1))
+NASTRAN = {
+    "an angle": f"CEND\nBEGIN BULK\n{GRIDS}CQUAD4,1,1,1,2,3,4,45.0\nENDDATA\n",
+    "a coordinate system": f"CEND\nBEGIN BULK\n{GRIDS}CQUAD4,1,1,1,2,3,4,7\nENDDATA\n",
+    "no lines about the bulk": f"{GRIDS}CQUAD4,1,1,1,2,3,4\n",
+    "no end": f"CEND\nBEGIN BULK\n{GRIDS}CQUAD4,1,1,1,2,3,4\n",
+}
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize("case", NASTRAN)
+def test_nastran_with(tmp_path, case):
+    mesh = read(tmp_path / "square.bdf", NASTRAN[case])
+    assert area(mesh) == 100 and [*mesh.cells] == ["quad"]
+
+
+@pytest.mark.versions
+def test_the_reasons_of_all_readers_are_kept_on_one_line(tmp_path, capfd):
+    text = "CEND\nBEGIN BULK\nGRID,1,,x,0.,0.\nENDDATA\n"
+    with pytest.raises(InputError) as error:
+        read(tmp_path / "square.bdf", text)
+    words = str(error.value)
+    assert "cannot be read as .bdf (meshio: " in words and "; gmsh: " in words
+    assert "\n" not in words and "(1)" not in words and words.count(str(tmp_path)) == 1
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_reason_that_is_only_printed_is_kept(tmp_path):
+    vtk_mesh().cast_to_unstructured_grid().save(tmp_path / "whole.vtu")
+    data = (tmp_path / "whole.vtu").read_bytes()
+    (tmp_path / "half.vtu").write_bytes(data[: len(data) // 2])
+    with pytest.raises(InputError, match=r"half.vtu cannot be read as .vtu .*PyVista: \w.*pars"):
+        read(tmp_path / "half.vtu")
+    logging.getLogger().warning("a handler that was made meanwhile writes to no closed file")
+
+
+def test_files_that_no_reader_can_know(tmp_path):
+    with pytest.raises(InputError, match=r"as .k \(no reader knows this ending\)"):
+        read(tmp_path / "mesh.k", "*KEYWORD\n")
+    with pytest.raises(InputError, match="mesh.vtu is empty"):
+        read(tmp_path / "mesh.vtu", "")
+    with pytest.raises(InputError, match="none.vtu does not exist"):
+        read(tmp_path / "none.vtu")
+
+
+def test_a_script_is_not_run_as_a_mesh(tmp_path):
+    with pytest.raises(InputError, match="gmsh: .*no section"):
+        read(tmp_path / "mesh.msh", f'SystemCall "touch {tmp_path}/ran";\n')
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_mesh_that_names_nodes_it_has_not_is_left_to_the_checks(tmp_path):
+    meshio.write_points_cells(tmp_path / "s.vtu", SQUARE, [("triangle", [[0, 1, 9]])])
+    assert read(tmp_path / "s.vtu").cells["triangle"].tolist() == [[0, 1, 9]]
+
+
+def test_a_session_of_gmsh_stays_as_it_is(tmp_path):
+    import gmsh
+
+    if not hasattr(gmsh, "isInitialized"):
+        pytest.skip("this gmsh does not tell whether it runs")
+    by_gmsh(tmp_path / "strip.unv")
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.model.add("of a user")
+        read(tmp_path / "strip.unv")
+        assert gmsh.isInitialized() and gmsh.model.getCurrent() == "of a user"
+    finally:
+        gmsh.finalize()
