@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ..runtime.errors import InputError
-from .surface_mesh import SurfaceMesh, surface_kind
+from .surface_mesh import OtherFormat, SurfaceMesh, surface_kind
 
 # membranes, shells, rigid and surface elements, plane ones; then the number of nodes
 SURFACE = re.compile(r"(?:M3D|S|STRI|DS|R3D|SFM3D|CPS|CPE|CPEG|DC2D|AC2D|F3D)([34689])[A-Z0-9]*")
@@ -30,7 +30,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
     """The surface elements of an Abaqus input file [mm], instances where the assembly has them.
 
     Raises InputError for a node or element that cannot be read, that is not there or that a keyword
-    generates; ValueError for a file of another program.
+    generates; OtherFormat for a file of another program.
     """
     parts: dict[str, _Part] = {"": _Part()}
     placed: list[tuple[_Part, np.ndarray]] = []
@@ -53,7 +53,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
         elif keyword == "ELEMENT":
             _add_elements(part, options.get("TYPE", "").upper(), rows, path)
     if not any(each.nodes for each in parts.values()):
-        raise ValueError("no *NODE of Abaqus with rows")
+        raise OtherFormat("no *NODE with rows")
     whole = [(each, np.empty(0)) for each in parts.values() if not placed or each is own]
     return _assembled([*whole, *placed], path)
 

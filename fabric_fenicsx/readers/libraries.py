@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .surface_mesh import SurfaceMesh, surface_kind
+from .surface_mesh import OtherFormat, SurfaceMesh, surface_kind
 
 # gmsh takes a file of another ending for a script and runs it
 GMSH = (".msh", ".unv", ".bdf", ".nas", ".dat", ".mesh", ".ply2", ".med", ".cgns", ".p3d")
@@ -50,7 +50,7 @@ def by_gmsh(path: Path) -> SurfaceMesh:
         raise NotMine
     with open(path, "rb") as file:
         if path.suffix.lower() == ".msh" and file.read(1) != b"$":
-            raise ValueError("no section that begins with $")
+            raise OtherFormat("no section that begins with $")
     import gmsh
 
     with own_model(gmsh):
@@ -100,9 +100,12 @@ def by_dolfinx(path: Path) -> SurfaceMesh:
     import dolfinx
     from mpi4py import MPI
 
-    name = re.search(r"<Grid[^>]*\bName=\"([^\"]*)\"", path.read_text(errors="replace"))
+    text = path.read_text(errors="replace")
+    name = re.search(r"<Grid[^>]*\bName=\"([^\"]*)\"", text)
     where = (name[1] if name else "mesh", "/Xdmf/Domain")
-    with dolfinx.io.XDMFFile(MPI.COMM_SELF, str(path), "r") as file:
+    kinds = dolfinx.io.XDMFFile.Encoding
+    encoding = kinds.HDF5 if 'Format="HDF"' in text else kinds.ASCII
+    with dolfinx.io.XDMFFile(MPI.COMM_SELF, str(path), "r", encoding) as file:
         cell, _ = file.read_cell_type(*where)
         cells, x = file.read_topology_data(*where), file.read_geometry_data(*where)
     corners = {"triangle": 3, "quadrilateral": 4}.get(cell.name)
@@ -129,6 +132,8 @@ def by_pyvista(path: Path) -> SurfaceMesh:
     mesh: Any = reader.read()
     if isinstance(mesh, pyvista.MultiBlock):
         mesh = mesh.combine()
+    if path.suffix.lower() == ".obj":
+        mesh = mesh.clean()  # VTK gives each corner a point of its own
     if isinstance(mesh, pyvista.PolyData) and mesh.n_strips:
         mesh = mesh.triangulate()
     if not isinstance(mesh, pyvista.UnstructuredGrid):

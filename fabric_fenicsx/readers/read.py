@@ -17,8 +17,8 @@ from .surface_mesh import SurfaceMesh
 
 Reader = Callable[[Path], SurfaceMesh]
 OWN: dict[str, tuple[str, Reader]] = {
-    ".stl": ("as STL", read_stl),
-    ".inp": ("as Abaqus' input", read_abaqus),
+    ".stl": ("STL", read_stl),
+    ".inp": ("Abaqus", read_abaqus),
 }
 LIBRARIES: tuple[tuple[str, Reader], ...] = (
     ("meshio", by_meshio),
@@ -97,15 +97,21 @@ def _attempt(reader: Reader, path: Path) -> tuple[SurfaceMesh | None, str]:
         raise error
     if isinstance(error, NotMine):
         return None, ""
+    lines = _of_vtk(lines) or lines
     if mesh:
         return mesh, _line(filter(DOUBT.search, lines), path)
     told = "" if isinstance(error, SystemExit) else " ".join(str(error).split())
-    if told and type(error).__name__ not in ("Exception", "ReadError"):
+    if told and type(error).__name__ not in ("Exception", "ReadError", "OtherFormat"):
         told = f"{type(error).__name__}: {told}"  # without it a KeyError is a number alone
-    vtk = [line for line in lines if "ERR|" in line]
-    if vtk:  # the first one is what the others follow from
-        told = re.sub(r".*ERR\|( vtk\w* \(\w*\):)?", "", vtk[0])
+    if type(error).__name__ == "VTKExecutionError":
+        told = ""  # what it follows from is printed
     return None, _line([told], path) or _line(lines, path) or "it gives no reason"
+
+
+def _of_vtk(lines):
+    """VTK's first error without time and place, from which others follow."""
+    found = [line for line in lines if "ERR|" in line][:1]
+    return [re.sub(r".*ERR\|( vtk\w* \(\w*\):)?", "Error:", line) for line in found]
 
 
 def _line(lines, path):
@@ -113,7 +119,11 @@ def _line(lines, path):
     text = " ".join(" ".join(lines).split()).replace(str(path.absolute()), path.name)
     text = text.replace(str(path), path.name)
     text = re.sub(r"\x1b\[[0-9;]*m", "", re.sub(r"Error: Couldn't read file .*", "", text))
-    text = "".join(letter if letter.isprintable() else "?" for letter in text).strip(" ;")
+    text = (
+        "".join(letter if letter.isprintable() else "?" for letter in text)
+        .strip(" ;")
+        .removeprefix("Error: ")
+    )
     return text if len(text) <= LONGEST else text[:LONGEST].rsplit(" ", 1)[0] + " ..."
 
 

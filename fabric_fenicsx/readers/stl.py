@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.errors import InputError
-from .surface_mesh import SurfaceMesh
+from .surface_mesh import OtherFormat, SurfaceMesh
 
 HEADER, FACET = 84, 50  # bytes
 FACETS = re.compile(r"(?<!\S)facet\s+normal(?!\S)", re.IGNORECASE)
@@ -17,7 +17,7 @@ VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 def read_stl(path: Path) -> SurfaceMesh:
     """The triangles of an STL file [mm]; corners at one place are one point.
 
-    Raises InputError for a file that is cut off or has something else than numbers; ValueError for
+    Raises InputError for a file that is cut off or has something else than numbers; OtherFormat for
     one that is no STL.
     """
     data = path.read_bytes()
@@ -32,7 +32,7 @@ def read_stl(path: Path) -> SurfaceMesh:
             f"bytes of them; allowed are {FACET} bytes a triangle: it may be cut off"
         )
     else:
-        raise ValueError("neither facets in words nor a binary STL")
+        raise OtherFormat("neither facets in words nor a binary STL")
     points, number = np.unique(corners, axis=0, return_inverse=True)
     return SurfaceMesh.collected(points, [("triangle", number.reshape(-1, 3))], {})
 

@@ -6,6 +6,10 @@ from typing import NamedTuple, Self
 import numpy as np
 
 
+class OtherFormat(Exception):
+    """A file whose content is not of the format that its ending tells, in words."""
+
+
 def surface_kind(corners: int, nodes: int) -> str:
     """meshio's name of a triangle or quadrilateral with so many corners and nodes."""
     name = {3: "triangle", 4: "quad"}[corners]
@@ -32,15 +36,17 @@ class SurfaceMesh(NamedTuple):
         blocks: Iterable[tuple[str, np.ndarray]],
         others: Mapping[str, int],
     ) -> Self:
-        """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), which may share kinds."""
-        x = np.asarray(points, dtype=float).reshape(len(points), -1)
+        """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), which may share kinds. Cells
+        that are there again with the same nodes, as gmsh writes them for each group, are left out.
+        """
+        x = np.asarray(points, dtype=float).reshape(len(points), -1 if len(points) else 3)
         parts: dict[str, list[np.ndarray]] = {}
         for kind, cells in blocks:
             if len(cells):
                 parts.setdefault(kind, []).append(np.asarray(cells, dtype=np.int64))
         return cls(
             np.pad(x, ((0, 0), (0, max(0, 3 - x.shape[1])))),
-            {kind: np.concatenate(each) for kind, each in parts.items()},
+            {kind: _once(np.concatenate(each)) for kind, each in parts.items()},
             dict(others),
         )
 
@@ -51,3 +57,7 @@ class SurfaceMesh(NamedTuple):
         return bool(self.cells) and all(
             0 <= cells.min() and cells.max() <= last for cells in self.cells.values()
         )
+
+
+def _once(cells):
+    return cells[np.sort(np.unique(cells, axis=0, return_index=True)[1])]

@@ -83,6 +83,14 @@ def test_what_gmsh_writes_is_read(tmp_path, case, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.versions
+def test_a_cell_in_two_groups_is_one_cell(tmp_path):
+    meshio.write_points_cells(
+        tmp_path / "s.msh", SQUARE, [("quad", [[0, 1, 2, 3]])] * 2, file_format="gmsh22"
+    )
+    assert read(tmp_path / "s.msh").cells["quad"].tolist() == [[0, 1, 2, 3]]
+
+
 def test_curves_alone_are_no_surface(tmp_path):
     by_gmsh(tmp_path / "strip.msh", curves=True)
     with pytest.raises(InputError, match=r"no surface cells, but \['line'\].*Mesh.SaveAll = 1"):
@@ -119,6 +127,14 @@ def test_grids_blocks_and_strips_of_vtk_are_read(tmp_path):
 
 
 @pytest.mark.versions
+def test_cells_of_an_obj_file_with_a_texture_share_their_points(tmp_path):
+    points = "".join(f"v {x} {y} {z}\n" for x, y, z in [*SQUARE, (20, 0, 0), (20, 10, 0)])
+    faces = "f 1/1/1 2/1/1 3/1/1 4/1/1\nf 2/1/1 5/1/1 6/1/1 3/1/1\n"
+    mesh = read(tmp_path / "s.obj", f"{points}vt 0 0\nvn 0 0 1\n{faces}")
+    assert len(mesh.points) == 6 and area(mesh) == 200
+
+
+@pytest.mark.versions
 @pytest.mark.parametrize("cells", [TRIANGLES, QUADS])
 def test_xdmf_of_dolfinx_is_read(tmp_path, cells):
     from dolfinx.io import XDMFFile
@@ -129,6 +145,9 @@ def test_xdmf_of_dolfinx_is_read(tmp_path, cells):
     with XDMFFile(MPI.COMM_SELF, str(tmp_path / "strip.xdmf"), "w") as file:
         file.write_mesh(made)
     assert area(read(tmp_path / "strip.xdmf")) == pytest.approx(200)
+    with XDMFFile(MPI.COMM_SELF, str(tmp_path / "text.xdmf"), "w", XDMFFile.Encoding.ASCII) as file:
+        file.write_mesh(made)
+    assert area(read(tmp_path / "text.xdmf")) == pytest.approx(200)
     with pytest.raises(InputError, match="numbers alone; allowed is .*strip.xdmf"):
         read(tmp_path / "strip.h5")
 
