@@ -59,6 +59,7 @@ class Scene:
         self._anticipating = [term for term in self.terms if isinstance(term, Anticipates)]
         self._driven = [term for term in self.terms if isinstance(term, DrivenByForce)]
         self._checked = False
+        self._held_in_matrix: np.ndarray | None = None
         self.was_loaded = False  # whether a run has left the state that terms and sheet began in
         self._inverted = (
             compat.form(blank.inverted_area()) if blank.mesh.geometry.dim == 2 else None
@@ -199,7 +200,7 @@ class Scene:
 
     def create_matrix(self) -> PETSc.Mat:
         """Matrix for `tangent`, which tells multigrid the rigid motions."""
-        A = self._assembly.create_matrix()
+        A, self._held_in_matrix = self._assembly.create_matrix(), self.held
         x = self.u.duplicate()
         x.array[:] = self.blank.along(self.blank.coordinates().T).T.ravel()[: x.local_size]
         A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
@@ -214,8 +215,9 @@ class Scene:
                 A.shift(self.drag)
 
     def places_changed(self) -> bool:
-        """Whether `tangent` has other places than the matrix made last, on any rank."""
-        return self._assembly.places_changed()
+        """Whether `tangent` has other places than the matrix made last, on any rank: a matrix gives
+        up those that supports leave empty."""
+        return self.held is not self._held_in_matrix or self._assembly.places_changed()
 
     def anticipate(self) -> None:
         """After `residual`: let terms see it before the tangent for the next correction."""
