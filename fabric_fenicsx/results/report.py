@@ -46,6 +46,7 @@ WORDS = {
     "eps_a": "nominal strain along yarns a",
     "eps_b": "nominal strain along yarns b",
     "punch_force_N": "punch force of what is modelled N",
+    "contact_forces_N": "contact forces on what is modelled N",
     "penetration_mm": "penetration of tools in the last state mm",
     "penetration_largest_mm": "penetration of tools, largest of the run mm",
     "penetration_of_thickness": "penetration of tools, largest of the run, over the thickness",
@@ -137,12 +138,15 @@ def _place(picture):
 
 
 def _with_errors(values, errors, before=""):
-    """The `values` with their errors behind them, which have dots in names of nested ones."""
+    """The `values` with their errors behind them, which have dots in names of nested ones, and
+    places as such."""
     return {
         name: _with_errors(value, errors, f"{before}{name}.")
         if isinstance(value, dict)
         else f"{_number(value)} +- {errors[before + name]:.2g}"
         if before + name in errors
+        else f"({', '.join(map(_number, value))})"
+        if name.endswith("_at_mm")
         else value
         for name, value in values.items()
     }

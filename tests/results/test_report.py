@@ -36,11 +36,11 @@ def test_names_have_words_and_units(name, words):
 
 def test_a_range_is_written_as_one(tmp_path):
     file = tmp_path / "summary.json"
-    found = {"shear_angle_deg": [-1.5, 47.0], "nx": [1, 2]}
+    found = {"shear_angle_deg": [-1.5, 47.0], "nx": [1, 2], "shear_angle_max_at_mm": [3.0, 4.5]}
     file.write_text(json.dumps({"quantities": found, "wall_s": {}}))
     text = page("dome", {"": (file, [])}, "", "done")
     assert "<th>shear angle [deg]</th><td>-1.5 to 47</td>" in text
-    assert "<td>1, 2</td>" in text
+    assert "<td>1, 2</td>" in text and "<td>(3, 4.5)</td>" in text
 
 
 def test_numbers_come_first_with_their_errors_and_maps_of_errors_last(tmp_path):
