@@ -31,7 +31,7 @@ def base(name: str) -> str:
 
 def unit_of(name: str) -> str:
     """Unit of a parameter, "-" of a number."""
-    return "MPa" if (YARN | SHEAR)[base(name)].kind else "-"
+    return "MPa" if (YARN | SHEAR)[base(name)].unit else "-"
 
 
 def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:

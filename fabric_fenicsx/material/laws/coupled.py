@@ -260,9 +260,9 @@ class WovenFabric(Law):
 
     def plausibility_warnings(self) -> list[str]:
         """As in `Law`, of the parameters b and s1."""
-        values = [("b", self.warp.b), ("s1", self.s1)]
-        values += [("b", self.weft.b)] if self.weft.b != self.warp.b else []
-        return self._implausible(values)
+        known = {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
+        values = [(f"b of {yarn}", of_yarn.b) for yarn, of_yarn in known.items()]
+        return self._implausible([*values, ("s1", self.s1)])
 
     def without(self, *names: str) -> Self:
         """A copy with these couplings off; InputError for an unknown name."""

@@ -456,6 +456,15 @@ def test_doubts_are_told():
     for words in (
         "a yarn is stretched by 30 %",
         "density of material x is 619 g/cm3",
-        "b of material x is 0.1 MPa",
+        "b of yarns of material x is 0.1 MPa",
     ):
         assert any(words in warning for warning in warnings), words
+
+
+def test_units_are_those_of_the_law():
+    units = {
+        name: problem.unit_of(name)
+        for name in ("a", "d", "warp.p_min", "c", "s_T", "weft.s_C", "s2")
+    }
+    assert [name for name, unit in units.items() if unit == "-"] == ["warp.p_min", "c", "weft.s_C"]
+    assert {units[name] for name in ("a", "d", "s_T", "s2")} == {"MPa"}
