@@ -73,8 +73,10 @@ def _export(folder, file):
     try:
         grids = structural.read_grids(folder)
         structural.export(grids, file)
-        plies = ", ".join(f"{name or 'ply'} with {grid.n_cells}" for name, grid in grids.items())
-        print(f"{file}: cells of {plies}")
+        labels = structural.set_labels(grids) if Path(file).suffix == ".inp" else {}
+        sets = {name: f" (ELSET {label})" for name, label in labels.items()}
+        for name, grid in grids.items():
+            print(f"{file}: {name or 'ply'}{sets.get(name, '')}, {grid.n_cells} cells")
     except OSError as error:
         raise InputError(
             f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder "

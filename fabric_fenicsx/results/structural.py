@@ -1,7 +1,8 @@
 """Formed plies with their yarn directions, for a structural analysis: VTU and Abaqus input."""
 
 import re
-from collections.abc import Mapping
+import unicodedata
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -24,6 +25,7 @@ UNITS = {
     "part": "-",
 }
 TABLE = "yarn_axes"
+LABEL = 64  # characters, of the 80 that Abaqus reads, so that "_yarns_a" fits behind
 
 
 class FormedPly(NamedTuple):
@@ -98,9 +100,9 @@ def export(grids: Mapping[str, pyvista.UnstructuredGrid], path: Path | str) -> N
     readers, `.inp` as Abaqus input.
 
     The VTU file has the fields of `FormedPly` and `part`, the ply's number. The Abaqus file has
-    for each ply its nodes, shell elements (S3 or S4) in a set with its name (`ply` for one without)
-    and, as distributions, two orientations NAME_yarns_a and NAME_yarns_b: axis 1 along that yarn,
-    axis 3 along `normal`. Raises InputError for another ending, and if no ply has yarns.
+    for each ply its nodes, shell elements (S3 or S4) in a set with its name as `set_labels` spells
+    it and, as distributions, two orientations LABEL_yarns_a and LABEL_yarns_b: axis 1 along that
+    yarn, axis 3 along `normal`. Raises InputError for another ending, and if no ply has yarns.
     """
     path, plies = checked(path), {name: formed_ply(grid) for name, grid in grids.items()}
     if not any("yarn_a" in ply.fields for ply in plies.values()):
@@ -127,13 +129,33 @@ def _joined(plies):
     return pyvista.MultiBlock(grids).combine() if len(grids) > 1 else grids[0]
 
 
+def set_labels(names: Iterable[str]) -> dict[str, str]:
+    """Abaqus' labels {name: label} of plies: letters, digits and _ only, a letter first, at most
+    `LABEL` of them, and no two alike, as Abaqus does not tell capitals apart. A sign before a
+    number becomes p or m: +45 is p45."""
+    labels: dict[str, str] = {}
+    for name in names:
+        plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+        plain = re.sub(r"(?<![^\W_])([+-])(?=\d)", lambda sign: "pm"[sign[1] == "-"], plain)
+        plain = re.sub(r"[\W_]+", "_", plain, flags=re.ASCII).strip("_")
+        plain = plain if plain[:1].isalpha() else f"ply_{plain}".rstrip("_")
+        taken, label, again = {each.lower() for each in labels.values()}, plain[:LABEL], 1
+        while label.lower() in taken:
+            again += 1
+            label = f"{plain[: LABEL - len(str(again)) - 1]}_{again}"
+        labels[name] = label
+    return labels
+
+
 def _abaqus(plies):
     """Lines of the Abaqus input."""
+    labels = set_labels(plies)
     yield "** formed plies with their yarn directions, by fabric_fenicsx; mm\n"
     yield f"*DISTRIBUTION TABLE, NAME={TABLE}\nCOORD3D, COORD3D\n"
     node = element = 0
     for name, (points, cells, fields) in plies.items():
-        label = re.sub(r"\W+", "_", name) or "ply"
+        label = labels[name]
+        yield f"** ply {name!a}: ELSET {label}\n" if name else ""
         yield "*NODE\n"
         yield from (_line(node + k, p) for k, p in enumerate(points, 1))
         yield f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET={label}\n"

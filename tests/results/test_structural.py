@@ -107,6 +107,30 @@ def test_plies_of_a_stack_have_sets_and_numbers_of_their_own(tmp_path):
     assert np.bincount(pyvista.read(tmp_path / "plies.vtu")["part"]).tolist() == [half, half]
 
 
+def test_labels_are_legal_in_abaqus_and_no_two_alike():
+    names = ["+45", "-45", "0/90", "", "top ply", "top-ply", "TOP_PLY", "Äußere", "上", "下", "_"]
+    names += ["a" * 99, "a" * 98, "skin-2", "3", "p45", "warp +30", "45", "ply"]
+    labels = structural.set_labels(names)
+    assert list(labels) == names
+    assert all(re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,63}", label) for label in labels.values())
+    assert len({label.lower() for label in labels.values()}) == len(names)
+    told = [labels[name] for name in ("+45", "-45", "0/90", "skin-2", "warp +30", "top-ply")]
+    assert told == ["p45", "m45", "ply_0_90", "skin_2", "warp_p30", "top_ply_2"]
+
+
+def test_plies_at_plus_and_minus_45_have_sets_and_orientations_of_their_own(tmp_path):
+    structural.export(
+        structural.read_grids(formed(tmp_path, plies=("+45", "-45"))), tmp_path / "o.inp"
+    )
+    mesh, found = read_abaqus(tmp_path / "o.inp")
+    assert {name: len(sum(map(list, cells), [])) for name, cells in mesh.cell_sets.items()} == {
+        "p45": 24,
+        "m45": 24,
+    }
+    assert list(found) == ["p45_yarns_a", "p45_yarns_b", "m45_yarns_a", "m45_yarns_b"]
+    assert "** ply '-45': ELSET m45\n" in (tmp_path / "o.inp").read_text()
+
+
 @pytest.mark.mpi
 def test_nodes_of_several_ranks_are_one(tmp_path):
     comm = MPI.COMM_WORLD
@@ -122,7 +146,7 @@ def test_the_command(tmp_path, capsys):
     folder = formed(tmp_path / "run")
     assert main.main(["export", str(folder), str(tmp_path / "ply.inp")]) == 0
     assert "*ORIENTATION" in (tmp_path / "ply.inp").read_text()
-    assert capsys.readouterr().out == f"{tmp_path / 'ply.inp'}: cells of ply with 24\n"
+    assert capsys.readouterr().out == f"{tmp_path / 'ply.inp'}: ply (ELSET ply), 24 cells\n"
     for words, told in (
         ((str(folder), "ply.stl"), "the ending of ply.stl is unknown; allowed are .vtu"),
         ((str(tmp_path), "ply.inp"), "has no fields.pvd; allowed is the folder of a run's results"),
