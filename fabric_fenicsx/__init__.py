@@ -8,7 +8,10 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .runtime.home import ensure_cache
 from .runtime.version import __version__
+
+ensure_cache()  # before DOLFINx is imported
 
 # pip's DOLFINx wants this before mpi4py, petsc4py and dolfinx; Debian's has no such package
 with suppress(ModuleNotFoundError):

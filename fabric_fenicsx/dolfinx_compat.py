@@ -8,6 +8,7 @@ from typing import Any
 import basix
 import dolfinx
 import dolfinx.geometry
+import dolfinx.jit
 import dolfinx.plot
 import numpy as np
 import ufl
@@ -17,12 +18,19 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
+from .runtime import home
 from .runtime.jit_cache import TIMEOUT, compiled
+from .runtime.signals import end_with_reader
 
 VERSION = tuple(int(n) for n in dolfinx.__version__.split(".")[:2])
 OLD, NEW = VERSION < (0, 8), VERSION >= (0, 11)
 if not OLD:
     import basix.ufl
+
+end_with_reader()  # after petsc4py, which has a handler of its own
+if home.moved:  # DOLFINx may have been imported before, and has taken the place that was then
+    _DEFAULTS = getattr(dolfinx.jit, f"DOLFINX_DEFAULT_JIT_{'PARAMETERS' if OLD else 'OPTIONS'}")
+    _DEFAULTS["cache_dir"] = (home.moved / "fenics", _DEFAULTS["cache_dir"][1])
 
 # None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional
 # may be computed side by side; sums may be taken in another order and quotients as products; and

@@ -18,6 +18,7 @@ from importlib import import_module
 from importlib.metadata import version as installed
 from typing import TYPE_CHECKING
 
+from ..runtime.signals import end_with_reader
 from ..runtime.version import __version__
 
 if TYPE_CHECKING:
@@ -52,6 +53,7 @@ def show(comm: "MPI.Comm | None") -> int:
                 import_module("dolfinx")
             except Exception:  # told below
                 pass
+        end_with_reader()  # after PETSc, which has a handler of its own
         first = comm is None or comm.rank == 0
         well = all([_versions(), _presets(), _checks(comm)] if first else [_checks(comm)])
     if comm is not None and comm.size > 1:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ..runtime.errors import InputError
 from ..runtime.rules import unknown_key
+from ..runtime.signals import end_with_reader
 from . import info
 from .options import STUDIES, Parser, exit_status
 
@@ -23,6 +24,7 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command in argv (default: the program's arguments); returns its exit status, 2 for
     bad arguments. A study leaves with its own."""
     argv = sys.argv[1:] if argv is None else argv
+    end_with_reader()
     scripts = {path.stem: path for path in sorted(STUDIES.glob("*.py"))}
     if argv and argv[0] in scripts:
         script = str(scripts[argv[0]])

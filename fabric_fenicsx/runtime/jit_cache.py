@@ -3,7 +3,6 @@ time."""
 
 import fcntl
 import logging
-import os
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
+from .home import cache
 from .timing import phase
 
 T = TypeVar("T")
@@ -53,12 +53,11 @@ def _unfinished(error: Exception) -> Path | None:
 def _lock(comm: MPI.Comm, kind: int) -> Iterator[None]:
     """Hold the cache's lock on rank 0, which compiles; the system frees it when a process ends.
     Without one where the file system has none."""
-    cache = Path(os.getenv("XDG_CACHE_HOME") or Path.home() / ".cache") / "fenics"
-    file = None
+    folder, file = cache() / "fenics", None
     if comm.rank == 0:
         try:
-            cache.mkdir(parents=True, exist_ok=True)
-            file = open(cache / "fabric_fenicsx.lock", "w")
+            folder.mkdir(parents=True, exist_ok=True)
+            file = open(folder / "fabric_fenicsx.lock", "w")
             fcntl.flock(file, kind)
         except OSError:
             pass

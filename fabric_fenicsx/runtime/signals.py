@@ -1,15 +1,20 @@
-"""Signals that ask a run to stop."""
+"""Signals that ask a run to stop, or tell that nobody reads what it prints."""
 
+import os
+import select
 import signal
+import threading
 from types import FrameType
+from typing import TYPE_CHECKING
 
-from mpi4py import MPI
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 
 class StopSignals:
     """Remembers the first SIGINT or SIGTERM. A second one ends the run at once."""
 
-    def __init__(self, comm: MPI.Comm) -> None:
+    def __init__(self, comm: "MPI.Comm") -> None:
         self.comm, self._number = comm, 0
         numbers = signal.SIGINT, signal.SIGTERM
         self._before = {each: signal.signal(each, self._note) for each in numbers}
@@ -20,10 +25,27 @@ class StopSignals:
 
     def __call__(self) -> str:
         """What any rank received, as a text on all ranks; "" if nothing came."""
-        number = self.comm.allreduce(self._number, MPI.MAX)
+        number = max(self.comm.allgather(self._number))
         return f"stopped by {signal.Signals(number).name}" if number else ""
 
     def forget(self) -> None:
         """Restore the signal handlers from before."""
         for each, handler in self._before.items():
             signal.signal(each, handler)
+
+
+def end_with_reader() -> None:
+    """From here on the process ends without words, as other programs do, when it prints to a pipe
+    that nobody reads any more, as `| head` leaves it. Any other broken pipe is Python's
+    BrokenPipeError, which PETSc would make an abort of all ranks."""
+    if threading.current_thread() is threading.main_thread():  # the one that may
+        signal.signal(signal.SIGPIPE, _end_if_unread)
+
+
+def _end_if_unread(number: int, frame: FrameType | None) -> None:
+    pipes = select.poll()
+    for file in (1, 2):
+        pipes.register(file, 0)  # asks for errors alone
+    if any(event & select.POLLERR for _, event in pipes.poll(0)):
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGPIPE)

@@ -1,0 +1,63 @@
+"""A place for caches of compiled code and of plotting, also where the home can't be written."""
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+RANK = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")  # known without MPI
+moved: Path | None = None  # where caches are instead
+
+
+def cache() -> Path:
+    """The folder of caches: XDG_CACHE_HOME, or .cache in the home."""
+    return Path(os.getenv("XDG_CACHE_HOME") or Path.home() / ".cache")
+
+
+def ensure_cache() -> None:
+    """Where nothing can be written in `cache`, XDG_CACHE_HOME names a temporary folder of this
+    user from here on, and rank 0 says so."""
+    global moved
+    try:
+        Path.home()
+        _make(cache() / "fenics")
+        return
+    except RuntimeError:  # a user without an entry in the system, as in a container
+        wrong = "this user has no home"
+    except OSError as error:
+        wrong = f"{error.filename} can't be written ({error.strerror})"
+    try:
+        folder = Path(tempfile.gettempdir()) / f"fabric_fenicsx_{os.getuid()}"
+        _make(folder / "fenics")
+        if folder.stat().st_uid != os.getuid():  # code is loaded from it
+            raise PermissionError
+        kept = f"compiled code is kept in {folder}"
+        moved = folder
+        os.environ |= {"XDG_CACHE_HOME": str(folder), "MPLCONFIGDIR": str(folder)}
+        if wrong.endswith("home"):  # DOLFINx asks for one
+            os.environ["HOME"] = str(folder)
+        elif _is_closed(Path(os.getenv("XDG_CONFIG_HOME") or Path.home() / ".config")):
+            os.environ["XDG_CONFIG_HOME"] = str(folder)
+    except OSError:
+        kept = "nor is there a temporary folder for compiled code"
+    if all(os.getenv(name, "0") == "0" for name in RANK):
+        words = f"warning: {wrong}; {kept}; XDG_CACHE_HOME=FOLDER chooses another folder"
+        print(words, file=sys.stderr, flush=True)
+
+
+def _make(folder):
+    """Make a folder; PermissionError if nothing can be written in it."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise PermissionError(13, "Permission denied", str(folder))
+
+
+def _is_closed(folder):
+    """Whether DOLFINx fails to look for its options there; that there are none it knows."""
+    try:
+        (folder / "dolfinx").stat()
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False

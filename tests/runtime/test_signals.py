@@ -1,0 +1,41 @@
+"""Programs whose reader has gone, as `| head` does."""
+
+import subprocess
+import sys
+
+import pytest
+
+IMPORTED = "import fabric_fenicsx as ff; ff.Forming; "
+
+
+def unread(words, hang):
+    """Exit status and errors of a Python program whose output is read to its first line."""
+    program = subprocess.Popen(
+        [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    program.stdout.readline()
+    program.stdout.close()
+    errors = program.stderr.read()
+    return program.wait(hang), errors
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["-c", IMPORTED + "help(ff.Forming); help(ff)"],
+        ["-c", IMPORTED + "[print(n, flush=True) for n in range(10**6)]"],
+        ["-m", "fabric_fenicsx", "info"],
+    ],
+)
+def test_a_program_whose_reader_has_gone_ends_without_words(words, hang):
+    assert unread(words, hang) == (-13, "")
+
+
+@pytest.mark.versions
+def test_another_broken_pipe_is_an_exception(hang):
+    words = "import os; r, w = os.pipe(); os.close(r)\ntry: os.write(w, b'x')\n"
+    words += "except BrokenPipeError: print('told')"
+    program = [sys.executable, "-c", IMPORTED + words]
+    done = subprocess.run(program, capture_output=True, text=True, timeout=hang)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "told\n", "")
