@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import Delaunay
 
 from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.runtime.rules import COUNT, POSITIVE
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
 EDGE = 0.5  # least distance of corners of squares from the sheet's edges, over their size
@@ -49,9 +50,8 @@ def specimen(
     ):
         if value not in allowed:
             raise InputError(f"{name} is {value!r}; allowed are {', '.join(allowed)}")
-    for name, size in (("length", length), ("width", width), ("nx", nx), ("ny", ny)):
-        if not 0 < size < math.inf:
-            raise InputError(f"{name} is {size}; allowed is a finite value above 0")
+    length, width = POSITIVE.check("length", length), POSITIVE.check("width", width)
+    nx, ny = COUNT.check("nx", nx), COUNT.check("ny", ny)
     if pattern == "graded" and not can_be_graded(length, width):
         raise InputError(
             f"a strip of {length:g} x {width:g} mm is asked in pattern graded; allowed is a "

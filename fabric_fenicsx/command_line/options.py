@@ -1,7 +1,6 @@
 """Options, and how a program ends: what scripts share that need no DOLFINx."""
 
 import argparse
-import difflib
 import re
 import shlex
 import sys
@@ -11,7 +10,7 @@ from typing import Any, NoReturn
 
 from ..runtime.errors import InputError, Interrupted
 from ..runtime.ranks import on_ranks
-from ..runtime.rules import Rule
+from ..runtime.rules import Rule, did_you_mean
 
 STUDIES = Path(__file__).parents[1] / "studies"  # a link in the repository, a copy where installed
 
@@ -113,8 +112,7 @@ class Parser(argparse.ArgumentParser):
         one."""
         if message.startswith(unknown := "unrecognized arguments: "):
             word = message.removeprefix(unknown).split("=")[0].split()[0].replace("_", "-")
-            near = difflib.get_close_matches(word, self._option_string_actions, n=1)
-            message += f" (did you mean {near[0]}?)" if near else ""
+            message += did_you_mean(word, self._option_string_actions)
             message += "; allowed are those that --help tells"
         raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
 

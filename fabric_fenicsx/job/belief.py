@@ -9,6 +9,7 @@ from ..mechanics.term_checks import misspelt
 from ..results.history import ENERGIES, energy_balance
 from ..results.result import Result
 from ..results.shear import fabric_warnings
+from ..runtime.words import coordinates, percent, rounded
 from ..scene import reports
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
@@ -32,8 +33,8 @@ def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
     over = reports.overstretched(scene, limits.strain)
     if over > EDGES:
         wrong.append(
-            f"yarns are stretched by more than {100 * limits.strain:.3g} % in {100 * over:.3g} % "
-            f"of the sheet; allowed is {100 * EDGES:.3g} % of it (`Limits.strain`)"
+            f"yarns are stretched by more than {percent(limits.strain, 3)} in {percent(over, 3)} "
+            f"of the sheet; allowed is {percent(EDGES, 3)} of it (`Limits.strain`)"
         )
     return wrong
 
@@ -63,7 +64,7 @@ def _passed_through(scene):
     found = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
     return [
         f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
-        f"({', '.join(f'{x:.4g}' for x in places[0])}) mm; allowed is none, as contact of a "
+        f"{coordinates(places[0])} mm; allowed is none, as contact of a "
         "sheet with itself is not modelled"
         for part, places in found.items()
         if len(places)
@@ -95,7 +96,7 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
             "that moves would, as `clamped_ends(stroke)`"
         )
     balance = energy_balance(result.rows, energy)
-    if branches := ", ".join(f"{load:.6g}" for load in balance["branches"]):
+    if branches := ", ".join(rounded(load, 6) for load in balance["branches"]):
         found.append(
             f"the path branches at load {branches}: the equilibrium there was a saddle, and "
             "one of the ways down was taken; others may lead to other results"
@@ -103,7 +104,7 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
     if balance["energy_imbalance"] > UNBALANCED:
         found.append(
             "work of supports and tools and stored energy differ by "
-            f"{100 * balance['energy_imbalance']:.3g} %; {_cause(energy)}"
+            f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
         )
     return [words for words in [*found, *reports.warnings(scene)] if words]
 
@@ -113,5 +114,5 @@ def _cause(energy):
     below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
     if not below:
         return "take smaller steps (`max_step`), unless the sheet snapped"
-    told = " and ".join(f"{kind} {energy[kind]:.3g} N mm" for kind in below)
+    told = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
     return f"what should resist drives the sheet, as energies are below 0: {told}"

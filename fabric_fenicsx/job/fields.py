@@ -7,6 +7,7 @@ from typing import Any
 
 from ..results.curve import Curves, Measure
 from ..results.result import Result
+from ..runtime.rules import POSITIVE
 from ..scene.scene import Scene
 from ..solve.settings import Settings
 
@@ -29,3 +30,7 @@ class JobFields(Settings):
     warnings: Iterable[str] = ()
     beside: Curves = field(default_factory=dict)
     name: str = "job"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        POSITIVE.check("`order`", self.order)

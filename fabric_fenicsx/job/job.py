@@ -15,6 +15,7 @@ from ..results.output import Output, read_converged
 from ..results.result import LAST_PICTURE, Result, draw_state
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.together import all_or_none
+from ..runtime.words import rounded
 from ..scene import reports
 from ..scene.given import of_scene
 from ..solve.checkpoint import Checkpoint
@@ -121,7 +122,8 @@ class Job(JobFields):
         if run.stopped:
             reached = result.summary["stroke_reached"]
             raise Interrupted(
-                f"{run.stopped} at load factor {reached:.6g}; `resume=True` goes on from there"
+                f"{run.stopped} at load factor {rounded(reached, 6)}; `resume=True` goes on from "
+                "there"
             )
         if self.error and not run.wrong:
             self._estimate(output, result, problem, run.series)

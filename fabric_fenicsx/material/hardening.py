@@ -14,6 +14,7 @@ from scipy.interpolate import PchipInterpolator
 
 from ..runtime.errors import InputError
 from ..runtime.rules import (
+    FINITE,
     above_zero,
     check_complete,
     fraction,
@@ -147,8 +148,11 @@ class HardeningTable(Hardening):
 
     def __post_init__(self) -> None:
         try:
-            eps, sigma = (np.array(v, float, ndmin=1) for v in (self.eps, self.sigma))
-        except (TypeError, ValueError):
+            eps, sigma = (
+                np.array([FINITE.check("", each) for each in values])
+                for values in (self.eps, self.sigma)
+            )
+        except (TypeError, InputError):
             raise InputError(
                 f"{WHERE}eps or sigma is {shown((self.eps, self.sigma))}; allowed are lists of "
                 "numbers"

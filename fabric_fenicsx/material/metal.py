@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, ClassVar, Self
 
 from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, check_complete, shown
+from ..runtime.rules import Rule, above_zero, check_complete, did_you_mean, shown
 from .files import SHEET, read_sheet_numbers, take_table, take_units
 from .hardening import Hardening, Swift, hardening_from
 from .laws.base import Material
@@ -93,6 +93,6 @@ def load_metal(source: str | os.PathLike[str]) -> Metal:
     if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
         return Metal.from_toml(source)
     raise InputError(
-        f"metal {shown(source)} is unknown; allowed is a preset ({', '.join(METALS)}) or a file "
-        "that exists"
+        f"metal {shown(source)} is unknown{did_you_mean(source, METALS)}; allowed is a preset "
+        f"({', '.join(METALS)}) or a file that exists"
     )

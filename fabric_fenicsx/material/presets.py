@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from ..runtime.errors import InputError
-from ..runtime.rules import shown, unknown_key
+from ..runtime.rules import did_you_mean, shown, unknown_key
 from .files import read_toml
 from .laws import LAWS, Law
 from .laws.coupled import WovenFabric, Yarn
@@ -45,7 +45,8 @@ def load(source: str | os.PathLike[str]) -> Law:
         return read_toml(source, lambda document: _law(document).from_document(document, folder))
     names = ", ".join(PRESETS)
     raise InputError(
-        f"material {shown(source)} is unknown; allowed is a preset ({names}) or a file that exists"
+        f"material {shown(source)} is unknown{did_you_mean(source, PRESETS)}; allowed is a preset "
+        f"({names}) or a file that exists"
     )
 
 

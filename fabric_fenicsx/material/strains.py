@@ -1,14 +1,14 @@
 """The strains of a weave from its invariants, for NumPy and UFL alike."""
 
+import math
 from typing import Any
 
-import numpy as np
-
-from ..runtime.errors import InputError
+from ..runtime.rules import Rule
 from .functions import atan, sqrt
 
 # nominal strain by which yarns are shorter under compression where a real ply rather wrinkles
 SHORTENED = 0.02
+WEAVE_ANGLE = Rule("an angle above 0 and below pi", lambda v: 0 < v < math.pi)
 
 
 def share_name(strain: float) -> str:
@@ -34,9 +34,4 @@ def shear_angle(I6: Any, area: Any, cos_angle: Any, sin_angle: Any) -> Any:
 def check_weave_angle(angle: float) -> float:
     """`angle` between the yarns of a weave without shear [rad]; InputError unless it is above 0
     and below pi."""
-    if not 0 < angle < np.pi:
-        raise InputError(
-            f"the weave's angle is {angle!r} rad; "
-            "allowed is one between yarns, above 0 and below pi"
-        )
-    return float(angle)
+    return WEAVE_ANGLE.check("`weave_angle` [rad]", angle)

@@ -13,25 +13,31 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
+from ..runtime.rules import FINITE, Rule
+from ..tools.values import checked_vector, length_of
 from .term import SceneFacts, Term
 from .work import Work
 
 
 def _direction(name: str, direction: ArrayLike, gdim: int) -> np.ndarray:
     """`direction` (gdim,) at length 1; InputError if it has none."""
-    given = np.asarray(direction, float)
-    if given.shape != (gdim,) or not (np.isfinite(given).all() and given.any()):
-        plane = ", or 3 on a blank made with `spatial=True`" if given.shape == (3,) else ""
-        raise InputError(
-            f"direction of {name} is {given.tolist()}; allowed are {gdim} finite numbers, not all "
-            f"0{plane if gdim == 2 else ''}"
-        )
-    return given / np.linalg.norm(given)
+    plane = gdim == 2 and length_of(direction) == 3
+    hint = ", or three on a blank made with `spatial=True`" if plane else ""
+    return checked_vector(f"direction of {name}", direction, True, gdim, hint)
 
 
-def at_load(given: float | Callable[[float], float], load: float) -> float:
-    """A number, or what a function of the load factor gives there."""
-    return float(given(load) if callable(given) else given)
+def check_over_load(name: str, rule: Rule, given: float | Callable[[float], float]) -> None:
+    """InputError unless `given` is a number by `rule`, or a function, which `at_load` checks."""
+    if not callable(given):
+        rule.check(name, given)
+
+
+def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load: float) -> float:
+    """A number, or what a function of the load factor gives there; InputError, which calls it
+    `name`, unless that is a number by `rule`."""
+    if not callable(given):
+        return float(given)
+    return rule.check(f"{name} at load {load:g}", given(load))
 
 
 class DeadPressure(Term):
@@ -41,9 +47,8 @@ class DeadPressure(Term):
     name = "dead pressure"
 
     def __init__(self, pressure: float, direction: ArrayLike) -> None:
-        if not np.isfinite(pressure):
-            raise InputError(f"dead pressure is {pressure} MPa; allowed is a finite number")
-        self._pressure, self._direction = pressure, direction
+        self._pressure = FINITE.check("dead pressure [MPa]", pressure)
+        self._direction = direction
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
@@ -89,6 +94,7 @@ class EdgeTension(Term):
         direction: ArrayLike,
         edge: Callable[[np.ndarray], np.ndarray],
     ) -> None:
+        check_over_load(f"{self.name} [N/mm]", FINITE, tension)
         self._tension, self._direction, self._edge = tension, direction, edge
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -109,11 +115,8 @@ class EdgeTension(Term):
 
     def set_load(self, load: float) -> None:
         """Set the load factor; InputError if the tension there is not finite."""
-        self._load, self._now = load, at_load(self._tension, load)
-        if not np.isfinite(self._now):
-            raise InputError(
-                f"{self.name} is {self._now} N/mm at load {load:g}; allowed is a finite number"
-            )
+        self._load = load
+        self._now = at_load(f"{self.name} [N/mm]", FINITE, self._tension, load)
 
     def accept(self) -> None:
         """Count `work` from the present state."""

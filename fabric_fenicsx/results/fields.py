@@ -83,11 +83,11 @@ class FieldSeries:
     fields at the points, its cell fields on the cells, `rank`. Sheets of a stack
     and patches have a grid each, with its name, and the number `part`.
 
-    If the sheet may touch tools, `DIR/tools.pvd` has a surface a state and tool, where that then
-    is. Times are load factors. Each array has its unit as VTK's UNITS_LABEL and, as ParaView does
-    not show that, in the field data `units`. states: those kept of a run that is resumed. Each file
-    is whole at any moment and listed after it is there. Raises OSError, on all ranks, that names
-    the file which can't be written.
+    If the sheet may touch tools, `DIR/tools.pvd` has for each state a block with the name of each
+    tool, its surface where that then is. Times are load factors. Each array has its unit as VTK's
+    UNITS_LABEL and, as ParaView does not show that, in the field data `units`. states: those kept
+    of a run that is resumed. Each file is whole at any moment and listed after it is there. Raises
+    OSError, on all ranks, that names the file which can't be written.
     """
 
     def __init__(self, directory: Path, scene: Scene, states: Iterable[Sequence] = ()) -> None:
@@ -177,8 +177,9 @@ class FieldSeries:
         self._list()
         for name, used in (("fields", True), ("tools", self._tools)):
             folder = self.directory / name
-            for old in folder.glob("[0-9]*_*.vt*"):
-                if int(old.name.split("_")[0]) >= len(self.states) or old.suffix == ".part":
+            for old in folder.glob("[0-9]*.vt*"):
+                number = int(old.name.split("_")[0].split(".")[0])
+                if number >= len(self.states) or old.suffix == ".part":
                     old.unlink()
             if used:
                 folder.mkdir(exist_ok=True)
@@ -208,6 +209,13 @@ class FieldSeries:
         for k, surface in enumerate(self._surfaces):
             moved = surface.translate(self._tools[k].displacement)
             save(self.directory / "tools" / f"{number:04d}_{k}.vtp", moved, self._units)
+        if self._surfaces:  # whose blocks have names in PyVista, too
+            blocks = [
+                f'index="{k}" name={quoteattr(tool.name)} file="{number:04d}_{k}.vtp"'
+                for k, tool in enumerate(self._tools)
+            ]
+            path = self.directory / "tools" / f"{number:04d}.vtm"
+            replace_file(path, _list_of("vtkMultiBlockDataSet", "1.0", blocks))
 
     def _list(self):
         """Write the .pvd files of `states`, fields.pvd if there is one."""
@@ -225,20 +233,24 @@ class FieldSeries:
                     if (self.directory / "fields" / f"{self._file(i, r, k)}.vtu").exists()
                 )
             ]
-            sets["tools.pvd"] += [
-                f'timestep="{float(load)!r}" part="{k}" name={name} file="tools/{i:04d}_{k}.vtp"'
-                for k, name in enumerate(quoteattr(tool.name) for tool in self._tools)
-            ]
+            if self._tools:
+                sets["tools.pvd"].append(
+                    f'timestep="{float(load)!r}" part="0" file="tools/{i:04d}.vtm"'
+                )
         for name, entries in sets.items():
             if entries:
-                lines = "\n".join(f"<DataSet {entry}/>" for entry in entries)
-                text = (
-                    '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n'
-                    f"<Collection>\n{lines}\n</Collection>\n</VTKFile>\n"
-                )
-                replace_file(self.directory / name, text.encode())
+                replace_file(self.directory / name, _list_of("Collection", "0.1", entries))
             else:
                 (self.directory / name).unlink(missing_ok=True)
+
+
+def _list_of(kind, version, entries):
+    """A file of VTK that lists others."""
+    lines = "\n".join(f"<DataSet {entry}/>" for entry in entries)
+    return (
+        f'<?xml version="1.0"?>\n<VTKFile type="{kind}" version="{version}">\n'
+        f"<{kind}>\n{lines}\n</{kind}>\n</VTKFile>\n"
+    )
 
 
 def _triangulated(tool, low, high):

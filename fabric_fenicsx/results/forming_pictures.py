@@ -313,7 +313,10 @@ def formed_picture(
     ax.axis("off")
     scale = ScalarMappable(Normalize(0, limit), COLOURS)
     bar = figure.colorbar(
-        scale, cax=figure.add_axes((0.3, 0.09, 0.4, 0.022)), orientation="horizontal"
+        scale,
+        cax=figure.add_axes((0.3, 0.09, 0.4, 0.022)),
+        orientation="horizontal",
+        extend="max" if largest > limit else "neither",
     )
     bar.set_label(
         f"magnitude of the shear angle / deg (largest of a cell: {largest:.2f})", fontsize=18

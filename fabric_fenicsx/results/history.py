@@ -8,6 +8,7 @@ from typing import Any
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
+from ..runtime.words import percent, rounded
 from ..solve.progress import Accepted
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")  # whose columns are always there
@@ -84,7 +85,7 @@ class History:
         if self.rows and (other := row.keys() ^ self.rows[0].keys()):
             some = "no longer" if other & self.rows[0].keys() else "now"
             raise InputError(
-                f"at load {accepted.load:.6g} the terms {some} give history.csv the column "
+                f"at load {rounded(accepted.load, 6)} the terms {some} give history.csv the column "
                 f"{sorted(other)[0]}; allowed are the same columns in `history` each time"
             )
         self.rows.append(row)
@@ -131,7 +132,7 @@ def viscous_words(rows: Sequence[Mapping[str, Any]], load: float) -> str:
         return ""
     share = rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"])
     return (
-        f"at load {load:.6g} (step {len(rows) - 1}) the regularisation has taken "
-        f"{100 * share:.2g} % of the strain energy; take smaller steps (`max_step`) or look for a "
+        f"at load {rounded(load, 6)} (step {len(rows) - 1}) the regularisation has taken "
+        f"{percent(share)} of the strain energy; take smaller steps (`max_step`) or look for a "
         "snap there"
     )

@@ -87,15 +87,15 @@ def where_largest(
 def largest_in(
     blank: Blank, parts: Sequence[Part], values: np.ndarray, also: np.ndarray
 ) -> tuple[float, dict[str, Any], float]:
-    """Largest of the `values` (n,) in all cells of the `parts`; the place `at_mm` (x, y) of the
-    flat sheet where it is and, of several parts, the name of the one that it is `in`; and what
-    `also` (n,) is there."""
+    """Largest of the `values` (n,) in all cells of the `parts`; the place `at_mm` where it
+    is, (x, y) of a flat sheet and (x, y, z) of another, and, of several parts, the name of the one
+    that it is `in`; and what `also` (n,) is there."""
     cells = np.concatenate([part.cells for part in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(part.cells) for part in parts])
     # to few digits, so that of places that mirror each other the same is named on any ranks
-    rows = np.column_stack([part_of, blank.midpoints()[:2, cells].T.round(6), also])
-    largest, (k, x, y, there) = where_largest(blank.mesh.comm, values, rows)
-    place: dict[str, Any] = {"at_mm": [x + 0.0, y + 0.0]}
+    rows = np.column_stack([part_of, blank.places()[cells].round(6), also])
+    largest, (k, *centre, there) = where_largest(blank.mesh.comm, values, rows)
+    place: dict[str, Any] = {"at_mm": [each + 0.0 for each in centre]}
     return largest, place | ({"in": parts[int(k)].name} if len(parts) > 1 else {}), there
 
 

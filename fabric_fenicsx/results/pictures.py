@@ -38,6 +38,16 @@ def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, flo
     return colours, low, high
 
 
+def arrows(values: np.ndarray, low: float, high: float) -> str:
+    """At which ends of a colour bar from `low` to `high` arrows say that `values` lie beyond:
+    Matplotlib's `extend`."""
+    little = 1e-6 * (high - low)
+    beyond = values.min() < low - little, values.max() > high + little
+    return {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(
+        beyond, "both"
+    )
+
+
 def cells_range(values: np.ndarray) -> str:
     """Words for the least and the largest of the `values`, with their signs, as summary.json has
     them."""
@@ -109,7 +119,7 @@ def maps(
             patches,
             ax=list(mine),
             label=label,
-            extend="both" if outliers else "neither",
+            extend=arrows(every, low, high),
             location="right" if one else "bottom",
             shrink=0.9,
             aspect=15 if one else 30,

@@ -10,6 +10,7 @@ from pathlib import Path
 import jinja2
 
 from ..material.strains import share_name
+from ..runtime.words import rounded
 
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
@@ -165,7 +166,7 @@ def _number(value):
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "-"}[value]
     if isinstance(value, float):
-        return f"{value:.5g}"
+        return rounded(value, 5)
     if isinstance(value, list) and [type(each) for each in value] == [float, float]:
         return " to ".join(map(_number, value))
     if isinstance(value, list):

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ..mechanics.reports import Fields
 from ..mechanics.roles import Pressing
 from ..runtime.errors import InputError
+from ..runtime.words import rounded
 from ..scene import reports
 from ..scene.scene import Scene
 from . import measures
@@ -85,7 +86,7 @@ class Result:
         if value is None:
             return "-"
         text = format(round(scale * value, 12) + 0.0, form)
-        return text + (f" +- {abs(scale) * errors[name]:.2g}" if name in errors else "")
+        return text + (f" +- {rounded(abs(scale) * errors[name], 2)}" if name in errors else "")
 
     def force(self, tool: Tool | str) -> np.ndarray:
         """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,
@@ -118,7 +119,8 @@ class Result:
         if high - low > measures.SAME:
             raise InputError(
                 f"draw-in of {sheet or blank.name} is asked, whose undeformed nodes are up to "
-                f"{high - low:.4g} mm apart along z; allowed is a sheet that is flat in z = const"
+                f"{rounded(high - low, 4)} mm apart along z; allowed is a sheet that is flat in z "
+                "= const"
             )
         planes, found = measures.planes_of_symmetry(self.scene, part), {}
         if self.scene.comm.rank == 0:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..runtime.words import of_sheet, percent, rounded
 from ..sheets.blank import Part
 from . import measures
 from .result import Result
@@ -38,12 +39,11 @@ def crumpling_warning(name: str, found: Mapping[str, Any]) -> str:
     there = found["shortening_at_shear_angle_max"]
     if there <= CRUMPLED:
         return ""
-    x, y = found["shear_angle_max_at_mm"]
     return (
-        f"the largest shear angle of {name}, {found['shear_angle_max_deg']:.3g} deg at "
-        f"({x:.4g}, {y:.4g}) mm of the flat sheet, lies where yarns are shortened by "
-        f"{100 * there:.2g} %: cells crumple there, and it depends on mesh and contact; 99 % "
-        f"of the area stay below {found['shear_angle_99_percent_deg']:.3g} deg"
+        f"the largest shear angle of {name}, {rounded(found['shear_angle_max_deg'])} deg at "
+        f"{of_sheet(found['shear_angle_max_at_mm'])}, lies where yarns are shortened by "
+        f"{percent(there)}: cells crumple there, and it depends on mesh and contact; 99 % "
+        f"of the area stay below {rounded(found['shear_angle_99_percent_deg'])} deg"
     )
 
 

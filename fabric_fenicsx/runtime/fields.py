@@ -22,7 +22,7 @@ def check_fields(owner: Any, label: Callable[[str], str] = "`{}`".format) -> lis
     doubts = []
     for each in dataclasses.fields(owner):
         value, meta = getattr(owner, each.name), each.metadata
-        if value is None:
+        if value is None and (each.default is None or "None" in str(each.type)):
             continue
         if "rule" in meta:
             value = meta["rule"].check(label(each.name), value)

@@ -3,6 +3,7 @@
 import difflib
 import math
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from numbers import Real
 from reprlib import repr as shown
@@ -14,25 +15,23 @@ from .errors import InputError
 @dataclass(frozen=True)
 class Rule:
     """Finite numbers that pass `test`, in words `allowed`. kind: int for whole numbers; unit: kind
-    of unit that a material file gives the number in, "" for a pure number."""
+    of unit that a material file gives the number in, "" for a pure number; endless: inf, too."""
 
     allowed: str
     test: Callable[[Any], bool] = lambda v: True
     kind: type = float
     unit: str = ""
+    endless: bool = False
 
     def check(self, name: str, value: Any) -> Any:
         """`value` as `kind`; InputError, which calls it `name`, if the rule does not allow it."""
-        if isinstance(value, Real) and not isinstance(value, bool):
-            try:
-                number = self.kind(value) + self.kind(0)  # -0.0 becomes 0.0
-                if math.isfinite(number) and number == value and self.test(number):
+        given = value.item() if getattr(value, "shape", None) == () else value  # of NumPy
+        if isinstance(given, Real) and not isinstance(given, bool):
+            with suppress(ValueError, OverflowError):  # no whole number, or a huge one
+                number = self.kind(given) + self.kind(0)  # -0.0 becomes 0.0
+                finite = math.isfinite(number) or (self.endless and number == math.inf)
+                if finite and number == given and self.test(number):
                     return number
-            except (
-                ValueError,
-                OverflowError,
-            ):  # whole numbers of what is not finite, and huge ones
-                pass
         raise InputError(f"{name} is {shown(value)}; allowed is {self.allowed}")
 
 
@@ -57,16 +56,47 @@ def fraction() -> Rule:
 
 
 POSITIVE, FROM_ZERO, FINITE = above_zero(), not_negative(), of_either_sign()
+ABOVE_ZERO_OR_INF = Rule("a number above 0, or inf", lambda v: v > 0, endless=True)
 COUNT = Rule("a whole number of 1 or more", lambda v: v >= 1, int)
 SHARE = Rule("a fraction above 0 and up to 1, where 0.1 is 10 %", lambda v: 0 < v <= 1)
 BELOW_180 = Rule("an angle above 0 and below 180 deg", lambda v: 0 < v < 180)
 
 
+# what others call it
+SYNONYMS = {
+    "material": "fabric",
+    "cloth": "fabric",
+    "orientation": "fibre_angle",
+    "angle": "fibre_angle",
+    "layer": "ply",
+    "plies": "ply",
+    "units": "unit",
+    "file": "mesh",
+    "cells": "nx",
+    "mu": "friction",
+    "young": "E",
+    "youngs_modulus": "E",
+    "poisson": "nu",
+    "rho": "density",
+    "mass_density": "density",
+    "areal_density": "areal_weight",
+}
+
+
+def did_you_mean(word: object, allowed: Iterable[str]) -> str:
+    """What a message says of a word that is not among those allowed, " (did you mean x?)", by its
+    spelling, whatever its capitals, or by what others call the same; "" if none is near."""
+    names = list(allowed)
+    known = {each.lower(): name for each, name in SYNONYMS.items() if name in names}
+    known |= {name.lower(): name for name in names}
+    near = difflib.get_close_matches(str(word).lower(), known, n=1)
+    return f" (did you mean {known[near[0]]}?)" if near else ""
+
+
 def unknown_key(key: object, allowed: Iterable[str], label: str) -> InputError:
     """The error for a key that is not among those allowed; it names the nearest."""
     allowed = list(allowed)
-    near = difflib.get_close_matches(str(key), allowed, n=1)
-    hint = f" (did you mean {near[0]}?)" if near else ""
+    hint = did_you_mean(key, allowed)
     return InputError(f"{label} is unknown{hint}; allowed are {', '.join(allowed)}")
 
 

@@ -17,6 +17,7 @@ from ..results import measures
 from ..runtime.errors import InputError
 from ..runtime.fields import choice, number
 from ..runtime.rules import FINITE, FROM_ZERO
+from ..runtime.words import rounded
 from ..scene.supports import Supports, clamped_ends
 from ..verification.pin_jointed import PinJointedStrip
 from .scenario import ELEMENTS
@@ -80,8 +81,8 @@ class BiasExtension(StripTest):
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):
             raise InputError(
-                f"the strip is {length:.6g} mm long and {width:.6g} mm wide; allowed is a length "
-                "of 2 widths or more, for a zone of full shear"
+                f"the strip is {rounded(length, 6)} mm long and {rounded(width, 6)} mm wide; "
+                "allowed is a length of 2 widths or more, for a zone of full shear"
             )
         self.membrane = self.fabric_membrane()
         self._compare_with_theory(length, width)

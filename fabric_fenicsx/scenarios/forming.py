@@ -22,6 +22,7 @@ from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.fields import choice, number, one_of, switch, text
 from ..runtime.rules import COUNT, FROM_ZERO, POSITIVE
+from ..runtime.words import rounded
 from ..scene import reports
 from ..scene.scene import Scene
 from ..scene.supports import Support
@@ -42,7 +43,8 @@ if TYPE_CHECKING:
     import pyvista
 
 PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
-PLANES = [lambda x: x[0] < 1e-6, lambda x: x[1] < 1e-6]  # of symmetry of a quarter
+ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
+PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
 
 
 @dataclass(kw_only=True)
@@ -167,7 +169,7 @@ class Forming(Scenario):
         self.blank = self._blank()
         self._extent = self.blank.extent()
         if not self.full:
-            self._check_quarter(*self._extent)
+            self._check_quarter()
         # of all that lies between the tools, without pressure
         t = self.thickness = sum(ply.thickness_under(0.0) for ply in self.plies)
         surface, depth = self._punch()
@@ -253,14 +255,23 @@ class Forming(Scenario):
 
         return stacking.lay(self.plies, made)
 
-    def _check_quarter(self, low, high):
-        """Raise InputError for a blank that planes of symmetry would cut."""
-        for axis, start, end in zip("xy", low, high):
-            if start < -FITS * (end - start):
-                raise InputError(
-                    f"the mesh reaches from {axis} = {start:.4g} to {end:.4g}, beyond the quarter "
-                    "x, y >= 0; allowed is `full`, or a quarter"
-                )
+    def _check_quarter(self):
+        """Raise InputError for a sheet that planes of symmetry would cut, or that has no edge on
+        one of them."""
+        sheets = self.blank.sheets if isinstance(self.blank, Stack) else []
+        for name, blank in [(f" of {s.name}", s.blank) for s in sheets] or [("", self.blank)]:
+            for axis, start, end in zip("xy", *blank.extent()):
+                reaches = f"the mesh{name} reaches from {axis} = {rounded(start, 4)} to "
+                reaches += f"{rounded(end, 4)} mm"
+                if start < -FITS * (end - start):
+                    raise InputError(
+                        f"{reaches}, beyond the quarter x, y >= 0; allowed is `full`, or a quarter"
+                    )
+                if start > ON_PLANE:
+                    raise InputError(
+                        f"{reaches}, but the planes of symmetry of a quarter are x = 0 and y = 0; "
+                        "allowed is a mesh with edges on both, or `full`"
+                    )
 
     def _punch(self):
         """The punch's surface, checked, and its greatest stroke [mm]."""
@@ -346,8 +357,8 @@ class Forming(Scenario):
         to the end of its axis, against motion and turning."""
         if not self.full:
             return [
-                Support("plane of symmetry x = 0", lambda x: x[0] < 1e-6, (0,)),
-                Support("plane of symmetry y = 0", lambda x: x[1] < 1e-6, (1,)),
+                Support("plane of symmetry x = 0", PLANES[0], (0,)),
+                Support("plane of symmetry y = 0", PLANES[1], (1,)),
             ]
         parts = list(self.blank.parts.values()) or [self.blank.whole]
         held = [holding.nearest_nodes(parts, at) for at in ((0.0, 0.0), (self.length / 2, 0.0))]

@@ -20,6 +20,7 @@ from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, declared, number
 from ..runtime.rules import FROM_ZERO, POSITIVE
+from ..runtime.words import rounded
 from ..sheets.blank import Blank, Part
 from ..sheets.stack import Stack
 from ..tools.primitives import Plane
@@ -303,9 +304,9 @@ def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], corner: np.nd
     for name, axis, end in zip("xy", np.eye(3), corner):
         held = np.flatnonzero(under(axis[:, None] * (end + np.arange(FAR))))
         if not len(held):
-            loose.append(f"at {name} = {end:.4g} mm, more than {FAR} mm from the flange")
+            loose.append(f"at {name} = {rounded(end, 4)} mm, more than {FAR} mm from the flange")
         elif held[0]:
-            loose.append(f"at {name} = {end:.4g} mm, {held[0]} mm from the flange")
+            loose.append(f"at {name} = {rounded(end, 4)} mm, {held[0]} mm from the flange")
     return [
         f"the smallest sheet ends over the die's opening {place}: the blank holder does not press "
         "it there"

@@ -8,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
+from ..runtime.words import rounded
 from ..tools.checks import check_own_punch, check_punch, mirror_warning
 from ..tools.double_dome import DoubleDome
 from ..tools.surfaces import Surface, radii_of
@@ -62,12 +63,12 @@ def clearance_of(asked: float | None, thickness: float, pressed: float, surface:
     if clearance < pressed:
         raise InputError(
             f"`clearance` {clearance:g} is less than the thickness of ply or stack under "
-            f"{PRESSED:g} MPa; allowed is from {pressed:.3g} mm"
+            f"{PRESSED:g} MPa; allowed is from {rounded(pressed)} mm"
         )
     if clearance >= radius:
         usual = "" if asked else ", 1.2 thicknesses,"
         raise InputError(
             f"`clearance` {clearance:g}{usual} leaves the die no radius where the punch is hollow; "
-            f"allowed is from {pressed:.3g} to below {radius:g} mm, the least radius there"
+            f"allowed is from {rounded(pressed)} to below {radius:g} mm, the least radius there"
         )
     return clearance

@@ -9,6 +9,7 @@ from petsc4py import PETSc
 
 from ..mechanics.work import Work
 from ..runtime.errors import InputError
+from ..runtime.words import rounded
 from ..sheets.blank import Blank
 from .supports import Support
 

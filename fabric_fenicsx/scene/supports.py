@@ -7,7 +7,12 @@ import numpy as np
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
+from ..runtime.rules import FINITE, Rule, shown
+from ..runtime.words import rounded
 from ..sheets.blank import Blank
+from ..tools.values import checked_vector, length_of
+
+AXIS = Rule("0, 1 or 2", lambda v: 0 <= v <= 2, int)
 
 
 @dataclass(frozen=True)
@@ -30,6 +35,20 @@ class Support:
     value: Sequence[float] | Callable[[np.ndarray, float], np.ndarray] = (0.0, 0.0, 0.0)
     locates: bool = False
 
+    def __post_init__(self) -> None:
+        try:
+            axes = tuple(AXIS.check("", each) for each in self.components)
+        except (TypeError, InputError):
+            raise InputError(
+                f"components of support {self.name} are {shown(self.components)}; allowed are "
+                "some of 0, 1 and 2, as (0, 1)"
+            ) from None
+        object.__setattr__(self, "components", axes)
+        if not callable(self.value):
+            size = 2 if length_of(self.value) == 2 else 3
+            vector = checked_vector(f"value of support {self.name}", self.value, size=size)
+            object.__setattr__(self, "value", (*vector.tolist(), 0.0)[:3])
+
 
 # what a scene takes: supports, or a function that makes them for its blank
 Supports = Iterable[Support] | Callable[[Blank], Iterable[Support]]
@@ -39,13 +58,16 @@ def clamped_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
     """Supports of a strip clamped at both ends, "fixed grip" and "moving grip", of which the second
     is pulled by `stroke` [mm] along the frame's first axis.
 
-    They raise InputError if an end is not straight, over half the strip's width or more.
+    Raises InputError for a stroke that is not finite; they do if an end is not straight, over half
+    the strip's width or more.
     """
+    stroke = FINITE.check("`stroke`", stroke)
     return lambda blank: _ends(blank, stroke, tuple(range(blank.mesh.geometry.dim)))
 
 
 def rolling_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
     """As `clamped_ends`, with ends that are free to move across the strip but for one corner."""
+    stroke = FINITE.check("`stroke`", stroke)
 
     def supports(blank: Blank) -> list[Support]:
         low, high = blank.extent()
@@ -67,8 +89,9 @@ def _ends(blank, stroke, components):
         held = comm.allreduce(at_end.max(initial=-np.inf), MPI.MAX) - first
         if held < 0.5 * (high - low)[1]:
             raise InputError(
-                f"the {name} end of {blank.name} along its length can be gripped over {held:.4g} "
-                f"of {(high - low)[1]:.4g} mm; allowed is a straight end, half the width or more"
+                f"the {name} end of {blank.name} along its length can be gripped over "
+                f"{rounded(held, 4)} of {rounded((high - low)[1], 4)} mm; allowed is a straight "
+                "end, half the width or more"
             )
 
     def end(position):

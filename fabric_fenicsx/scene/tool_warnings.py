@@ -10,6 +10,7 @@ from mpi4py import MPI
 from ..mechanics.contact.pressing_term import PressingTerm
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.mesh_warnings import around
+from ..runtime.words import rounded
 from ..sheets.blank import Blank
 from ..tools.surface_warnings import hole_warning, radii_warning, size_warning
 from ..tools.tool import Tool
@@ -80,9 +81,9 @@ def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
         return ""
     name = min(radii, key=lambda name: radii[name])
     return (
-        f"cells are {total / cells:.3g} mm long where the {name} has a radius of {least:.3g} mm: "
-        "forces may be some per cent and angles some deg off; "
-        f"take cells below {math.radians(TURN) * least:.3g} mm"
+        f"cells are {rounded(total / cells)} mm long where the {name} has a radius of "
+        f"{rounded(least)} mm: forces may be some per cent and angles some deg off; take cells "
+        f"below {rounded(math.radians(TURN) * least)} mm"
     )
 
 
@@ -96,7 +97,9 @@ def untouched_warning(scene: Scene) -> str:
         if its and moved and not any([contact.touched() for contact in its]):
             gap = min(float(contact.gap().min(initial=math.inf)) for contact in its)
             gap = scene.comm.allreduce(gap, MPI.MIN)
-            told.append(f"{tool.name} moved by {moved:.3g} mm, and is still {gap:.3g} mm off")
+            told.append(
+                f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"
+            )
     if not told:
         return ""
     return f"a tool never touched the sheet: {'; '.join(told)}; check its path and its surface"

@@ -18,13 +18,16 @@ from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
+from ..runtime.rules import COUNT, POSITIVE
 from .cells import CELLS
 from .fibres import Direction, fibre_fields
 from .layout import Layout, axes_of, blank_options
-from .mesh_checks import checked_mesh
+from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import on_root, read_mesh
 
 SAME = 1e-15  # by which directions may differ that are taken as one
+
+FLAT = 1e-6  # of its size, up to which a sheet is flat
 
 
 class Blank:
@@ -150,6 +153,17 @@ class Blank:
         """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
         owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
         return self.along(self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)[:owned]].mean(1).T)
+
+    def is_flat(self) -> bool:
+        """Whether the undeformed sheet lies in a plane z = const; on all ranks together."""
+        low, high = _bounds(self.mesh.comm, self.mesh.geometry.x.T)
+        return bool(high[2] - low[2] <= FLAT * (high - low).max())
+
+    def places(self) -> np.ndarray:
+        """By which cells are told of: undeformed centres of the owned ones (cells, 2) along x and
+        y, if the sheet is not flat (cells, 3) along z, too [mm]."""
+        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
+        return self.mesh.geometry.x[nodes].mean(1)[:, : 2 if self.is_flat() else 3]
 
     def corners(self) -> np.ndarray:
         """Undeformed corners of the owned cells along the frame's axes, in order around each,
@@ -279,15 +293,16 @@ class Blank:
 
         layout.setdefault("element", "P1" if spatial else "P2")
         options = blank_options(layout)
-        points = cells = kind = None
-        if comm.rank == 0:
-            ny = ny or max(1, round(nx * width / length))
-            cell = "triangle" if layout["element"][0] == "P" else "quadrilateral"
-            points, cells, kind = specimen(
-                length, width, nx, ny, pattern, cell, math.radians(layout.get("fibre_angle", 0.0))
-            )
-            points[:, :2] -= np.array([length, width]) / 2 if layout.get("centred") else 0.0
-            points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
+        length, width = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
+        nx = COUNT.check("`nx`", nx)
+        ny = max(1, round(nx * width / length)) if ny is None else COUNT.check("`ny`", ny)
+        cell = "triangle" if layout["element"][0] == "P" else "quadrilateral"
+        yarns = math.radians(layout.get("fibre_angle", 0.0))
+        points, cells, kind, _ = on_root(
+            comm, lambda: MeshArrays(*specimen(length, width, nx, ny, pattern, cell, yarns), [])
+        )
+        points[:, :2] -= np.array([length, width]) / 2 if layout.get("centred") else 0.0
+        points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
         return cls.from_arrays(comm, points, cells, kind, "the specimen", spatial, **options)
 
     @classmethod

@@ -5,7 +5,9 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from ..runtime.errors import InputError
+from ..runtime.rules import BELOW_180, FINITE, Rule, unknown_key
+
+FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
 
 
 class Layout(TypedDict, total=False):
@@ -31,10 +33,11 @@ def axes_of(turned: float) -> np.ndarray:
 
 def blank_options(layout: Layout) -> dict[str, Any]:
     """Options of a `Blank` that lies so; InputError for an angle beyond a full turn."""
-    fibre_angle, yarn_angle = layout.get("fibre_angle", 0.0), layout.get("yarn_angle", 90.0)
-    if not abs(fibre_angle) <= 360:
-        raise InputError(f"fibre angle is {fibre_angle:g} deg; allowed is from -360 to 360 deg")
-    turned = layout.get("turned", 0.0)
+    for name in set(layout) - set(Layout.__annotations__):
+        raise unknown_key(name, Layout.__annotations__, f"keyword {name}")
+    fibre_angle = FULL_TURN.check("`fibre_angle`", layout.get("fibre_angle", 0.0))
+    yarn_angle = BELOW_180.check("`yarn_angle`", layout.get("yarn_angle", 90.0))
+    turned = FINITE.check("`turned`", layout.get("turned", 0.0))
     a = math.radians(fibre_angle) + turned
     options: dict[str, Any] = {"a": a, "degree": int(layout["element"][1])}
     if turned:

@@ -7,7 +7,8 @@ import numpy as np
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
-from ..runtime.rules import POSITIVE
+from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, shown
+from ..runtime.words import rounded
 from .blank import Blank, Part
 
 FLAT = 1e-9  # distance from its plane of a sheet that is flat, over its size
@@ -41,8 +42,11 @@ class Stack(Blank):
         play: float = 0.0,
         name: str = "stack",
     ) -> None:
-        self.sheets = [Sheet(*sheet) for sheet in sheets]
+        self.sheets = [_sheet(sheet) for sheet in sheets]
         _check(self.sheets)
+        play = FROM_ZERO.check("`play` of the stack", play)
+        if bottom is not None:
+            bottom = FINITE.check("`bottom` of the stack", bottom)
         comm = self.sheets[0].blank.mesh.comm
         self.play = play
         lower_faces = np.cumsum([0.0, *(s.thickness + play for s in self.sheets[:-1])])
@@ -65,10 +69,24 @@ class Stack(Blank):
                 self, sheet.name, at, sheet.thickness, sheet.blank.orthogonal
             )
 
+    def is_flat(self) -> bool:
+        """True, as its sheets are."""
+        return True
+
     @property
     def thickness(self) -> float:
         """Thickness of all sheets together [mm]."""
         return sum(sheet.thickness for sheet in self.sheets)
+
+
+def _sheet(given):
+    try:
+        blank, thickness, name = given
+    except (TypeError, ValueError):
+        raise InputError(
+            f"a sheet of the stack is {shown(given)}; allowed are blank, thickness [mm] and name"
+        ) from None
+    return Sheet(blank, POSITIVE.check(f"thickness of sheet {name} of the stack", thickness), name)
 
 
 def _check(sheets):
@@ -82,7 +100,6 @@ def _check(sheets):
         raise InputError(f"the stack has sheets of {sorted(kinds)}s; allowed is one kind of cells")
     for sheet in sheets:
         blank, where = sheet.blank, f"sheet {sheet.name} of the stack"
-        POSITIVE.check(f"thickness of {where}", sheet.thickness)
         if blank.mesh.geometry.dim != 3 or not np.array_equal(blank.frame, np.eye(3)):
             raise InputError(
                 f"{where} lies in a plane mesh or along turned axes; allowed is a sheet in space "
@@ -93,7 +110,8 @@ def _check(sheets):
         low, high = blank.extent()
         if high[2] - low[2] > FLAT * (high - low).max():
             raise InputError(
-                f"{where} is {high[2] - low[2]:.4g} mm high; allowed is a flat sheet, z = const"
+                f"{where} is {rounded(high[2] - low[2], 4)} mm high; allowed is a flat sheet, z = "
+                "const"
             )
     extents = [sheet.blank.extent() for sheet in sheets]
     for k, (low, high) in enumerate(extents):

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from ..runtime.words import percent
+
 SMALL_WORK = 0.1  # of the energies, below which a step's work is not what its balance is of
 FINEST = 8  # of these make the largest step; smaller ones are not judged by their balance
 
@@ -44,6 +46,6 @@ class EnergyBalance:
         if missing <= self.allowed:
             return ""
         return (
-            f"{100 * missing:.3g} % of the step's work is not in the energies; allowed is "
-            f"{100 * self.allowed:g} %"
+            f"{percent(missing, 3)} of the step's work is not in the energies; allowed is "
+            f"{percent(self.allowed, 6)}"
         )

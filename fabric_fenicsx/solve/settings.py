@@ -79,6 +79,8 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        for each in self.milestones:
+            LOAD_FACTOR.check("one of `milestones`", each)
 
     def coarser_settings(self) -> "Settings":
         """The settings of the same run on a mesh twice as coarse, with half the steps."""

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..runtime.words import rounded
 from .judges import EnergyBalance, StraightPath
 from .lagged import solve_lagged
 from .newton import Newton
@@ -262,7 +263,10 @@ class LoadStepping:
         self._cuts += 1
         self.on_reject(attempt.load, attempt.report)
         self._restore()
-        viscosity, gave_up = progress.viscosity, f"gave up at load factor {progress.load:.6g}"
+        viscosity, gave_up = (
+            progress.viscosity,
+            f"gave up at load factor {rounded(progress.load, 6)}",
+        )
         viscosity.stiffness = viscosity.stiffness or self.newton.stiffness(progress.x)
         if not np.isfinite(viscosity.stiffness):
             return f"{gave_up}: the tangent of the state there is not a number"
@@ -272,7 +276,7 @@ class LoadStepping:
         if taken > 2 * SMALLEST:
             progress.step = CUT * taken
             return ""
-        even = f", even with a step of {taken:.3g}" if taken else ""
+        even = f", even with a step of {rounded(taken)}" if taken else ""
         return f"{gave_up}: {attempt.report.reason}{even}"
 
     def _restore(self):

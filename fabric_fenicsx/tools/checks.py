@@ -7,6 +7,7 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
+from ..runtime.words import coordinates, rounded
 from .surfaces import Flipped, ImplicitSurface, Offset, Reversed, Surface
 from .tool import Tool
 from .triangulated import TriangulatedSurface
@@ -22,11 +23,6 @@ STEP = 1e-3  # step of these differences [mm]
 WRONG = 0.01, 0.1  # share by which derivatives are wrong, and of the points at which they may be
 
 
-def at(place: ArrayLike) -> str:
-    """A point in words, to four digits."""
-    return "(" + ", ".join(f"{round(each, 9) + 0.0:.4g}" for each in np.asarray(place)) + ")"
-
-
 def check_triangles(
     surface: TriangulatedSurface, name: str, thickness: float, warn: Callable[[str], None]
 ) -> None:
@@ -36,7 +32,7 @@ def check_triangles(
     if len(surface.forks):
         raise InputError(
             f"{name} has {len(surface.forks)} edges with more than two triangles, one at "
-            f"{at(x[surface.forks[0]].mean(0))}; "
+            f"{coordinates(x[surface.forks[0]].mean(0))}; "
             "allowed are at most two at an edge"
         )
     if not surface.one_sided:
@@ -52,17 +48,16 @@ def check_triangles(
     worst = int(off.argmax())
     if off[worst] > thickness:
         raise InputError(
-            f"{name} has facets that are {off[worst]:.3g} mm off the curved surface through their "
-            "corners, at "
-            f"{at(x[surface.triangles[worst]].mean(0))}; allowed is up to the ply's thickness "
-            f"{thickness:g} mm"
+            f"{name} has facets that are {rounded(off[worst])} mm off the curved surface through "
+            f"their corners, at {coordinates(x[surface.triangles[worst]].mean(0))}; allowed is up "
+            f"to the ply's thickness {thickness:g} mm"
         )
     edges, turn = surface.turns
     if len(turn) and np.degrees(turn.max()) > COARSE:
         worst = int(turn.argmax())
         warn(
             f"{name} is coarse: its facets turn by {np.degrees(turn[worst]):.0f} deg at "
-            f"{at(x[edges[worst]].mean(0))} where "
+            f"{coordinates(x[edges[worst]].mean(0))} where "
             f"it is to be smooth; beyond {COARSE:g} deg its curvature is a guess"
         )
 
@@ -87,18 +82,18 @@ def check_punch(
     for unit, factor in UNITS.items():
         if size < 0.2 * needed and 0.5 < size * factor / needed < 10:
             raise InputError(
-                f"{name} is {size:.4g} mm large, which speaks of {unit}; allowed is a surface in "
-                f"mm, larger than {ply}"
+                f"{name} is {rounded(size, 4)} mm large, which speaks of {unit}; allowed is a "
+                f"surface in mm, larger than {ply}"
             )
     if size > 50 * needed:
         raise InputError(
-            f"{name} is {size:.4g} mm large; allowed is a surface in mm, up to 50 times as large "
-            f"as {ply}"
+            f"{name} is {rounded(size, 4)} mm large; allowed is a surface in mm, up to 50 times as "
+            f"large as {ply}"
         )
     middle = x[surface.rim].mean(1)
     within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
     open_words = (
-        f"{name} is open at {at(middle[within.argmax()])}, beneath the ply; allowed is a surface "
+        f"{name} is open at {coordinates(middle[within.argmax()])}, beneath the ply; allowed is a surface "
         f"without holes or cracks that reaches beyond {ply}"
         if within.any()
         else ""
@@ -114,9 +109,9 @@ def check_punch(
     worst = int(off.argmax())
     if off[worst] > FLANGE * thickness:
         raise InputError(
-            f"{name} has no flange in z = 0 under the ply's edge at {at(outline[worst, :2])}: the "
-            "nearest surface lies "
-            f"{abs(found.gap[worst]):.3g} mm off; allowed is a punch with a flange there that "
+            f"{name} has no flange in z = 0 under the ply's edge at "
+            f"{coordinates(outline[worst, :2])}: the nearest surface lies "
+            f"{rounded(abs(found.gap[worst]))} mm off; allowed is a punch with a flange there that "
             f"reaches beyond {ply}"
         )
     check_triangles(surface, name, thickness, warn)
@@ -179,8 +174,9 @@ def mirror_warning(
         if len(off) and off.max() > MIRRORED * thickness:
             worst = points[off.argmax()]
             return (
-                f"{name} is not its own mirror image: it is at {at(worst)}, but {off.max():.3g} "
-                f"mm off {at(worst * mirror)}; so the quarter stands for four mirrored ones"
+                f"{name} is not its own mirror image: it is at {coordinates(worst)}, but "
+                f"{rounded(off.max())} mm off {coordinates(worst * mirror)}; so the quarter stands "
+                "for four mirrored ones"
             )
     return ""
 
@@ -248,7 +244,7 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
     if lost.mean() > 0.5:
         raise InputError(
             f"F of surface {type(surface).__name__} of {tool.name} is not a number at "
-            f"{at(x[:, lost][:, 0])}; allowed is a finite one"
+            f"{coordinates(x[:, lost][:, 0])}; allowed is a finite one"
         )
     least = np.nanmax(abs(of_F), initial=0.0)
     for name, given, found, floor in (
@@ -260,16 +256,17 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
         if wrong.mean() > WRONG[1]:
             raise InputError(
                 f"the {name} of surface {type(surface).__name__} of {tool.name} is not that of its "
-                f"F, as at {at(x[:, wrong][:, 0])}; allowed are exact derivatives, which "
+                f"F, as at {coordinates(x[:, wrong][:, 0])}; allowed are exact derivatives, which "
                 "`check_derivatives` compares with differences"
             )
     beyond = bound > (1 + WRONG[0]) * gap + STEP
     if beyond.any():
         worst = int(np.where(beyond, bound - gap, 0.0).argmax())
         raise InputError(
-            f"`bound` of surface {type(surface).__name__} of {tool.name} is {bound[worst]:.3g} mm "
-            f"at {at(x[:, worst])}, which is {gap[worst]:.3g} mm off the surface; allowed is up "
-            "to the distance, or no `bound`"
+            f"`bound` of surface {type(surface).__name__} of {tool.name} is "
+            f"{rounded(bound[worst])} mm at {coordinates(x[:, worst])}, which is "
+            f"{rounded(gap[worst])} mm off the surface; allowed is up to the distance, or no "
+            "`bound`"
         )
 
 
@@ -280,10 +277,10 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     nearest, place = _least_gap(tool, places, thickness, comm)
     if nearest < -(0.5 + 1e-6) * thickness:
         raise InputError(
-            f"{tool.name} is {-nearest:.3g} mm deep in the sheet's face at {at(place)} before "
-            f"anything moves; allowed is up to {thickness / 2:g} mm, half the thickness: begin its "
-            "path further off, or turn it round with `Reversed` if its normals point away from the "
-            "sheet"
+            f"{tool.name} is {rounded(-nearest)} mm deep in the sheet's face at "
+            f"{coordinates(place)} before anything moves; allowed is up to {thickness / 2:g} mm, "
+            "half the thickness: begin its path further off, or turn it round with `Reversed` if "
+            "its normals point away from the sheet"
         )
 
 
@@ -295,7 +292,8 @@ def _least_gap(tool, places, thickness, comm):
     if lost := sum(comm.allgather(lost), []):
         raise InputError(
             f"the gap of surface {type(tool.surface).__name__} of {tool.name} is not a number at "
-            f"{at(lost[0])}, where the sheet is before anything moves; allowed is a finite one"
+            f"{coordinates(lost[0])}, where the sheet is before anything moves; allowed is a "
+            "finite one"
         )
     deep = gap < -thickness / 2  # may be a bound
     exact = tool.evaluate(places[deep]).gap
@@ -320,14 +318,14 @@ def check_motion(
             nearest, place = _least_gap(tool, places, thickness, comm)
             if load == 0 and nearest < -FLANGE * thickness:
                 raise InputError(
-                    f"{tool.name} cuts into the blank by {-nearest:.3g} mm at {at(place)} before "
-                    "anything moves; allowed is "
-                    f"up to {FLANGE * thickness:g} mm"
+                    f"{tool.name} cuts into the blank by {rounded(-nearest)} mm at "
+                    f"{coordinates(place)} before anything moves; allowed is up to "
+                    f"{FLANGE * thickness:g} mm"
                 )
             if load == 1 and nearest > FLANGE * thickness:
                 raise InputError(
                     f"{tool.name} never reaches the blank: at the end of its stroke it is still "
-                    f"{nearest:.3g} mm off or more; "
+                    f"{rounded(nearest)} mm off or more; "
                     "allowed is a tool that touches it"
                 )
         tool.at(0.0)

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.rules import FROM_ZERO, POSITIVE, Rule
+from ..runtime.rules import FROM_ZERO, POSITIVE, Rule, did_you_mean
 from .surfaces import ImplicitSurface, in_frame, tangent_vectors
 
 WALL = Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90)
@@ -39,8 +39,9 @@ def _refusing_unknown(dome):
     def checked(self, /, *values, **named):
         allowed = [each.name for each in fields(dome)]
         if unknown := [name for name in named if name not in allowed]:
+            hints = ", ".join(name + did_you_mean(name, allowed) for name in unknown)
             raise InputError(
-                f"{', '.join(unknown)}: no dimension of the double dome has this name; allowed are "
+                f"{hints}: no dimension of the double dome has this name; allowed are "
                 + "; ".join([", ".join(allowed), *_in_range(named)[1]])
             )
         make(self, *values, **named)

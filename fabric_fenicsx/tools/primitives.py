@@ -146,7 +146,7 @@ class Plate(Surface):
         self.length = POSITIVE.check("length", length)
         self.width = self.length if width is None else POSITIVE.check("width", width)
         half = min(self.length, self.width) / 2
-        corner = half if width is None else corner or 0.0
+        corner = half if width is None else 0.0 if corner is None else corner
         self.corner = Rule(
             f"a number from 0 to {half:g}, half the opening",
             lambda v: 0 <= v <= half * (1 + 1e-12),

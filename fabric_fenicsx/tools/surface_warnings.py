@@ -5,7 +5,8 @@ from mpi4py import MPI
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from .checks import UNITS, at
+from ..runtime.words import coordinates, rounded
+from .checks import UNITS
 from .surfaces import Flipped, Offset, Reversed, Surface
 from .tool import Tool
 from .triangulated import TriangulatedSurface
@@ -32,7 +33,7 @@ def size_warning(tool: Tool, sheet: float) -> str:
     for unit, factor in UNITS.items():
         if size < 0.02 * sheet and 0.1 < size * factor / sheet < 10:
             return (
-                f"the surface of {tool.name} is {size:.3g} mm large, which speaks of {unit}; "
+                f"the surface of {tool.name} is {rounded(size)} mm large, which speaks of {unit}; "
                 "lengths are in mm"
             )
     return ""
@@ -51,8 +52,8 @@ def hole_warning(tool: Tool) -> str:
         width = float(np.ptp(around, axis=0).max())
         if width < HOLE * np.ptp(x, axis=0).max():
             return (
-                f"the surface of {tool.name} has a hole {width:.3g} mm wide at "
-                f"{at(around.mean(0))} of its own, where nothing stops the sheet"
+                f"the surface of {tool.name} has a hole {rounded(width)} mm wide at "
+                f"{coordinates(around.mean(0))} of its own, where nothing stops the sheet"
             )
     return ""
 
@@ -80,6 +81,6 @@ def radii_warning(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> str:
     told = ", ".join(f"{radius:g}" for radius in surface.radii)
     return (
         f"surface {type(surface).__name__} of {tool.name} is curved with a radius of "
-        f"{1 / abs(bent[i]).max():.3g} mm at {at(feet[i])} of its own, but its `radii` "
-        f"are ({told}): penalty and check of the cells rest on them"
+        f"{rounded(1 / abs(bent[i]).max())} mm at {coordinates(feet[i])} of its own, but its "
+        f"`radii` are ({told}): penalty and check of the cells rest on them"
     )

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
 from .facets import LAST, NEXT, facet_normals, topology
+from .values import checked_points
 
 SAME = 2e-7  # distance of points that are one, over the largest coordinate: files have singles
 # of points of open edges that are one: over the median edge, and over the shortest edge at them
@@ -35,9 +36,7 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
     Raises InputError if no triangle has an area, or for points, triangles or normals of a wrong
     shape or not finite.
     """
-    x, cells = np.asarray(points, dtype=float), np.asarray(triangles)
-    if x.ndim != 2 or x.shape[1] != 3:
-        raise InputError(f"points of the surface have the shape {x.shape}; allowed is (n, 3)")
+    x, cells = checked_points(points, "points of the surface"), np.asarray(triangles)
     if not (finite := np.isfinite(x).all(1)).all():
         first = int(finite.argmin())
         raise InputError(

@@ -1,36 +1,54 @@
-"""Vectors and points that tools are given, checked."""
+"""Vectors and points that users give, checked."""
 
 from reprlib import repr as shown
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
+from ..runtime.rules import FINITE
+
+WORDS = {2: "two", 3: "three"}
 
 
-def checked_vector(name: str, value: ArrayLike, unit: bool = False) -> np.ndarray:
-    """`value` as an array (3,), of length 1 if `unit`; raises InputError for any other."""
+def checked_vector(
+    name: str, value: ArrayLike, unit: bool = False, size: int = 3, hint: str = ""
+) -> np.ndarray:
+    """`value` as an array (size,), of length 1 if `unit`; raises InputError for any other, with a
+    `hint` at its end."""
     try:
-        vector = np.array(value, dtype=float)
-    except (TypeError, ValueError):
+        vector = np.array([FINITE.check("", each) for each in iter(value)])  # type: ignore
+    except (TypeError, InputError):
         vector = np.empty(0)
-    if vector.shape != (3,) or not np.isfinite(vector).all() or (unit and not vector.any()):
+    if vector.shape != (size,) or (unit and not vector.any()):
         besides = ", not all 0" if unit else ""
-        raise InputError(f"{name} is {shown(value)}; allowed are three finite numbers{besides}")
+        raise InputError(
+            f"{name} is {shown(value)}; allowed are {WORDS[size]} finite numbers{besides}{hint}"
+        )
     # scaled first, so that its square neither overflows nor vanishes
     return (
         vector / abs(vector).max() / np.linalg.norm(vector / abs(vector).max()) if unit else vector
     )
 
 
-def checked_points(points: ArrayLike) -> np.ndarray:
-    """`points` as an array of shape (n, 3); raises InputError for any other."""
+def length_of(value: Any) -> int:
+    """How many numbers a vector has that is not checked yet; 0 if it is none."""
     try:
-        x = np.asarray(points, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(
-            f"points are {shown(points)}; allowed are numbers of shape (n, 3)"
-        ) from None
+        return len(value)
+    except TypeError:
+        return 0
+
+
+def checked_points(points: ArrayLike, name: str = "points") -> np.ndarray:
+    """`points` as an array of shape (n, 3); raises InputError for any other, by `name`."""
+    try:
+        x = np.asarray(points)
+    except ValueError:  # rows of different lengths
+        x = np.empty(0, object)
+    if x.dtype.kind not in "iuf":
+        raise InputError(f"{name} are {shown(points)}; allowed are numbers of shape (n, 3)")
+    x = x.astype(float)
     if x.ndim != 2 or x.shape[1] != 3:
-        raise InputError(f"points have the shape {x.shape}; allowed is (n, 3)")
+        raise InputError(f"{name} have the shape {x.shape}; allowed is (n, 3)")
     return x

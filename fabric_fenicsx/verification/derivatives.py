@@ -19,6 +19,7 @@ from ..mechanics.term import Term
 from ..mechanics.term_checks import check_answers
 from ..mechanics.triplets import TripletPlaces
 from ..runtime.errors import InputError
+from ..runtime.rules import FINITE, POSITIVE
 from ..scene.scene import Scene
 from ..tools.surfaces import ImplicitSurface, Surface, radii_of
 
@@ -72,6 +73,9 @@ def check_derivatives(
     `KINKS` of the states may be. Raises it also where an energy or a gap is not a number.
     """
     remarks: list[str] = []
+    FINITE.check("`load`", load)
+    if size is not None:
+        POSITIVE.check("`size`", size)
     if isinstance(thing, Law):
         name, rows = f"law {thing.law}", [*_of_law(thing, at)]
         remarks = _of_shear(thing, at)

@@ -12,6 +12,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.job.error_run import FOLDER, coarsened
 from fabric_fenicsx.meshes.specimen import specimen, write
 from fabric_fenicsx.results.error import SAFETY, curve_errors, factor
+from fabric_fenicsx.runtime.words import rounded
 
 
 @pytest.mark.versions
@@ -142,7 +143,10 @@ def test_a_formed_ply(launch, monkeypatch):
     error, force = done.summary["error"], done.summary["quantities"]["punch_force_N"]
     assert {"punch_force_N", "shear_angle_max_deg", "draw_in.largest_mm"} < error.keys()
     assert 0 < error["punch_force_N"] < force
-    assert f"punch force {force:.5g} +- {error['punch_force_N']:.2g} N" in done.out + done.err
+    assert (
+        f"punch force {rounded(force, 5)} +- {rounded(error['punch_force_N'], 2)} N"
+        in done.out + done.err
+    )
     assert (done.folder / "error.png").stat().st_size > 10_000
     page = (done.folder / "report.html").read_text()
     assert "Estimated absolute errors" in page and "shear angle rms [deg]" in page

@@ -249,8 +249,8 @@ def test_what_is_wrong_in_a_file_is_said(tmp_path, text, words):
 
 
 def test_what_is_no_metal_is_refused():
-    with pytest.raises(InputError, match="metal 'dc06' is unknown; allowed is a preset .dc04. or"):
-        load_metal("dc06")
+    with pytest.raises(InputError, match="metal 'brass' is unknown; allowed is a preset .dc04. or"):
+        load_metal("brass")
     with pytest.raises(InputError, match="replace: Y is unknown"):
         METALS["dc04"].replace(Y=3)
     with pytest.raises(InputError, match="hardening is 159; allowed is a Swift"):

@@ -123,7 +123,7 @@ def test_dead_pressure_on_a_tilted_patch():
         ),
         (
             lambda b: DeadPressure(math.inf, (1, 0)),
-            "dead pressure is inf MPa; allowed is a finite number",
+            "dead pressure [MPa] is inf; allowed is a finite number",
         ),
         (lambda b: DeadPressure(1.0, (math.nan, 0)), "direction of dead pressure is"),
     ],

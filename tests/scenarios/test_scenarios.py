@@ -48,7 +48,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
         (
             ff.Tensile,
             {"fibre_angle": 400},
-            "fibre angle is 400 deg; allowed is from -360 to 360",
+            "`fibre_angle` is 400.0; allowed is an angle from -360 to 360 deg",
         ),
         (
             ff.Forming,
@@ -69,7 +69,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
         (ff.BiasExtension, {"in_plane_bending": 1, "element": "P2"}, "allowed is P1"),
         (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
         (ff.PictureFrame, {"pre_tension": 0.5}, "allowed is a strain from 0 to 0.1"),
-        (ff.Forming, {"dome": {"depht": 3}}, "`dome`: depht: no dimension of the double dome has"),
+        (ff.Forming, {"dome": {"depht": 3}}, "`dome`: depht (did you mean depth?): no dimension"),
         (
             ff.Forming,
             {"dome": ["60", "waist=wide", "hight=3", "depth=-1"]},

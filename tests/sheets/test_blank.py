@@ -257,7 +257,7 @@ def test_bad_meshes_are_named(points, cells, kind, words):
         ({"pattern": "foo"}, "pattern is 'foo'; allowed are crossed, graded"),
         ({"cell": "quad"}, "cell is 'quad'; allowed are triangle, quadrilateral"),
         ({"pattern": "along", "cell": "quadrilateral"}, "cell quadrilateral; allowed are triangle"),
-        ({"nx": 0}, "nx is 0; allowed is a finite value above 0"),
+        ({"nx": 0}, "nx is 0; allowed is a whole number of 1 or more"),
         ({"width": math.nan}, "width is nan"),
     ],
 )

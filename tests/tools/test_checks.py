@@ -109,7 +109,7 @@ def fork():
         ),
         (
             lambda: changed(1000),
-            "punch.stl is 5.2e+05 mm large; allowed is a surface in mm, up to 50 times",
+            "punch.stl is 520000 mm large; allowed is a surface in mm, up to 50 times",
         ),
         (
             lambda: changed([0.8, 1, 1]),

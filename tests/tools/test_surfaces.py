@@ -518,9 +518,9 @@ def test_modifiers():
         # all that is wrong at once
         (
             lambda: DoubleDome(hight=3, waist=-1, length=4, depth="x"),
-            "hight, length: no dimension of the double dome has this name; allowed are "
-            f"{', '.join(each.name for each in fields(DoubleDome))}; waist is -1; allowed is a "
-            "number above 0; depth is 'x'; allowed is a number above 0",
+            "hight, length (did you mean saddle_length?): no dimension of the double dome has "
+            f"this name; allowed are {', '.join(each.name for each in fields(DoubleDome))}; "
+            "waist is -1; allowed is a number above 0; depth is 'x'; allowed is a number above 0",
         ),
         (
             lambda: DoubleDome(top_radius=0, waist=70, saddle_depth=70),

@@ -10,6 +10,7 @@ from scipy import stats
 from scipy.optimize import least_squares
 
 from ...runtime.errors import InputError, SolverFailure
+from ...runtime.words import rounded
 from ..compaction import Compaction, log_compaction
 from ..curves import CompactionTest, Sheet
 from .parameter import Assumed, Determined
@@ -80,7 +81,7 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
     for name, half in fit.half.items():
         if half > math.log(WIDEST[name]):
             low, high = determined[name].interval
-            interval = f"{low:.2g} to {high:.2g} {UNITS[name]}".removesuffix(" -")
+            interval = f"{rounded(low, 2)} to {rounded(high, 2)} {UNITS[name]}".removesuffix(" -")
             raise InputError(
                 f"the compaction tests leave the {name} at {interval}; allowed are tests that tell "
                 "more: of more points, a wider range of pressure or less scatter"
@@ -125,9 +126,9 @@ class _Problem:
         low, high = self.h.min(), self.h.max()
         if not low / BEYOND <= self.t <= high * BEYOND:
             raise InputError(
-                f"sheet.toml: thickness is {self.t:.4g} mm, and plies of the compaction tests have "
-                f"{high:.4g} to {low:.4g} mm; allowed is a thickness of one ply under a measured "
-                "pressure (divide that of a stack by its plies)"
+                f"sheet.toml: thickness is {rounded(self.t, 4)} mm, and plies of the compaction "
+                f"tests have {rounded(high, 4)} to {rounded(low, 4)} mm; allowed is a thickness of "
+                "one ply under a measured pressure (divide that of a stack by its plies)"
             )
         self.sd = np.ones(len(self.p))
         if all(test.noise for test in sheet.compaction):
@@ -181,8 +182,9 @@ class _Problem:
         found, p = [], compaction.pressure
         if not self.p.min() / 1.1 <= p <= self.p.max() * 1.1:
             found.append(
-                f"by the compaction tests the fabric has the thickness of sheet.toml under {p:.3g} "
-                f"MPa; they measured from {self.p.min():.3g} to {self.p.max():.3g} MPa"
+                "by the compaction tests the fabric has the thickness of sheet.toml under "
+                f"{rounded(p)} MPa; they measured from {rounded(self.p.min())} to "
+                f"{rounded(self.p.max())} MPa"
             )
         found += [
             f"compaction.{name} is {'held by a bound' if each.at_bound else 'weakly determined'}"

@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from ...runtime.errors import InputError
+from ...runtime.words import rounded
 from ..curves import Curve, Sheet, unit_warnings
 from ..homogeneous import nominal
 from ..laws.coupled import SHEAR, YARN, WovenFabric, Yarn
@@ -183,14 +184,14 @@ def _noise_warnings(curves, found):
         and found.variance > stats.chi2.ppf(0.999, found.dof) / found.dof
     ):
         yield (
-            f"the curves lie {math.sqrt(found.variance):.2g} times their stated noise from the "
-            "law, and the intervals are widened by that"
+            f"the curves lie {rounded(math.sqrt(found.variance), 2)} times their stated noise from "
+            "the law, and the intervals are widened by that"
         )
 
 
 def _physics_warnings(softest, convex):
     if softest is not None and softest <= 0:
-        yield f"the shear stiffness falls to {softest:.3g} MPa over the measured angles"
+        yield f"the shear stiffness falls to {rounded(softest)} MPa over the measured angles"
     if convex is False:
         yield "the energy is not convex in (eps_a, eps_b) over the measured tension"
 
@@ -326,7 +327,7 @@ def _given_up(problem, bad, free, lone, size):
     elif half > (1 if base(names[k]) == "p_min" else 1e2 * size[k]):
         why = "the data cannot tell it from others"
     else:
-        why = f"the data leave it at +-{half:.2g}"
+        why = f"the data leave it at +-{rounded(half, 2)}"
     if lone and base(names[k]) == "p_min":
         why += "; a and b are fitted for this value, "
         why += "a test with held sides or a biaxial one would tell"

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...runtime.words import percent, rounded
 from ..curves import Curve, Response
 from ..laws.coupled import WovenFabric
 from .compaction import CompactionFit
@@ -41,10 +42,10 @@ class Identification:
                 f"{self.fabric.thickness:g} mm"
             )
         for name, p in self.all_determined.items():
-            low, high = (f"{value:.4g}" for value in p.interval)
+            low, high = (rounded(value, 4) for value in p.interval)
             lines.append(f"{name} was fitted, 95 % interval {low} to {high} {p.unit}")
         for name, assumed in self.all_assumed.items():
-            value = f"{assumed.value:.6g} {assumed.unit}".removesuffix(" -")
+            value = f"{rounded(assumed.value, 6)} {assumed.unit}".removesuffix(" -")
             lines.append(f"{name} = {value} is {assumed}")
         if self.compaction is None:
             lines.append("compaction is assumed (default): there is no test of it")
@@ -90,7 +91,9 @@ class Identification:
         if curve.noise:
             kind, size = curve.noise
             noise = (
-                f"{size:g} {response.unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
+                f"{size:g} {response.unit}"
+                if kind == "absolute"
+                else f"{percent(size, 6)} of {kind}"
             )
         return {
             "file": curve.file,

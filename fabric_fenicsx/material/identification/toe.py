@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ...runtime.words import percent, rounded
 from ..curves import Curve, Response
 
 LEAST = 3  # points at the beginning, all above the fit
@@ -30,8 +31,9 @@ def toe_warning(curve: Curve, response: Response, predicted: np.ndarray, sd: np.
         return ""
     low, high = np.degrees(curve.strains[rising, 2][[0, first - 1]])
     return (
-        f"{curve.file}: the first {first} points, from {low:.3g} to {high:.3g} deg, all lie above "
-        f"the fit, by {off[:first].mean():.2g} {response.unit} on average, {100 * share:.0f} % of "
-        f"{response.column} there: a toe, as friction makes it where yarns begin to turn, which "
-        "the law does not have; in a simulation the force at these angles will be too low"
+        f"{curve.file}: the first {first} points, from {rounded(low)} to {rounded(high)} deg, all "
+        f"lie above the fit, by {off[:first].mean():.2g} {response.unit} on average, "
+        f"{percent(share)} of {response.column} there: a toe, as friction makes it where yarns "
+        "begin to turn, which the law does not have; in a simulation the force at these angles "
+        "will be too low"
     )

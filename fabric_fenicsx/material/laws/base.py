@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from ...runtime.errors import InputError
 from ...runtime.rules import Rule, check_complete, shown, unknown_key
+from ...runtime.words import rounded
 from ..compaction import Compaction, compaction_of, table_of
 from ..files import FIBRES, SHEET, read_sheet_numbers, read_toml, take_units, write_whole
 from ..hyperdual import HyperDual
@@ -358,8 +359,8 @@ class Law(Material):
         for name, k, scale in zip(("eps_a", "eps_b", "gamma"), beside[[0, 2, 5]], stiffness):
             if k.min() < -1e-6 * scale:
                 raise InputError(
-                    f"the stiffness of law {self.law} along {name} is {k.min():.3g} MPa in fabric "
-                    "as it lies, without strain; allowed is 0 or more: look at its signs"
+                    f"the stiffness of law {self.law} along {name} is {rounded(k.min())} MPa in "
+                    "fabric as it lies, without strain; allowed is 0 or more: look at its signs"
                 )
 
     def check_shapes(self) -> None:

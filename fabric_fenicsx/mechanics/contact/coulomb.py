@@ -1,14 +1,13 @@
 """Coulomb's law of friction, as a potential of points that slip."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...runtime.errors import InputError
-from ...runtime.rules import FROM_ZERO, POSITIVE
+from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,8 @@ class Coulomb:
         for value in self.coefficients:
             FROM_ZERO.check("coefficient of friction", value)
         POSITIVE.check("slip of friction", self.slip)
-        if self.lag not in (None, math.inf):
-            POSITIVE.check("lag of friction", self.lag)
+        if self.lag is not None:
+            ABOVE_ZERO_OR_INF.check("lag of friction", self.lag)
 
     @property
     def coefficients(self) -> list[float]:

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...runtime.errors import InputError
+from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO
 from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
-from ..load import at_load
+from ..load import at_load, check_over_load
 from ..reports import Value
 from ..term import SceneFacts
 from ..term_checks import bind
@@ -22,6 +23,7 @@ from .sheet_contact import SheetContact
 from .thickness import PlyThickness
 
 UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they may alternate
+PRESSURE = "pressure of the blank holder [MPa]"
 
 
 class BlankHolderPressure(PressingTerm):
@@ -55,6 +57,9 @@ class BlankHolderPressure(PressingTerm):
         against: Sequence[SheetContact] = (),
         friction: float | Mapping[str, float] | Coulomb = 0.0,
     ) -> None:
+        check_over_load(PRESSURE, FROM_ZERO, pressure)
+        if lag is not None:
+            lag = ABOVE_ZERO_OR_INF.check(f"lag of the {self.name}", lag)
         self.under, self.lag, self._against = under, lag, list(against)
         self._pressure = pressure
         self.direction = checked_vector(f"direction of the {self.name}", direction, unit=True)
@@ -83,12 +88,9 @@ class BlankHolderPressure(PressingTerm):
 
     def set_load(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
-        self.now, self._areas = at_load(self._pressure, load), self._accepted_areas
+        self.now = at_load(PRESSURE, FROM_ZERO, self._pressure, load)
+        self._areas = self._accepted_areas
         self._updates = 0
-        if not (np.isfinite(self.now) and self.now >= 0):
-            raise InputError(
-                f"pressure of the blank holder is {self.now} MPa; allowed is a number from 0"
-            )
         if self.friction:  # as these forces follow from the load alone
             self.friction.press(self.normal_forces())
 

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from ... import dolfinx_compat as compat
+from ...runtime.words import rounded
 from ...sheets.blank import Blank, Part
 
 HALVES = {"triangle": [(0, 1, 2)], "quadrilateral": [(0, 1, 2), (1, 3, 2)]}  # by corners
@@ -71,7 +72,7 @@ def crossing_warning(blank: Blank) -> str:
     places = self_crossings(blank.whole)
     if not len(places) or len(parts) < 2 or any(len(self_crossings(part)) for part in parts):
         return ""
-    at = ", ".join(f"{x:.4g}" for x in places[0])
+    at = ", ".join(rounded(x, 4) for x in places[0])
     return (
         f"{' and '.join(part.name for part in parts)} pass through one another at {len(places)} "
         f"places, as at ({at}) mm: contact acts at points within cells, so take smaller cells"

@@ -6,7 +6,8 @@ import numpy as np
 from mpi4py import MPI
 
 from ...runtime.errors import InputError
-from ...runtime.rules import POSITIVE
+from ...runtime.rules import POSITIVE, Rule
+from ...runtime.words import rounded
 from ..materials import material_of
 from ..reports import Value, joined, largest, size_of
 from ..roles import Touching
@@ -69,9 +70,8 @@ class SheetContact(Term):
         for name, value in (("penalty", penalty), ("lag", lag)):
             if value is not None:
                 POSITIVE.check(f"{name} of the {self.name}", value)
-        if points not in POINTS:
-            allowed = ", ".join(map(str, POINTS))
-            raise InputError(f"{self.name} has {points} points in a cell; allowed are {allowed}")
+        one_of = Rule(f"one of {', '.join(map(str, POINTS))}", lambda v: v in POINTS, int)
+        points = one_of.check(f"points in a cell of the {self.name}", points)
         if lower == upper:
             raise InputError(f"{self.name} is of one sheet; allowed are two different ones")
         self._penalty, self._lag, self._points_of_cell = penalty, lag, points
@@ -138,8 +138,8 @@ class SheetContact(Term):
         deepest = -comm.allreduce(gap.min(initial=np.inf), MPI.MIN)
         if deepest > self.thickness / 4:
             raise InputError(
-                f"{self.name} begins with sheets that overlap by {deepest:.3g} mm; allowed are "
-                "sheets laid on one another with their thicknesses"
+                f"{self.name} begins with sheets that overlap by {rounded(deepest)} mm; allowed "
+                "are sheets laid on one another with their thicknesses"
             )
 
     # -- load steps

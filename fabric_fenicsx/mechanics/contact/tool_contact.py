@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from ...runtime.errors import InputError
 from ...runtime.rules import POSITIVE
+from ...runtime.words import coordinates, of_sheet
 from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
 from ..materials import materials_at_nodes
@@ -308,7 +309,7 @@ class Contact(PressingTerm):
         i = int(depth.argmax()) if depth.size else None
         mine = (0.0, ()) if i is None else (depth[i], tuple(self.nodes.places[i]))
         _, place = max(self.nodes.comm.allgather(mine))
-        return f"{self.tool.name} at ({', '.join(f'{x:.4g}' for x in place)}) mm of the flat sheet"
+        return f"{self.tool.name} at {of_sheet(place[:2] if self.blank.is_flat() else place)}"
 
     def gap(self) -> np.ndarray:
         """From the ply's face to the tool at this rank's nodes, (nodes,) [mm]; below 0
@@ -370,7 +371,7 @@ class Contact(PressingTerm):
                 value[deep] = exact
         lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
         if len(lost):
-            self._lost = f"({', '.join(f'{each:.4g}' for each in x[lost[0]])}) mm"
+            self._lost = f"{coordinates(x[lost[0]])} mm"
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.own] = np.inf
         return press(

@@ -7,6 +7,7 @@ from scipy import sparse
 
 from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
+from ...runtime.rules import FROM_ZERO
 from ..materials import fabric_of
 from ..term import SceneFacts, Term, Triplets
 from .morley import MorleyCells, Where
@@ -60,27 +61,21 @@ class Bending(Term):
         modulus: float | None = None,
         twist_modulus: float = 0.0,
     ) -> None:
-        self.in_plane, self._edges = float(in_plane), (symmetric, clamped)
+        self.in_plane = FROM_ZERO.check("`in_plane` of the bending", in_plane)
+        self._edges = symmetric, clamped
         self.resists = ("turn",) if clamped else ()
         if modulus is not None and D_a is None:
-            given = {"modulus": modulus, "twist_modulus": twist_modulus, "in_plane": self.in_plane}
+            given = {"modulus": modulus, "twist_modulus": twist_modulus}
         elif modulus is None and D_a is not None:
-            given = {
-                "D_a": D_a,
-                "D_b": D_a if D_b is None else D_b,
-                "D_t": D_t,
-                "in_plane": self.in_plane,
-            }
+            given = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
         else:
             raise InputError(
-                f"bending has D_a = {D_a} and modulus = {modulus}; allowed is one of them"
+                f"bending has D_a = {D_a!r} and modulus = {modulus!r}; allowed is one of them"
             )
-        if not all(np.isfinite(value) and value >= 0 for value in given.values()):
-            numbers = [float(value) for value in given.values()]
-            raise InputError(
-                f"bending has {', '.join(given)} = {numbers}; allowed are numbers from 0"
-            )
-        self._given = given
+        self._given = {
+            name: FROM_ZERO.check(f"`{name}` of the bending", value)
+            for name, value in given.items()
+        }
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""

@@ -15,6 +15,7 @@ from ...material.laws import Law
 from ...material.presets import checked_fabric
 from ...material.strains import SHORTENED, nominal_strain, share_name, shear_angle
 from ...runtime.errors import InputError
+from ...runtime.rules import COUNT
 from ..reports import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
 from .mesh_warnings import band_warning, locking_warning
@@ -79,6 +80,8 @@ class Membrane(Term):
         self.fabric, self.integration = checked_fabric("fabric of a membrane", fabric), integration
         self.weave_angle = None if weave_angle is None else kernel.check_weave_angle(weave_angle)
         self.prestressed = weave_angle is not None
+        if quadrature_degree is not None:
+            quadrature_degree = COUNT.check("`quadrature_degree`", quadrature_degree)
         self._quadrature_degree = quadrature_degree
         self._points: compat.PointEvaluation | None = None
         # displacements, values at points

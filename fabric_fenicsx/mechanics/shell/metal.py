@@ -12,11 +12,14 @@ from ...material.hencky import Hencky, hencky
 from ...material.metal import Metal
 from ...material.plasticity import Response, elastic_energy, respond, volume_change, von_mises
 from ...runtime.errors import InputError
+from ...runtime.rules import Rule
 from ..reports import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term, Triplets
 from .bending import plate_stiffness
 from .morley import MorleyCells, Where
 from .stencil import CellSums, Stencil
+
+POINTS = Rule("an odd number from 5", lambda v: v >= 5 and v % 2 == 1, int)
 
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
 MEAN_AND_SHEARS = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
@@ -51,8 +54,7 @@ def through_thickness(points: int) -> tuple[np.ndarray, np.ndarray]:
     """Places from -1/2 to 1/2 and weights (points,), which sum to one: Lobatto's rule over each
     half. So faces and middle are among the places, and elastic bending is exact. Raises InputError
     unless points is an odd number from 5."""
-    if not (isinstance(points, int) and points >= 5 and points % 2):
-        raise InputError(f"metal has points {points!r}; allowed is an odd number from 5")
+    points = POINTS.check("`points` of the metal", points)
     n = (points + 1) // 2
     P = Legendre.basis(n - 1)
     x = np.concatenate([[-1.0], np.sort(P.deriv().roots().real), [1.0]])

@@ -137,11 +137,11 @@ class MorleyCells:
                 (self.length[:, :, None] * self.outward)[on].sum(0), MPI.SUM
             )
             is_plane = number < len(symmetric)
-            kind, size = "symmetric" if is_plane else "clamped", np.linalg.norm(total)
+            size = np.linalg.norm(total)
             if self.comm.allreduce(int(on.sum())) == 0:
                 raise InputError(
-                    f"bending of {self.blank.name} finds none of its edges where function "
-                    f"{number + 1} marks {kind} ones; allowed are those that mark both ends"
+                    f"{self._told(number, symmetric)} marks no side of the sheet's edge; allowed "
+                    "is a function of points (3, n) that is true at both ends of some sides"
                 )
             self.image |= on
             if not is_plane:
@@ -149,8 +149,8 @@ class MorleyCells:
             total /= max(size, 1e-300)
             if self.comm.allreduce(int((self.outward[on] @ total < 0.5).sum())):
                 raise InputError(
-                    f"bending of {self.blank.name} has symmetric edges in more than one plane by "
-                    f"function {number + 1}; allowed is one function for each plane"
+                    f"{self._told(number, symmetric)} marks sides in more than one plane; allowed "
+                    "is a function for each plane"
                 )
             self.plane[on], self.normal[on] = number + 1, total
             mirrors.append(np.eye(dim) - 2 * np.outer(total, total))
@@ -158,6 +158,12 @@ class MorleyCells:
         self.planes = len(mirrors)
         # code first * planes + second: mirrored in the second, then in the first
         self.mirrors = np.array([first @ second for first in mirrors for second in mirrors])
+
+    def _told(self, number, symmetric):
+        """What messages call the function of this number among the symmetric and clamped ones."""
+        count = len(symmetric)
+        name, k = ("symmetric", number) if number < count else ("clamped", number - count)
+        return f"function {k + 1} in `{name}` of the bending of {self.blank.name}"
 
     def _reflected(self, points, e):
         """Images of points (cells, 3) beyond edge e."""

@@ -466,7 +466,7 @@ def test_contact_in_a_plane_is_refused():
 def test_bad_pressing_is_refused():
     blank = sheet(10, 10, 2, 2)
     for pressure, direction, words in (
-        (-1.0, (0, 0, 1), "pressure of the blank holder is -1.0 MPa; allowed is a number from 0"),
+        (-1.0, (0, 0, 1), "pressure of the blank holder [MPa] is -1.0; allowed is a number from 0"),
         (math.nan, (0, 0, 1), "is nan MPa"),
         (1.0, (0, 0, 0), "direction of the blank holder is .* not all 0"),
     ):

@@ -546,15 +546,18 @@ def test_quarter_of_a_symmetric_sheet(by_position, pattern):
 @pytest.mark.parametrize(
     "options, words",
     [
-        ({"D_a": -1.0}, "allowed are numbers from 0"),
-        ({"D_a": 1.0, "in_plane": math.nan}, "allowed are numbers from 0"),
+        ({"D_a": -1.0}, "`D_a` of the bending is -1.0; allowed is a number from 0"),
+        (
+            {"D_a": 1.0, "in_plane": math.nan},
+            "`in_plane` of the bending is nan; allowed is",
+        ),
         (
             {"D_a": 1.0, "clamped": edge(0, 77.0)},
-            "none of its edges where function 1 marks clamped",
+            "function 1 in `clamped` of the bending of blank marks no side of the sheet's edge",
         ),
         (
             {"D_a": 1.0, "symmetric": lambda x: np.abs(x[:2]).max(0) > 4.999},
-            "one function for each plane",
+            "marks sides in more than one plane; allowed is a function for each plane",
         ),
     ],
 )

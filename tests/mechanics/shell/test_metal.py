@@ -497,7 +497,7 @@ def test_a_disc_blown_up_is_near_hills_special_solution():
 # -- bad input
 
 
-@pytest.mark.parametrize("points", [4, 3, 6, 5.0])
+@pytest.mark.parametrize("points", [4, 3, 6, 5.5])
 def test_other_numbers_of_points_are_refused(points):
     with pytest.raises(ff.InputError, match="allowed is an odd number from 5"):
         SheetMetal(DC04, points)

@@ -1,0 +1,33 @@
+"""Numbers as sentences have them: with few digits, and without an exponent where none is needed."""
+
+import math
+from collections.abc import Collection, Iterable
+from decimal import Decimal
+
+MANY = 10.0  # a share above which its size says nothing more
+
+
+def rounded(number: float, digits: int = 3) -> str:
+    """A number of so many digits that count: 1230 for 1.23e+03; from 1e6 and below 1e-4 as 2e6."""
+    text = f"{float(number) + 0.0:.{digits}g}"
+    if "e" not in text:
+        return text
+    mantissa, exponent = text.split("e")
+    return f"{Decimal(text):f}" if 0 < int(exponent) < 6 else f"{mantissa}e{int(exponent)}"
+
+
+def percent(share: float, digits: int = 2) -> str:
+    """A share as 12 %; more than `MANY` is told as such."""
+    if MANY < share < math.inf:
+        return f"more than {100 * MANY:g} %"
+    return f"{rounded(100 * share, digits)} %"
+
+
+def of_sheet(point: Collection[float]) -> str:
+    """A place of an undeformed sheet: its x and y if that is flat, otherwise also z [mm]."""
+    return f"{coordinates(point)} mm of the {'flat' if len(point) == 2 else 'undeformed'} sheet"
+
+
+def coordinates(point: Iterable[float]) -> str:
+    """Coordinates as (1, 2, 3), without rounding's -0."""
+    return f"({', '.join(rounded(round(float(each), 9), 4) for each in point)})"
