@@ -10,7 +10,7 @@ from pathlib import Path
 import jinja2
 
 from ..material.strains import share_name
-from ..runtime.words import rounded
+from ..runtime.words import percent, rounded
 
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
@@ -57,7 +57,7 @@ WORDS = {
     "cells_that_lost_ellipticity": "cells in which the law allows bands",
     **{
         share_name(strain): "share of the area in which compression shortens yarns by more than "
-        f"{100 * strain:g} %"
+        f"{percent(strain, 6)}"
         for strain in (0.01, 0.02, 0.05)
     },
     "shortening_max": "shortening of yarns by compression max",
@@ -144,7 +144,7 @@ def _with_errors(values, errors, before=""):
     return {
         name: _with_errors(value, errors, f"{before}{name}.")
         if isinstance(value, dict)
-        else f"{_number(value)} +- {errors[before + name]:.2g}"
+        else f"{_number(value)} +- {rounded(errors[before + name], 2)}"
         if before + name in errors
         else f"({', '.join(map(_number, value))})"
         if name.endswith("_at_mm")

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..material.strains import SHORTENED, share_name
+from ..runtime.words import of_sheet, percent, rounded
 from ..sheets.blank import Part
 from . import measures
 from .result import Result
@@ -71,12 +72,11 @@ def shortening_warning(name: str, found: Mapping[str, Any]) -> str:
     share = found[share_name(SHORTENED)]
     if share <= TOLD:
         return ""
-    x, y = found["shortening_max_at_mm"]
     lost = found["excess_length_mm"]
-    excess = "" if lost is None else f", a yarn loses up to {lost:.3g} mm of its length"
+    excess = "" if lost is None else f", a yarn loses up to {rounded(lost)} mm of its length"
     return (
-        f"compression shortens yarns of {name} by up to {100 * found['shortening_max']:.3g} %, as "
-        f"at ({x:.4g}, {y:.4g}) mm of the flat sheet, and by more than {100 * SHORTENED:g} % in "
-        f"{100 * share:.3g} % of the area{excess}: the law stores as "
-        "shortening what a real ply folds into wrinkles"
+        f"compression shortens yarns of {name} by up to {percent(found['shortening_max'], 3)}, as "
+        f"at {of_sheet(found['shortening_max_at_mm'])}, and by more than {percent(SHORTENED, 6)} "
+        f"in {percent(share, 3)} of the area{excess}: the law stores as shortening what a real "
+        "ply folds into wrinkles"
     )

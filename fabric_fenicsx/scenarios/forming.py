@@ -394,7 +394,7 @@ class Forming(Scenario):
     def of_whole(self, quantities: Mapping[str, Any]) -> str:
         """What to say behind the punch force of a quarter, "" for a whole ply."""
         whole = quantities["punch_force_of_whole_ply_N"]
-        return "" if self.full else f" on the quarter, {whole:.5g} N on the whole ply"
+        return "" if self.full else f" on the quarter, {rounded(whole, 5)} N on the whole ply"
 
     def about(self) -> tuple[str, str]:
         """As in `Scenario`: which plies are formed over what."""

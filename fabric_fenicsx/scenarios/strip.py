@@ -14,6 +14,7 @@ from ..results.curve import Curves
 from ..runtime.errors import InputError
 from ..runtime.fields import number, text
 from ..runtime.rules import POSITIVE, SHARE
+from ..runtime.words import percent, rounded
 from ..scene.scene import Scene
 from .scenario import Scenario
 
@@ -127,8 +128,9 @@ class StripTest(Scenario):
             first = displacement[np.flatnonzero(force)[0]]
             if first > self.stroke * (1 + 1e-9):
                 raise InputError(
-                    f"`measured` {curve.file} begins at {first:.4g} mm, and the run ends at "
-                    f"{self.stroke:.4g} mm; allowed is a `strain` above {first / length:.3g}"
+                    f"`measured` {curve.file} begins at {rounded(first, 4)} mm, and the run ends "
+                    f"at {rounded(self.stroke, 4)} mm; allowed is a `strain` above "
+                    f"{rounded(first / length)}"
                 )
             self.laid.append(Measured(curve.file, curve.test, displacement, force))
 
@@ -159,9 +161,11 @@ class StripTest(Scenario):
 def measured_lines(result: Result) -> list[str]:
     """What a study says of its measured curves, a line each."""
     return [
-        "{file}: simulated and measured force differ by {rms_N:.3g} N r.m.s. and {largest_N:.3g} N "
-        "at most, {rms_of_peak:.1%} and {largest_of_peak:.1%} of the largest measured, from "
-        "{from_mm:.3g} to {to_mm:.3g} mm ({points_covered} of {points} points)".format(**found)
+        f"{found['file']}: simulated and measured force differ by {rounded(found['rms_N'])} N "
+        f"r.m.s. and {rounded(found['largest_N'])} N at most, {percent(found['rms_of_peak'])} and "
+        f"{percent(found['largest_of_peak'])} of the largest measured, from "
+        f"{rounded(found['from_mm'])} to {rounded(found['to_mm'])} mm "
+        f"({found['points_covered']} of {found['points']} points)"
         for found in result.summary["quantities"].get("measured", [])
         if found["rms_N"] is not None
     ]

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 
 from ..mechanics.work import Work
 from ..runtime.errors import InputError
-from ..runtime.words import rounded
+from ..runtime.words import percent, rounded
 from ..sheets.blank import Blank
 from .supports import Support
 
@@ -131,10 +131,10 @@ class HeldDofs:
         borne = {s.name: sizes[s.name] for s in self.locating if sizes[s.name] > most}
         if not borne:
             return ""
-        words = " and ".join(f"{name} {force:.3g} N" for name, force in borne.items())
+        words = " and ".join(f"{name} {rounded(force)} N" for name, force in borne.items())
         return (
             f"supports that should only keep the sheet in its place bear {words}, "
-            f"{100 * self.located_share(sizes):.2g} % of all forces, as sheet, yarns or tools are "
+            f"{percent(self.located_share(sizes))} of all forces, as sheet, yarns or tools are "
             "not symmetric: the formed shape depends on them; friction of a blank holder or of "
             "tools would hold the sheet without them"
         )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ..material.strains import SHORTENED
 from ..runtime.fields import check_fields, number
 from ..runtime.rules import POSITIVE
+from ..runtime.words import percent
 
 GROUP = "limits, beyond which a result is not believed (exit status 3)"  # of options
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
@@ -59,20 +60,20 @@ class Limits:
         """What is wrong with a result, one sentence for each limit that is exceeded; found: values
         under the names above, without strain."""
         words = {
-            "imbalance": "work of supports and tools differs from the energies by {} % of these",
-            "viscous": "regularisation took {} % of the strain energy",
-            "penetration": "the sheet is penetrated by {} % of its thickness",
-            "shortening": f"compression shortens yarns by more than {100 * SHORTENED:g} % in {{}} "
-            "% of the area, where a real ply wrinkles",
-            "located": "supports that only locate the sheet bear {} % of the forces on it",
+            "imbalance": "work of supports and tools differs from the energies by {} of these",
+            "viscous": "regularisation took {} of the strain energy",
+            "penetration": "the sheet is penetrated by {} of its thickness",
+            "shortening": "compression shortens yarns by more than "
+            f"{percent(SHORTENED)} in {{}} of the area, where a real ply wrinkles",
+            "located": "supports that only locate the sheet bear {} of the forces on it",
         }
 
         def told(name, value):
-            limit = 100 * getattr(self, name)
+            limit = getattr(self, name)
             # as many digits as tell the two apart
-            texts = [(f"{100 * value:.{n}g}", f"{limit:.{n}g}") for n in (3, 6, 17)]
+            texts = [(percent(value, n), percent(limit, n)) for n in (3, 6, 17)]
             mine, allowed = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
-            return f"{words[name].format(mine)}; allowed is {allowed} % (`Limits.{name}`)"
+            return f"{words[name].format(mine)}; allowed is {allowed} (`Limits.{name}`)"
 
         return [
             told(name, value) for name, value in found.items() if not value <= getattr(self, name)

@@ -93,8 +93,8 @@ def check_punch(
     middle = x[surface.rim].mean(1)
     within = (abs(middle[:, :2]) < end - 1e-6 * needed).all(1) & (middle[:, 2] > -thickness)
     open_words = (
-        f"{name} is open at {coordinates(middle[within.argmax()])}, beneath the ply; allowed is a surface "
-        f"without holes or cracks that reaches beyond {ply}"
+        f"{name} is open at {coordinates(middle[within.argmax()])}, beneath the ply; allowed is a "
+        f"surface without holes or cracks that reaches beyond {ply}"
         if within.any()
         else ""
     )

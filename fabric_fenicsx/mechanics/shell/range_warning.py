@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ...material.laws import Law, Range
+from ...runtime.words import percent, rounded
 from ...sheets.blank import Blank, Part
 
 STRAINS = "eps_a", "eps_b", "gamma"
@@ -54,7 +55,7 @@ def _beyond(membrane, known, strains):
         furthest = sign * comm.allreduce((sign * strains).max(initial=-math.inf), MPI.MAX)
         if share > 0:
             yield (
-                f"in {100 * share:.3g} % of {part.name or membrane.blank.name} {known.strain} is "
+                f"in {percent(share, 3)} of {part.name or membrane.blank.name} {known.strain} is "
                 f"beyond {known.source}, which ends at {_told(end, known)}: it reaches "
                 f"{_told(furthest, known)}; {known.beyond}"
             )
@@ -62,4 +63,4 @@ def _beyond(membrane, known, strains):
 
 def _told(strain: float, known: Range) -> str:
     angle = known.strain == "gamma"
-    return f"{math.degrees(strain):.4g} deg" if angle else f"{100 * strain:.4g} %"
+    return f"{rounded(math.degrees(strain), 4)} deg" if angle else percent(strain, 4)

@@ -52,7 +52,7 @@ def test_a_size_that_speaks_of_other_units_is_doubted(size, words, spatial):
     warning = size_warning(sheet(*size, spatial=spatial), 1.0, "--mesh s.msh")
     assert words in warning and bool(warning) == bool(words)
     if words:
-        assert warning.startswith(f"--mesh s.msh is {size[0]:.4g} x {size[1]:.4g}")
+        assert warning.startswith(f"--mesh s.msh is {size[0]:g} x {size[1]:g}")
 
 
 @pytest.mark.mpi
