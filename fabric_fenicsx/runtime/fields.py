@@ -22,7 +22,8 @@ def check_fields(owner: Any, label: Callable[[str], str] = "`{}`".format) -> lis
     doubts = []
     for each in dataclasses.fields(owner):
         value, meta = getattr(owner, each.name), each.metadata
-        if value is None and (each.default is None or "None" in str(each.type)):
+        may_be_none = each.default is None or "None" in str(each.type) or "rule" not in meta
+        if value is None and may_be_none:
             continue
         if "rule" in meta:
             value = meta["rule"].check(label(each.name), value)

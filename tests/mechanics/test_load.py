@@ -111,19 +111,19 @@ def test_dead_pressure_on_a_tilted_patch():
         (lambda b: EdgeTension(1.0, (1, 0), end(b, 77.0)), "marks no side of blank; allowed is"),
         (
             lambda b: EdgeTension(math.nan, (1, 0), end(b, 0.0)),
-            "is nan N/mm at load 0; allowed is a finite number",
+            r"edge tension \[N/mm\] is nan; allowed is a finite number",
         ),
         (
             lambda b: EdgeTension(1.0, (0, 0), end(b, 0.0)),
-            r"is \[0.0, 0.0\]; allowed are 2 finite numbers, not all 0",
+            r"is \(0, 0\); allowed are two finite numbers, not all 0",
         ),
         (
             lambda b: EdgeTension(1.0, (0, 0, 1), end(b, 0.0)),
-            "are 2 finite .* or 3 on .*`spatial=True`",
+            "are two finite .* or three on .*`spatial=True`",
         ),
         (
             lambda b: DeadPressure(math.inf, (1, 0)),
-            "dead pressure [MPa] is inf; allowed is a finite number",
+            r"dead pressure \[MPa\] is inf; allowed is a finite number",
         ),
         (lambda b: DeadPressure(1.0, (math.nan, 0)), "direction of dead pressure is"),
     ],
