@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
-from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, shown
+from ..runtime.rules import FINITE, POSITIVE, shown
 from ..runtime.words import rounded
 from .blank import Blank, Part
 
@@ -44,7 +44,7 @@ class Stack(Blank):
     ) -> None:
         self.sheets = [_sheet(sheet) for sheet in sheets]
         _check(self.sheets)
-        play = FROM_ZERO.check("`play` of the stack", play)
+        play = FINITE.check("`play` of the stack", play)
         if bottom is not None:
             bottom = FINITE.check("`bottom` of the stack", bottom)
         comm = self.sheets[0].blank.mesh.comm
