@@ -123,6 +123,7 @@ class StripTest(Scenario):
             )
         length, width = map(float, (self.high - self.low)[:2])
         for curve in fitting:
+            self.warnings += [f"`measured` {curve.file}: {words}" for words in curve.remarks]
             self.warnings += filter(None, [self._other_size(curve, length, width)])
             displacement, force = self.as_measured(curve, sheet.thickness, length, width)
             first = displacement[np.flatnonzero(force)[0]]
@@ -185,4 +186,4 @@ def _read(path):
                 "beside it, or their folder, as `identify` reads them"
             )
     sheet = curves.read_sheet(beside)
-    return sheet, (curves.read_curve(path, sheet.thickness),)
+    return sheet, (curves.read_curve(path, sheet.thickness, sheet.stated),)

@@ -2,7 +2,7 @@
 
 A data set is a folder with one `sheet.toml` (the sheet) and one CSV file a test. A CSV file starts
 with comment lines `# key: value` that state the test, then a header `name [unit]` for each column,
-then rows with a decimal point:
+then rows of numbers; machines' own spellings are read as well, see `material.text_tables`:
 
     # test: uniaxial_a
     # lateral: free
@@ -31,6 +31,10 @@ Every file may state `noise` (standard deviation): `2 % of maximum` (of each col
 value), `5 % of value`, or an absolute `0.2 MPa` if one column is measured. Stresses are nominal,
 conjugate to (eps_a, eps_b, gamma) per undeformed volume: sigma_i = dW/d(eps_i), tau = dW/d(gamma);
 a force per width (N/mm) is divided by the sheet's thickness. Yarns start at right angles.
+
+A test of tension or shear may state `slack`, the displacement, strain or angle from which its
+strain counts. `sheet.toml` may state keys, too, in [tests."FILE"], and in [columns] what other
+names of columns mean.
 
 `sheet.toml` says thickness_mm, balanced (whether warp and weft are equal), density_g_per_cm3 or
 areal_weight_g_per_m2 (density = areal weight / thickness), fibre_density_g_per_cm3 if it is known,

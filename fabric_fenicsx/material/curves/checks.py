@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...runtime.errors import InputError
+from ..text_tables import Problems
 from .model import (
     STRAINS,
     TESTS,
@@ -25,6 +26,8 @@ _LONGEST = 0.2  # strain of a yarn in tension that fabrics hardly have
 _LEAST = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
 _OFFSET = 0.2  # largest share of the peak that may be measured in the undeformed state
 _FALLEN = 0.5  # share of the peak below which tension falls where yarns break
+_SLACK = 0.1  # of what a law without b would bear at a strain, below which a strip is slack
+_SLACK_SHARE = 0.05  # of the largest strain, up to which slack is not worth a word
 _PRESSED = 4  # points that tell compaction's three numbers
 _RANGE_OF_PRESSURE = 5.0  # the last over the first, as thickness follows the logarithm
 
@@ -38,33 +41,40 @@ def _told(value: float, column: str) -> str:
 
 
 def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) -> None:
-    """InputError by row for values that the test `name` cannot have; runs: the strain that is
+    """InputError by row for all values that the test `name` cannot have; runs: the strain that is
     raised; measured: what the law is fitted to."""
-    _check_strains(name, table)
-    _check_way(table, runs)
+    problems = Problems()
+    for column in STRAINS:
+        with problems:
+            _check_strain(name, table, column)
+    with problems:
+        _check_way(table, runs)
     strains = [table.columns[c] for c in STRAINS if c in table.columns and c not in measured]
     undeformed = np.flatnonzero(~np.any(strains, axis=0))
     for column in measured:
-        _check_response(name, table, column, undeformed)
+        with problems:
+            _check_response(name, table, column, undeformed)
+    problems.stop()
+    if name.startswith("uniaxial") and f"sigma_{name[-1]}" in measured:
+        _check_slack(table, runs, f"sigma_{name[-1]}")
 
 
-def _check_strains(name, table):
-    """Strains that are too large or of the wrong sign."""
-    test, columns = TESTS[name], table.columns
-    for column in STRAINS:
-        if column not in columns:
-            continue
-        most, unit = _RANGE[column], unit_inside(column)
-        if (far := np.flatnonzero(np.abs(columns[column]) > most)).size:
-            value = f"{columns[column][far[0]]:.4g} {unit}"
-            allowed = f"within +-{most:.3g} (is the unit in the header right?)"
-            raise _fail(table.rows[far[0]], f"{column} is {value}; allowed is {allowed}")
-    first = columns[test.strains[0]]
-    if test.sign and (wrong := np.flatnonzero(test.sign * first < 0)).size:
+def _check_strain(name, table, column):
+    """A strain that is too large or of the wrong sign."""
+    test = TESTS[name]
+    if column not in table.columns:
+        return
+    values, most, unit = table.columns[column], _RANGE[column], unit_inside(column)
+    if (far := np.flatnonzero(np.abs(values) > most)).size:
+        value = f"{values[far[0]]:.4g} {unit}"
+        allowed = f"within +-{most:.3g} (is the unit in the header right?)"
+        raise _fail(table.rows[far[0]], f"{column} is {value}; allowed is {allowed}")
+    if column != test.strains[0] or not test.sign:
+        return
+    if (wrong := np.flatnonzero(test.sign * values < 0)).size:
         allowed = f"{'at least' if test.sign > 0 else 'at most'} 0 in the test {name}"
         raise _fail(
-            table.rows[wrong[0]],
-            f"{test.strains[0]} is {first[wrong[0]]:.4g}; allowed is {allowed}",
+            table.rows[wrong[0]], f"{column} is {values[wrong[0]]:.4g}; allowed is {allowed}"
         )
 
 
@@ -113,6 +123,26 @@ def _check_response(name, table, column, undeformed):
         value = f"{100 * values[-1] / values[peak]:.0f} % of its value in row {rows[peak]}"
         allowed = f"{100 * _FALLEN:g} % or more (keep the rows before yarns break)"
         raise _fail(rows[-1], f"{column} has fallen to {value}; allowed is {allowed}")
+
+
+def _check_slack(table, runs, column):
+    """A strip that is pulled and hardly bears anything at first.
+
+    Of the law's curves over strain the one without b rises latest, with the square; slack is far
+    below.
+    """
+    x, y = (table.columns[c] / np.abs(table.columns[c]).max() for c in (runs, column))
+    low = int(np.argmin(np.append(y < _SLACK * x**2, False)))
+    if low < 2 or x[low - 1] < _SLACK_SHARE:
+        return
+    raw = "displacement" if "displacement" in table.columns else runs
+    unit = table.header[raw]
+    end = f"{table.columns[raw][low - 1] / units(raw)[unit]:.4g} {unit}"
+    rows, most = f"rows {table.rows[0]} to {table.rows[low - 1]}", 100 * y[:low].max()
+    raise InputError(
+        f"{rows}: {column} is up to {most:.2g} % of its peak, while {raw} reaches {end}: the strip "
+        f"is slack; allowed is a line `# slack: {end}`, from which the strain then counts"
+    )
 
 
 def check_compaction(table: Table) -> None:

@@ -28,6 +28,21 @@ _UNIT = {  # first unit of each: the one used inside
     "fibre_volume_fraction": STRAIN,
 }
 COLUMNS = tuple(_UNIT)
+# what machines call columns, in lower case
+_ALIASES = {
+    "displacement": "extension, stroke, travel, crosshead, weg, standardweg, traversenweg",
+    "F": "f, force, load, kraft, standardkraft, prüfkraft",
+    "gamma": "shear angle, scherwinkel",
+    "pressure": "druck",
+    "thickness": "dicke",
+}
+
+
+def column_of(name: str) -> str:
+    """The column that a name in a header means, the name itself if it means none."""
+    known = {column.casefold(): column for column in COLUMNS}
+    known |= {alias: c for c, aliases in _ALIASES.items() for alias in aliases.split(", ")}
+    return name if name in COLUMNS else known.get(name.casefold(), name)
 
 
 def units(column: str, thickness: float = math.nan) -> Mapping[str, float]:
@@ -54,6 +69,11 @@ class Kind(NamedTuple):
     # what a machine writes -> the column that it becomes, and the key of the specimen it needs
     raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
 
+    @property
+    def may_be_slack(self) -> bool:
+        """Whether its strain may count from the end of a slack, in the key `slack`."""
+        return self.sign > 0 and self.strains != ("pressure",)
+
 
 def _strip(strain: str, stress: str) -> Kind:
     raw = {"displacement": (strain, "length"), "F": (stress, "width")}
@@ -79,7 +99,8 @@ TESTS = {
 
 def keys_of(test: Kind) -> tuple[str, ...]:
     """All keys that files of a test may have besides `test` and `noise`."""
-    return tuple(dict.fromkeys((*test.keys, *(key for _, key in test.raw.values()))))
+    slack = ("slack",) if test.may_be_slack else ()
+    return tuple(dict.fromkeys((*test.keys, *(key for _, key in test.raw.values()), *slack)))
 
 
 KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in keys_of(test)))
@@ -124,7 +145,8 @@ class Curve:
     """One test. strains: (n, 3) eps_a, eps_b [-], gamma [rad] as prescribed; rows: (n,) line
     numbers in the file; free: 0 or 1 if the yarns across a tension along a or b are free of stress;
     noise: ("maximum" | "value" | "absolute", number) or None; abscissa: the column of `strains`
-    that runs; keys: further keys of the file."""
+    that runs; keys: further keys of the file, lengths [mm]; remarks: sentences on what was left
+    out; slack: in the unit of the file's column that runs."""
 
     file: str
     test: str
@@ -135,18 +157,31 @@ class Curve:
     free: int | None = None
     noise: tuple[str, float] | None = None
     keys: dict[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    slack: float = 0.0
 
 
 @dataclass(frozen=True)
 class CompactionTest:
     """A ply that plates pressed: pressure (n,) [MPa], rising, and the measured thickness [mm] or
-    fibre volume fraction [-] in `response`; rows, noise: as of a `Curve`."""
+    fibre volume fraction [-] in `response`; rows, noise, remarks: as of a `Curve`."""
 
     file: str
     pressure: np.ndarray
     response: Response
     rows: np.ndarray
     noise: tuple[str, float] | None = None
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What `sheet.toml` says of the CSV files: keys {file: {key: text}} of its tables
+    [tests."FILE"], and columns {name in a header: column, maybe with a unit in brackets} of its
+    table [columns]."""
+
+    keys: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -154,7 +189,7 @@ class Sheet:
     """What `sheet.toml` says: thickness [mm], density [g/cm3], whether warp and weft are tied
     (`balanced`), values to assume for parameters that the data don't determine, as {"p_min": ..} or
     {"warp.p_min": ..}, the areal weight [g/m2] if the density is from one, and the fibre density
-    [g/cm3] if known. compaction: tests across the thickness."""
+    [g/cm3] if known. compaction: tests across the thickness; stated: on the CSV files."""
 
     name: str
     thickness: float
@@ -164,6 +199,7 @@ class Sheet:
     areal_weight: float | None = None
     fibre_density: float | None = None
     compaction: tuple[CompactionTest, ...] = field(default=(), compare=False)  # has arrays
+    stated: Stated = Stated()
 
     def measured_thickness(self, test: CompactionTest) -> np.ndarray:
         """Thickness of one ply at each point of a test, (n,) [mm]."""

@@ -62,6 +62,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
+        *_remarks(curves),
+        *_remarks(sheet.compaction),
         *_noise_warnings(curves, found),
         *_physics_warnings(softest, convex),
         *_parameter_warnings(determined),
@@ -176,6 +178,11 @@ def _fabric(value, sheet, compaction, assumed):
     across |= {"assumed": sorted({base(name) for name in assumed})}
     across |= {"compaction": compaction.compaction} if compaction else {}
     return WovenFabric(warp, weft, **shear, **across)
+
+
+def _remarks(tests):
+    """What was left out of the files of tests."""
+    return [f"{test.file}: {words}" for test in tests for words in test.remarks]
 
 
 def _noise_warnings(curves, found):

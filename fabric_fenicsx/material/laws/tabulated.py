@@ -1,6 +1,5 @@
 """The decoupled baseline as users of Abaqus' FABRIC know it: tables for warp, weft and shear."""
 
-import csv
 import dataclasses
 import math
 import os
@@ -19,6 +18,7 @@ from ...runtime.rules import shown
 from ..files import take_units
 from ..functions import where
 from ..parameters import Parameters
+from ..text_tables import Problems, is_comment, read_lines, table_of, values_of
 from ..units import ANGLE, STRAIN, factors
 from .base import Derivatives, Law, Range, sheet_fields
 
@@ -260,43 +260,36 @@ def read_table(path: str | os.PathLike[str], kind: str) -> Curve:
     Raises InputError by file and row.
     """
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            lines = enumerate(csv.reader(file), 1)
-            rows = [(n, row) for n, row in lines if row and not row[0].lstrip().startswith("#")]
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot be read ({reason}); allowed is a CSV file") from None
-    columns = _COLUMNS[kind]
+        return _curve(read_lines(path), _COLUMNS[kind])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _curve(lines, columns):
+    """The curve in the lines of a file; InputError by row."""
     wanted = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns)
-    if not rows or len(rows[0][1]) != 2:
-        first = rows[0][0] if rows else 1
-        raise InputError(f"{path}: row {first} is no header of two columns; allowed is {wanted}")
-    scales = []
-    for cell, (name, units) in zip(rows[0][1], columns):
-        match = re.fullmatch(r"\s*(\w+)\s*\[(.*)\]\s*", cell)
-        if not match or match[1] != name or match[2] not in units:
-            raise InputError(
-                f"{path}: row {rows[0][0]} has the column {cell.strip()!r}; allowed is {wanted}"
-            )
-        scales.append(units[match[2]])
-    points = []
-    for number, row in rows[1:]:
-        try:
-            points.append([float(cell) * scale for cell, scale in zip(row, scales, strict=True)])
-        except ValueError:
-            raise InputError(
-                f"{path}: row {number} is {','.join(row)!r}; allowed are two numbers"
-            ) from None
-    if len(points) > MAX_POINTS:
-        raise InputError(
-            f"{path}: has {len(points)} points; "
-            f"allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
+    rows = [(n, text) for n, text in enumerate(lines, 1) if text.strip(" ,;\t")]
+    rows = [(n, text) for n, text in rows if not is_comment(text)]
+    table = table_of(rows, lambda name: name in dict(columns))
+    if len(table.names) != 2:
+        raise InputError(f"row {table.top} is no header of two columns; allowed is {wanted}")
+    factors = {}
+    for i, (name, unit, (column, units)) in enumerate(zip(table.names, table.units, columns)):
+        if name != column or unit not in units:
+            told = name if unit is None else f"{name} [{unit}]"
+            raise InputError(f"row {table.top} has the column {told!r}; allowed is {wanted}")
+        factors[i] = name, units[unit]
+    problems = Problems()
+    x, y = values_of(table, factors, problems).values()
+    if len(x) > MAX_POINTS:
+        problems.append(
+            f"has {len(x)} points; allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
         )
+    problems.stop()
     try:
-        x, y = zip(*points) if points else ((), ())
-        return Curve(x, y)
+        return Curve(tuple(x.tolist()), tuple(y.tolist()))
     except InputError as error:
         message = str(error)
         if match := re.match(r"point (\d+)", message):
-            message = message.replace(match[0], f"row {rows[int(match[1])][0]}", 1)
-        raise InputError(f"{path}: {message}") from None
+            message = message.replace(match[0], f"row {table.rows[int(match[1]) - 1]}", 1)
+        raise InputError(message) from None

@@ -253,7 +253,7 @@ from fabric_fenicsx.runtime.errors import InputError
             UNIAXIAL,
             "22.8",
             "nan",
-            "row 9: sigma_a is 'nan'; allowed is a finite number with a decimal point",
+            "row 9: sigma_a is 'nan'; allowed is a finite number",
         ),
         (UNIAXIAL, "22.8", "", "row 9: sigma_a is ''; allowed is a finite number"),
         (UNIAXIAL, "1.5,22.8", "1,5,22,8", "row 9: there are 4 cells under 2 columns"),

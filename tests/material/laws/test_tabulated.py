@@ -134,14 +134,14 @@ BAD = {
     "eps [%], sigma [bar]\n0, 0": "row 1 has the column",
     "eps [%]\n0": "row 1 is no header",
     GOOD + "1.5, 40\n": "row 6: 0.015 comes after 0.02",
-    GOOD + "3, nan\n": "row 6 is",
-    GOOD + "3, much\n": "row 6 is '3, much'",
+    GOOD + "3, nan\n": "row 6: sigma is 'nan'",
+    GOOD + "3, much\n": "row 6: sigma is 'much'; allowed is a finite number",
     "eps [%], sigma [MPa]\n0, 0\n1, 2\n": "2 points",
     "eps [%], sigma [MPa]\n"
     + "".join(f"{e}, {e}\n" for e in range(41)): "41 points; allowed are 3 to 40",
     "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n": "(0, 0)",
     GOOD + "3, -1\n": "row 6: the stress is -1 MPa at the strain 0.03",
-    "": "row 1 is no header",
+    "": "there is no header",
 }
 
 
@@ -162,6 +162,13 @@ def test_a_material_file_says_how_its_tables_go_on(tmp_path, extrapolation, stre
     write_material(tmp_path, 'extrapolation = "cubic"\n')
     with pytest.raises(InputError, match="extrapolation is 'cubic'; allowed is constant or linear"):
         load(str(tmp_path / "m.toml"))
+
+
+def test_tables_are_read_as_other_programs_write_them(tmp_path):
+    text = "eps;sigma\n%;MPa\n" + GOOD.split("\n", 1)[1].replace(", ", ";").replace(".", ",")
+    write_material(tmp_path, warp=text)
+    fabric = load(str(tmp_path / "m.toml"))
+    assert fabric.warp == fabric.weft
 
 
 @pytest.mark.parametrize("text", BAD)

@@ -1,0 +1,281 @@
+"""Tables of numbers in text files as testing machines write them.
+
+What is read: any of the encodings UTF-8, UTF-16 and Windows' Latin one; cells between semicolons,
+tabs, commas or blanks; decimal points or commas, and thousands' separators; lines above the header;
+units in the header or in a row of their own. What can mean two numbers is refused.
+"""
+
+import codecs
+import csv
+import math
+import os
+import re
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..runtime.errors import InputError
+
+BLANKS = " "
+DELIMITERS = ";", "\t", ",", BLANKS
+GROUPS = "'’\u00a0\u202f "  # between thousands, besides the sign that marks no decimals
+MOST_TOLD = 5  # cells of one fault that a message names
+_WORKBOOKS = b"PK\x03\x04", b"\xd0\xcf\x11\xe0"  # how files of Excel begin
+_SPELLINGS = {"µm": "um", "μm": "um", "°": "deg", "N/mm²": "N/mm2", "g/m²": "g/m2"}
+_HEADER = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))?\s*")
+
+
+class Problems(list[str]):
+    """What is wrong with a file, told at once: `with problems:` keeps an InputError of its block,
+    `stop` raises one of all that were kept."""
+
+    def __enter__(self) -> "Problems":
+        return self
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> bool:
+        if isinstance(error, InputError):
+            self.append(str(error))
+            return True
+        return False
+
+    def stop(self) -> None:
+        """InputError of all problems, if there are any."""
+        if self:
+            raise InputError("; ".join(dict.fromkeys(self)))
+
+
+class TextTable(NamedTuple):
+    """The cells below a header: its line number `top`, names and units (None where there is none)
+    of the columns, and line numbers and cells of the rows."""
+
+    top: int
+    names: list[str]
+    units: list[str | None]
+    rows: list[int]
+    cells: list[list[str]]
+
+
+def read_lines(path: str | os.PathLike[str]) -> list[str]:
+    """The lines of a text file; InputError without the file's name where it is none."""
+    try:
+        data = Path(path).read_bytes()
+        if data.startswith(_WORKBOOKS):
+            raise ValueError("it is a workbook; save its sheet as CSV")
+        text = _decoded(data)
+        if "\0" in text:
+            raise ValueError("it has bytes that are no text")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file") from None
+    return text.lstrip("\ufeff").splitlines()
+
+
+def _decoded(data):
+    """The text of bytes; without a mark at their start it is UTF-16 if every other byte is 0."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return data.decode("utf-16")
+    for encoding, high in (("utf-16-le", data[1::2]), ("utf-16-be", data[::2])):
+        if high.count(0) > len(data) / 4:
+            return data.decode(encoding)
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="replace")
+
+
+def is_comment(line: str) -> bool:
+    """Whether a line begins with #, maybe in the quotes that a spreadsheet puts around it."""
+    return line.lstrip(' \t"').startswith("#")
+
+
+def table_of(lines: Iterable[tuple[int, str]], is_known: Callable[[str], bool]) -> TextTable:
+    """The table in lines (row, text) without comments; is_known: whether a column of a name is
+    asked for. InputError by row where there is none."""
+    lines = list(lines)
+    delimiter = next((d for _, text in lines[:1] for d in re.findall("^sep=(.)$", text)), None)
+    lines = lines[1:] if delimiter else lines
+    split = [(row, _split(text, delimiter or _delimiter(lines))) for row, text in lines]
+    first = _longest_run([sum(map(_is_number, cells)) >= 2 for _, cells in split])
+    known = [k for k in range(first) if any(is_known(_parted(c)[0]) for c in split[k][1])]
+    top = known[-1] if known else first - 1
+    while not known and top > 0 and _are_units(split[top][1]):
+        top -= 1
+    if top < 0 or (not known and _are_units(split[top][1])):
+        where = f"row {split[0][0]}: there is no header above it" if split else "there is no header"
+        raise InputError(f"{where}; allowed is a line such as eps_a [%], sigma_a [MPa]")
+    row, header = split[top]
+    while len(header) > 1 and not header[-1].strip():
+        header.pop()
+    names, units = map(list, zip(*map(_parted, header)))
+    body = split[top + 1 :]
+    if body and top + 1 < first and not any(re.match(r"\s*[+-]?\d", c) for c in body[0][1]):
+        units = _with_row_of_units(names, units, *body.pop(0))
+    for _, cells in body:
+        while len(cells) > len(header) and not cells[-1].strip():
+            cells.pop()
+    return TextTable(row, names, units, [row for row, _ in body], [cells for _, cells in body])
+
+
+def _with_row_of_units(names, units, row, cells):
+    """The units of a header, or of the row below it where it has none."""
+    below = [_unit(cell.strip(" []()")) for cell in cells] + [None] * len(units)
+    for name, unit, other in zip(names, units, below):
+        if unit and other and unit != other:
+            raise InputError(
+                f"row {row}: the unit of {name} is {other}, and {unit} in the header; allowed is "
+                "one"
+            )
+    return [unit or other for unit, other in zip(units, below)]
+
+
+def _parted(cell):
+    """Name and unit, None without one, in a cell of a header."""
+    match = _HEADER.fullmatch(cell)
+    name, *units = match.groups() if match else (cell.strip(), None)
+    return name, _unit(next(filter(None, units), None))
+
+
+def _unit(text):
+    return _SPELLINGS.get(text, text) or None
+
+
+def _are_units(cells):
+    """Whether cells are units in brackets, or known ones without."""
+    told = [cell.strip() for cell in cells if cell.strip()]
+    return bool(told) and all(
+        re.fullmatch(r"\[.*\]|\(.*\)|mm|cm|s|k?N|%|deg|rad|[kMG]?Pa", c) for c in told
+    )
+
+
+def _split(text, delimiter):
+    if delimiter == BLANKS:  # names may have single blanks, and one before their unit
+        cells = text.split()
+        wide = re.split(r"\s{2,}", text.strip())
+        if all(map(_is_number, cells)):
+            return cells
+        return wide if len(wide) > 1 else re.split(r"\s+(?![\[(])", text.strip())
+    return next(csv.reader([text], delimiter=delimiter, skipinitialspace=True))
+
+
+def _delimiter(lines):
+    """The delimiter that gives most rows of numbers; without any, one that there is."""
+    best, most = "", (0, 0.0)  # rows, and the share of their cells that are numbers
+    for delimiter in DELIMITERS:
+        if (found := _score(lines, delimiter)) > most:
+            best, most = delimiter, found
+    present = [d for d in DELIMITERS[:3] if any(d in text for _, text in lines)]
+    return best or next(iter(present), ",")
+
+
+def _score(lines, delimiter):
+    """How many lines have two numbers or more between delimiters, and their share there."""
+    cells = [list(map(_is_number, _split(text, delimiter))) for _, text in lines]
+    cells = [each for each in cells if sum(each) >= 2]
+    return len(cells), sum(map(sum, cells)) / max(sum(map(len, cells)), 1)
+
+
+def _longest_run(flags):
+    """Where the longest run of true flags begins, their number without any."""
+    start, length = len(flags), 0
+    k = 0
+    while k < len(flags):
+        end = k
+        while end < len(flags) and flags[end]:
+            end += 1
+        if end - k > length:
+            start, length = k, end - k
+        k = max(end, k) + 1
+    return start
+
+
+def _pattern(decimal):
+    group = f"[{GROUPS}{',' if decimal == '.' else '.'}]"
+    whole = rf"(?:[1-9]\d{{0,2}}(?:{group}\d{{3}})+|\d+)"
+    mark = re.escape(decimal)
+    return re.compile(rf"[+-]?(?:{whole}(?:{mark}\d*)?|{mark}\d+)(?:[eE][+-]?\d+)?")
+
+
+_NUMBERS = {decimal: _pattern(decimal) for decimal in ".,"}
+
+
+def _plain(cell):
+    return cell.strip().replace("\u2212", "-")
+
+
+def _is_number(cell):
+    return any(pattern.fullmatch(_plain(cell)) for pattern in _NUMBERS.values())
+
+
+def number(cell: str, decimal: str) -> float:
+    """The number in a cell, nan where it has none; decimal: the sign before decimals."""
+    if not _NUMBERS[decimal].fullmatch(_plain(cell)):
+        return math.nan
+    grouped = re.sub(f"[{GROUPS}{',' if decimal == '.' else '.'}]", "", _plain(cell))
+    return float(grouped.replace(decimal, "."))
+
+
+def decimal_signs(table: TextTable, wanted: Iterable[int]) -> list[str]:
+    """The sign before decimals in each column, "." or ","; InputError where both could be meant in
+    one of the columns `wanted`.
+
+    A column that alone does not tell goes with the others, or has points.
+    """
+    columns = [_column(table, i) for i in range(len(table.names))]
+    found = []
+    for cells in columns:
+        dot, comma = (sum(bool(p.fullmatch(c)) for _, c in cells) for p in _NUMBERS.values())
+        found.append("" if dot == comma else "." if dot > comma else ",")
+    others = {sign for sign in found if sign} or {"."}
+    unsure = {".", ","} - (others if len(others) == 1 else set())
+    for i in wanted:
+        for row, cell in columns[i] if not found[i] else ():
+            if unsure & {*cell}:
+                either = f"{number(cell, ','):g} or {number(cell, '.'):g}"
+                raise InputError(
+                    f"row {row}: {cell} may mean {either}, as all numbers of its column have three "
+                    "digits behind that sign; allowed is another number of decimals"
+                )
+    return [sign or min(others) for sign in found]
+
+
+def _column(table, i):
+    """The numbers of a column, (row, cell)."""
+    cells = [(row, _plain(c[i])) for row, c in zip(table.rows, table.cells) if i < len(c)]
+    return [(row, cell) for row, cell in cells if _is_number(cell)]
+
+
+def values_of(
+    table: TextTable, factors: Mapping[int, tuple[str, float]], problems: Problems
+) -> dict[str, np.ndarray]:
+    """The numbers of columns {number: (name, factor)}, {name: (n,)}, each times its factor.
+    Problems of rows and cells go to `problems`, and a column's value there is nan."""
+    signs = ["."] * len(table.names)
+    with problems:
+        signs = decimal_signs(table, factors)
+    columns = {name: np.full(len(table.rows), math.nan) for name, _ in factors.values()}
+    lengths: dict[int, list[str]] = {}
+    wrong: list[str] = []
+    for k, (row, cells) in enumerate(zip(table.rows, table.cells)):
+        if len(cells) != len(table.names):
+            lengths.setdefault(len(cells), []).append(f"row {row}")
+            continue
+        for i, (name, factor) in factors.items():
+            columns[name][k] = number(cells[i], signs[i]) * factor
+            if not math.isfinite(columns[name][k]):
+                wrong.append(f"row {row}: {name} is {cells[i].strip()!r}")
+    for length, rows in lengths.items():
+        problems.append(
+            f"{_first(rows)}: there are {length} cells under {len(table.names)} columns; allowed "
+            "is one number a column (a decimal comma needs semicolons or tabs between them)"
+        )
+    if wrong:
+        problems.append(f"{_first(wrong)}; allowed is a finite number")
+    return columns
+
+
+def _first(texts):
+    """The first texts of a list, and how many more there are."""
+    more = len(texts) - MOST_TOLD
+    return ", ".join(texts[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")
