@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from .surface_mesh import OtherFormat, SurfaceMesh, surface_kind
 
 # gmsh takes a file of another ending for a script and runs it
-GMSH = (".msh", ".unv", ".bdf", ".nas", ".dat", ".mesh", ".ply2", ".med", ".cgns", ".p3d")
+GMSH = (".msh", ".unv", ".bdf", ".nas", ".fem", ".dat", ".mesh", ".ply2", ".med", ".cgns", ".p3d")
 XDMF = (".xdmf", ".xmf")
 # of VTK's types of cells, with the number of corners
 CORNERS = {5: 3, 9: 4, 22: 3, 23: 4, 28: 4, 34: 3, 69: 3, 70: 4}
@@ -53,8 +54,12 @@ def by_gmsh(path: Path) -> SurfaceMesh:
             raise OtherFormat("no section that begins with $")
     import gmsh
 
-    with own_model(gmsh):
+    with own_model(gmsh), TemporaryDirectory() as folder:
         gmsh.logger.start()
+        if path.suffix.lower() == ".fem":  # OptiStruct's name for .bdf
+            link = Path(folder) / "deck.bdf"
+            link.symlink_to(path.absolute())
+            path = link
         gmsh.merge(str(path))
         print(*(line for line in gmsh.logger.get() if line.startswith("Warning")), sep="\n")
         numbers, x, _ = gmsh.model.mesh.getNodes()

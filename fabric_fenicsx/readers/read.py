@@ -12,6 +12,7 @@ from tempfile import TemporaryFile
 from ..runtime.errors import InputError
 from .abaqus import read_abaqus
 from .libraries import NotMine, by_dolfinx, by_gmsh, by_meshio, by_pyvista
+from .nastran import ENDINGS, check_coordinate_systems
 from .stl import read_stl
 from .surface_mesh import SurfaceMesh
 
@@ -51,6 +52,8 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
             f"{what} {path} has numbers alone; allowed is {path.with_suffix('.xdmf')}, which names "
             "them"
         )
+    if path.suffix.lower() in ENDINGS:
+        check_coordinate_systems(path)
     reasons: list[str] = []
     doubtful: list[SurfaceMesh] = []
     without: list[SurfaceMesh] = []

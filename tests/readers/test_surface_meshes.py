@@ -169,6 +169,26 @@ def test_nastran_with(tmp_path, case):
 
 
 @pytest.mark.versions
+def test_a_deck_of_optistruct_is_one_of_nastran(tmp_path):
+    assert area(read(tmp_path / "square.fem", NASTRAN["an angle"])) == 100
+
+
+@pytest.mark.parametrize(
+    "card",
+    [
+        "GRID,4,5,0.,10.,0.",
+        "GRID           4       5      0.     10.      0.",
+        "GRID*                  4               5              0.             10.",
+    ],
+)
+def test_nodes_in_a_coordinate_system_of_their_own_are_refused(tmp_path, card):
+    three = "\n".join(GRIDS.splitlines()[:3])
+    text = f"BEGIN BULK\n{three}\n{card}\nCQUAD4,1,1,1,2,3,4\nENDDATA\n"
+    with pytest.raises(InputError, match="has a GRID in coordinate system 5 .*; allowed are basic"):
+        read(tmp_path / "square.bdf", text)
+
+
+@pytest.mark.versions
 def test_the_reasons_of_all_readers_are_kept_on_one_line(tmp_path, capfd):
     text = "CEND\nBEGIN BULK\nGRID,1,,x,0.,0.\nENDDATA\n"
     with pytest.raises(InputError) as error:
