@@ -63,13 +63,15 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
         data = Path(path).read_bytes()
         if data.startswith(_WORKBOOKS):
             raise ValueError("it is a workbook; save its sheet as CSV")
-        text = _decoded(data)
+        text = _decoded(data).lstrip("\ufeff")
+        if not text.strip():
+            raise ValueError("it is empty")
         if "\0" in text:
             raise ValueError("it has bytes that are no text")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"cannot be read as text ({reason}); allowed is a CSV file") from None
-    return text.lstrip("\ufeff").splitlines()
+    return text.splitlines()
 
 
 def _decoded(data):
@@ -97,9 +99,15 @@ def table_of(lines: Iterable[tuple[int, str]], is_known: Callable[[str], bool]) 
     delimiter = next((d for _, text in lines[:1] for d in re.findall("^sep=(.)$", text)), None)
     lines = lines[1:] if delimiter else lines
     split = [(row, _split(text, delimiter or _delimiter(lines))) for row, text in lines]
-    first = _longest_run([sum(map(_is_number, cells)) >= 2 for _, cells in split])
-    known = [k for k in range(first) if any(is_known(_parted(c)[0]) for c in split[k][1])]
-    top = known[-1] if known else first - 1
+    is_data = [sum(map(_is_number, cells)) >= 2 for _, cells in split]
+    known = [k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells)]
+    if known:  # of several headers the first counts, so that no rows are lost above another one
+        after = is_data[known[0] + 1 :]
+        first = known[0] + 1 + (after.index(True) if any(after) else len(after))
+        top = max(k for k in known if k < first)
+    else:
+        first = _longest_run(is_data)
+        top = first - 1
     while not known and top > 0 and _are_units(split[top][1]):
         top -= 1
     if top < 0 or (not known and _are_units(split[top][1])):

@@ -89,6 +89,18 @@ def test_a_mark_of_the_encoding_may_stand_twice(tmp_path):
     check(read(tmp_path, b"\xff\xfe" + ("\ufeff" + KEYS + HEAD + COMMA).encode("utf-16-le")))
 
 
+def test_a_second_header_is_no_end_of_what_stands_above(tmp_path):
+    text = KEYS + HEAD + "1;1\n2;2\n" + HEAD + COMMA
+    with pytest.raises(InputError, match=r"row 7: displacement is 'displacement \[mm\]'"):
+        read(tmp_path, text.encode())
+
+
+@pytest.mark.parametrize("content", [b"", b"\xef\xbb\xbf\n\n"])
+def test_an_empty_file_is_refused(tmp_path, content):
+    with pytest.raises(InputError, match="bias.csv: cannot be read as text .it is empty"):
+        read(tmp_path, content)
+
+
 def test_a_workbook_is_refused(tmp_path):
     with pytest.raises(InputError, match="it is a workbook; save its sheet as CSV"):
         read(tmp_path, b"PK\x03\x04")

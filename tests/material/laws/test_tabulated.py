@@ -141,7 +141,8 @@ BAD = {
     + "".join(f"{e}, {e}\n" for e in range(41)): "41 points; allowed are 3 to 40",
     "eps [%], sigma [MPa]\n0, 1\n1, 2\n2, 3\n": "(0, 0)",
     GOOD + "3, -1\n": "row 6: the stress is -1 MPa at the strain 0.03",
-    "": "there is no header",
+    "": "cannot be read as text (it is empty)",
+    "# of nobody\n": "there is no header",
 }
 
 
