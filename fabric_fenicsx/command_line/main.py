@@ -40,12 +40,12 @@ def main(argv: list[str] | None = None) -> int:
         usage="fabric [-h] command, or fabric STUDY [option ...]",
         description="Run a study (fabric tensile --help tells its options) or one of these:",
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog="\n".join(f"  {name:8}{words}" for name, words in COMMANDS.items()),
+        epilog=_epilog(scripts),
     )
     parser.add_argument("command", help=argparse.SUPPRESS)
     parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
     try:
-        given = parser.parse_args(argv)
+        given = parser.parse_args(argv or ["--help"])
         command = given.command
         if command not in COMMANDS:
             raise unknown_key(command, [*COMMANDS, *scripts], f"command {command}")
@@ -66,6 +66,12 @@ def main(argv: list[str] | None = None) -> int:
     if speaks and command == "list":
         print(_listed(scripts.values()))
     return 0
+
+
+def _epilog(studies):
+    """The commands and the names of the studies."""
+    lines = [f"  {name:8}{words}" for name, words in COMMANDS.items()]
+    return "\n".join([*lines, "", *textwrap.wrap(f"studies: {', '.join(studies)}", 100)])
 
 
 def _export(folder, file):

@@ -127,7 +127,7 @@ def test_the_blas_is_named(file, words):
     assert words in info.describe_blas([file])
 
 
-@pytest.mark.parametrize("arguments", [(), ("inform",), ("info", "--fast"), ("info", "more")])
+@pytest.mark.parametrize("arguments", [("inform",), ("info", "--fast"), ("info", "more")])
 def test_bad_arguments_end_with_2_and_one_sentence(arguments, capsys):
     assert main.main(list(arguments)) == 2
     out, err = capsys.readouterr()

@@ -49,6 +49,14 @@ def test_studies_and_data_are_listed(capsys):
     assert len(data) > 3 and all((STUDIES.parent / word).exists() for word in data)
 
 
+@pytest.mark.parametrize("argv", [[], ["--help"]])
+def test_help_names_commands_and_studies(argv, capsys):
+    with pytest.raises(SystemExit) as end:
+        main.main(argv)
+    out = capsys.readouterr().out
+    assert not end.value.code and "studies: bias_extension, " in out and "  list " in out
+
+
 def test_another_command_is_not_allowed(capsys):
     assert main.main(["tensil"]) == 2
     assert (
