@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ..runtime.errors import InputError, Interrupted
+from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.ranks import on_ranks
 from ..runtime.rules import Rule, did_you_mean
 
@@ -20,7 +20,9 @@ def exit_status(error: Exception) -> tuple[int, str]:
     Interrupted (3)."""
     if isinstance(error, InputError):
         return 2, f"error: {error}"
-    return 3, str(error) if isinstance(error, Interrupted) else f"stopped: {error}"
+    words = str(error)
+    ended = isinstance(error, Interrupted) or words.startswith(NOT_BELIEVED)
+    return 3, words if ended else f"stopped: {words}"
 
 
 def program(name: str) -> str:

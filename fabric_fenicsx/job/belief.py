@@ -9,13 +9,13 @@ from ..mechanics.term_checks import misspelt
 from ..results.history import ENERGIES, energy_balance
 from ..results.result import Result
 from ..results.shear import fabric_warnings
+from ..runtime.errors import NOT_BELIEVED
 from ..runtime.words import coordinates, percent, rounded
 from ..scene import reports
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
 
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
-NOT_BELIEVED = "the result is not to be believed: "
 
 
 def not_believed(wrong: Sequence[str]) -> str:
@@ -53,9 +53,18 @@ def beyond_limits_at_end(
         "viscous": energy["viscous"] / max(abs(kept), 1e-300),
         "located": scene.supports.located_share(reports.outer_forces(scene)),
     }
+    wrong = limits.exceeded(found)
     if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
-        found["shortening"] = reports.shortened(scene, SHORTENED)
-    return limits.exceeded(found) + _passed_through(scene)
+        shortening = {"shortening": reports.shortened(scene, SHORTENED)}
+        wrong += [f"{words}; {_cure(scene)}" for words in limits.exceeded(shortening)]
+    return wrong + _passed_through(scene)
+
+
+def _cure(scene):
+    """What to do against shortening, in words."""
+    if any(reports.locking(scene)):
+        return "cells lock, which shortens yarns, too: take another mesh first"
+    return "more force of a blank holder may help"
 
 
 def _passed_through(scene):

@@ -131,7 +131,8 @@ class Job(JobFields):
         if not output.is_kept:
             result.forget_folder()
         if run.wrong:
-            raise SolverFailure(run.wrong + output.where(folder), result)
+            whole = result.summary["stroke_reached"] == 1
+            raise SolverFailure(run.wrong + output.where(folder, whole), result)
         return result
 
     def _finished_before(self, output, result, start, notes, problem, pictures):
@@ -161,7 +162,7 @@ class Job(JobFields):
 
     def _show(self, output, result, pictures):
         """Draw the last state; of a run that reached its end write the tables and pictures, too."""
-        reached = result.summary["converged"]
+        reached = result.summary["stroke_reached"] == 1
         if self.tables and reached:
             self.tables(result, result.folder)
         if self.scene.comm.rank == 0 and pictures:

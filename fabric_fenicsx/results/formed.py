@@ -12,6 +12,7 @@ import numpy as np
 import pyvista
 from scipy.optimize import brentq
 
+from ..material.strains import SHORTENED
 from ..runtime.errors import InputError
 from ..sheets.blank import Part
 from ..tools.double_dome import DoubleDome
@@ -27,6 +28,7 @@ log = logging.getLogger("fabric_fenicsx")
 ANGLES = 0, 45, 90  # of the paths to x [deg]
 # of the shapes of plies, what of several ones the largest has a meaning
 LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("slope_largest_deg",)}
+SHORTENING = "shortening_a", "shortening_b"
 METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"  # that is drawn
 
 
@@ -132,12 +134,17 @@ def draw_plies(
     angles: Sequence[Sequence[float]],
     tool: pyvista.PolyData,
 ) -> None:
-    """Paths and strain states of each ply, and all of them formed over the tool; angles: of each
-    one's yarns [deg]."""
-    for name, grid in of_fabric(grids).items():
+    """Paths and strain states of each ply, shortening if there is some, and all of them formed over
+    the tool; angles: of each one's yarns [deg]."""
+    fabrics = of_fabric(grids)
+    for name, grid in fabrics.items():
         end = "_" + re.sub(r"\W+", "_", name) if name else ""
-        forming.write_paths(folder / f"paths{end}.csv", forming.along_paths(grid, ANGLES))
+        for paths in _paths(name, grid):
+            forming.write_paths(folder / f"paths{end}.csv", paths)
         forming_pictures.state_map(folder / f"states{end}.png", grid)
+    if any(grid[field].max() > SHORTENED for grid in fabrics.values() for field in SHORTENING):
+        named = {name or "shortening": grid for name, grid in fabrics.items()}
+        pictures.maps(folder / "shortening.png", named, SHORTENING, outliers=OUTLIERS)
     if metals := {name: grid for name, grid in grids.items() if name not in of_fabric(grids)}:
         pictures.maps(folder / "metal.png", metals, METAL, outliers=OUTLIERS)
     try:
@@ -147,10 +154,23 @@ def draw_plies(
         log.warning("formed.png was not drawn: %s", error, extra=MARKED)
 
 
+def _paths(name, grid):
+    """The paths of a ply, once or, where the origin is in a cut-out, not at all."""
+    try:
+        return [forming.along_paths(grid, ANGLES)]
+    except InputError as error:
+        words = "there are no paths%s: %s"
+        log.warning(words, f" of {name}" if name else "", error, extra=MARKED)
+        return []
+
+
 def draw_compared(folder: Path, grids: Mapping[str, pyvista.UnstructuredGrid], punch: Tool) -> None:
     """Outlines and paths of plies {label: grid} side by side."""
     forming_pictures.outline_picture(folder / "outline.png", grids)
-    paths = {label: forming.along_paths(grid, ANGLES) for label, grid in of_fabric(grids).items()}
+    fabrics = of_fabric(grids)
+    paths = {label: each for label, grid in fabrics.items() for each in _paths(label, grid)}
+    if not paths:
+        return
     surface, marks = punch.surface, {}
     if isinstance(surface, DoubleDome):
         rays = [np.array([[math.cos(k)], [math.sin(k)]]) for k in np.radians(ANGLES)]

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from ..runtime.errors import InputError
 from ..tools.facets import vertex_normals
 from ..tools.tool import Tool
+from .measures import EQUAL
 from .ply import SAME, Grid, ply_of
 
 File: TypeAlias = pathlib.Path | str
@@ -164,16 +165,18 @@ def outline(grid: Grid, planes: Sequence[int] | None = None) -> list[Outline]:
     return edges
 
 
-def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, float]:
+def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, Any]:
     """How far the edge went inwards in plan [mm], as in `Outline`: {name: value} at the middle of
     the long and of the short side of the rectangle around the ply, at its corner, each the mean of
-    those that the grid has, and the largest of all points of the edge. Where the grid has two such
-    sides, also at the middle of each: `middle_at_low_x_mm` and so on. planes: as in `outline`."""
+    those that the grid has, and the largest of all points of the edge, with its place (x, y) on the
+    flat ply. Where the grid has two such sides, also at the middle of each: `middle_at_low_x_mm`
+    and so on. planes: as in `outline`."""
     edges = outline(grid, planes)
     place, inwards = (
         np.concatenate([getattr(edge, name) for edge in edges])
         for name in ("undeformed", "inwards")
     )
+    undeformed = place[:, :2].round(6) + 0.0
     place, cut = place[:, :2], list(ply_of(grid).planes if planes is None else planes)
     centre = (place.min(0) + place.max(0)) / 2
     centre[cut] = 0
@@ -190,7 +193,9 @@ def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, float]
     for name, places, at in asked:
         distance = np.linalg.norm(places - at, axis=1)
         found[f"{name}_mm"] = float(inwards[distance < distance.min() + SAME].mean())
-    return found | {"largest_mm": float(inwards.max())}
+    largest = float(inwards.max())
+    there = undeformed[inwards >= largest - EQUAL * abs(largest)].tolist()
+    return found | {"largest_mm": largest, "largest_at_mm": min(there)}
 
 
 def contrast(grid: Grid, name: str) -> float:

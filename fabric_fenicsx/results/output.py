@@ -231,9 +231,10 @@ class Output:
                 )
         return found
 
-    def where(self, folder: Path) -> str:
-        """Words that say where the results are, if they are kept."""
-        return f"; the results up to there are in {folder}" if self.is_kept else ""
+    def where(self, folder: Path, whole: bool = False) -> str:
+        """Words that say where the results are, if they are kept; whole: of the full load."""
+        what = "the results are" if whole else "the results up to there are"
+        return f"; {what} in {folder}" if self.is_kept else ""
 
     def write_table(self, path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
         """Write dicts to a CSV file, on rank 0, with a column for each of their keys."""

@@ -24,6 +24,7 @@ CAPTIONS = {
     "compare_curves": "Variants of the couplings: reaction over displacement",
     "formed": "The formed ply: magnitude of the shear angle, and yarns",
     "states": "Strain states: which yarns are in tension, which in compression",
+    "shortening": "Shortening of yarns by compression, where a real ply wrinkles",
     "paths": "Strains and shear angle along paths from the centre",
     "outline": "Outline of the formed ply over the flat one",
     "error": "Estimated errors of strains and shear angle, from a mesh twice as coarse",

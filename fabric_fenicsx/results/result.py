@@ -105,7 +105,7 @@ class Result:
             )
         return reports.tool_force(scene, asked[0]) if asked else force
 
-    def draw_in(self, sheet: str = "") -> dict[str, float]:
+    def draw_in(self, sheet: str = "") -> dict[str, Any]:
         """How far the edge of the sheet, or of the one of this name in a stack, went inwards in
         plan [mm], by the names of `forming.draw_in`, on all ranks.
 

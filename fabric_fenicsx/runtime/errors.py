@@ -7,6 +7,9 @@ class InputError(ValueError):
     """A user's mistake; the message is one sentence: what is wrong, where, and what is allowed."""
 
 
+NOT_BELIEVED = "the result is not to be believed: "  # how the reason of such a run begins
+
+
 class SolverFailure(RuntimeError):
     """The solver gave up; the message is the reason in words.
 

@@ -8,6 +8,7 @@ from mpi4py import MPI
 
 from ..mechanics.reports import Fields, told
 from ..mechanics.roles import Penetrated, Pressing, Strained, Touching, Warns
+from ..mechanics.shell.mesh_warnings import locking_warning
 from ..tools.tool import Tool
 from .scene import Scene
 
@@ -77,6 +78,11 @@ def overstretched(scene: Scene, strain: float) -> float:
 def shortened(scene: Scene, strain: float) -> float:
     """As `overstretched`, in which they are shortened by more."""
     return max((term.shortened(strain) for term in _strained(scene)), default=0.0)
+
+
+def locking(scene: Scene) -> list[str]:
+    """Sentences on cells that lock, one for each sheet of which there is something to say."""
+    return [words for term in _strained(scene) if (words := locking_warning(term))]
 
 
 def _strained(scene):

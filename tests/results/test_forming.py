@@ -195,6 +195,7 @@ def test_draw_in(full):
     half = np.array([235, 135]) / (2 if full else 1)
     short, long = half * [0.02, 0.1]
     corner = (short + long) / np.sqrt(2)
+    assert len(found.pop("largest_at_mm")) == 2
     sides = {"low_x": short, "high_x": short, "low_y": long, "high_y": long} if full else {}
     assert found == pytest.approx(
         {

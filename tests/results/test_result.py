@@ -42,6 +42,7 @@ def test_draw_in_of_a_scene_of_ones_own(folder, supports, centred, share, about)
     """Of a whole sheet that lies anywhere, a half or a quarter: clamps at x = 0 are no plane of
     symmetry, whose edge does not count."""
     found = shrunk(folder, ply(centred=centred), supports, about).draw_in()
+    assert len(found.pop("largest_at_mm")) == 2
     x, y = share * (SHRINK * SIZES)[:2]
     long, short = (y, x) if (share * SIZES[:2]).argmax() == 0 else (x, y)
     corner = (x + y) / np.sqrt(2)
