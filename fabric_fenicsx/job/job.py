@@ -107,7 +107,7 @@ class Job(JobFields):
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
         for material in materials_of(scene, scene.blank.whole):
-            output.say_once(material.assumed_words())
+            output.say_assumed(material.label, material.assumed_values())
         start, notes = None, dict[str, Any]()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):

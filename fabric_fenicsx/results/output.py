@@ -104,7 +104,7 @@ class Output:
         self._started = time.perf_counter() - sum(timing.seconds.values())
         self.warnings: list[str] = []  # since the last summary
         self._warned: set[str] = set()
-        self._said: set[str] = set()
+        self._said: set[tuple[str, str]] = set()  # assumed numbers
         self._lock: IO | None = None
         self._log: LogFile | None = None
         self._done: dict[str, dict[str, Any]] = {}
@@ -114,12 +114,13 @@ class Output:
         if self.comm.rank == 0:
             log.info(text)
 
-    def say_once(self, text: str) -> None:
-        """As `say`, what was not said before, unless warnings are quiet, too; an empty text is
-        nothing."""
-        if text and not self.is_quiet and text not in self._said:
-            self._said.add(text)
-            self.say(text)
+    def say_assumed(self, name: str, values: Mapping[str, str]) -> None:
+        """Say which numbers {number: value} of the material `name` no test has determined, each
+        once, unless warnings are quiet, too."""
+        new = [f"{k} = {value}" for k, value in values.items() if (name, k) not in self._said]
+        self._said |= {(name, k) for k in values}
+        if new and not self.is_quiet:
+            self.say(f"of {name}, no test has determined {', '.join(new)}")
 
     def warn(self, text: str) -> None:
         """Print once, on rank 0, what the user should look at; the summary repeats it.

@@ -96,9 +96,14 @@ class Material(Parameters):
         """Thickness of the sheet between faces that press it [MPa], in mm."""
         return self.thickness
 
-    def assumed_words(self) -> str:
-        """A sentence on numbers that act and that no test has determined, "" without any."""
-        return ""
+    def assumed_values(self) -> dict[str, str]:
+        """What numbers are that act and that no test has determined, {name: value with unit}."""
+        return {}
+
+    @property
+    def label(self) -> str:
+        """What the material is called in sentences."""
+        return getattr(self, "name", "") or getattr(self, "law", "material")
 
     def replace(self, **changes: Any) -> Self:
         """A changed copy; InputError for an unknown name."""
@@ -220,15 +225,8 @@ class Law(Material):
                 raise unknown_key(name, self.parameters, f"assumed: {shown(name)}")
         return tuple(name for name in self.parameters if name in given)
 
-    def assumed_words(self) -> str:
-        """A sentence on the numbers that act and that no test has determined, "" without any."""
-        names = [f"{name} = {values}" for name, values in self.assumed_values().items()]
-        if not names:
-            return ""
-        return f"of {self.name or self.law}, no test has determined {', '.join(names)}"
-
     def assumed_values(self) -> dict[str, str]:
-        """What `assumed` numbers are, of which those of couplings that are off are left out."""
+        """As in `Material`: numbers of couplings that are off are left out."""
         return {name: self._value_words(name) for name in self.assumed if self._acts(name)}
 
     def _value_words(self, name):

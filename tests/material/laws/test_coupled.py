@@ -361,10 +361,9 @@ def test_values_of_a_wrong_unit_are_doubted():
 
 def test_numbers_that_no_test_has_determined_are_told_where_they_act():
     assert KOMEILI.assumed == ("d", "p_min", "s_C")
-    words = "of komeili, no test has determined d = 0.65 MPa, p_min = 0.75, s_C = 100"
-    assert KOMEILI.assumed_words() == words
+    assert KOMEILI.assumed_values() == {"d": "0.65 MPa", "p_min": "0.75", "s_C": "100"}
     assert set(KOMEILI.without("biaxial").assumed_values()) == {"d", "s_C"}
-    assert KOMEILI.replace(assumed=()).assumed_words() == ""
+    assert KOMEILI.replace(assumed=()).assumed_values() == {}
     weft = UNBALANCED.replace(assumed=["s1", "d"])
     assert list(weft.assumed_values().values()) == ["0.65 MPa and 4.94066e-324 MPa", "0.02506 MPa"]
 
