@@ -2,6 +2,7 @@
 Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
+from fabric_fenicsx.runtime.words import percent, rounded
 from fabric_fenicsx.scenarios.bias_extension import BiasExtension
 from fabric_fenicsx.scenarios.strip import measured_lines
 
@@ -17,9 +18,10 @@ def main(study: Study):
     for line in measured_lines(result):
         study.say(line)
     if "measured_rms_N_per_mm" in q:
-        rms, relative = q["measured_rms_N_per_mm"], 100 * q["measured_rms_relative"]
+        rms, relative = q["measured_rms_N_per_mm"], q["measured_rms_relative"]
         study.say(
-            f"normalised shear forces differ by {rms:.3g} N/mm r.m.s. ({relative:.3g} % of each)"
+            f"normalised shear forces differ by {rounded(rms)} N/mm r.m.s. "
+            f"({percent(relative, 3)} of each)"
         )
     centre = "no cell at the centre"
     if bias.has_centre:

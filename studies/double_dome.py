@@ -3,6 +3,7 @@ ply between rigid tools."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.material.laws import coupling_variants
+from fabric_fenicsx.runtime.words import percent
 from fabric_fenicsx.scenarios.forming import Forming
 
 
@@ -38,7 +39,7 @@ def main(study: Study):
             f"{r.told('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
             f"{r.told('shear_angle_99_percent_deg', '.2f')}), draw-in "
             f"{r.told('draw_in.largest_mm', '.2f')} mm, "
-            f"penetration {100 * q['penetration_of_thickness']:.2g} % of the thickness"
+            f"penetration {percent(q['penetration_of_thickness'])} of the thickness"
         )
 
 

@@ -16,6 +16,7 @@ from fabric_fenicsx.material import curves, identification
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.results import report as html
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
+from fabric_fenicsx.runtime.words import percent
 
 
 def write_report(args, path, report, started):
@@ -54,7 +55,7 @@ def main(args):
         sheet, tests = identification.synthesise(fabric, args.tests, args.noise, args.seed)
         remark = (
             f"synthetic, from {args.synthesize} with seed {args.seed} and normal noise of "
-            f"{100 * args.noise:g} % of each column's largest value"
+            f"{percent(args.noise, 6)} of each column's largest value"
         )
         curves.write(args.data, sheet, tests, [remark])
     result = identification.identify(*curves.read(args.data))

@@ -4,6 +4,7 @@ metal, three plies at 0/90, metal."""
 from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
+from fabric_fenicsx.runtime.words import percent, rounded
 from fabric_fenicsx.scenarios.laminate import MIDDLE, Laminate
 from fabric_fenicsx.verification import compression_parameters as parameters
 
@@ -49,10 +50,10 @@ def main(study: Study):
         rows.append(row | {f"middle_{k}": v for k, v in middle.items() if isinstance(v, float)})
         shear = result.told(f"plies.{MIDDLE}.shear_angle_max_deg", ".2f")
         study.say(
-            f"{label or study.args.out}: punch force {q['punch_force_N']:.5g} N"
+            f"{label or study.args.out}: punch force {rounded(q['punch_force_N'], 5)} N"
             f"{laminate.of_whole(q)}, largest shear angle of the middle ply {shear} deg, thinning "
             f"of the metal {result.told('thinning_max', '.2f', 100)} %, "
-            f"penetration {q['penetration_of_thickness']:.2%} of a thickness"
+            f"penetration {percent(q['penetration_of_thickness'])} of a thickness"
         )
     if len(results) > 1:
         folder = study.folder()

@@ -38,9 +38,8 @@ def main(argv: list[str] | None = None) -> int:
     parser = Parser(
         prog="fabric",
         usage="fabric [-h] command, or fabric STUDY [option ...]",
-        description="Run a study (fabric tensile --help tells its options) or one of these:",
+        description=_description(scripts),
         formatter_class=argparse.RawDescriptionHelpFormatter,
-        epilog=_epilog(scripts),
     )
     parser.add_argument("command", help=argparse.SUPPRESS)
     parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
@@ -51,7 +50,8 @@ def main(argv: list[str] | None = None) -> int:
             raise unknown_key(command, [*COMMANDS, *scripts], f"command {command}")
         if len(given.files) != (2 if command == "export" else 0):
             words = "a folder of results and a file" if command == "export" else "nothing"
-            raise InputError(f"after {command} stands {given.files}; allowed is {words}")
+            found = " ".join(given.files) or "nothing"
+            raise InputError(f"behind {command} is {found}; allowed is {words}")
         if command == "export" and speaks:
             _export(*given.files)
     except InputError as error:
@@ -68,10 +68,11 @@ def main(argv: list[str] | None = None) -> int:
     return 0
 
 
-def _epilog(studies):
+def _description(studies):
     """The commands and the names of the studies."""
+    head = "Runs a study (fabric tensile --help tells its options) or one of these:"
     lines = [f"  {name:8}{words}" for name, words in COMMANDS.items()]
-    return "\n".join([*lines, "", *textwrap.wrap(f"studies: {', '.join(studies)}", 100)])
+    return "\n".join([head, *lines, "", *textwrap.wrap(f"studies: {', '.join(studies)}", 100)])
 
 
 def _export(folder, file):

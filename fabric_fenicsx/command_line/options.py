@@ -89,6 +89,10 @@ class Parser(argparse.ArgumentParser):
             self._groups[title] = self.add_argument_group(title)
         self._group = self._groups[title]
 
+    def format_help(self) -> str:
+        """Argparse's help, with parameters as options."""
+        return self.translated(super().format_help())
+
     def option(self, *names: str, free: bool = False, **settings: Any) -> None:
         """Add an option, as argparse's add_argument; free: a resumed run may change it."""
         action = self._group.add_argument(*names, **settings)
@@ -110,13 +114,33 @@ class Parser(argparse.ArgumentParser):
         return self.PARAMETER.sub(option, text)
 
     def error(self, message: str) -> NoReturn:
-        """Raise InputError with argparse's message, and the option that is nearest to an unknown
-        one."""
-        if message.startswith(unknown := "unrecognized arguments: "):
-            word = message.removeprefix(unknown).split("=")[0].split()[0].replace("_", "-")
-            message += did_you_mean(word, self._option_string_actions)
-            message += "; allowed are those that --help tells"
-        raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
+        """Raise InputError with what argparse says, in the form of all messages."""
+        if match := re.fullmatch(r"unrecognized arguments: (.*)", message):
+            raise self._unknown(match[1].split()[0].split("=")[0])
+        if match := re.match(r"argument (\S+): ignored explicit argument", message):
+            raise InputError(f"{match[1]} is given a value; allowed is {match[1]} alone")
+        wrong = re.match(r"argument (\S+): (invalid (.*?)(?: value)?: |expected)(\S*)", message)
+        if not wrong:
+            raise InputError(message.removeprefix("argument ").replace(": is ", " is ", 1))
+        option, kind, value = wrong[1], wrong[3], wrong[4].strip("'\"")
+        if not kind:
+            raise InputError(f"{option} has no value; allowed is one after it")
+        if kind != "choice":
+            words = {"int": "a whole number", "float": "a number"}.get(kind, f"a {kind}")
+            raise InputError(f"{option} is {value}; allowed is {words}")
+        choices = list(map(str, self._option_string_actions[option.split("/")[0]].choices or ()))
+        raise InputError(
+            f"{option} is {value}{did_you_mean(value, choices)}; allowed is one of "
+            f"{', '.join(choices)}"
+        )
+
+    def _unknown(self, word):
+        if not word.startswith("-"):
+            return InputError(
+                f"word {word} belongs to no option; allowed are those that --help tells"
+            )
+        near = did_you_mean(word.replace("_", "-"), self._option_string_actions)
+        return InputError(f"option {word} is unknown{near}; allowed are those that --help tells")
 
 
 class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter):

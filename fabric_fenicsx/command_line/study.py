@@ -36,6 +36,7 @@ from .options import (
 )
 
 log = logging.getLogger("fabric_fenicsx")
+METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
 
 
 def parser(
@@ -105,12 +106,14 @@ def add_fields(
             how |= {"action": "append", "metavar": meta["repeated"], "default": []}
         else:
             how["metavar"] = meta["metavar"]
-        if meta["help"].endswith("[deg]"):
-            how["metavar"] = "DEG"
+        if "rule" in meta:
+            unit = next((unit for unit in METAVARS if meta["help"].endswith(f"[{unit}]")), "")
+            how["metavar"] = METAVARS.get(unit, "N" if meta["rule"].kind is int else "X")
         p.option(spelled(prefix + each.name), free=free, **how)
         for kind in meta.get("kinds", {}).values():
             (one,) = declared(kind)
             told = {"help": one.metadata["help"], "type": option_type(one.metadata["rule"])}
+            told["metavar"] = "X"
             p.option(spelled(kind.OPTION), default=one.default, free=free, **told)
 
 

@@ -68,8 +68,8 @@ def along_paths(
         beyond = outside(s)
         if beyond[0]:
             raise InputError(
-                "the ply does not cover the origin, where paths start; allowed is one about it, or "
-                "a quarter from it"
+                "the ply does not cover the origin, where paths start; allowed is one around it, "
+                "or a quarter that begins there"
             )
         low, high = s[beyond.argmax() - 1 : beyond.argmax() + 1]
         while high - low > SAME / 10:

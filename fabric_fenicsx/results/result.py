@@ -99,8 +99,8 @@ class Result:
         if len(asked) != 1 and not force.any():
             name = tool if isinstance(tool, str) else tool.name
             raise InputError(
-                f"force of {name!r} is asked, which {len(asked) or 'no'} tools of the scene are; "
-                "allowed is one of its own tools, or the name of one alone: "
+                f"force of {name!r} is asked for, which {len(asked) or 'no'} tools of the scene "
+                "are; allowed is one of its own tools, or the name of one alone: "
                 f"{', '.join(each.name for each in tools) or 'it has none'}"
             )
         return reports.tool_force(scene, asked[0]) if asked else force
@@ -118,7 +118,7 @@ class Result:
         low, high = measures.extremes(self.scene.comm, z)
         if high - low > measures.SAME:
             raise InputError(
-                f"draw-in of {sheet or blank.name} is asked, whose undeformed nodes are up to "
+                f"draw-in of {sheet or blank.name} is asked for, whose undeformed nodes are up to "
                 f"{rounded(high - low, 4)} mm apart along z; allowed is a sheet that is flat in z "
                 "= const"
             )
@@ -135,7 +135,7 @@ class Result:
         part = blank.part(name)
         if part.is_whole and any(each.thickness for each in blank.parts.values()):
             raise InputError(
-                f"{asked} of {blank.name} is asked; allowed is one of its sheets: "
+                f"{asked} of {blank.name} is asked for; allowed is one of its sheets: "
                 f"{', '.join(blank.parts)}"
             )
         return part

@@ -137,13 +137,13 @@ class Forming(Scenario):
     penalty: float = number(
         None,
         POSITIVE,
-        "stiffness of contact, with rigid fabric (fabric is compacted) [N/mm^3]",
+        "stiffness of contact with fabric that is rigid (by default it is compacted) [N/mm^3]",
         "tools",
     )
     permitted: float | None = number(
         None,
         POSITIVE,
-        "largest penetration of rigid faces, kept by augmented contact (any) [mm]",
+        "largest penetration of rigid faces, which augmented contact keeps (any) [mm]",
         "tools",
     )
     holder: Holder | Sequence[Holder] = one_of(

@@ -40,8 +40,8 @@ def check_held(blank: Blank, terms: Sequence[Term], held: HeldDofs) -> str:
         if flat and not shapes_leave:
             return (
                 f"nothing but the shapes of tools without friction holds {blank.name}, which may "
-                f"{free} until it is formed: steps are slow till then and may fail; allowed, too, "
-                "are friction and supports that only locate it (`Support(..., locates=True)`)"
+                f"{free} until it is formed: steps are slow till then and may fail; friction, or "
+                "supports that only locate it (`Support(..., locates=True)`), would hold it"
             )
         free = shapes_leave
     if free:

@@ -82,8 +82,8 @@ def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
     name = min(radii, key=lambda name: radii[name])
     return (
         f"cells are {rounded(total / cells)} mm long where the {name} has a radius of "
-        f"{rounded(least)} mm: forces may be some per cent and angles some deg off; take cells "
-        f"below {rounded(math.radians(TURN) * least)} mm"
+        f"{rounded(least)} mm: forces may be off by some per cent and angles by some degrees; "
+        f"take cells below {rounded(math.radians(TURN) * least)} mm"
     )
 
 

@@ -18,7 +18,7 @@ class StraightPath:
     def objection(self, deviation: float) -> str:
         """deviation: distance from the continuation over the displacement's norm."""
         if self.accuracy and deviation > 2 * self.accuracy:
-            return f"the path is not known to {self.accuracy:g}"
+            return f"the step leaves the path by more than the accuracy of {self.accuracy:g} allows"
         return ""
 
 

@@ -38,5 +38,5 @@ def solve_lagged(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Report
                 break
             now = asked
     else:
-        report.object(f"contact was not settled by {MOST} solutions")
+        report.object(f"contact did not settle in {MOST} solutions")
     return report, sum(every)

@@ -47,7 +47,7 @@ class Settings:
     path_tolerance: float | None = number(
         1e-4,
         BELOW_ONE,
-        "the same of states before full load: the curve is as good as this",
+        "residual of states before full load: the curve is as good as this",
         "solver",
     )
     viscosity: str = choice(

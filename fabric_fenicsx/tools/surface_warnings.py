@@ -53,7 +53,8 @@ def hole_warning(tool: Tool) -> str:
         if width < HOLE * np.ptp(x, axis=0).max():
             return (
                 f"the surface of {tool.name} has a hole {rounded(width)} mm wide at "
-                f"{coordinates(around.mean(0))} of its own, where nothing stops the sheet"
+                f"{coordinates(around.mean(0))} mm in its own coordinates, where nothing stops "
+                "the sheet"
             )
     return ""
 
@@ -81,6 +82,6 @@ def radii_warning(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> str:
     told = ", ".join(f"{radius:g}" for radius in surface.radii)
     return (
         f"surface {type(surface).__name__} of {tool.name} is curved with a radius of "
-        f"{rounded(1 / abs(bent[i]).max())} mm at {coordinates(feet[i])} of its own, but its "
-        f"`radii` are ({told}): penalty and check of the cells rest on them"
+        f"{rounded(1 / abs(bent[i]).max())} mm at {coordinates(feet[i])} mm in its own "
+        f"coordinates, but its `radii` are ({told}): penalty and check of the cells rest on them"
     )

@@ -23,6 +23,29 @@ def test_parameters_become_options_and_other_words_stay(words, told):
     assert parser(ff.Tensile, "").translated(words) == told
 
 
+@pytest.mark.parametrize(
+    "words, told",
+    [
+        ("--pattern cros", "--pattern is cros (did you mean crossed?); allowed is one of crossed"),
+        ("--elment P2", "option --elment is unknown (did you mean --element?); allowed are those"),
+        ("--strain", "--strain has no value; allowed is one after it"),
+        ("--strain 3%", "--strain is 3%; allowed is a fraction above 0 and up to 1"),
+        ("--quick=3", "--quick is given a value; allowed is --quick alone"),
+        ("extra", "word extra belongs to no option; allowed are those that --help tells"),
+    ],
+)
+def test_bad_options_are_told_in_the_form_of_all_messages(words, told):
+    with pytest.raises(ff.InputError) as error:
+        parser(ff.Tensile, "").parse_args(words.split())
+    assert str(error.value).startswith(told)
+
+
+def test_help_speaks_of_options():
+    told = parser(ff.Forming, "").format_help()
+    assert "unless --full" in told and "`full`" not in told
+    assert "--length MM" in told and "--nx N " in told
+
+
 def test_a_study_warns_and_sums_up_in_options(tmp_path):
     study = Study("tensile", parser(ff.Tensile, ""), ["--out", str(tmp_path)])
     study.warn("take smaller steps (`max_step`)")

@@ -263,7 +263,9 @@ def test_a_force_is_asked_by_tool_or_by_name():
     assert result.force(ball)[2] > 0
     assert (result.force("ball") == result.force(ball)).all()
     for other in ("bowl", ff.Tool(ball.surface, ball.path, name="ball")):
-        with pytest.raises(ff.InputError, match="force of 'b.*' is asked, which no tools of the"):
+        with pytest.raises(
+            ff.InputError, match="force of 'b.*' is asked for, which no tools of the"
+        ):
             result.force(other)
 
 

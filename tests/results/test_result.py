@@ -66,7 +66,7 @@ def test_draw_in_of_a_sheet_of_a_stack(folder):
     result = shrunk(folder, ff.Stack(plies), (), 0 * SIZES, terms)
     assert result.draw_in("upper")["middle_of_long_side_mm"] == pytest.approx(2.0, abs=1e-5)
     with pytest.raises(
-        ff.InputError, match="of stack is asked; allowed is one of its sheets: lower, u"
+        ff.InputError, match="of stack is asked for; allowed is one of its sheets: lower, u"
     ):
         result.draw_in()
     with pytest.raises(ff.InputError, match="has no part 'middle'"):

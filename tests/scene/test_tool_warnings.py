@@ -55,7 +55,11 @@ def with_hole(width, unit=1.0):
         (Bump(3.0, 5.0), 0.25, []),
         (Bump(np.inf, np.inf), 0.25, ["surface Bump of tip is curved with a radius of 3."]),
         (with_hole(0), 0.25, []),
-        (with_hole(4), 0.25, ["the surface of tip has a hole 4 mm wide at (0, 0, 0) of its own"]),
+        (
+            with_hole(4),
+            0.25,
+            ["the surface of tip has a hole 4 mm wide at (0, 0, 0) mm in its own"],
+        ),
         (Reversed(with_hole(4)), 0.25, ["the surface of tip has a hole 4 mm wide"]),
         (with_hole(12), 0.25, []),  # as of a die
         (with_hole(0, 1e-3), 0.25, ["the surface of tip is 0.06 mm large, which speaks of metres"]),

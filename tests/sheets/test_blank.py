@@ -6,7 +6,7 @@ from itertools import product
 import meshio
 import numpy as np
 import pytest
-from builders import alone, sheet
+from builders import alone, rotation, sheet
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -279,3 +279,14 @@ def test_an_element_that_is_not_there_is_named():
 def test_angles_of_fibres_that_are_surely_degrees(fibres):
     with pytest.raises(InputError, match="an angle in radians; allowed is from -2 pi to 2 pi"):
         sheet(10, 10, 2, 2, **fibres)
+
+
+@pytest.mark.parametrize("turned, places", [(False, 2), (True, 3)])
+def test_cells_of_a_sheet_turned_in_space_are_told_by_three_coordinates(turned, places):
+    turn = rotation() if turned else np.eye(3)
+    blank = sheet(20, 10, 4, 2, comm=MPI.COMM_SELF, spatial=True, turn=turn)
+    assert blank.is_flat() is not turned
+    flat = sheet(20, 10, 4, 2, comm=MPI.COMM_SELF, spatial=True).places()
+    size = np.ptp(np.pad(flat, ((0, 0), (0, 1))) @ turn.T, axis=0)[:places]
+    assert blank.places().shape[1] == places
+    assert np.ptp(blank.places(), axis=0) == pytest.approx(size)

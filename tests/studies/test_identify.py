@@ -145,7 +145,7 @@ def test_a_weft_of_which_nothing_is_known_is_refused(launch, strip_data, tmp_pat
         ),
         (
             ("--data", ".", "--nose", "1"),
-            "unrecognized arguments: --nose 1 (did you mean --noise?)",
+            "option --nose is unknown (did you mean --noise?)",
         ),
         (
             ("--data", "x", "--synthesize", "nylon"),

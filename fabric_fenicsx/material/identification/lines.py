@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from ...runtime.words import percent
 from .result import Identification
 
 
@@ -16,7 +17,7 @@ def result_lines(result: Identification) -> Iterator[str]:
     for curve in result.report()["curves"]:
         yield (
             f"{curve['file']}: r.m.s. error of {curve['column']} {curve['rms_error']:.4g} "
-            f"{curve['unit']}, {100 * curve['rms_error_of_peak']:.2g} % of its peak"
+            f"{curve['unit']}, {percent(curve['rms_error_of_peak'])} of its peak"
         )
     across = result.report()["compaction"] or {"tests": []}
     for test in across["tests"]:

@@ -61,7 +61,5 @@ def _slack(curve, strains, values, first):
     slope = (values[j] - values[i]) / (strains[j] - strains[i]) if j > i else np.inf
     end = max(strains[i] - values[i] / slope, 0.0)
     length = curve.keys.get("length")
-    told = (
-        f"{curve.slack + end * length:.2g} mm" if length else f"{100 * (curve.slack + end):.2g} %"
-    )
+    told = f"{curve.slack + end * length:.2g} mm" if length else percent(curve.slack + end)
     return f"a line `# slack: {told}` counts the strain from there"

@@ -62,7 +62,7 @@ class Face:
         blank, comm = part.blank, part.blank.mesh.comm
         if compat.cell_name(blank.mesh) != "triangle" or blank.degree != 1:
             raise InputError(
-                f"contact of sheets of {blank.name} is asked on other than linear triangles; "
+                f"contact of sheets of {blank.name} is asked for on other than linear triangles; "
                 "allowed is P1"
             )
         corners = compat.dofmap(blank.V)[part.cells]

@@ -47,7 +47,7 @@ class Nodes:
     """
 
     def __init__(self, blank: Blank, part: Part | None = None, where: Where | None = None) -> None:
-        mesh, asked = blank.mesh, f"contact of {blank.name} is asked"
+        mesh, asked = blank.mesh, f"contact of {blank.name} is asked for"
         if mesh.geometry.dim != 3:
             raise InputError(f"{asked} in a plane; allowed is a blank made with `spatial=True`")
         if not np.array_equal(blank.frame, np.eye(3)):

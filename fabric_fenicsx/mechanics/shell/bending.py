@@ -82,12 +82,13 @@ class Bending(Term):
         blank, given, fabric = scene.blank, self._given, fabric_of(scene, self.part)
         if blank.mesh.geometry.dim == 2 and not self.in_plane:
             raise InputError(
-                f"bending of {blank.name} is asked in a plane with in_plane 0, where nothing "
+                f"bending of {blank.name} is asked for in a plane with in_plane 0, where nothing "
                 "bends; allowed is a blank made with `spatial=True`, or in_plane above 0"
             )
         if not (compat.is_affine(blank.mesh) and blank.degree == 1):
             raise InputError(
-                f"bending of {blank.name} is asked on other than linear triangles; allowed is P1"
+                f"bending of {blank.name} is asked for on other than linear triangles; allowed is "
+                "P1"
             )
         if "modulus" in given:
             if fabric is None:

@@ -106,7 +106,7 @@ class SheetMetal(Term):
         linear = compat.is_affine(blank.mesh) and blank.degree == 1
         if not (linear and blank.mesh.geometry.dim == 3):
             raise InputError(
-                f"metal of {blank.name} is asked in a plane or on other than linear triangles; "
+                f"metal of {blank.name} is asked for in a plane or on other than linear triangles; "
                 "allowed is P1 in space"
             )
         cells = MorleyCells(blank, *self._edges)

@@ -457,7 +457,7 @@ def test_contact_without_a_tool_and_twice_with_one_are_refused():
 def test_contact_in_a_plane_is_refused():
     blank = Blank.from_arrays(COMM, *(specimen(10, 10, 2, 2) if COMM.rank == 0 else (None,) * 3))
     with pytest.raises(
-        InputError, match="contact of blank is asked in a plane; allowed .* `spatial=True`"
+        InputError, match="contact of blank is asked for in a plane; allowed .* `spatial=True`"
     ):
         alone(blank, Contact(Tool(PLANE, name="table"), T, K))
 
@@ -501,7 +501,10 @@ def test_what_is_under_the_holder_is_asked_for_each_node(under, words):
         ),
         (lambda x: 0.5 * x[0], r"gives values of type float64 .*allowed is .* to a mask \(n,\)"),
         (3, "fails .TypeError: 'int' object is not callable.; allowed is a function"),
-        (lambda x: x[0] > 1e3, "contact of blank is asked where no node is; allowed are 1 or more"),
+        (
+            lambda x: x[0] > 1e3,
+            "contact of blank is asked for where no node is; allowed are 1 or more",
+        ),
     ],
 )
 def test_what_marks_the_nodes_of_a_contact_is_a_mask(where, words):
