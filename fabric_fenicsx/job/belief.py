@@ -5,6 +5,7 @@ from typing import Any
 
 from ..material.strains import SHORTENED
 from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
+from ..mechanics.materials import materials_of
 from ..mechanics.term_checks import misspelt
 from ..results.history import ENERGIES, energy_balance
 from ..results.result import Result
@@ -55,16 +56,20 @@ def beyond_limits_at_end(
     }
     wrong = limits.exceeded(found)
     if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
-        shortening = {"shortening": reports.shortened(scene, SHORTENED)}
-        wrong += [f"{words}; {_cure(scene)}" for words in limits.exceeded(shortening)]
+        share, sheet = reports.most_shortened(scene, SHORTENED)
+        words = [f"{each}; {_cure(scene)}" for each in limits.exceeded({"shortening": share})]
+        wrong += [f"in {sheet} {each}" if sheet else each for each in words]
     return wrong + _passed_through(scene)
 
 
 def _cure(scene):
     """What to do against shortening, in words."""
-    if any(reports.locking(scene)):
+    if reports.locking(scene):
         return "cells lock, which shortens yarns, too: take another mesh first"
-    return "more force of a blank holder may help"
+    fabrics = materials_of(scene, scene.blank.whole)
+    doubt = any("d" in each.assumed_values() for each in fabrics)
+    rests = ", and it rests on d, which no test has determined" if doubt else ""
+    return f"more force of a blank holder may help{rests}"
 
 
 def _passed_through(scene):

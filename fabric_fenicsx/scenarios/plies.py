@@ -125,9 +125,10 @@ class Ply:
         energies = self.fabric.derivatives(one, two, sheared, False).parts.sum(1)
         if along or (_is_multiple(a + b, 180) and math.isclose(*energies)):
             return ""
+        differ = ", as warp and weft differ" if _is_multiple(a + b, 180) else ""
         return (
-            f"yarns at {a:g} and {b:g} deg are not their own mirror images, so the quarter stands "
-            "for a ply of four mirrored ones"
+            f"yarns at {a:g} and {b:g} deg are not their own mirror images{differ}, so the quarter "
+            "stands for a ply of four mirrored ones"
         )
 
 

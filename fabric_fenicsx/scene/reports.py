@@ -75,9 +75,11 @@ def overstretched(scene: Scene, strain: float) -> float:
     return max((term.overstretched(strain) for term in _strained(scene)), default=0.0)
 
 
-def shortened(scene: Scene, strain: float) -> float:
-    """As `overstretched`, in which they are shortened by more."""
-    return max((term.shortened(strain) for term in _strained(scene)), default=0.0)
+def most_shortened(scene: Scene, strain: float) -> tuple[float, str]:
+    """As `overstretched`, in which compression shortens them by more, and the name of the sheet
+    that it is of."""
+    known = [(term.shortened(strain), term.part.name) for term in _strained(scene)]
+    return max(known, key=lambda each: each[0], default=(0.0, ""))
 
 
 def locking(scene: Scene) -> list[str]:

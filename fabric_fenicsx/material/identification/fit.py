@@ -66,7 +66,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *_remarks(sheet.compaction),
         *_noise_warnings(curves, found),
         *_physics_warnings(softest, convex),
-        *_parameter_warnings(determined),
+        *_parameter_warnings(determined, problem),
         *filter(None, (toe_warning(*each) for each in fits)),
         *unit_warnings(curves),
         *(compaction.warnings if compaction else ()),
@@ -203,7 +203,15 @@ def _physics_warnings(softest, convex):
         yield "the energy is not convex in (eps_a, eps_b) over the measured tension"
 
 
-def _parameter_warnings(determined):
+def _parameter_warnings(determined, problem):
+    for name in determined:
+        if base(name) == "p_min" and problem.rests_on_form(name):
+            yield (
+                f"{name} and {name.replace('p_min', 'c')} rest on the form of free tests alone, as "
+                "none has the strain across: forces may be far off; lay a simulated test over the "
+                "measured one (`fabric tensile --measured`), measure the strain across (eps_a or "
+                "eps_b), or hold p_min at 1 in [assumed]"
+            )
     for name, parameter in determined.items():
         if parameter.at_bound:
             yield f"{name} is held by a bound from physics"

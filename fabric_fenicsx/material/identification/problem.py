@@ -196,6 +196,17 @@ class Problem:
                 return True
         return False
 
+    def rests_on_form(self, name: str) -> bool:
+        """Whether only the form of free tests tells the p_min `name`: none of them has the strain
+        across, and no test of those yarns in tension prescribes it."""
+        known = [(curve.free, response.component) for (curve, response), _ in self.parts]
+        for i in (0, 1) if "." not in name else (("warp.p_min", "weft.p_min").index(name),):
+            prescribed = (self.strains[:, i] > 0) & (self.component < 2)
+            prescribed[[k for points, _ in self.free.values() for k in points]] = False
+            if prescribed.any() or (i, 3) in known:
+                return False
+        return True
+
     def undetermined(
         self, theta: np.ndarray, free: list[int], sd: Any = 0.0, slack: float = 1.0
     ) -> list[tuple[int, float]]:

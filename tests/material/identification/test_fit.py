@@ -361,6 +361,18 @@ def test_other_tests_do_not_move_the_yarns(noise):
         assert both.determined[name].value == pytest.approx(alone.determined[name].value, rel=1e-4)
 
 
+def test_p_min_that_rests_on_the_form_of_free_tests_is_told():
+    _, curves = synthesise(KOMEILI, "all", 0.0)
+    (free,) = only(curves, "free_a")
+    alone = strip(free)
+    held = dataclasses.replace(alone, free=None)
+    cases = {True: [[alone]], False: [[free], [alone, held]]}
+    for rests, given in ((rests, given) for rests, each in cases.items() for given in each):
+        assert problem.Problem(SHEET, given).rests_on_form("p_min") == rests
+    warnings = identify(SHEET, [alone]).warnings
+    assert any("p_min and c rest on the form of free tests alone" in words for words in warnings)
+
+
 def test_a_strip_is_not_held():
     """What calling it so would cost: a fit several times its noise from the data, and a wrong a."""
     _, curves = synthesise(KOMEILI, "all", 0.005)
