@@ -54,7 +54,7 @@ def specimen(
     nx, ny = COUNT.check("nx", nx), COUNT.check("ny", ny)
     if pattern == "graded" and not can_be_graded(length, width):
         raise InputError(
-            f"a strip of {length:g} x {width:g} mm is asked in pattern graded; allowed is a "
+            f"a strip of {length:g} x {width:g} mm is asked for in pattern graded; allowed is a "
             "length that is a multiple of the width"
         )
     if pattern == "along":
