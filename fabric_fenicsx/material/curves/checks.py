@@ -28,6 +28,7 @@ _OFFSET = 0.2  # largest share of the peak that may be measured in the undeforme
 _FALLEN = 0.5  # share of the peak below which tension falls where yarns break
 _SLACK = 0.1  # of what a law without b would bear at a strain, below which a strip is slack
 _SLACK_SHARE = 0.05  # of the largest strain, up to which slack is not worth a word
+TRUSTED = 30.0  # deg, to which angles by the displacement of a bias test are measured ones
 _PRESSED = 4  # points that tell compaction's three numbers
 _RANGE_OF_PRESSURE = 5.0  # the last over the first, as thickness follows the logarithm
 
@@ -143,6 +144,19 @@ def _check_slack(table, runs, column):
         f"{rows}: {column} is up to {most:.2g} % of its peak, while {raw} reaches {end}: the strip "
         f"is slack; allowed is a line `# slack: {end}`, from which the strain then counts"
     )
+
+
+def doubted_angles(test: str, table: Table) -> list[str]:
+    """A sentence if shear angles of a bias test are from its displacement and beyond `TRUSTED`."""
+    if test != "bias_extension" or "displacement" not in table.columns:
+        return []
+    beyond = np.flatnonzero(np.abs(table.columns["gamma"]) > math.radians(TRUSTED))
+    if not beyond.size:
+        return []
+    return [
+        f"from row {table.rows[beyond[0]]} on shear angles are above {TRUSTED:g} deg by the "
+        "displacement, where those of a real strip are less: measure them, or leave these rows out"
+    ]
 
 
 def check_compaction(table: Table) -> None:

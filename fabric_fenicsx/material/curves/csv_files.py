@@ -108,7 +108,7 @@ def _curve(file, table, said, thickness, remarks):
         said.free,
         _noise(said.keys.get("noise"), responses, thickness),
         said.lengths,
-        (*remarks, *left_out),
+        (*remarks, *left_out, *checks.doubted_angles(said.test, table)),
         slack,
     )
 
