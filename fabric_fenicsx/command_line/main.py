@@ -78,6 +78,7 @@ def _description(studies):
 def _export(folder, file):
     """Write `file` from the results in `folder`."""
     from ..results import structural
+    from ..results.output import why_not_believed
 
     try:
         grids = structural.read_grids(folder)
@@ -86,6 +87,8 @@ def _export(folder, file):
         sets = {name: f" (ELSET {label})" for name, label in labels.items()}
         for name, grid in grids.items():
             print(f"{file}: {name or 'ply'}{sets.get(name, '')}, {grid.n_cells} cells")
+        if words := why_not_believed(Path(folder) / "summary.json"):
+            print(f"warning: the run in {folder} did not end well: {words}", file=sys.stderr)
     except OSError as error:
         raise InputError(
             f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder "

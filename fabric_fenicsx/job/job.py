@@ -11,7 +11,7 @@ from typing import Any
 from ..mechanics.given import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.reports import Fields
-from ..results.output import Output, read_converged
+from ..results.output import Output, read_summary
 from ..results.result import LAST_PICTURE, Result, draw_state
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.together import all_or_none
@@ -113,8 +113,8 @@ class Job(JobFields):
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
             start, notes = checkpoint.load(scene.memory())
             if start.load == 1 and not start.viscosity.drag:
-                known = read_converged(folder / "summary.json") if comm.rank == 0 else None
-                if known := comm.bcast(known):
+                known = read_summary(folder / "summary.json") if comm.rank == 0 else {}
+                if (known := comm.bcast(known)).get("converged"):
                     before = Result(known, notes["rows"], Fields({}), folder, scene)
                     return self._finished_before(output, before, start, notes, problem, pictures)
         run = Run(self, output, folder, newton, checkpoint, start, notes)

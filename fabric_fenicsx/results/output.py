@@ -66,13 +66,19 @@ def finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def read_converged(path: Path) -> dict[str, Any] | None:
-    """The summary in `path`, if it is one of a run that reached its end."""
+def read_summary(path: Path) -> dict[str, Any]:
+    """The summary in `path`, {} if there is none."""
     try:
         summary = json.loads(path.read_text())
     except (OSError, ValueError):
-        return None
-    return summary if isinstance(summary, dict) and summary.get("converged") else None
+        return {}
+    return summary if isinstance(summary, dict) else {}
+
+
+def why_not_believed(path: Path) -> str:
+    """Why the run of the summary in `path` did not end well, "" if it did or there is none."""
+    summary = read_summary(path)
+    return "" if summary.get("converged", True) else str(summary.get("reason", "no reason is told"))
 
 
 class Output:

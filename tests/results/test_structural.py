@@ -1,5 +1,6 @@
 """Formed plies for a structural analysis, read back as its programs would."""
 
+import json
 import re
 
 import builders
@@ -155,6 +156,17 @@ def test_the_command(tmp_path, capsys):
     ):
         assert main.main(["export", *words]) == 2
         assert told in capsys.readouterr().err
+
+
+def test_results_that_are_not_believed_are_exported_with_a_warning(tmp_path, capsys):
+    folder = formed(tmp_path / "run")
+    for summary, told in (
+        ({"converged": True}, ""),
+        ({"converged": False, "reason": "folds"}, "folds"),
+    ):
+        (folder / "summary.json").write_text(json.dumps(summary))
+        assert main.main(["export", str(folder), str(tmp_path / "ply.vtu")]) == 0
+        assert capsys.readouterr().err.strip().endswith(told)
 
 
 def test_a_sheet_without_yarns_alone_is_not_written(tmp_path):
