@@ -44,7 +44,7 @@ def solve_member(
         curve[accepted.load] = measure(scene, accepted.load)[1]
 
     newton = Newton(scene, tolerance, linear_solver=linear_solver)
-    settings = Settings(steps=len(LOADS) - 1, path_tolerance=None, milestones=tuple(LOADS))
+    settings = Settings(steps=len(LOADS) - 1, path_tolerance=None, milestones=tuple(LOADS[1:]))
     outcome = LoadStepping(newton, settings, on_accept=accept).run()
     wall = time.perf_counter() - began
     if outcome.reason:
