@@ -251,6 +251,7 @@ class Forming(Scenario):
             blank, source = ply.blank(sizes, share, self.nx, **options), f"ply {ply.name}"
             warning = mesh_warnings.size_warning(blank, ply.thickness_under(0.0), source)
             self.warnings += filter(None, [*blank.warnings, warning])
+            self.warnings += mesh_warnings.cell_warnings(blank, source) if ply.mesh else []
             return blank
 
         return stacking.lay(self.plies, made)

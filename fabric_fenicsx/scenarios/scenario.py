@@ -254,6 +254,7 @@ class Scenario:
             None, [mesh_warnings.size_warning(blank, self.fabric.thickness, source)]
         )
         if self.mesh:
+            self.warnings += mesh_warnings.cell_warnings(blank, source)
             self._take_sizes(blank, share)
         return blank
 

@@ -101,7 +101,13 @@ class StripTest(Scenario):
     def grip(self) -> None:
         """Set `low`, `high` and `stroke` from the blank."""
         self.low, self.high = self.blank.extent()
-        self.stroke = self.strain * (self.high - self.low)[0]
+        length, width = (self.high - self.low)[:2]
+        self.stroke = self.strain * length
+        if self.mesh and width > length:
+            self.warnings.append(
+                f"`mesh` {self.mesh} is {length:.4g} mm along x, in which it is pulled, and "
+                f"{width:.4g} mm along y: turn it by 90 deg if it is a strip along y"
+            )
 
     def take_measured(self) -> None:
         """Set `laid`, the measured curves; InputError for those that can't be compared."""

@@ -3,10 +3,12 @@
 import json
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scenarios.strip import Measured
 
 SHIPPED = Path(__file__).parents[2] / "studies" / "data"
@@ -153,3 +155,11 @@ def test_a_study_refuses_it_by_its_options(launch):
     done = launch("tensile", "--quick", "--measured", SHIPPED / "glass_pp_115x230")
     assert done.status == 2 and "error: --measured " in done.err
     assert "uniaxial_a with --fibre-angle 0, uniaxial_b with 90" in done.err
+
+
+@pytest.mark.parametrize("size, told", [((50, 200), True), ((200, 50), False)])
+def test_a_strip_along_y_is_doubted(tmp_path, size, told):
+    points, cells, kind = specimen(*size, 4, 4)
+    meshio.write_points_cells(tmp_path / "strip.vtu", points, {kind: cells})
+    strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu"))
+    assert any("turn it by 90 deg" in words for words in strip.warnings) == told

@@ -14,6 +14,7 @@ from fabric_fenicsx.mechanics.shell.mesh_warnings import (
     LOCKED,
     alternating_energy,
     band_warning,
+    cell_warnings,
     locking_warning,
     share_off_the_yarns,
     size_warning,
@@ -62,6 +63,15 @@ def test_a_sheet_smaller_than_its_thickness_is_refused():
     ):
         size_warning(sheet(0.2, 0.05), 1.0, "s.msh")
     assert size_warning(sheet(0.2, 0.05), 0.1, "s.msh")
+
+
+@pytest.mark.mpi
+def test_few_cells_and_slivers_are_told_of():
+    assert cell_warnings(sheet(200, 50, 8, 2), "s.msh") == []
+    (few,) = cell_warnings(sheet(200, 50, 1, 1), "s.msh")
+    assert few.startswith("s.msh has 4 cells in all, which tell no distribution of strains")
+    (sliver,) = cell_warnings(sheet(200, 0.5, 1, 2), "s.msh")
+    assert sliver.startswith("s.msh has slivers: a cell at (") and " 1600 times as long" in sliver
 
 
 FOLLOW = [
