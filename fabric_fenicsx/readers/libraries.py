@@ -105,6 +105,8 @@ def by_dolfinx(path: Path) -> SurfaceMesh:
     import dolfinx
     from mpi4py import MPI
 
+    from .. import dolfinx_compat as compat
+
     text = path.read_text(errors="replace")
     name = re.search(r"<Grid[^>]*\bName=\"([^\"]*)\"", text)
     where = (name[1] if name else "mesh", "/Xdmf/Domain")
@@ -118,7 +120,7 @@ def by_dolfinx(path: Path) -> SurfaceMesh:
         dim = dolfinx.cpp.mesh.cell_dim(cell)
         return SurfaceMesh.collected(x, [], {cell.name: dim})
     ordered = np.empty_like(cells)
-    ordered[:, dolfinx.cpp.io.perm_gmsh(cell, cells.shape[1])] = cells
+    ordered[:, compat.to_dolfinx_order(cell.name, cells.shape[1])] = cells
     if cells.shape[1] == 3 and x.shape[1] == 2:  # DOLFINx' triangles turn either way round
         arms = x[ordered[:, 1:]] - x[ordered[:, :1]]
         back = np.linalg.det(arms) < 0

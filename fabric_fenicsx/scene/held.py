@@ -23,6 +23,7 @@ class HeldDofs:
     - dofs (held,): those that this rank owns and that are held now; dofs_of: of each support
       {name: (nodes, gdim)}, free ones of its nodes among them
     - bcs: DOLFINx's view of them
+    - locates: whether some only locate the sheet, and still hold it
     - work: of all supports
 
     Raises InputError for a support that holds no node, or components that the blank lacks.
@@ -48,6 +49,7 @@ class HeldDofs:
                 )
             self._nodes.append(nodes)
             self.dofs_of[support.name] = nodes[nodes < owned, None] * gdim + np.arange(gdim)
+        self.locates = any(support.locates for support in self.given)  # until `let_go`
         self._hold(self.given)
 
     def _hold(self, supports):
@@ -63,13 +65,13 @@ class HeldDofs:
         self.dofs = dofs[dofs < V.dofmap.index_map.size_local * gdim]
 
     @property
-    def locating(self) -> list[Support]:
-        """Those that only locate the sheet."""
-        return [support for support in self.given if support.locates]
+    def _locating(self):
+        """Supports that only locate the sheet, and still hold it."""
+        return [support for support in self.given if support.locates] if self.locates else []
 
     def let_go(self) -> None:
         """Hold no longer what supports only locate."""
-        before = self.dofs
+        before, self.locates = self.dofs, False
         self._hold([support for support in self.given if not support.locates])
         self.work.keep(np.isin(before, self.dofs))
 
@@ -121,14 +123,14 @@ class HeldDofs:
     def located_share(self, sizes: dict[str, float]) -> float:
         """What supports that only locate the sheet bear, over all forces; sizes: of nodal forces
         added up, by supports and of all else [N]."""
-        borne = sum(sizes[support.name] for support in self.locating)
+        borne = sum(sizes[support.name] for support in self._locating)
         return borne / max(sum(sizes.values()), 1e-300)
 
     def locating_warning(self, sizes: dict[str, float]) -> str:
         """A sentence if supports that only locate the sheet bear a force, else ""; sizes: as in
         `located_share`."""
         most = BORNE * sum(sizes.values())
-        borne = {s.name: sizes[s.name] for s in self.locating if sizes[s.name] > most}
+        borne = {s.name: sizes[s.name] for s in self._locating if sizes[s.name] > most}
         if not borne:
             return ""
         words = " and ".join(f"{name} {rounded(force)} N" for name, force in borne.items())

@@ -77,7 +77,7 @@ class Scene:
 
     def let_go(self) -> None:
         """Free what supports only locate, if friction holds the sheet in its accepted state."""
-        if self.supports.locating and is_held_by_friction(self.blank, self.terms):
+        if self.supports.locates and is_held_by_friction(self.blank, self.terms):
             self.supports.let_go()
             self._note_held()
 

@@ -93,6 +93,16 @@ def test_agrees_with_ufl_on_10000_states(unbalanced, random_states, off):
     assert relative(D, state.tangent).max() <= 1e-12
 
 
+def assert_alike(law, states):
+    """Energy, stress and tangent of kernel and UFL."""
+    C, a0, b0 = states
+    state = kernel.evaluate(law, cauchy_green=C, fibres=(a0, b0), tangent=True)
+    W, S, D = through_ufl(law, C, a0, b0)
+    assert relative(W, state.energy).max() <= 1e-12
+    assert relative(S, voigt(state.S)).max() <= 1e-12
+    assert relative(D, state.tangent).max() <= 1e-12
+
+
 @pytest.mark.parametrize("law", ["coupled", "law58"])
 def test_a_law_needs_no_closed_forms(unbalanced, random_states, law):
     """UFL against hyper-dual numbers, both from the law's energy alone."""
@@ -100,12 +110,7 @@ def test_a_law_needs_no_closed_forms(unbalanced, random_states, law):
     if law == "coupled":
         fabric = copy.copy(unbalanced)
         object.__setattr__(fabric, "derivatives", partial(Law.derivatives, fabric))
-    C, a0, b0 = random_states(2_000)
-    state = kernel.evaluate(fabric, cauchy_green=C, fibres=(a0, b0), tangent=True)
-    W, S, D = through_ufl(fabric, C, a0, b0)
-    assert relative(W, state.energy).max() <= 1e-12
-    assert relative(S, voigt(state.S)).max() <= 1e-12
-    assert relative(D, state.tangent).max() <= 1e-12
+    assert_alike(fabric, random_states(2_000))
 
 
 @pytest.mark.parametrize("extrapolation", ["constant", "linear"])
@@ -113,12 +118,7 @@ def test_tables_agree_with_ufl_within_and_beyond(random_states, extrapolation):
     warp = Curve((-0.05, 0.0, 0.01, 0.03), (-0.5, 0.0, 35.0, 135.0), extrapolation)
     weft = Curve((0.0, 0.02, 0.06), (0.0, 28.0, 90.0), extrapolation)
     table = TabulatedFabric(warp, weft, Curve((0.0, 0.4, 0.8), (0.0, 0.1, 0.05), extrapolation))
-    C, a0, b0 = random_states(2_000)
-    state = kernel.evaluate(table, cauchy_green=C, fibres=(a0, b0), tangent=True)
-    W, S, D = through_ufl(table, C, a0, b0)
-    assert relative(W, state.energy).max() <= 1e-12
-    assert relative(S, voigt(state.S)).max() <= 1e-12
-    assert relative(D, state.tangent).max() <= 1e-12
+    assert_alike(table, random_states(2_000))
 
 
 def test_stress_agrees_with_the_complex_step_of_the_cases(unbalanced, random_states):

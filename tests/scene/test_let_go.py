@@ -57,3 +57,12 @@ def test_friction_at_one_node_does_not_hold_a_sheet_from_turning(where, held):
     scene.set(scene.u.copy())
     scene.accept()
     assert is_held_by_friction(scene.blank, scene.terms) == held
+
+
+@pytest.mark.mpi
+def test_supports_let_go_once_and_the_matrix_is_made_anew_once():
+    scene, made = pressed(friction=0.3), []
+    create = scene.create_matrix
+    scene.create_matrix = lambda: made.append(1) or create()
+    ff.Job(scene, steps=4).run()
+    assert len(made) == 2 and not scene.supports.locates

@@ -354,9 +354,9 @@ class Membrane(Term):
         stable = stability.least_ellipticity(self.fabric, self._invariants_at_points())
         found = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
         if self.blank.mesh.geometry.dim == 3:
-            most = float(self.shortening().max(initial=0.0))
-            found["shortening_max"] = largest(comm.allreduce(most, MPI.MAX))
-            found[share_name(SHORTENED)] = largest(self.shortened(SHORTENED))
+            most = self.shortening().max(1)
+            found["shortening_max"] = largest(comm.allreduce(float(most.max(initial=0.0)), MPI.MAX))
+            found[share_name(SHORTENED)] = largest(self._share(most > SHORTENED))
         return found
 
     def summary(self) -> dict[str, Value]:
