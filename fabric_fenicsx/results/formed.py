@@ -2,7 +2,6 @@
 
 import logging
 import math
-import re
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -23,6 +22,7 @@ from .output import MARKED
 from .result import OUTLIERS, Result, of_fabric
 from .shear import shear_quantities
 from .shortening import shortening_quantities
+from .structural import set_labels
 
 log = logging.getLogger("fabric_fenicsx")
 ANGLES = 0, 45, 90  # of the paths to x [deg]
@@ -137,8 +137,9 @@ def draw_plies(
     """Paths and strain states of each ply, shortening if there is some, and all of them formed over
     the tool; angles: of each one's yarns [deg]."""
     fabrics = of_fabric(grids)
+    labels = set_labels(fabrics)  # or the files of +45 and -45 would be one
     for name, grid in fabrics.items():
-        end = "_" + re.sub(r"\W+", "_", name) if name else ""
+        end = f"_{labels[name]}" if name else ""
         for paths in _paths(name, grid):
             forming.write_paths(folder / f"paths{end}.csv", paths)
         forming_pictures.state_map(folder / f"states{end}.png", grid)

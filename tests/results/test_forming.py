@@ -10,6 +10,7 @@ import pyvista
 from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import forming, forming_pictures
+from fabric_fenicsx.results.formed import draw_plies
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
@@ -312,6 +313,19 @@ def test_tables_and_diagrams(tmp_path):
         is_picture(tmp_path / f"{name}.png")
         for name in ("paths", "outline", "states", "states_formed")
     )
+
+
+@pytest.mark.parametrize("shortening", [0.0, 0.1])
+def test_plies_at_plus_and_minus_45_have_files_of_their_own(tmp_path, shortening):
+    """And one of shortening, if there is some."""
+    grids = {name: formed(on_dome) for name in ("+45", "-45")}
+    for grid in grids.values():
+        for yarns in "ab":
+            grid.cell_data[f"shortening_{yarns}"] = np.full(grid.n_cells, shortening)
+    draw_plies(tmp_path, grids, [(45, 135), (-45, 45)], None)
+    files = [f"{name}_{label}" for name in ("paths", "states") for label in ("p45", "m45")]
+    files += ["formed"] + (["shortening"] if shortening else [])
+    assert sorted(file.stem for file in tmp_path.iterdir()) == sorted(files)
 
 
 @pytest.mark.parametrize("angle", [0, 45])

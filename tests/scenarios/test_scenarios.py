@@ -313,3 +313,13 @@ def test_a_ply_over_a_surface_of_ones_own_is_drawn(tmp_path):
     assert result.summary["quantities"]["punch_force_N"] > 0
     for name in ("formed", "outline", "paths", "states"):
         assert (tmp_path / "bump" / f"{name}.png").stat().st_size > 10_000
+
+
+def test_a_report_says_what_is_formed_over_what():
+    sizes = {"length": 300, "width": 300, "nx": 4}
+    assert ff.Forming(nx=4).about() == ("", "")
+    title, words = ff.Forming(punch=Bump(25.0, 80.0), **sizes).about()
+    assert title == "Forming over Bump" and words.startswith("Forming of a ply over Bump")
+    plies = [ff.Ply(fibre_angle=45), ff.Ply()]
+    assert ff.Forming(nx=4, stack=plies).about()[0] == "Forming over the double dome"
+    assert ff.Laminate(nx=4).about() == ("", "")

@@ -2,13 +2,14 @@
 
 import builders
 import pytest
+import ufl
 from builders import march
 
 from fabric_fenicsx.mechanics.load import EdgeTension
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
-from fabric_fenicsx.scene.supports import clamped_ends
+from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve import lagged
 from fabric_fenicsx.solve.judges import FINEST
@@ -60,6 +61,26 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     assert reasons and all("of the step's work is not in the energies" in r for r in reasons)
     # the first step is judged, too, and in the finest ones it is as it is
     assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * FINEST / 0.25 <= 1.5
+
+
+class Hardening(Term):
+    """Stores 250 |u|^4 a mm^2: its forces grow with the third power of the load."""
+
+    name, energy_kind, resists = "hardening", "strain", ("stretch", "move", "turn")
+
+    def set_up(self, scene):
+        u = scene.blank.displacement
+        self.energy = 250.0 * ufl.dot(u, u) ** 2 * self.part.dx(4)
+
+
+@pytest.mark.mpi
+def test_the_first_step_is_believed_where_forces_grow_as_a_power():
+    """A trapezoid would take twice the energy for its work."""
+    everywhere = Support("all", lambda x: x[0] < 1e9, (0, 1), (0.1, 0.0))
+    scene, found = Scene(Blank.rectangle(20, 10, nx=2), [Hardening()], [everywhere]), []
+    march(Newton(scene), steps=2, balance=0.02, on_accept=found.append)
+    assert (found[1].load, found[1].cuts) == (0.5, 0)
+    assert found[1].external_work == pytest.approx(250.0 * 0.05**4 * 200)
 
 
 @pytest.mark.mpi

@@ -14,6 +14,12 @@ from fabric_fenicsx.verification import compression_parameters
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
 
 
+def last_row(folder):
+    """Of history.csv."""
+    with open(folder / "history.csv", newline="") as file:
+        return list(csv.DictReader(file))[-1]
+
+
 def placed(folder):
     """Undeformed places and displacements of the nodes [mm], once each and in an order of their
     own."""
@@ -75,10 +81,13 @@ def test_the_whole_ply_is_four_quarters(launch):
     same = "--ny", 5, "--steps", 3, "--stroke", 12, *EXACT
     quarter = launch("double_dome", "--nx", 8, *same)
     x, u = placed(quarter.folder)
+    of_whole = float(last_row(quarter.folder)["reaction_of_whole_N"])
     whole = launch("double_dome", "--full", "--nx", 16, "--ny", 10, *same[2:])
     assert quarter.status == whole.status == 0, whole.err
     assert whole.summary["quantities"]["wrinkles"] is None  # as the tools are not closed
     assert not any("keep the sheet in its place" in w for w in whole.summary["warnings"])
+    reaction = float(last_row(whole.folder)["reaction_N"])
+    assert of_whole == pytest.approx(reaction, rel=1e-6)
     full_x, full_u = placed(whole.folder)
     at = {tuple(place): k for k, place in enumerate(full_x)}
     for mirror in np.array([[1, 1, 1], [-1, 1, 1], [1, -1, 1], [-1, -1, 1]]):
