@@ -58,7 +58,7 @@ def beyond_limits_at_end(
     if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
         share, sheet = reports.most_shortened(scene, SHORTENED)
         words = [f"{each}; {_cure(scene)}" for each in limits.exceeded({"shortening": share})]
-        wrong += [f"in {sheet} {each}" if sheet else each for each in words]
+        wrong += [f"sheet {sheet}: {each}" if sheet else each for each in words]
     return wrong + _passed_through(scene)
 
 

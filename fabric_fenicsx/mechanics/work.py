@@ -15,8 +15,9 @@ class Work:
     as the one before it, and to the same side: so a kink, as where friction begins to slip, stays a
     kink. Sizes and sides are those of all forces, or places, together: axes don't matter.
 
-    With less than three states it is a straight line. Whoever doubts that asks for the work on the
-    way, then again: that is by the polynomial through all states that were asked of.
+    With less than three states forces and places are straight lines. If `since` was asked of states
+    on the way before, they are polynomials through all of these: so the work of a first step that
+    is doubted is found anew.
 
     states: how many are remembered at most, 1 for straight lines always.
     """

@@ -126,7 +126,7 @@ class Output:
         new = [f"{k} = {value}" for k, value in values.items() if (name, k) not in self._said]
         self._said |= {(name, k) for k in values}
         if new and not self.is_quiet:
-            self.say(f"of {name}, no test has determined {', '.join(new)}")
+            self.say(f"no test has determined these numbers of {name}: {', '.join(new)}")
 
     def warn(self, text: str) -> None:
         """Print once, on rank 0, what the user should look at; the summary repeats it.

@@ -73,10 +73,10 @@ def shortening_warning(name: str, found: Mapping[str, Any]) -> str:
     if share <= TOLD:
         return ""
     lost = found["excess_length_mm"]
-    excess = "" if lost is None else f", a yarn loses up to {rounded(lost)} mm of its length"
+    excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
     return (
         f"compression shortens yarns of {name} by up to {percent(found['shortening_max'], 3)}, as "
         f"at {of_sheet(found['shortening_max_at_mm'])}, and by more than {percent(SHORTENED, 6)} "
-        f"in {percent(share, 3)} of the area{excess}: the law stores as shortening what a real "
+        f"in {percent(share, 3)} of the area{excess}. The law stores as shortening what a real "
         "ply folds into wrinkles"
     )

@@ -93,7 +93,7 @@ def test_shortening_is_told_of_as_what_hides_wrinkles():
         "compression shortens yarns of blank by up to 12 %, as at (1.667, 5) mm of"
     )
     assert "by more than 2 % in 2.5 % of the area" in words
-    assert words.endswith("the law stores as shortening what a real ply folds into wrinkles")
+    assert words.endswith("The law stores as shortening what a real ply folds into wrinkles")
 
 
 @pytest.mark.mpi

@@ -178,7 +178,7 @@ def test_comparison_of_the_variants(launch):
     done = launch("tensile", "--quick", "--compare", "--without", "compression_shear")
     assert done.status == 0, done.err
     assumed, *results = done.out.splitlines()
-    assert assumed == "of komeili, no test has determined d = 0.65 MPa, p_min = 0.75"
+    assert assumed == "no test has determined these numbers of komeili: d = 0.65 MPa, p_min = 0.75"
     assert len(results) == 4
     for picture in ("compare.png", "compare_curves.png"):
         assert (done.folder / picture).stat().st_size > 10_000
