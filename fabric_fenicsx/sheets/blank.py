@@ -28,6 +28,12 @@ from .mesh_files import on_root, read_mesh
 SAME = 1e-15  # by which directions may differ that are taken as one
 
 FLAT = 1e-6  # of its size, up to which a sheet is flat
+# flat triangles of cells, by their nodes: halves, or the four between a quadratic cell's nodes
+TRIANGLES = {
+    ("triangle", 1): [(0, 1, 2)],
+    ("triangle", 2): [(0, 5, 4), (5, 1, 3), (4, 3, 2), (5, 3, 4)],
+    ("quadrilateral", 1): [(0, 1, 2), (1, 3, 2)],
+}
 
 
 class Blank:
@@ -172,6 +178,19 @@ class Blank:
         x = self.mesh.geometry.x[nodes[:, self._around()]]
         along = self.along(x.reshape(-1, 3).T)  # some ranks have no cell
         return np.moveaxis(along.reshape(len(along), *x.shape[:2]), 0, -1)
+
+    @property
+    def triangulated(self) -> bool:
+        """Whether `triangles` tell all of the sheet's shape: P1, and P2 with straight sides."""
+        return compat.is_affine(self.mesh) and self.degree <= 2
+
+    def triangles(self, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Local nodes of `u` at the corners of the flat triangles that contact and bending take
+        local `cells` as, (cells, k, 3): a linear triangle itself, halves of a quadrilateral, the
+        four between the nodes of a quadratic triangle."""
+        cell = compat.cell_name(self.mesh)
+        corners = TRIANGLES.get((cell, self.degree), TRIANGLES[cell, 1])
+        return compat.dofmap(self.V)[cells][:, corners]
 
     def areas(self) -> np.ndarray:
         """Undeformed areas of the owned cells, of those with curved edges between their corners,

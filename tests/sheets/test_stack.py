@@ -151,7 +151,7 @@ def bent():
             lambda s: [(rectangle(20, 10, 4, 2, spatial=True, turn=TURN), 1.0, "a")],
             "sheet a of the stack lies in a plane mesh or along turned axes; allowed",
         ),
-        (lambda s: [(sheet(element="P2"), 1.0, "a")], "has other than linear cells; allowed are"),
+        (lambda s: [(sheet(element="P3"), 1.0, "a")], "has other cells; allowed are"),
         (lambda s: [(bent(), 1.0, "a")], "sheet a of the stack is 0.4 mm high; allowed is a flat"),
         (
             lambda s: [s[0], (sheet(element="Q1"), 1.0, "q")],

@@ -6,7 +6,6 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...sheets.blank import Part
 from ...tools.facets import LAST, NEXT, vertex_normals
@@ -55,17 +54,17 @@ class Face:
     - nodes (n,): global numbers; triangles (m, 3): corners, by their places in `nodes`
     - symmetric: as in `Bending`, functions of points that mark edges on planes of symmetry
 
-    Raises InputError for other cells than linear triangles.
+    Raises InputError for other cells than triangles, linear or quadratic with straight sides.
     """
 
     def __init__(self, part: Part, side: float, symmetric: list[Where]) -> None:
         blank, comm = part.blank, part.blank.mesh.comm
-        if compat.cell_name(blank.mesh) != "triangle" or blank.degree != 1:
+        if not blank.triangulated:
             raise InputError(
-                f"contact of sheets of {blank.name} is asked for on other than linear triangles; "
-                "allowed is P1"
+                f"contact of sheets of {blank.name} is asked for on other cells; allowed are P1, "
+                "and P2 with straight sides"
             )
-        corners = compat.dofmap(blank.V)[part.cells]
+        corners = blank.triangles(part.cells)
         index_map = blank.V.dofmap.index_map
         known = index_map.local_to_global(corners.ravel().astype(np.int32)).reshape(-1, 3)
         counts = comm.allgather(len(known))

@@ -39,11 +39,12 @@ class Nodes:
     - part: of the blank, by default all of it; where: function of undeformed points (3, n) to a
       mask (n,), by default true: which nodes of the part count
     - own (count,): which ones count, of the `count` nodes of the blank
-    - places (count, 3) [mm], areas of the part (count,) [mm^2]: undeformed, 0 at other nodes
+    - places (count, 3) [mm], areas of the part (count,) [mm^2]: undeformed, 0 at other nodes; of
+      a quadratic triangle those of its four flat ones
     - rows, cols (9 count,): global degrees of freedom of each node's 3 x 3 block
 
-    Raises InputError for a blank in a plane, along turned axes or of other than linear cells, and
-    for a `where` that gives no mask or marks no node.
+    Raises InputError for a blank in a plane, along turned axes or of other cells, and for a `where`
+    that gives no mask or marks no node.
     """
 
     def __init__(self, blank: Blank, part: Part | None = None, where: Where | None = None) -> None:
@@ -56,11 +57,11 @@ class Nodes:
         self.count = blank.V.dofmap.index_map.size_local
         self.places = blank.coordinates()[: self.count]
         part = part or blank.whole
-        if blank.degree != 1:
-            raise InputError(f"{asked} on other than linear cells; allowed are P1 and Q1")
-        area = fem_petsc.assemble_vector(compat.form(ufl.TestFunction(blank.V)[0] * part.dx()))
-        area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        self.areas = area.array[::3].copy()
+        if not (blank.degree == 1 or blank.triangulated):
+            raise InputError(
+                f"{asked} on other cells; allowed are P1, Q1, and P2 with straight sides"
+            )
+        self.areas = _areas(blank, part)[: self.count]
         self.own = part.nodes
         if where:
             name = f"`where` of a contact of {blank.name}"
@@ -86,3 +87,13 @@ class Nodes:
     def total(self, values: np.ndarray) -> np.ndarray:
         """Sum over all ranks' nodes of values (count, ...)."""
         return self.comm.allreduce(values.sum(0), MPI.SUM)
+
+
+def _areas(blank, part):
+    """Of the part, at the local nodes of the blank."""
+    if blank.degree == 2:  # the integrals of shape functions are 0 at corners
+        share = np.array([1, 1, 1, 3, 3, 3]) / 12
+        return blank.summed((blank.areas()[part.cells, None] * share)[..., None], part.cells)[:, 0]
+    area = fem_petsc.assemble_vector(compat.form(ufl.TestFunction(blank.V)[0] * part.dx()))
+    area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return area.array[::3].copy()

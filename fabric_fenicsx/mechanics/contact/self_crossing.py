@@ -3,11 +3,9 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ... import dolfinx_compat as compat
 from ...runtime.words import rounded
 from ...sheets.blank import Blank, Part
 
-HALVES = {"triangle": [(0, 1, 2)], "quadrilateral": [(0, 1, 2), (1, 3, 2)]}  # by corners
 CORNERS = (0, 1), (1, 2), (2, 0)
 FLAT = 1e-6  # of its sides, the volume of an edge and a triangle that lie in a plane
 
@@ -47,14 +45,12 @@ def crossings(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def self_crossings(part: Part) -> np.ndarray:
-    """Of a sheet at its present displacement, its cells taken by their corners, on all ranks
+    """Of a sheet at its present displacement, its cells taken as flat triangles, on all ranks
     (k, 3) [mm]; none of a sheet in a plane."""
     blank, comm = part.blank, part.blank.mesh.comm
     if blank.mesh.geometry.dim < 3:
         return np.empty((0, 3))
-    halves = HALVES[compat.cell_name(blank.mesh)]
-    cells = compat.dofmap(blank.V)[part.cells]
-    known = cells[:, halves].reshape(-1, 3).astype(np.int32)
+    known = blank.triangles(part.cells).reshape(-1, 3).astype(np.int32)
     numbers = blank.V.dofmap.index_map.local_to_global(known.ravel())
     places = (blank.coordinates() + blank.nodal_displacement())[known.ravel()]
     gathered = comm.gather((numbers, places))

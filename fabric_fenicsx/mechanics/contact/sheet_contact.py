@@ -30,11 +30,11 @@ class SheetContact(Term):
 
     Without pressure a sheet's face is half its thickness off its smooth `Face`. Pressure follows
     from the depth to which both faces overlap, see `between_faces`: fabric is `Compacted`, metal is
-    `Rigid`. It acts at `points` (1, 3 or 6) in each cell of the sheet of smaller cells, the upper
-    one if they are equal, over their undeformed areas. It reacts on the corners of the triangle
-    below each point, so that forces balance exactly. Uniform pressure loads the nodes of the one
-    sheet exactly, those of the other as well as the points integrate it: with cells in the ratio
-    1 : 1.37, 6 points are 0.8 % off, 3 points 1.9 %.
+    `Rigid`. It acts at `points` (1, 3 or 6) in each triangle of the sheet of smaller cells, the
+    upper one if they are equal, over their undeformed areas. It reacts on the corners of the
+    triangle below each point, so that forces balance exactly. Uniform pressure loads the nodes of
+    the one sheet exactly, those of the other as well as the points integrate it: with cells in the
+    ratio 1 : 1.37, 6 points are 0.8 % off, 3 points 1.9 %.
 
     Within a solve the gap is a paraboloid in the relative displacement, of `HeldFaces`: these are
     taken anew after it if that changes the forces by more than `lag` of their sum.
@@ -48,8 +48,8 @@ class SheetContact(Term):
     totals: force by which the lower sheet presses the upper one, and the sum of normal forces, in
     the last accepted state before faces were taken anew, of all ranks (4,) [N]. Raises InputError
     for one sheet given twice, another number of points, and values not above 0; as the scene is
-    made, for parts that are not sheets of a stack, for other cells than linear triangles, and for
-    sheets that overlap or of which none lies over the other.
+    made, for parts that are not sheets of a stack, for other cells than triangles, and for sheets
+    that overlap or of which none lies over the other.
     """
 
     energy_kind = "contact"

@@ -62,7 +62,8 @@ class Facing(NamedTuple):
 
 
 class SheetPoints:
-    """Points in the cells of one of two sheets, and the smooth `Face` of the other one below them.
+    """Points in the triangles of one of two sheets, and the smooth `Face` of the other one below
+    them.
 
     The points are in the sheet of smaller cells, in the upper one if they are equal.
 
@@ -97,11 +98,12 @@ class SheetPoints:
         self._reach = apart + REACH * self._distance
         places, weights = basix.make_quadrature(basix.CellType.triangle, POINTS[rule])
         N = np.column_stack([1 - places.sum(1), places])
-        self.per_cell = len(N)
+        many = self.blank.triangles(self.part.cells).shape[1]
+        self.per_cell = many * len(N)
         self._weights = self._own.own_weights(N)
         self._flat_weights, self._places = self._own.own_weights(N, flat=True), N
         self._flat = self._own.flat(N)
-        self.areas = (areas[over][:, None] * weights / weights.sum()).ravel()
+        self.areas = (areas[over][:, None] / many * np.tile(weights / weights.sum(), many)).ravel()
         self.count = len(self.areas)
         self.nodes = Nodes(self.blank)
         self._below = np.full(self.count, -1)  # what was found last
@@ -143,7 +145,7 @@ class SheetPoints:
     def _corners(self, over, at):
         """Of the points `at`, what a `Facing` tells."""
         own, face, arm = self._own, self._face, over.gap[at]
-        mine, N = at // self.per_cell, self._places[at % self.per_cell]
+        mine, N = at // len(self._places), self._places[at % len(self._places)]
         return (
             own.corners(own.own_triangles()[mine], N, -self._share * arm),
             face.corners(over.triangle[at], over.weights[at], (1 - self._share) * arm),

@@ -48,7 +48,7 @@ class Contact(PressingTerm):
     A tool moved by force stands where contact and friction balance the force, at any displacement
     of the sheet.
 
-    Raises InputError for a blank in a plane or of other than linear cells, for numbers not above 0,
+    Raises InputError for a blank in a plane or of other cells, for numbers not above 0,
     and where a default asks for a material that no term of the scene has.
     """
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import sparse
 
-from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...runtime.rules import FROM_ZERO
 from ..materials import fabric_of
@@ -85,10 +84,10 @@ class Bending(Term):
                 f"bending of {blank.name} is asked for in a plane with in_plane 0, where nothing "
                 "bends; allowed is a blank made with `spatial=True`, or in_plane above 0"
             )
-        if not (compat.is_affine(blank.mesh) and blank.degree == 1):
+        if not blank.triangulated:
             raise InputError(
-                f"bending of {blank.name} is asked for on other than linear triangles; allowed is "
-                "P1"
+                f"bending of {blank.name} is asked for on other cells; allowed are P1, and P2 with "
+                "straight sides"
             )
         if "modulus" in given:
             if fabric is None:
@@ -105,8 +104,8 @@ class Bending(Term):
         self._cells, self._dim = MorleyCells(blank, *self._edges), blank.mesh.geometry.dim
         operator, curved = self._cells.curvature(self.stiffnesses)
         if not self.part.is_whole:
-            operator, curved = operator[self.part.cells], curved[self.part.cells]
-            self._cells = self._cells.only(self.part.cells)
+            here = self._cells.of(self.part.cells)
+            operator, curved, self._cells = operator[here], curved[here], self._cells.only(here)
         self._weights = self._cells.area[:, None] * self.stiffnesses
         self._own_curvature = np.where(
             np.abs(curved) < 1e-10 * np.abs(curved).max(initial=1e-300), 0, curved

@@ -13,7 +13,7 @@ from ...material import kernel, stability
 from ...material.expression import derivatives, energy_density
 from ...material.laws import Law
 from ...material.presets import checked_fabric
-from ...material.strains import SHORTENED, nominal_strain, share_name, shear_angle
+from ...material.strains import SHORTENED, nominal_strain, share_name
 from ...runtime.errors import InputError
 from ...runtime.rules import COUNT
 from ..reports import Value, joined, largest, last, least, on_part
@@ -34,6 +34,9 @@ INTEGRATION = "full", "reduced"
 # of the yarns' stiffness, that holds their strain's gradients where it is taken at one point
 GRADIENTS = 0.0125
 STRAIN = 1e-3  # at which that stiffness is taken
+_PRODUCTS = (0, 0), (0, 1), (1, 1)  # of yarn vectors a and b, that I4, I6 and I8 are
+# times its transpose: the mean of X X over the reference triangle, X from its centre
+SPREAD = (np.linalg.cholesky([[2.0, -1.0], [-1.0, 2.0]]) / 6).tolist()
 UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"} | dict.fromkeys(
     ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
 )  # of fields; of all others "-"
@@ -98,64 +101,51 @@ class Membrane(Term):
                 f"{blank.name} is of degree {blank.degree} on {cell}s; allowed is {allowed}"
             )
         self.degree = self._quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
-        law, straight, rest = self._constants(mesh)
-        self._a0, self._b0 = straight or self._fibres()
-        fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
-        cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
-        rest = cosine if rest is None else rest
-        self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
-        self._ufl = law, fa, fb, cosine, rest
         if self.integration == "reduced":
             self._check_reduced(cell)
             self.degree = 1
+        law, straight, rest = self._constants(mesh)
+        self._a0, self._b0 = straight or self._fibres()
+        (fa, fb), *slopes = self._moved(blank.u)
+        self._pairs = [(self._a0 + fa, self._b0 + fb), *slopes]
+        cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
+        rest = cosine if rest is None else rest
+        aa, ab, bb = ([ufl.dot(p[i], p[k]) for p in self._pairs] for i, k in _PRODUCTS)
+        self._invariants = sum(aa), sum(ab), sum(bb)
+        self._ufl = law, cosine, rest
         self._dx = self.part.dx(self.degree)
-        self._gradients = (
-            self._held_gradients() * self._dx if self.integration == "reduced" else None
-        )
-        self.energy = law.thickness * energy_density(*self._invariants, rest, law) * self._dx
-        if self._gradients:
-            self.energy += self._gradients
+        density = energy_density(*self._invariants, rest, law)
+        self._held = self._gradients() if self.integration == "reduced" else []
+        for stiffness, products in self._held:
+            density += stiffness * sum(x * y for x, y in self._of(products)) ** 2
+        self.energy = law.thickness * density * self._dx
 
     def _check_reduced(self, cell):
         blank = self.blank
-        if (
-            (cell, blank.degree) != ("triangle", 2)
-            or not compat.is_affine(blank.mesh)
-            or blank.mesh.geometry.dim == 3
-        ):
+        if blank.degree != 2 or not blank.triangulated:
             raise InputError(
                 f"integration is reduced and {blank.name} of degree {blank.degree} on {cell}s; "
-                "allowed is a plane sheet of quadratic triangles (P2) with straight sides"
+                "allowed is a sheet of quadratic triangles (P2) with straight sides"
             )
 
-    def _held_gradients(self):
-        """Energy density of the gradients of strains and shear angle, as stiffness times their
-        variance in the cell."""
-        mesh, (law, fa, fb, _, rest) = self.blank.mesh, self._ufl
+    def _gradients(self):
+        """Stiffnesses that hold the gradients of I4 / 2, I8 / 2 and I6 along both axes of a cell,
+        with each gradient's products of two of the `_pairs`' components, by their numbers."""
         # each yarn's alone, so without couplings
         eps_a, eps_b, gamma = STRAIN * np.eye(3)[:, :2]
         alone = self.fabric.derivatives(eps_a, eps_b, gamma, second=False)
         yarns = GRADIENTS * alone.parts[[0, 1], [0, 1]] / STRAIN**2
-        stiffness = fem.Constant(mesh, [*yarns, self.fabric.shear_stiffness / 2])
-        curved = ufl.grad(ufl.grad(self.blank.displacement))
-        i, j, k = ufl.indices(3)
-        # gradients of fa and fb
-        bent = [ufl.as_tensor(curved[i, j, k] * f[j], (i, k)) for f in (self._a0, self._b0)]
-        I4, I6, I8 = invariants = [ufl.variable(I) for I in self._invariants]
-        slopes = (
-            2 * ufl.dot(fa, bent[0]),
-            ufl.dot(fa, bent[1]) + ufl.dot(fb, bent[0]),
-            2 * ufl.dot(fb, bent[1]),
-        )
-        J = ufl.Jacobian(mesh)
-        # mean of (x - x_c) (x - x_c)
-        spread = ufl.dot(J, ufl.dot(ufl.as_matrix([[2.0, -1.0], [-1.0, 2.0]]) / 36, J.T))
-        energy = 0
-        gamma = shear_angle(I6, ufl.sqrt(I4 * I8 - I6**2), rest, ufl.sqrt(1 - rest**2))
-        for n, q in enumerate((nominal_strain(I4), nominal_strain(I8), gamma)):
-            slope = sum(ufl.diff(q, I) * dI for I, dI in zip(invariants, slopes))
-            energy += stiffness[n] * ufl.dot(slope, ufl.dot(spread, slope))
-        return law.thickness * energy
+        k_a, k_b, k_shear = fem.Constant(self.blank.mesh, [*yarns, self.fabric.shear_stiffness / 2])
+        gdim, held = self.blank.mesh.geometry.dim, []
+        for axis in (1, 2):
+            a, b, da, db = (np.arange(gdim) + k * gdim for k in (0, 1, 2 * axis, 2 * axis + 1))
+            held += [(k_a, [*zip(a, da)]), (k_b, [*zip(b, db)])]
+            held += [(k_shear, [*zip(a, db), *zip(b, da)])]
+        return held
+
+    def _of(self, products):
+        x = _components(self._pairs)
+        return [(x[i], x[k]) for i, k in products]
 
     @property
     def made_of(self) -> Law:
@@ -164,35 +154,59 @@ class Membrane(Term):
 
     def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
         """As in `Varied`, with fewer operations than UFL's own derivatives take."""
-        law, fa, fb, _, rest = self._ufl
+        law, _, rest = self._ufl
         first, second = derivatives(*self._invariants, rest, law)
         (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
-        gdim = len(fa)
-        # how each component of fa and fb moves the invariants
-        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [
-            [0, fa[i], 2 * fb[i]] for i in range(gdim)
+        gdim, x = self.blank.mesh.geometry.dim, _components(self._pairs)
+        # how each component moves the invariants
+        moved = [
+            row
+            for a, b in self._pairs
+            for row in (
+                *([2 * a[i], b[i], 0] for i in range(gdim)),
+                *([0, a[i], 2 * b[i]] for i in range(gdim)),
+            )
         ]
         forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
         pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
-        stiffness = [[None] * 2 * gdim for _ in range(2 * gdim)]
-        for i, j in combinations_with_replacement(range(2 * gdim), 2):
-            geometric = [2 * S4, S6, 2 * S8][i // gdim + j // gdim] if i % gdim == j % gdim else 0
+        stiffness = [[None] * len(x) for _ in x]
+        for i, j in combinations_with_replacement(range(len(x)), 2):
+            same = i // (2 * gdim) == j // (2 * gdim) and i % gdim == j % gdim
+            yarns = i // gdim % 2 + j // gdim % 2
+            geometric = [2 * S4, S6, 2 * S8][yarns] if same else 0
             stiffness[i][j] = stiffness[j][i] = (
                 sum(c * D for c, D in zip(moved[j], pulled[i])) + geometric
             )
-        dv, dw = ([yarn[i] for yarn in self._stretched(x) for i in range(gdim)] for x in (v, w))
+        for k, products in self._held:
+            twice, slope = 2 * law.thickness * k, dict[int, Expr]()
+            gradient = sum(p * q for p, q in self._of(products))
+            for i, j in products:
+                slope |= {i: x[j], j: x[i]}
+                stiffness[i][j] += twice * gradient
+                stiffness[j][i] += twice * gradient
+            for i in slope:
+                forces[i] += twice * gradient * slope[i]
+                for j in slope:
+                    stiffness[i][j] += twice * slope[i] * slope[j]
+        dv, dw = (_components(self._moved(y)) for y in (v, w))
         answers = (sum(k * y for k, y in zip(row, dw)) for row in stiffness)
-        residual = sum(f * x for f, x in zip(forces, dv)) * self._dx
-        tangent = sum(x * y for x, y in zip(dv, answers)) * self._dx
-        if self._gradients:
-            slope = ufl.derivative(self._gradients, self.blank.u, v)
-            residual, tangent = residual + slope, tangent + ufl.derivative(slope, self.blank.u, w)
-        return residual, tangent
+        residual = sum(f * y for f, y in zip(forces, dv)) * self._dx
+        return residual, sum(y * z for y, z in zip(dv, answers)) * self._dx
 
-    def _stretched(self, u):
-        """What displacement `u` adds to the yarns' vectors a0, b0."""
-        gradient = ufl.grad(self.blank.in_space(u))
-        return ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0)
+    def _moved(self, u):
+        """What displacement `u` adds to the yarns' vectors (a, b), and to how these change from a
+        cell's centre along its axes, so that sums of products are their means in the cell."""
+        mesh, gradient = self.blank.mesh, ufl.grad(self.blank.in_space(u))
+        found = [(ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0))]
+        if self.integration == "reduced":
+            axes = ufl.dot(ufl.Jacobian(mesh), ufl.as_matrix(SPREAD))
+            curved = ufl.dot(ufl.grad(gradient), axes)
+            i, j = ufl.indices(2)
+            found += [
+                tuple(ufl.as_vector(curved[i, j, k] * f[j], i) for f in (self._a0, self._b0))
+                for k in (0, 1)
+            ]
+        return found
 
     def _constants(self, mesh):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
@@ -224,11 +238,12 @@ class Membrane(Term):
         UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the part's
         cells."""
         if self._points is None:
-            law, fa, fb, cosine, rest = self._ufl
+            law, cosine, rest = self._ufl
             sine = ufl.sqrt(1 - cosine**2)
-            f1, f2 = fa, (fb - cosine * fa) / sine
+            bases = [(fa, (fb - cosine * fa) / sine) for fa, fb in self._pairs]
+            f1, f2 = bases[0]
             C = ufl.as_matrix(
-                [[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]
+                [[sum(ufl.dot(f[i], f[k]) for f in bases) for k in (0, 1)] for i in (0, 1)]
             )
             # FFCx from 0.9 names code by the variable's number, and would compile each one anew
             C = ufl.classes.Variable(C, ufl.classes.Label(0))
@@ -238,19 +253,21 @@ class Membrane(Term):
             )
             S = 2 * ufl.diff(W, C)
             flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
-            values = ufl.as_vector([*flat, cosine, S[0, 0], S[1, 1], S[0, 1]])
+            parts = [*flat, cosine, S[0, 0], S[1, 1], S[0, 1], C[0, 0], C[1, 1], C[0, 1]]
             self._points = compat.PointEvaluation(
-                values, self.blank.mesh, self.degree, self.part.cells
+                ufl.as_vector(parts), self.blank.mesh, self.degree, self.part.cells
             )
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
             self._evaluated = u.copy(), self._points()
         values = self._evaluated[1]
         gdim = self.blank.mesh.geometry.dim
-        F = np.zeros((*values.shape[:2], 3, 2))
+        F: np.ndarray = np.zeros((*values.shape[:2], 3, 2))
         F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
-        cosine = values[:, :, 2 * gdim]
-        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
+        cosine, S, C = np.split(values[:, :, 2 * gdim :], [1, 4], axis=2)
+        if self.integration == "reduced":
+            F = _with_metric(F, C)
+        return F, np.concatenate([cosine, np.sqrt(1 - cosine**2)], -1), S
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
         """`kernel.State` at every quadrature point of the part's cells, arrays (cells, points,
@@ -419,3 +436,23 @@ class Membrane(Term):
         """The least ellipticity indicator of each of the part's cells, (cells,) [-]."""
         found = stability.evaluate(self.fabric, self._invariants_at_points())
         return found.ellipticity.min(1)
+
+
+def _components(pairs):
+    """Of vectors (a, b), those of a pair one after the other."""
+    return [f[i] for pair in pairs for f in pair for i in range(len(f))]
+
+
+def _with_metric(F, C):
+    """F (..., 3, 2) turned as it is, but stretched as C (..., 3) = C11, C22, C12 says."""
+
+    def root(A):
+        """Of symmetric positive matrices (..., 2, 2), by Cayley and Hamilton."""
+        s = np.sqrt(np.linalg.det(A))
+        t = np.sqrt(np.trace(A, axis1=-2, axis2=-1) + 2 * s)
+        return (A + s[..., None, None] * np.eye(2)) / t[..., None, None]
+
+    wanted = np.moveaxis(
+        np.array([[C[..., 0], C[..., 2]], [C[..., 2], C[..., 1]]]), (0, 1), (-2, -1)
+    )
+    return F @ np.linalg.inv(root(F.swapaxes(-1, -2) @ F)) @ root(wanted)

@@ -7,7 +7,6 @@ import numpy as np
 from mpi4py import MPI
 from numpy.polynomial.legendre import Legendre
 
-from ... import dolfinx_compat as compat
 from ...material.hencky import Hencky, hencky
 from ...material.metal import Metal
 from ...material.plasticity import Response, elastic_energy, respond, volume_change, von_mises
@@ -103,15 +102,15 @@ class SheetMetal(Term):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         blank, metal = scene.blank, self.metal
-        linear = compat.is_affine(blank.mesh) and blank.degree == 1
-        if not (linear and blank.mesh.geometry.dim == 3):
+        if not (blank.triangulated and blank.mesh.geometry.dim == 3):
             raise InputError(
-                f"metal of {blank.name} is asked for in a plane or on other than linear triangles; "
-                "allowed is P1 in space"
+                f"metal of {blank.name} is asked for in a plane or on other cells; allowed are P1, "
+                "and P2 with straight sides, in space"
             )
         cells = MorleyCells(blank, *self._edges)
-        # how many cells this rank owns, and which of them are of metal
-        self._owned, self._here = cells.count, self.part.cells
+        # how many triangles this rank owns, of each cell, and which of them are of metal
+        self._owned, self._per_cell = cells.count, cells.per_cell
+        self._here = cells.of(self.part.cells)
         cells.yarn_b = np.tile([0.0, 1.0], (cells.count, 1))  # orthonormal axes
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
@@ -176,14 +175,14 @@ class SheetMetal(Term):
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
         accepted."""
-        count, points = self._plastic.shape
-        strains = self._elastic.reshape(count, 3 * points)
-        return {"elastic": self._among_owned(strains), "plastic": self._among_owned(self._plastic)}
+        return {"elastic": self._of_owned(self._elastic), "plastic": self._of_owned(self._plastic)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """As in `Remembers`."""
-        self._elastic = memory["elastic"][self._here].reshape(self._elastic.shape)
-        self._plastic = memory["plastic"][self._here]
+        self._elastic, self._plastic = (
+            memory[name].reshape(self._owned, *now.shape[1:])[self._here]
+            for name, now in (("elastic", self._elastic), ("plastic", self._plastic))
+        )
         self._hold(self._shape(self._stencil.displacement()))
 
     # -- results
@@ -208,28 +207,37 @@ class SheetMetal(Term):
         response, shape = self._state().response, self._plastic.shape
         volume = np.exp(volume_change(self.metal, response.elastic))
         stress = (von_mises(response.stress) / volume).reshape(shape)
-        strain = response.plastic.reshape(shape).max(1)
+        strain = self._of_cells(response.plastic.reshape(shape).max(1)).max(1)
+        thickness, top, bottom = (
+            self._of_cells(values).mean(1)
+            for values in (self.thickness(), stress[:, -1], stress[:, 0])
+        )
         return {
             "equivalent_plastic_strain": on_part(self.part, strain, "-"),
-            "metal_thickness": on_part(self.part, self.thickness(), "mm"),
-            "von_mises_top": on_part(self.part, stress[:, -1], "MPa"),
-            "von_mises_bottom": on_part(self.part, stress[:, 0], "MPa"),
+            "metal_thickness": on_part(self.part, thickness, "mm"),
+            "von_mises_top": on_part(self.part, top, "MPa"),
+            "von_mises_bottom": on_part(self.part, bottom, "MPa"),
         }
 
     def thickness(self) -> np.ndarray:
-        """Present thickness of this rank's cells, (cells,) [mm]."""
+        """Present thickness of the flat triangles of this rank's cells, (triangles,) [mm]."""
         state = self._state()
         elastic = state.response.elastic.reshape(self._elastic.shape)
         return self._thickness(state.shape, elastic)
 
     # --
 
-    def _among_owned(self, values):
-        """Values (cells, ...) as those of all cells that the rank owns, 0 where there is no
+    def _of_owned(self, values):
+        """Values (triangles, ...) as rows of all cells that the rank owns, 0 where there is no
         metal."""
         found = np.zeros((self._owned, *values.shape[1:]))
         found[self._here] = values
-        return found
+        wide = self._per_cell * int(np.prod(values.shape[1:]))
+        return found.reshape(self._owned // self._per_cell, wide)
+
+    def _of_cells(self, values):
+        """Values (triangles,) as rows of the cells (cells, per cell)."""
+        return values.reshape(-1, self._per_cell)
 
     def _thickness(self, shape, elastic):
         volume = volume_change(self.metal, np.einsum("cpk,p->ck", elastic, self._weights))

@@ -12,6 +12,7 @@ quarter too stiff, with the reverse fault. The one taken passes both tests. Only
 free of energy, as slopes are common to neighbours and Morley's triangle has no other such states.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from copy import copy
 from typing import NamedTuple, Self
@@ -20,7 +21,6 @@ import dolfinx
 import numpy as np
 from mpi4py import MPI
 
-from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...sheets.blank import Blank
 
@@ -33,7 +33,8 @@ NO_WORK = 1e-12
 
 
 class MorleyCells:
-    """This rank's owned cells, and the 12 nodes that each one's curvature is read off.
+    """The flat triangles of this rank's owned cells, `per_cell` of each, and the 12 nodes that
+    each one's curvature is read off.
 
     nodes: their global numbers (cells, 12): first the cell's own, then those opposite across its
     edges, then for each edge the two others of the cell beyond. codes: number of the matrix in
@@ -54,8 +55,10 @@ class MorleyCells:
     ) -> None:
         self.blank, self.comm = blank, blank.mesh.comm
         self.index_map = blank.mesh.topology.index_map(2)
-        self.count = self.index_map.size_local
-        self.dofs = compat.dofmap(blank.V)
+        dofs = blank.triangles()
+        self.per_cell = dofs.shape[1]
+        self.dofs = dofs.reshape(-1, 3)
+        self.count = self.per_cell * self.index_map.size_local
         self.positions = blank.along(blank.coordinates().T).T
         self._beyond()
         self._geometry()
@@ -69,26 +72,27 @@ class MorleyCells:
             setattr(some, name, getattr(self, name)[cells])
         return some
 
+    def of(self, cells: np.ndarray) -> np.ndarray:
+        """Which of them lie in the blank's `cells` (n,), (n per_cell,)."""
+        return (cells[:, None] * self.per_cell + np.arange(self.per_cell)).ravel()
+
     def _beyond(self):
         """The cell beyond each edge, -1 if there is none, and that edge's number there."""
+        ends = np.sort(self.dofs[:, [[1, 2], [2, 0], [0, 1]]], axis=2).reshape(-1, 2)
+        _, edges = np.unique(ends, axis=0, return_inverse=True)
+        order = np.argsort(edges.ravel(), kind="stable")
+        first = np.flatnonzero(np.diff(edges.ravel()[order], prepend=-1))
+        sides = np.diff(first, append=len(order))
+        other = np.full(len(order), -1)
+        one, two = order[first[sides == 2]], order[first[sides == 2] + 1]
+        other[one], other[two] = two, one
+        other = other[: 3 * self.count].reshape(-1, 3)
+        self.beyond, self.edge_beyond = np.where(other < 0, -1, other // 3), other % 3
         topology = self.blank.mesh.topology
         topology.create_connectivity(1, 2)
-        topology.create_connectivity(2, 1)
-        facets, cells = (
-            topology.connectivity(2, 1).array.reshape(-1, 3),
-            topology.connectivity(1, 2),
-        )
-        sides = np.diff(cells.offsets)
-        both = (
-            np.add.reduceat(np.append(cells.array, 0), cells.offsets[:-1])
-            if len(sides)
-            else np.empty(0, int)
-        )
-        mine = facets[: self.count]
-        self.beyond = np.where(sides[mine] == 2, both[mine] - np.arange(self.count)[:, None], -1)
-        self.edge_beyond = (facets[self.beyond] == mine[:, :, None]).argmax(2)
         alone = self.comm.allreduce(int((self.beyond < 0).sum()))
-        if alone != 2 * topology.index_map(1).size_global - 3 * self.index_map.size_global:
+        free = 2 * topology.index_map(1).size_global - 3 * self.index_map.size_global
+        if alone != free * math.isqrt(self.per_cell):
             raise InputError(
                 f"bending of {self.blank.name} finds edges of more than two cells, or ranks that "
                 "don't know the cells beyond theirs; allowed is a manifold with ghosts at facets"
@@ -108,9 +112,9 @@ class MorleyCells:
         self.height = np.linalg.norm(out, axis=2)
         self.outward = out / self.height[:, :, None]
         self.area = 0.5 * self.length[:, 0] * self.height[:, 0]
-        a, b = (
-            blank.along(f.x.array.reshape(-1, x.shape[2])[:count].T).T for f in (blank.a0, blank.b0)
-        )
+        owned, k = self.index_map.size_local, self.per_cell
+        fibres = [f.x.array.reshape(-1, x.shape[2])[:owned] for f in (blank.a0, blank.b0)]
+        a, b = (blank.along(np.repeat(f, k, axis=0).T).T for f in fibres)
         across = b - (a * b).sum(1, keepdims=True) * a
         self.axes = np.stack([a, across / np.linalg.norm(across, axis=1, keepdims=True)], 1)
         self.yarn_b = np.einsum("cki,ci->ck", self.axes, b)
@@ -259,8 +263,9 @@ class MorleyCells:
             self.opposite.reshape(count, 3 * dim),
             self.trust[:, None],
         ]
-        sent = dolfinx.la.vector(self.index_map, sum(part.shape[1] for part in parts))
-        known = sent.array.reshape(-1, sum(part.shape[1] for part in parts))
+        wide = sum(part.shape[1] for part in parts)
+        sent = dolfinx.la.vector(self.index_map, wide * self.per_cell)
+        known = sent.array.reshape(-1, wide)
         known[:count] = np.concatenate(parts, 1)
         sent.scatter_forward()
         ends = np.cumsum([part.shape[1] for part in parts])[:-1]

@@ -429,7 +429,7 @@ PLANE = Plane((0, 0, 0), (0, 0, 1))
         ({"penalty": math.nan}, "penalty of the contact with table is nan"),
         ({"smoothing": -1.0}, "smoothing of the contact with table is -1.0"),
         ({"permitted": 0.0}, "permitted penetration of the contact with table is 0.0"),
-        ({"blank": {"degree": 2}}, "other than linear cells; allowed are P1 and Q1"),
+        ({"blank": {"degree": 3}}, "other cells; allowed are P1, Q1, and P2 with straight"),
         (
             {"blank": {"frame": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]}},
             "along turned axes; allowed are x, y and z",

@@ -215,10 +215,10 @@ def test_only_layers_that_look_ahead_are_met():
         assert face.below(points, guess, 5.0, ahead).gap == pytest.approx(gap, abs=1e-9)
 
 
-@pytest.mark.parametrize("options", [{"cell": "quadrilateral"}, {"degree": 2}])
+@pytest.mark.parametrize("options", [{"cell": "quadrilateral"}, {"degree": 3}])
 def test_other_cells_have_no_face(options):
     blank = rectangle(10, 10, 2, 2, spatial=True, **options)
-    with pytest.raises(InputError, match="on other than linear triangles; allowed is P1"):
+    with pytest.raises(InputError, match="on other cells; allowed are P1, and P2 with straight"):
         Face(blank.whole, 1.0, [])
 
 

@@ -506,6 +506,6 @@ def test_other_numbers_of_points_are_refused(points):
 def test_only_metals_on_linear_triangles_in_space():
     with pytest.raises(ff.InputError, match="allowed is a Metal"):
         SheetMetal(ff.load("komeili"))
-    for blank in (builders.sheet(10, 10, 2, 2, comm=MPI.COMM_SELF), sheet(degree=2)):
-        with pytest.raises(ff.InputError, match="allowed is P1 in space"):
+    for blank in (builders.sheet(10, 10, 2, 2, comm=MPI.COMM_SELF), sheet(degree=3)):
+        with pytest.raises(ff.InputError, match="allowed are P1, and P2 .* in space"):
             alone(blank, SheetMetal(DC04))
