@@ -156,7 +156,7 @@ def test_a_file_that_is_not_there(tmp_path):
             {"clearance": 0.9},
             "`clearance` 0.9 is less than the thickness of ply or stack under 1 MPa; allowed is",
         ),
-        ({"element": "Q1"}, "on other than linear triangles; allowed is P1"),
+        ({"element": "Q1"}, "on other cells; allowed are P1, and P2"),
         ({"element": "P3"}, "sheet ply 1 of the stack has other cells; allowed are P1"),
         ({"stack": []}, "`stack` has no ply; allowed are one or more"),
         ({"stack": [ff.Ply(name="a"), ff.Ply(name="a")]}, "named ['a', 'a']; allowed are"),

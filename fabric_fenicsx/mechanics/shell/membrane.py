@@ -48,15 +48,17 @@ class Membrane(Term):
     Material values enter as constants of the form, so fabrics that differ only in numbers share one
     compiled form. quadrature_degree: by default that of `QUADRATURE_DEGREE`.
 
-    integration: `reduced`, on plane quadratic triangles with straight sides, takes the law at the
-    centre of each. Two yarns that hardly stretch are then two constraints on a cell's four degrees
-    of freedom, so cells that do not follow the yarns do not lock (reduced integration as projected
-    strains: Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978; locking of fibres:
-    ten Thije and Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). The
-    centre does not see gradients of strains and shear angle. So that no mode of a cell is free,
-    these are resisted by `GRADIENTS` of the yarns' stiffness and by the shear stiffness at rest (as
-    Liu, Ong and Uras, Comput. Methods Appl. Mech. Eng. 53, 1985, hold hourglasses). Points and
-    states are then those at the centres.
+    integration: `reduced`, on quadratic triangles with straight sides, takes the law once a cell,
+    at the means of I4, I6 and I8 in it. Two yarns that hardly stretch are then two constraints on a
+    cell's four or six degrees of freedom, so cells that do not follow the yarns do not lock
+    (reduced integration as projected strains: Malkus and Hughes, Comput. Methods Appl. Mech.
+    Eng. 15, 1978; locking of fibres: ten Thije and Akkerman, Composites A 39, 2008; Hamila and
+    Boisse, Composites A 53, 2013). With the invariants of the centre in place of the means, tension
+    would not see a sheet that is corrugated within its cells. Means do not see gradients of strains
+    and shear angle. So that no mode of a cell is free, those of I4 / 2, I8 / 2 and I6 are resisted
+    by `GRADIENTS` of the yarns' stiffness and by the shear stiffness at rest (as Liu, Ong and Uras,
+    Comput. Methods Appl. Mech. Eng. 53, 1985, hold hourglasses). Points are then the centres, and
+    states those of the means.
 
     weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
     angle counts. The default is the initial angle of the blank, as in eq. (8). With any other the
