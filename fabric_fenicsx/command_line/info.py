@@ -169,6 +169,8 @@ VERSIONS: dict[str, Callable[[], str]] = {
     "meshio": lambda: installed("meshio"),
     "pyvista": lambda: installed("pyvista"),
     "VTK": _vtk,
+    "ezdxf": lambda: installed("ezdxf"),
+    "shapely": lambda: installed("shapely"),
 }
 
 

@@ -10,7 +10,7 @@ import csv
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -92,9 +92,12 @@ def is_comment(line: str) -> bool:
     return line.lstrip(' \t"').startswith("#")
 
 
-def table_of(lines: Iterable[tuple[int, str]], is_known: Callable[[str], bool]) -> TextTable:
+def table_of(
+    lines: Iterable[tuple[int, str]], is_known: Callable[[str], bool], usual: Sequence[str] = ()
+) -> TextTable:
     """The table in lines (row, text) without comments; is_known: whether a column of a name is
-    asked for. InputError by row where there is none."""
+    asked for; usual: names of the columns where no header has such a name. InputError by row where
+    there is no table."""
     lines = list(lines)
     delimiter = next((d for _, text in lines[:1] for d in re.findall("^sep=(.)$", text)), None)
     lines = lines[1:] if delimiter else lines
@@ -108,6 +111,10 @@ def table_of(lines: Iterable[tuple[int, str]], is_known: Callable[[str], bool]) 
     else:
         first = _longest_run(is_data)
         top = first - 1
+    if usual and not known:
+        body = split[first:]
+        rows, cells = [row for row, _ in body], [cells for _, cells in body]
+        return TextTable(top, [*usual], [None] * len(usual), rows, cells)
     while not known and top > 0 and _are_units(split[top][1]):
         top -= 1
     if top < 0 or (not known and _are_units(split[top][1])):

@@ -80,20 +80,26 @@ def by_gmsh(path: Path) -> SurfaceMesh:
 
 
 @contextmanager
-def own_model(gmsh: Any) -> Iterator[None]:
-    """A new model of gmsh, which is the current one meanwhile; a user's session stays as it was."""
+def own_model(gmsh: Any, **options: float) -> Iterator[None]:
+    """A new model of gmsh, which is the current one meanwhile, with these options of meshes; a
+    user's session stays as it was."""
     running = getattr(gmsh, "isInitialized", lambda: False)()
     if not running:
         gmsh.initialize(readConfigFiles=False)
     before = gmsh.model.getCurrent()
-    gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.model.add("fabric_fenicsx reads")
+    numbers = {"General.Terminal": 0.0} | {f"Mesh.{name}": v for name, v in options.items()}
+    usual = {name: gmsh.option.getNumber(name) for name in numbers}
+    for name, value in numbers.items():
+        gmsh.option.setNumber(name, value)
+    gmsh.model.add("fabric_fenicsx")
     try:
         yield
     finally:
         if running:
             gmsh.model.remove()
             gmsh.model.setCurrent(before)
+            for name, value in usual.items():
+                gmsh.option.setNumber(name, value)
         else:
             gmsh.finalize()
 
