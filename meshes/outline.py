@@ -62,11 +62,17 @@ def outline_mesh(
             f"(a size above {rounded(size * math.sqrt(cells / MOST))})"
         )
     sheet, told = _simplified(sheet, size)
-    near = _fine_places(sheet, size, told)
+    places, sizes = _fine_places(sheet, size, told)
+
+    def size_at(x, y):
+        off = np.hypot(places[:, 0] - x, places[:, 1] - y)
+        return float((sizes + GROWTH * off).min(initial=size))
+
+    sheet = _divided(sheet, size, size_at)
     if pattern == "along":
-        points, triangles = _along(sheet, size, near, yarns)
+        points, triangles = _along(sheet, size, size_at, yarns)
     else:
-        points, triangles = _filled([sheet], size, near)
+        points, triangles = _filled([sheet], size_at)
     return np.column_stack([points, np.zeros(len(points))]), triangles, "triangle", told
 
 
@@ -92,17 +98,16 @@ def _simplified(sheet, size):
 def _fine_places(sheet, size, told):
     """Places (n, 2) where cells are to be smaller, and their sizes there (n,): at short edges and
     where the sheet is narrow, which gets two cells across."""
-    places, sizes, dense, along, around, number = [], [], [], [], [], []
+    edges, dense = [], []
     for k, ring in enumerate((sheet.exterior, *sheet.interiors)):
         x = shapely.get_coordinates(ring)
-        places.append((x[1:] + x[:-1]) / 2)
-        sizes.append(np.linalg.norm(np.diff(x, axis=0), axis=1))
+        edges.append([*(x[1:] + x[:-1]).T / 2, np.linalg.norm(np.diff(x, axis=0), axis=1)])
         x = shapely.get_coordinates(shapely.segmentize(ring, size / 5))
-        along.append(np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1)))
-        dense.append(x[1:])
-        around.append(np.full(len(x) - 1, ring.length))
-        number.append(np.full(len(x) - 1, k))
-    x, along, around, number = map(np.concatenate, (dense, along, around, number))
+        way = np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))
+        dense.append([*x[1:].T, way, 0 * way + ring.length, 0 * way + k])
+    *places, sizes = np.concatenate(edges, 1)
+    x, y, along, around, number = np.concatenate(dense, 1)
+    x = np.column_stack([x, y])
     i, j = cKDTree(x).query_pairs(2 * size, output_type="ndarray").T
     width = np.linalg.norm(x[i] - x[j], axis=1)
     way = abs(along[i] - along[j])
@@ -113,43 +118,55 @@ def _fine_places(sheet, size, told):
     if faces.any() and (least := width[faces].min()) < SMALL * size:
         where = coordinates(middle[faces][width[faces].argmin()])
         told.append(f"the outline is {rounded(least)} mm wide at {where} mm, less than a cell")
-    places, sizes = np.concatenate([*places, middle[faces]]), [*sizes, width[faces] / 2]
-    sizes = np.maximum(np.concatenate(sizes), SMALL * size)
+    places = np.concatenate([np.transpose(places), middle[faces]])
+    sizes = np.maximum(np.concatenate([sizes, width[faces] / 2]), SMALL * size)
     return places[sizes < size], sizes[sizes < size]
 
 
-def _filled(faces, size, near, kept=()):
-    """Points (n, 2) and triangles (m, 3) in polygons, of about `size` but for `near`; edges between
-    points (x, y) that are `kept` are not divided."""
+def _divided(sheet, size, size_at):
+    """The sheet with points on its edges as far apart as cells are to be there."""
+    rings = []
+    for ring in (sheet.exterior, *sheet.interiors):
+        corners, points = shapely.get_coordinates(ring), []
+        for p, q in zip(corners, corners[1:]):
+            length = math.dist(p, q)
+            steps = math.ceil(5 * length / size)
+            middles = p + (q - p) * (np.arange(steps)[:, None] + 0.5) / steps
+            cells = np.cumsum([0.0, *(length / steps / size_at(*x) for x in middles)])
+            count = max(1, math.ceil(cells[-1] - 0.2))
+            at = np.interp(
+                np.arange(count) * cells[-1] / count, cells, np.linspace(0, 1, steps + 1)
+            )
+            points.append(p + (q - p) * at[:, None])
+        rings.append(np.concatenate(points))
+    return shapely.Polygon(rings[0], rings[1:])
+
+
+def _filled(faces, size_at):
+    """Points (n, 2) and triangles (m, 3) in polygons, whose edges stay, of sizes size_at(x, y)."""
     import gmsh
 
-    options = {"MeshSizeMax": size, "MeshSizeMin": 0.0, "Algorithm": 6.0}
+    options = {"MeshSizeMin": 0.0, "MeshSizeMax": 1e22, "Algorithm": 6.0}
     options |= {
         f"MeshSize{name}": 0.0 for name in ("FromPoints", "FromCurvature", "ExtendFromBoundary")
     }
-    places, sizes = near
-
-    def size_at(dim, tag, x, y, *z):
-        off = np.hypot(places[:, 0] - x, places[:, 1] - y)
-        return float((sizes + GROWTH * off).min(initial=size))
-
     with own_model(gmsh, **options):
-        geo, known = gmsh.model.geo, {}
+        geo = gmsh.model.geo
+        known: dict[tuple[float, ...], int] = {}
 
         def loop(ring):
             ends = [*ring.coords]
             for end in ends[1:]:
                 known[end] = known.get(end) or geo.addPoint(*end, 0)
             lines = [geo.addLine(known[p], known[q]) for p, q in zip(ends, ends[1:])]
-            for line, p, q in zip(lines, ends, ends[1:]):
-                if p in kept and q in kept:
-                    geo.mesh.setTransfiniteCurve(line, 2)
+            for line in lines:
+                geo.mesh.setTransfiniteCurve(line, 2)
             return geo.addCurveLoop(lines)
 
         for face in map(shapely.geometry.polygon.orient, faces):
             geo.addPlaneSurface([*map(loop, (face.exterior, *face.interiors))])
         geo.synchronize()
-        gmsh.model.mesh.setSizeCallback(size_at)
+        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, *z: size_at(x, y))
         try:
             gmsh.model.mesh.generate(2)
         except Exception as error:  # it raises no other kind
@@ -162,7 +179,7 @@ def _filled(faces, size, near, kept=()):
     return x.reshape(-1, 3)[order, :2], np.searchsorted(tags[order], nodes).reshape(-1, 3)
 
 
-def _along(sheet, size, near, yarns):
+def _along(sheet, size, size_at, yarns):
     """Points (n, 2) and triangles (m, 3): parallelograms along both yarns inside, each of four
     triangles, and others around them."""
     axes = size * np.array([[math.cos(yarn), math.sin(yarn)] for yarn in yarns])
@@ -185,9 +202,9 @@ def _along(sheet, size, near, yarns):
             part &= ~pinched
     square = square[inside]
     if not len(square):
-        return _filled([sheet], size, near)
+        return _filled([sheet], size_at)
     rim = shapely.get_parts(sheet.difference(shapely.union_all(shapely.polygons(square))))
-    points, cells = _filled(rim, size, near, {*map(tuple, square.reshape(-1, 2).tolist())})
+    points, cells = _filled(rim, size_at)
     number = len(points) + np.arange(5 * len(square)).reshape(-1, 5)
     points = np.concatenate([points, *np.concatenate([square, square.mean(1)[:, None]], 1)])
     cells = [cells, *(number[:, [k, (k + 1) % 4, 4]] for k in range(4))]

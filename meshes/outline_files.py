@@ -138,7 +138,7 @@ def _drawing(path, source, layer):
         curves = [each for each in curves if each.dxf.layer.lower() in asked]
     if not curves:
         raise InputError(f"{source} has no lines; allowed are {', '.join(CURVES)}, visible")
-    factor, told = _unit(drawing, source)
+    factor, unit = _unit(drawing, source)
     flat = [[*paths.make_path(each).flattening(CHORD / factor)] for each in curves]
     lines = [factor * np.array([tuple(point) for point in line]) for line in flat if len(line) > 1]
     size = np.ptp(np.concatenate(lines), axis=0)
@@ -146,8 +146,8 @@ def _drawing(path, source, layer):
         raise InputError(
             f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y"
         )
-    if told:
-        told = [f"{told}, so it is {rounded(size[0], 4)} x {rounded(size[1], 4)} mm"]
+    sides = " x ".join(rounded(side, 4) for side in size[:2])
+    told = [f"{unit}, so it is {sides} mm"] if unit else []
     several = layer is None and len(layers) > 1
     hint = f"; of its layers {', '.join(layers)} some may be left out by `layer`" if several else ""
     return [line[:, :2] for line in lines], told, hint
@@ -156,14 +156,15 @@ def _drawing(path, source, layer):
 def _unit(drawing, source):
     """Factor from a drawing's unit to mm, and words on a unit that is another one or none."""
     from ezdxf import units
+    from ezdxf.lldxf.const import DXFValueError
 
-    unit = drawing.header.get("$INSUNITS", 0)
-    if unit == units.MM:
+    unit, mm = drawing.header.get("$INSUNITS", 0), units.InsertUnits.Millimeters
+    if unit == mm:
         return 1.0, ""
     try:
-        factor = float(f"{units.conversion_factor(unit, units.MM):.9g}")
+        factor = float(f"{units.conversion_factor(units.InsertUnits(unit), mm):.9g}")
         return factor, f"{source} is in {units.unit_name(unit).lower()} ($INSUNITS {unit})"
-    except (units.DXFValueError, KeyError, IndexError, TypeError, ZeroDivisionError):
+    except (DXFValueError, TypeError, ValueError):
         return 1.0, f"{source} names no unit ($INSUNITS {unit}) and is taken in mm"
 
 

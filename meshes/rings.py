@@ -70,7 +70,8 @@ def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
                 f"{source} has a ring at {_place(hole)} mm that lies {how}; allowed is one "
                 "outline, and holes inside it"
             )
-    pairs = shapely.STRtree(holes).query(holes, predicate="intersects").T
+    tree = shapely.STRtree(np.array(holes, dtype=object))
+    pairs = tree.query(tree.geometries, predicate="intersects").T
     for hole, other in ((holes[i], holes[j]) for i, j in pairs if i > j):
         how = "lies in" if other.contains(hole) else "meets"
         raise InputError(

@@ -36,6 +36,10 @@ from .options import (
 )
 
 log = logging.getLogger("fabric_fenicsx")
+SHEET_FILES = {
+    "mesh": "a mesh that meshio, gmsh or PyVista reads",
+    "outline": "a drawing (.dxf), a table of x and y (.csv), or a mesh",
+}
 METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
 
 
@@ -184,13 +188,15 @@ class Study(Output):
             sys.exit(0)
         self.args = args = options.parse_args(argv)
         for option, value in vars(args).pop("_sizes")[args.quick].items():
-            if getattr(args, option, value) is None and not (option == "nx" and args.mesh):
+            idle = option == "nx" and (args.mesh or args.size)
+            if getattr(args, option, value) is None and not idle:
                 setattr(args, option, value)
-        if args.mesh and not Path(args.mesh).is_file():
-            raise InputError(
-                f"--mesh {args.mesh} is not there or not a file; allowed is a mesh that meshio, "
-                "gmsh or PyVista reads"
-            )
+        for option, allowed in SHEET_FILES.items():
+            file = getattr(args, option)
+            if file and not Path(file).is_file():
+                raise InputError(
+                    f"--{option} {file} is not there or not a file; allowed is {allowed}"
+                )
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
         if args.law_file:
@@ -239,7 +245,7 @@ class Study(Output):
             if hasattr(args, f.name)
         }
         made = kind(fabric or self.fabric, **given, comm=self.comm)
-        for name in ("nx", "ny", "pattern", "element", "integration", *kind.SIZES):
+        for name in ("nx", "ny", "size", "pattern", "element", "integration", *kind.SIZES):
             setattr(args, name, getattr(made, name))  # as an own mesh's length
         for doubt in made.warnings:
             self.warn(doubt)

@@ -101,7 +101,8 @@ def table_of(
     lines = list(lines)
     delimiter = next((d for _, text in lines[:1] for d in re.findall("^sep=(.)$", text)), None)
     lines = lines[1:] if delimiter else lines
-    split = [(row, _split(text, delimiter or _delimiter(lines))) for row, text in lines]
+    delimiter = delimiter or _delimiter(lines)
+    split = [(row, _split(text, delimiter)) for row, text in lines]
     is_data = [sum(map(_is_number, cells)) >= 2 for _, cells in split]
     known = [k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells)]
     if known:  # of several headers the first counts, so that no rows are lost above another one

@@ -101,7 +101,7 @@ class BiasExtension(StripTest):
                 f"`in_plane_bending` {self.in_plane_bending:g} is given with "
                 f"`element` {self.element}; allowed is P1, for which bending is"
             )
-        if self.pattern is None and not self.mesh:  # thin cells would fold in deep shear
+        if self.pattern is None and not self.sheet_file:  # thin cells would fold in deep shear
             graded = self.strain <= GRADED and can_be_graded(self.length, self.width)
             straight = self.fibre_angle == 45 and self.yarn_angle == 90
             self.pattern = "graded" if graded and straight else "crossed"

@@ -22,7 +22,7 @@ from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.fields import choice, number, one_of, switch, text
 from ..runtime.rules import COUNT, FROM_ZERO, POSITIVE
-from ..runtime.words import rounded
+from ..runtime.words import coordinates, rounded
 from ..scene import reports
 from ..scene.scene import Scene
 from ..scene.supports import Support
@@ -42,7 +42,8 @@ from .scenario import ELEMENTS, FITS, Scenario, halved
 if TYPE_CHECKING:
     import pyvista
 
-PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh"  # of each ply of a stack
+PLIES_SAY = "fibre_angle", "yarn_angle", "weave_angle", "mesh", "outline"  # of each ply of a stack
+OFF_CENTRE = 0.05  # of its extent, by which a sheet may lie off the punch without a word
 ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
 PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
 
@@ -85,6 +86,10 @@ class Forming(Scenario):
         None, POSITIVE, "of the whole ply, along y (270, or the mesh's) [mm]", "ply"
     )
     full: bool = switch("model the whole ply, not a quarter", "ply")
+    centred: bool = switch(
+        "put the centre of an outline at the origin, under the punch",
+        "ply",
+    )
     bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]", "ply")
     twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the ply [MPa]", "ply")
     in_plane_bending: float = number(
@@ -162,7 +167,7 @@ class Forming(Scenario):
                 for words in map(Ply.mirror_warning, self.plies)
                 if words
             ]
-        elif not self.mesh:
+        elif not self.sheet_file:
             self.nx += self.nx % 2 if self.nx == self.FULL["nx"] else 0
             sides = [getattr(self, k) or usual for k, usual in zip(self.SIZES, self.DEFAULT_SIZES)]
             self.ny = self.ny or 2 * max(1, round(self.nx * sides[1] / sides[0] / 2))
@@ -170,6 +175,8 @@ class Forming(Scenario):
         self._extent = self.blank.extent()
         if not self.full:
             self._check_quarter()
+        elif self.sheet_file:
+            self._check_centre()
         # of all that lies between the tools, without pressure
         t = self.thickness = sum(ply.thickness_under(0.0) for ply in self.plies)
         surface, depth = self._punch()
@@ -207,9 +214,12 @@ class Forming(Scenario):
 
     def coarser(self) -> Self:
         """As in `Scenario`."""
-        plies = [dataclasses.replace(ply, nx=halved(ply.nx)) for ply in self.plies]
+        plies = [
+            dataclasses.replace(ply, nx=halved(ply.nx), size=ply.size and 2 * ply.size)
+            for ply in self.plies
+        ]
         stack = plies if self.stack else None
-        return dataclasses.replace(self, nx=halved(self.nx), ny=halved(self.ny), stack=stack)
+        return dataclasses.replace(self, **self.coarser_mesh(), stack=stack)
 
     def _plies(self) -> list[Ply]:
         """Those of the stack, the lowest first, or the one of the other fields."""
@@ -237,7 +247,7 @@ class Forming(Scenario):
     def _blank(self) -> Blank:
         share = 1.0 if self.full else 0.5
         if self.stack is None:
-            return self.sheet(share=share, centred=self.full)
+            return self.sheet(share=share, centred=self.centred if self.outline else self.full)
         sizes = [getattr(self, k) or usual for k, usual in zip(self.SIZES, self.DEFAULT_SIZES)]
         options = {
             "ny": self.ny,
@@ -251,7 +261,8 @@ class Forming(Scenario):
             blank, source = ply.blank(sizes, share, self.nx, **options), f"ply {ply.name}"
             warning = mesh_warnings.size_warning(blank, ply.thickness_under(0.0), source)
             self.warnings += filter(None, [*blank.warnings, warning])
-            self.warnings += mesh_warnings.cell_warnings(blank, source) if ply.mesh else []
+            own = ply.mesh or ply.outline
+            self.warnings += mesh_warnings.cell_warnings(blank, source) if own else []
             return blank
 
         return stacking.lay(self.plies, made)
@@ -273,6 +284,16 @@ class Forming(Scenario):
                         f"{reaches}, but the planes of symmetry of a quarter are x = 0 and y = 0; "
                         "allowed is a mesh with edges on both, or `full`"
                     )
+
+    def _check_centre(self):
+        """Warn of a whole sheet that does not lie under the punch."""
+        low, high = self._extent[0][:2], self._extent[1][:2]
+        middle = (low + high) / 2
+        if (abs(middle) > OFF_CENTRE * (high - low)).any():
+            self.warnings.append(
+                f"{self.sheet_file} has its centre at {coordinates(middle)} mm, and the punch at "
+                f"(0, 0){'; `centred` puts it there' if self.outline else ''}"
+            )
 
     def _punch(self):
         """The punch's surface, checked, and its greatest stroke [mm]."""

@@ -19,10 +19,11 @@ from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, number
 from ..runtime.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..sheets.blank import Blank
-from ..sheets.layout import Layout, blank_options
+from ..sheets.layout import OF_OUTLINES, Layout, blank_options
 
 # Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric, of tools on metal
 FRICTION, METAL_FRICTION, TOOL_METAL_FRICTION = 0.334, 0.25, 0.1
+FILES = "mesh", "outline"  # fields of a ply that name files
 MATERIALS = {"fabric": load, "metal": load_metal}  # field of a ply -> how its file is read
 
 
@@ -31,8 +32,9 @@ class Ply:
     """One ply of a stack, of fabric or of metal. A field that is None has the scenario's value.
 
     metal: in place of the fabric; it has no yarns, so their angles say nothing. name: by default
-    "ply 1" and so on; mesh: a file, in place of length, width and nx. Raises InputError for numbers
-    out of range, for sizes beside a mesh, and for fabric and metal in one ply.
+    "ply 1" and so on; mesh: a file, in place of length, width and nx; outline: a file, in place of
+    length and width, layer: of a drawing, centred: put its centre at the origin. Raises InputError
+    for numbers out of range, for sizes beside a file, and for fabric and metal in one ply.
     """
 
     fabric: Law | None = None
@@ -45,6 +47,10 @@ class Ply:
     thickness: float = number(None, POSITIVE, "in place of the material's [mm]")
     nx: int = number(None, COUNT, "rectangles along the length")
     mesh: str | None = None
+    outline: str | None = None
+    size: float = number(None, POSITIVE, "of the cells in an outline [mm]")
+    layer: str | None = None
+    centred: bool = False
     friction: float = number(
         None, FROM_ZERO, "coefficient to the next ply (0.334, beside metal 0.25)"
     )
@@ -53,16 +59,28 @@ class Ply:
         check_fields(self, lambda name: f"{name} of {self.name or 'a ply'}")
         if self.fabric is not None:
             checked_fabric(f"fabric of {self.name or 'a ply'}", self.fabric)
-        given = [key for key in ("length", "width", "nx") if getattr(self, key) is not None]
-        if self.mesh and given:
-            raise InputError(
-                f"{', '.join(given)} of {self.name or 'a ply'} is given beside mesh, which has its "
-                "own; allowed is one of them"
-            )
+        self._check_files()
         if self.fabric and self.metal:
             raise InputError(
                 f"{self.name or 'a ply'} is given fabric and metal; allowed is one of them"
             )
+
+    def _check_files(self):
+        """Raise InputError for what a mesh or an outline has of its own, and for what only an
+        outline has."""
+        name = self.name or "a ply"
+        own = {"mesh": ("length", "width", "nx", "outline"), "outline": ("length", "width")}
+        own |= {"size": ("nx",)}
+        for key, others in own.items():
+            given = [other for other in others if getattr(self, other) is not None]
+            if getattr(self, key) and given:
+                raise InputError(
+                    f"{', '.join(given)} of {name} is given beside {key}, which has its own; "
+                    "allowed is one of them"
+                )
+        idle = next((key for key in OF_OUTLINES if getattr(self, key)), "")
+        if idle and not self.outline:
+            raise InputError(f"{idle} of {name} is given without outline; allowed is it with one")
 
     def completed(self, fabric: Law, name: str) -> Self:
         """The ply with this name, and unless it is of metal this fabric, where it has none; its
@@ -96,14 +114,26 @@ class Ply:
     def blank(self, sizes: Sequence[float], share: float, nx: int, **options: Any) -> Blank:
         """Its `Blank` in space. sizes: length and width of a whole ply that has none of its own
         [mm]; share: of length and width that is modelled; options: as in `Blank.rectangle`."""
+        layout: Layout = {
+            "element": options["element"],
+            "fibre_angle": self.fibre_angle,
+            "yarn_angle": self.yarn_angle,
+            "centred": self.centred if self.outline else options["centred"],
+        }
         if self.mesh:
-            layout: Layout = {
-                "element": options["element"],
-                "fibre_angle": self.fibre_angle,
-                "yarn_angle": self.yarn_angle,
-            }
             mine = blank_options(layout)
             return Blank.read(self.mesh, spatial=True, comm=options["comm"], **mine)
+        if self.outline:
+            return Blank.outline(
+                self.outline,
+                nx=self.nx or nx or 1,
+                size=self.size,
+                pattern="along" if options["pattern"] == "along" else "unstructured",
+                layer=self.layer,
+                spatial=True,
+                comm=options["comm"],
+                **layout,
+            )
         return Blank.rectangle(
             share * (self.length or sizes[0]),
             share * (self.width or sizes[1]),
@@ -141,8 +171,8 @@ def read_plies(path: str | os.PathLike[str]) -> list[Ply]:
     """The plies of a TOML file, from the punch to the die; examples are in studies/stacks.
 
     Above them stands `unit = "mm"`, which all lengths are in. Each ply is a table `[[ply]]` with
-    the fields of `Ply`. `fabric` or `metal` is a preset or a material file, `mesh` a file; they may
-    lie beside the stack's. Raises InputError that names file, ply and field.
+    the fields of `Ply`. `fabric` or `metal` is a preset or a material file, `mesh` and `outline`
+    are files; they may lie beside the stack's. Raises InputError that names file, ply and field.
     """
     if not os.path.isfile(path):
         raise InputError(
@@ -182,15 +212,21 @@ def _ply(table, name, folder):
     given = {"name": name} | table
     if not isinstance(given["name"], str) or not given["name"].strip():
         raise InputError(f"name of {name} is {shown(given['name'])}; allowed is a word")
-    for key in (*MATERIALS, "mesh"):
+    for key in (*MATERIALS, *FILES, "layer"):
         if key in given and not isinstance(given[key], str):
             raise InputError(f"{key} of {name} is {shown(given[key])}; allowed is a name or a file")
         beside = folder / given.get(key, "")
         if key in given and beside.is_file():
             given[key] = str(beside)
-    if "mesh" in given and not os.path.isfile(given["mesh"]):
+    for key in FILES:
+        if key in given and not os.path.isfile(given[key]):
+            raise InputError(
+                f"{key} of {name} is {shown(given[key])}, no file; allowed is one beside the "
+                "stack's"
+            )
+    if not isinstance(given.get("centred", False), bool):
         raise InputError(
-            f"mesh of {name} is {shown(given['mesh'])}, no file; allowed is one beside the stack's"
+            f"centred of {name} is {shown(given['centred'])}; allowed is true or false"
         )
     for key, read in MATERIALS.items():
         try:

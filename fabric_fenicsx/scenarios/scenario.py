@@ -21,11 +21,11 @@ from ..results.curve import Curves
 from ..runtime import timing
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, choice, declared, number, text
-from ..runtime.rules import BELOW_180, COUNT, FINITE, unknown_key
+from ..runtime.rules import BELOW_180, COUNT, FINITE, POSITIVE, unknown_key
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..sheets.blank import Blank
-from ..sheets.layout import Layout, blank_options
+from ..sheets.layout import OF_OUTLINES, Layout, blank_options
 from ..solve.limits import Limits
 from ..solve.settings import Settings
 
@@ -59,6 +59,18 @@ class Scenario:
         "sheet from a file, as of gmsh or Abaqus [mm], instead of a rectangle that is meshed",
         "FILE",
         "mesh",
+    )
+    outline: str | None = text(
+        None,
+        "outline of the sheet with its holes, from a file: DXF, CSV of x and y [mm], or a mesh",
+        "FILE",
+        "mesh",
+    )
+    size: float = number(
+        None, POSITIVE, "of the cells in an outline (its length over `nx`) [mm]", "mesh"
+    )
+    layer: str | None = text(
+        None, "layer of a DXF outline, or several with commas between them (all)", "NAME", "mesh"
     )
     nx: int = number(None, COUNT, "rectangles along the length", "mesh")
     ny: int = number(
@@ -100,14 +112,35 @@ class Scenario:
         self.warnings += check_fields(self)
         # fields of the mesh that an own one makes idle, if they were asked for
         idle = {"nx": None, "ny": None, "pattern": type(self).pattern}
-        self._given = [k for k, usual in idle.items() if getattr(self, k) not in (None, usual)]
-        if not self.mesh:
+        given = [k for k, usual in idle.items() if getattr(self, k) not in (None, usual)]
+        self._idle = given if self.mesh else [k for k in given if k == "ny" and self.outline]
+        self._check_outline()
+        if self.outline and "pattern" not in given:
+            self.pattern = "unstructured"
+        if not self.mesh and not self.size:
             self.nx = self.nx or self.FULL["nx"]
+        if not self.sheet_file:
             for name, size in zip(self.SIZES, self.DEFAULT_SIZES):
                 setattr(self, name, getattr(self, name) or size)
         self.prepare()
         self.scene = Scene(self.blank, [*self.membranes(), *self.terms()], self.supports())
         self.start()
+
+    def _check_outline(self):
+        """Raise InputError for fields of an outline that do not go together."""
+        if self.outline:
+            if self.mesh:
+                raise InputError("`outline` is given beside `mesh`; allowed is one of them")
+            if self.nx and self.size:
+                raise InputError("`nx` is given beside `size`; allowed is one of them")
+        elif idle := next((k for k in OF_OUTLINES if getattr(self, k, None)), ""):
+            raise InputError(f"`{idle}` is given without `outline`; allowed is it with one")
+
+    @property
+    def sheet_file(self) -> str:
+        """The field that names the file of the sheet, and the file; "" for a rectangle."""
+        given = next((k for k in ("mesh", "outline") if getattr(self, k)), "")
+        return given and f"`{given}` {getattr(self, given)}"
 
     # -- what a subclass says
 
@@ -162,6 +195,9 @@ class Scenario:
 
     def can_be_coarser(self) -> bool:
         """Whether a mesh twice as coarse is known."""
+        if self.outline:  # with cells that are still some across the sheet
+            length, width = (getattr(self, name) for name in self.SIZES)
+            return 8 * (self.size or length / self.nx) <= min(length, width)
         return bool(self.nx and self.nx > 1)
 
     def has_cheap_error(self) -> bool:
@@ -172,7 +208,12 @@ class Scenario:
 
     def coarser(self) -> Self:
         """The same on a mesh twice as coarse: with half the rectangles along each side."""
-        return dataclasses.replace(self, nx=halved(self.nx), ny=halved(self.ny))
+        return dataclasses.replace(self, **self.coarser_mesh())
+
+    def coarser_mesh(self) -> dict[str, Any]:
+        """The fields in which a mesh twice as coarse differs."""
+        found = {"nx": halved(self.nx), "ny": halved(self.ny), "size": self.size and 2 * self.size}
+        return found | (dict.fromkeys(self.SIZES) if self.outline else {})
 
     def job(self, **changes: Any) -> Job:
         """The `Job` of this scenario with its defaults, `changes` in its fields."""
@@ -217,7 +258,7 @@ class Scenario:
         width that is modelled; centred: about the origin, which otherwise is a corner."""
         sides = [getattr(self, name) for name in self.SIZES]
         length, width = (share * (size or 0.0) for size in sides)
-        source = f"`mesh` {self.mesh}" if self.mesh else "the specimen"
+        source = self.sheet_file or "the specimen"
         layout: Layout = {
             "element": self.element,
             "fibre_angle": self.fibre_angle,
@@ -229,6 +270,17 @@ class Scenario:
             if self.mesh:
                 options = blank_options(layout)
                 blank = Blank.read(self.mesh, spatial=self.SPATIAL, comm=self.comm, **options)
+            elif self.outline:
+                blank = Blank.outline(
+                    self.outline,
+                    nx=self.nx or 1,
+                    size=self.size,
+                    pattern=self.pattern,
+                    layer=self.layer,
+                    spatial=self.SPATIAL,
+                    comm=self.comm,
+                    **layout,
+                )
             else:
                 blank = Blank.rectangle(
                     length,
@@ -253,7 +305,7 @@ class Scenario:
         self.warnings += filter(
             None, [mesh_warnings.size_warning(blank, self.fabric.thickness, source)]
         )
-        if self.mesh:
+        if self.sheet_file:
             self.warnings += mesh_warnings.cell_warnings(blank, source)
             self._take_sizes(blank, share)
         return blank
@@ -268,7 +320,7 @@ class Scenario:
         low, high = blank.extent()
         # rounded, to be the same on any number of ranks
         own = [float(f"{size / share:.9g}") for size in high - low]
-        where = f"`mesh` {self.mesh}"
+        where = self.sheet_file
         if self.SIZES[0] == self.SIZES[1] and abs(own[0] - own[1]) > FITS * own[0]:
             raise InputError(
                 f"{where} is {own[0]:g} x {own[1]:g} mm; allowed in this study is a square"
@@ -281,12 +333,11 @@ class Scenario:
                     "is its own, or none"
                 )
             setattr(self, name, size)
-        ignored = [f"`{name}`" for name in ("nx", "ny", "pattern") if name in self._given]
-        if ignored:
-            self.warnings.append(
-                f"{', '.join(ignored)} changes nothing, as {where} has its own cells"
-            )
-        for name in ("nx", "ny", "pattern"):
+        if self._idle:
+            names = ", ".join(f"`{name}`" for name in self._idle)
+            why = "has its own cells" if self.mesh else "has cells of one size"
+            self.warnings.append(f"{names} changes nothing, as {where} {why}")
+        for name in ("nx", "ny", "pattern") if self.mesh else ("ny",):
             setattr(self, name, None)
 
 

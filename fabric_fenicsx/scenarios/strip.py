@@ -103,9 +103,9 @@ class StripTest(Scenario):
         self.low, self.high = self.blank.extent()
         length, width = (self.high - self.low)[:2]
         self.stroke = self.strain * length
-        if self.mesh and width > length:
+        if self.sheet_file and width > length:
             self.warnings.append(
-                f"`mesh` {self.mesh} is {length:.4g} mm along x, in which it is pulled, and "
+                f"{self.sheet_file} is {length:.4g} mm along x, in which it is pulled, and "
                 f"{width:.4g} mm along y: turn it by 90 deg if it is a strip along y"
             )
 

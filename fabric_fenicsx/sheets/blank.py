@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, Unpack
 
@@ -323,6 +324,64 @@ class Blank:
         points[:, :2] -= np.array([length, width]) / 2 if layout.get("centred") else 0.0
         points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
         return cls.from_arrays(comm, points, cells, kind, "the specimen", spatial, **options)
+
+    @classmethod
+    def outline(
+        cls,
+        outline: Path | str | Sequence[ArrayLike],
+        *,
+        nx: int = 32,
+        size: float | None = None,
+        pattern: str = "unstructured",
+        layer: str | None = None,
+        spatial: bool = False,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+        **layout: Unpack[Layout],
+    ) -> Self:
+        """Sheet in the plane z = 0 with this outline and its holes, meshed by triangles.
+
+        - outline: a file, and `layer` of a drawing, as `meshes.outline_files.read_outline` takes
+          them, or rings (n, 2) [mm], of which the largest is the outline and others are holes
+        - size: of the cells' edges [mm]; by default the extent along x over `nx`
+        - pattern: `unstructured`, or `along` both yarns, see `meshes.outline.outline_mesh`
+        - spatial and layout: as in `rectangle`, but the sheet lies as in the file, unless `centred`
+
+        `warnings` have what was left out. Raises InputError for quadrilaterals, and as the
+        functions named here and `from_arrays` do.
+        """
+        from ..meshes.outline import outline_mesh
+        from ..meshes.outline_files import read_outline
+        from ..meshes.rings import sheet_of
+
+        layout.setdefault("element", "P1" if spatial else "P2")
+        options, nx = blank_options(layout), COUNT.check("`nx`", nx)
+        if layout["element"][0] != "P":
+            raise InputError(
+                f"`element` is {layout['element']}; allowed for an outline are triangles (P)"
+            )
+        source = f"outline {outline}" if isinstance(outline, (str, os.PathLike)) else "the outline"
+        yarns = options["a"], options.get("b", options["a"] + math.pi / 2)
+
+        def made():
+            if isinstance(outline, (str, os.PathLike)):
+                sheet, told = read_outline(outline, layer)
+            else:
+                sheet, told = sheet_of([np.asarray(ring, float) for ring in outline], source), []
+            low, high = np.reshape(sheet.bounds, (2, 2))
+            edge = (high - low)[0] / nx if size is None else size
+            try:
+                points, cells, kind, left_out = outline_mesh(sheet, edge, pattern, yarns)
+            except InputError as error:
+                raise InputError("; ".join([str(error), *told])) from None
+            if layout.get("centred"):
+                points[:, :2] -= (low + high) / 2
+            return MeshArrays(points, cells, kind, told + left_out)
+
+        points, cells, kind, told = on_root(comm, made)
+        blank = cls.from_arrays(comm, points, cells, kind, source, spatial, **options)
+        blank.warnings = [*told, *blank.warnings]
+        blank.from_file = True
+        return blank
 
     @classmethod
     def read(

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..runtime.rules import BELOW_180, FINITE, Rule, unknown_key
 
+OF_OUTLINES = "size", "layer", "centred"  # what is said of a sheet with an outline alone
 FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
 
 
@@ -16,7 +17,8 @@ class Layout(TypedDict, total=False):
     - element: P1, P2, P3, Q1 or Q2
     - fibre_angle: from the length to yarns a; yarn_angle: from yarns a to yarns b [deg]
     - turned: from x to the length [rad]; the blank's frame is then its length and width
-    - centred: the origin is the centre of a rectangle; otherwise it is a corner
+    - centred: the origin is the sheet's centre; otherwise a rectangle's corner, and that of an
+      outline's file
     """
 
     element: str

@@ -48,6 +48,10 @@ def read_mesh(path: Path | str) -> MeshArrays:
             f"mesh file {path} is a geometry without a mesh; allowed is {READ}: gmsh "
             f"makes one with `gmsh -2 {path.name} -o {path.stem}.msh`"
         )
+    if path.suffix.lower() in (".dxf", ".csv"):
+        raise InputError(
+            f"mesh file {path} is an outline without a mesh; allowed is it as `outline`, or {READ}"
+        )
     points, surface, others = read_surface_mesh(path, "mesh file")
     if solid := sorted(kind for kind, dim in others.items() if dim == 3):
         raise InputError(

@@ -1,0 +1,122 @@
+"""Triangles in an outline with holes."""
+
+import sys
+
+import numpy as np
+import pytest
+import shapely
+
+from fabric_fenicsx.meshes.outline import PATTERNS, main, outline_mesh
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.sheets.mesh_checks import checked_mesh
+
+YARNS = np.radians([30, 120])
+NOTCHED = [(0, 0), (200, 0), (200, 60), (180, 60), (180, 80), (200, 80), (200, 150), (0, 150)]
+HOLE = shapely.get_coordinates(shapely.Point(60, 90).buffer(15, quad_segs=200))
+# with a neck of 0.5 mm between slots, a small hole and a spline's close points
+WILD = [(0, 0), (100, 0), (100, 38), (60, 38), (60, 40), (100, 40), (100, 80), (0, 80), (0, 42)]
+WILD += [(58, 42), (58, 40.5), (0, 40)]
+SHEETS = {
+    "notch and hole": shapely.Polygon(NOTCHED, [HOLE]),
+    "slots": shapely.Polygon(WILD, [shapely.Point(30, 20).buffer(1.5, 50).exterior]),
+    "ellipse": shapely.affinity.scale(shapely.Point(0, 0).buffer(1, 1000), 50, 30),
+}
+
+
+def corners_angles(points, cells):
+    """Angles of triangles [deg], (m, 3)."""
+    x = points[cells][:, :, :2]
+    sides = np.linalg.norm(np.roll(x, -1, 1) - np.roll(x, 1, 1), axis=2)
+    a, b, c = sides.T
+    return np.degrees(
+        np.arccos(
+            [(q**2 + r**2 - p**2) / (2 * q * r) for p, q, r in ((a, b, c), (b, c, a), (c, a, b))]
+        )
+    )
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("name", SHEETS)
+def test_cells_fill_the_sheet_and_are_none_thin(name, pattern):
+    points, cells, kind, told = outline_mesh(SHEETS[name], 8.0, pattern, YARNS)
+    sheet, _, _, warnings = checked_mesh(points, cells, kind, "it")  # no overlaps, slits, turns
+    arms = sheet[cells[:, 1:]] - sheet[cells[:, :1]]
+    assert not warnings and np.linalg.det(arms).sum() / 2 == pytest.approx(
+        SHEETS[name].area, rel=4e-3
+    )
+    assert corners_angles(points, cells).min() > 15 and not told
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_corners_stay(pattern):
+    points, *_ = outline_mesh(SHEETS["notch and hole"], 8.0, pattern, YARNS)
+    for corner in NOTCHED:
+        assert abs(points[:, :2] - corner).sum(1).min() < 1e-9
+
+
+def test_cells_are_of_the_size():
+    sheet = shapely.Polygon(NOTCHED)
+    _, cells, _, _ = outline_mesh(sheet, 8.0)
+    assert len(cells) == pytest.approx(sheet.area / (np.sqrt(3) / 4 * 64), rel=0.05)
+
+
+@pytest.mark.parametrize("between", [90, 60])
+def test_inner_cells_follow_both_yarns(between):
+    yarns = np.radians([30, 30 + between])
+    points, cells, _, _ = outline_mesh(SHEETS["notch and hole"], 8.0, "along", yarns)
+    edges = (np.roll(points[cells], -1, 1) - points[cells])[:, :, :2]
+    edges /= np.linalg.norm(edges, axis=2, keepdims=True)
+    across = np.stack([-np.sin(yarns), np.cos(yarns)])
+    along = (abs(edges @ across) < 1e-9).any(2).any(1)
+    inner = ~shapely.dwithin(
+        SHEETS["notch and hole"].boundary, shapely.points(points[cells].mean(1)), 20
+    )
+    assert inner.sum() > 500 and along[inner].all()
+
+
+def test_squares_that_touch_in_a_corner_alone_are_left_out():
+    for angle in range(0, 90, 7):  # some have such squares
+        yarns = np.radians([angle, angle + 90])
+        points, cells, kind, _ = outline_mesh(SHEETS["slots"], 6.0, "along", yarns)
+        checked_mesh(points, cells, kind, "it")
+
+
+def test_a_sheet_too_narrow_for_squares_has_other_cells():
+    sheet = shapely.box(0, 0, 100, 16)
+    both = [outline_mesh(sheet, 8.0, pattern, YARNS) for pattern in PATTERNS]
+    assert np.array_equal(*(cells for _, cells, *_ in both))
+
+
+def test_small_holes_are_left_out_and_narrow_places_told():
+    sheet = shapely.box(0, 0, 100, 80) - shapely.box(50, 0.4, 60, 20)
+    sheet -= shapely.Point(20, 40).buffer(0.2)
+    *_, told = outline_mesh(sheet, 8.0)
+    assert told[0].startswith("a hole of 0.4 mm at (20.2, 40")
+    assert told[1].startswith("the outline is 0.4") and len(told) == 2
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"size": 0}, "`size` is 0; allowed is a number above 0"),
+        ({"size": 90}, "`size` is 90, but the outline is 200 x 150 mm; allowed is up to half"),
+        ({"size": 0.1}, "`size` 0.1 makes about 6.6"),
+        ({"size": 8, "pattern": "left"}, "`pattern` is 'left'; allowed for an outline are"),
+    ],
+)
+def test_sizes_and_patterns_that_are_not_allowed(options, words):
+    with pytest.raises(InputError, match=words):
+        outline_mesh(SHEETS["notch and hole"], **options)
+
+
+def test_by_itself(tmp_path, monkeypatch, capsys):
+    table = tmp_path / "ply.csv"
+    table.write_text("x,y\n0,0\n100,0\n100,80\n0,80\n")
+    words = ["outline.py", str(table), "--size", "10", "--pattern", "along", "--fibre-angle", "30"]
+    monkeypatch.setattr(sys, "argv", [*words, "--out", str(tmp_path / "ply.msh")])
+    main()
+    assert "nodes" in capsys.readouterr().out and (tmp_path / "ply.msh").is_file()
+    monkeypatch.setattr(sys, "argv", [*words, "--size", "200"])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert end.value.code == 2 and "allowed is up to half" in capsys.readouterr().err

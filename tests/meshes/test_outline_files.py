@@ -1,0 +1,196 @@
+"""Outlines of sheets in files: tables, drawings, boundaries of meshes."""
+
+import ezdxf
+import meshio
+import numpy as np
+import pytest
+
+from fabric_fenicsx.meshes.outline_files import read_outline
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.runtime.errors import InputError
+
+SHEET = "x,y\n0,0\n100,0\n100,80\n0,80\n"
+CORNERS = [(0, 0), (100, 0), (100, 80), (0, 80)]
+HALF_A_RING = "0\nLINE\n8\nCUT\n10\n{}\n20\n{}\n11\n{}\n21\n{}\n"  # of R12, which names no unit
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Function of a text to the outline in it, `read_outline`."""
+
+    def read(text, name="ply.csv", **options):
+        (tmp_path / name).write_text(text)
+        return read_outline(tmp_path / name, **options)
+
+    return read
+
+
+@pytest.fixture
+def drawing(tmp_path):
+    """Function of a function that draws in a model space, and the unit, to the outline in it."""
+
+    def read(draw, unit=4, **options):
+        made = ezdxf.new()
+        made.units = unit
+        draw(made.modelspace())
+        made.saveas(tmp_path / "ply.dxf")
+        return read_outline(tmp_path / "ply.dxf", **options)
+
+    return read
+
+
+def rectangle(space, **attributes):
+    space.add_lwpolyline(CORNERS, close=True, dxfattribs=attributes)
+
+
+@pytest.mark.parametrize(
+    "text, area, holes",
+    [
+        (SHEET, 8000, 0),
+        (SHEET + "0,0\n", 8000, 0),
+        ("# a ply\n0 0\n100 0\n100 80\n0 80\n", 8000, 0),
+        ("x;y\n0;0\n100,5;0\n100,5;80\n0;80\n\n20;20\n40;20\n40;40\n20;40\n", 7640, 1),
+        ("x,y\n20,20\n40,20\n20,40\n,\n0,0\n100,0\n100,80\n0,80\n", 7800, 1),
+        ("ring,y [cm],x [cm]\n1,0,0\n1,0,10\n1,8,10\n1,8,0\n2,2,2\n2,2,3\n2,3,3\n", 7950, 1),
+    ],
+)
+def test_rings_of_tables(table, text, area, holes):
+    sheet, told = table(text)
+    assert sheet.area == pytest.approx(area) and len(sheet.interiors) == holes and not told
+
+
+@pytest.mark.parametrize(
+    "text, words",
+    [
+        ("x,y\n0,0\n100,80\n100,0\n0,80\n", "crosses or touches itself at (50, 40) mm"),
+        ("x,y\n0,0\n50,0\n100,0\n", "touches itself at (50, 0) mm"),
+        ("x,y\n0,0\n100,80\n", "has a ring of 2 points at (0, 0) mm; allowed are 3 or more"),
+        (SHEET + "\n200,0\n210,0\n210,10\n", "a ring at (200, 0) mm that lies outside it"),
+        (SHEET + "\n90,10\n110,10\n110,20\n", "a ring at (90, 10) mm that lies across it"),
+        (SHEET + "\n90,10\n100,10\n90,20\n", "a ring at (90, 10) mm that lies across it, or touch"),
+        (
+            SHEET + "\n10,10\n50,10\n50,50\n10,50\n\n20,20\n30,20\n30,30\n",
+            "a ring at (20, 20) mm that lies in the hole at (10, 10) mm",
+        ),
+        (SHEET + "\n10,10\n50,10\n50,50\n\n20,5\n30,5\n30,30\n", "that meets the hole at"),
+        ("x,y\n0,0\n100,a\n100,80\n", "row 3: y is 'a'; allowed is a finite number"),
+        ("x,z\n0,0\n100,0\n100,80\n", "row 1: there are 0 columns y; allowed is one"),
+        ("x [ft],y\n0,0\n1,0\n1,1\n", "row 1: unit of x is ft; allowed is "),
+        ("", "is empty; allowed is a drawing"),
+    ],
+)
+def test_what_is_wrong_in_a_table_is_told(table, text, words):
+    with pytest.raises(InputError) as error:
+        table(text)
+    assert str(error.value).startswith("outline ") and words in str(error.value)
+
+
+def test_a_long_table_is_read_in_seconds(table):
+    angle = np.linspace(0, 2 * np.pi, 5000, endpoint=False)
+    rows = [f"{50 * np.cos(a):.6f},{30 * np.sin(a):.6f}" for a in angle]
+    sheet, _ = table("\n".join(["x,y", *rows]))
+    assert sheet.area == pytest.approx(1500 * np.pi, rel=1e-5)
+
+
+def test_curves_of_a_drawing_are_joined(drawing):
+    def draw(space):
+        space.add_line((0, 0), (100.003, 0))  # ends that nearly meet
+        space.add_line((0, 80), (100, 80))  # the other way round
+        space.add_line((0, 80), (100, 80))  # twice
+        space.add_arc((0, 40), 40, 90, 270)
+        space.add_spline(fit_points=[(100, 0), (110, 40), (100, 80)])
+        space.add_ellipse((50, 40), (20, 0), 0.5)
+        space.add_lwpolyline([(60, 70, 1), (70, 70, 1)], format="xyb", close=True)
+        space.add_text("ply 1")
+        block = space.doc.blocks.new("hole")
+        block.add_circle((0, 0), 5)
+        space.add_blockref("hole", (20, 60))
+
+    sheet, told = drawing(draw)
+    assert sorted(round(float(hole.bounds[0]), 2) for hole in sheet.interiors) == [15, 30, 60]
+    areas = 8000 + 800 * np.pi + 500 - np.pi * (200 + 25 + 25)  # 500: a natural spline's
+    assert not told and sheet.area == pytest.approx(areas, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "unit, factor, words",
+    [(1, 25.4, "inches"), (5, 10, "centi"), (6, 1000, "met"), (0, 1, "no unit")],
+)
+def test_the_unit_of_a_drawing_counts_and_is_told(drawing, unit, factor, words):
+    sheet, (told,) = drawing(rectangle, unit)
+    assert sheet.bounds == pytest.approx((0, 0, 100 * factor, 80 * factor))
+    assert words in told and told.endswith(f"so it is {100 * factor:g} x {80 * factor:g} mm")
+
+
+def test_an_old_drawing_has_lines_alone(table):
+    ends = zip(CORNERS, CORNERS[1:] + CORNERS[:1])
+    lines = "".join(HALF_A_RING.format(*start, *end) for start, end in ends)
+    text = f"0\nSECTION\n2\nENTITIES\n{lines}0\nENDSEC\n0\nEOF\n"
+    sheet, (told,) = table(text, "ply.dxf")
+    assert sheet.area == pytest.approx(8000) and "is taken in mm" in told
+
+
+def test_layers_of_a_drawing(drawing):
+    def draw(space):
+        rectangle(space, layer="CUT")
+        space.add_circle((50, 40), 10, dxfattribs={"layer": "HOLE"})
+        space.add_line((0, -5), (10, -5), dxfattribs={"layer": "NOTE"})
+        space.doc.layers.add("HIDDEN").off()
+        space.add_line((0, -9), (10, -9), dxfattribs={"layer": "HIDDEN"})
+
+    with pytest.raises(InputError, match=r"is open .* of its layers CUT, HOLE, NOTE some may be"):
+        drawing(draw)
+    assert drawing(draw, layer="cut")[0].area == pytest.approx(8000)
+    assert len(drawing(draw, layer="CUT, HOLE")[0].interiors) == 1
+    with pytest.raises(InputError, match="`layer` x of .* allowed is one of CUT, HOLE, NOTE"):
+        drawing(draw, layer="x")
+
+
+def gap(space):
+    for start, end in zip(CORNERS, [*CORNERS[1:], (0, 1.5)]):
+        space.add_line(start, end)
+
+
+def tail(space):
+    rectangle(space)
+    space.add_line((0, 0), (50, 50))
+
+
+def steep(space):
+    space.add_polyline3d([(0, 0, 0), (100, 0, 0), (100, 80, 50)], close=True)
+
+
+@pytest.mark.parametrize(
+    "draw, words",
+    [
+        (gap, "is open at (0, 0) mm: the nearest other end is 1.5 mm away, at (0, 1.5); allowed"),
+        (tail, "is open at (0, 0) mm: the nearest other end is 70.7 mm away"),
+        (steep, "reaches over 50 mm in z"),
+        (lambda space: space.add_text("ply"), "has no lines; allowed are LINE, ARC"),
+    ],
+)
+def test_what_is_wrong_in_a_drawing_is_told(drawing, draw, words):
+    with pytest.raises(InputError) as error:
+        drawing(draw)
+    assert words in str(error.value)
+
+
+def test_a_layer_is_of_a_drawing_alone_and_nonsense_is_none(table):
+    with pytest.raises(InputError, match=r"`layer` is 'cut' for .*ply.csv; allowed is it for"):
+        table(SHEET, layer="cut")
+    with pytest.raises(InputError, match="cannot be read .* allowed is a drawing"):
+        table("hello\nworld\n", "ply.dxf")
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_the_boundary_of_a_mesh_is_an_outline(tmp_path, cell):
+    points, cells, kind = specimen(100, 50, 10, 5, "right", cell)
+    middle = points[cells].mean(1)[:, :2]
+    left = (abs(middle - [50, 25]) > 12).any(1)
+    meshio.write_points_cells(tmp_path / "ply.vtk", points, [(kind, cells[left])])
+    sheet, told = read_outline(tmp_path / "ply.vtk")
+    assert len(sheet.interiors) == 1 and sheet.area == pytest.approx(5000 - 600) and not told
+    points[:, 2] = points[:, 0]
+    meshio.write_points_cells(tmp_path / "ply.vtk", points, [(kind, cells)])
+    with pytest.raises(InputError, match="is not plane in z"):
+        read_outline(tmp_path / "ply.vtk")

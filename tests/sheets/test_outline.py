@@ -1,0 +1,78 @@
+"""Blanks with an outline of their own."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.results import measures
+
+COMM = MPI.COMM_WORLD
+RINGS = [(100, 50), (300, 50), (300, 200), (100, 200)], [(150, 100), (200, 100), (200, 150)]
+AREA = 200 * 150 - 50 * 50 / 2
+
+
+@pytest.fixture
+def table(shared_path):
+    """A file of `RINGS`."""
+    path = shared_path / "ply.csv"
+    if COMM.rank == 0:
+        rings = ("\n".join(f"{x},{y}" for x, y in ring) for ring in RINGS)
+        path.write_text("x,y\n" + "\n\n".join(rings))
+    COMM.barrier()
+    return path
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("pattern", ["unstructured", "along"])
+def test_a_sheet_has_its_holes_place_and_yarns(table, pattern):
+    made = {"size": 10.0, "pattern": pattern, "fibre_angle": 30}
+    for outline in table, RINGS:
+        blank = ff.Blank.outline(outline, **made)
+        assert COMM.allreduce(measures.areas(blank).sum()) == pytest.approx(AREA)
+        assert np.ravel(blank.extent()) == pytest.approx([100, 50, 300, 200])
+        assert blank.straight[0] == pytest.approx([np.cos(np.pi / 6), 0.5])
+        assert blank.degree == 2 and blank.from_file and not blank.warnings
+
+
+@pytest.mark.mpi
+def test_it_may_be_centred_and_as_fine_as_asked_for(table):
+    blank = ff.Blank.outline(table, nx=20, centred=True, spatial=True)
+    assert np.ravel(blank.extent()) == pytest.approx([-100, -75, 0, 100, 75, 0])
+    cells = blank.mesh.topology.index_map(2).size_global
+    assert cells == pytest.approx(AREA / (np.sqrt(3) / 4 * 10**2), rel=0.1) and blank.degree == 1
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ({"size": 0}, "`size` is 0; allowed is a number above 0"),
+        ({"nx": 0}, "`nx` is 0; allowed is a whole number"),
+        ({"element": "Q1"}, "`element` is Q1; allowed for an outline are triangles"),
+        ({"pattern": "crossed"}, "`pattern` is 'crossed'; allowed for an outline are"),
+        ({"layer": "CUT"}, "`layer` is 'CUT' for outline .*ply.csv"),
+    ],
+)
+def test_errors_reach_all_ranks(table, options, words):
+    with pytest.raises(ff.InputError, match=words):
+        ff.Blank.outline(table, **options)
+
+
+@pytest.mark.mpi
+def test_rings_that_bound_no_sheet_reach_all_ranks():
+    with pytest.raises(ff.InputError, match="the outline crosses or touches itself at"):
+        ff.Blank.outline([[(0, 0), (100, 80), (100, 0), (0, 80)]])
+
+
+def test_a_wrong_unit_is_told_with_what_it_leads_to(tmp_path):
+    import ezdxf
+
+    drawing = ezdxf.new()
+    drawing.units = 6
+    drawing.modelspace().add_circle((0, 0), 100)
+    drawing.saveas(tmp_path / "ply.dxf")
+    with pytest.raises(
+        ff.InputError, match="makes about .* cells; .* is in met.*200000 x 200000 mm"
+    ):
+        ff.Blank.outline(tmp_path / "ply.dxf", size=8)

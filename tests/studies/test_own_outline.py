@@ -1,0 +1,116 @@
+"""Own outlines in the studies: what goes with them, what they are told of, and where they lie."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.command_line.study import Study
+from fabric_fenicsx.scenarios.forming import Forming
+from fabric_fenicsx.scenarios.plies import read_plies
+from fabric_fenicsx.scenarios.tensile import Tensile
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
+import tensile  # noqa: E402
+
+FABRIC = ff.load("komeili")
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Function of length and width to a file of a rectangle with a corner at (0, 0)."""
+
+    def write(length, width, name="ply.csv"):
+        rows = [(0, 0), (length, 0), (length, width), (0, width)]
+        (tmp_path / name).write_text("\n".join(["x,y", *(f"{x},{y}" for x, y in rows)]))
+        return str(tmp_path / name)
+
+    return write
+
+
+def test_a_strip_has_cells_of_the_size(table, tmp_path):
+    out = "--out", str(tmp_path / "out")
+    study = Study("tensile", tensile.options(), ["--outline", table(120, 30), "--size", "5", *out])
+    strip = study.scenario(Tensile)
+    assert (strip.length, strip.width, strip.nx, strip.pattern) == (120, 30, None, "unstructured")
+    assert strip.blank.mesh.topology.index_map(2).size_global == pytest.approx(332, rel=0.1)
+    assert not strip.warnings and strip.coarser().size == 10
+
+
+def test_quick_cells_are_a_share_of_the_length(table, tmp_path):
+    words = ["--outline", table(120, 30), "--quick", "--ny", "7", "--out", str(tmp_path / "out")]
+    strip = Study("tensile", tensile.options(), words).scenario(Tensile)
+    assert (strip.nx, strip.ny, strip.size) == (20, None, None)
+    (doubt,) = strip.warnings
+    assert doubt.startswith("`ny` changes nothing, as `outline`")
+
+
+def test_coarse_cells_have_no_coarser_ones(table):
+    assert not Tensile(FABRIC, outline=table(120, 30), size=5).can_be_coarser()
+    assert Tensile(FABRIC, outline=table(120, 30), size=3).can_be_coarser()
+
+
+@pytest.mark.parametrize(
+    "fields, words",
+    [
+        ({"mesh": "a.msh"}, "`outline` is given beside `mesh`; allowed is one of them"),
+        ({"nx": 9, "size": 8}, "`nx` is given beside `size`; allowed is one of them"),
+        ({"outline": None, "size": 8}, "`size` is given without `outline`"),
+        ({"outline": None, "layer": "CUT"}, "`layer` is given without `outline`"),
+        ({"length": 100}, "`length` 100 does not fit `outline` .*, of 120 mm"),
+        ({"element": "Q2"}, "`element` is Q2; allowed for an outline are triangles"),
+        ({"pattern": "left"}, "`pattern` is 'left'; allowed for an outline are"),
+    ],
+)
+def test_what_does_not_go_with_an_outline(table, fields, words):
+    with pytest.raises(ff.InputError, match=words):
+        Tensile(FABRIC, **{"outline": table(120, 30)} | fields)
+
+
+def test_a_file_that_is_not_there_is_told_at_once(launch):
+    done = launch("tensile", "--outline", "nowhere.dxf")
+    assert done.status == 2 and "--outline nowhere.dxf is not there" in done.err
+
+
+def test_a_whole_ply_off_the_punch_is_told_and_centred(table):
+    made = {"outline": table(500, 300), "size": 40, "full": True, "fibre_angle": 30}
+    off = Forming(FABRIC, **made)
+    told = [words for words in off.warnings if "has its centre at (250, 150) mm" in words]
+    assert len(told) == 1 and "`centred` puts it there" in told[0]
+    ply = Forming(FABRIC, **made, centred=True)
+    assert np.ravel(ply.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
+    assert not [words for words in ply.warnings if "has its centre" in words]
+    with pytest.raises(ff.InputError, match="beyond the quarter x, y >= 0; allowed is `full`"):
+        Forming(FABRIC, **made | {"full": False}, centred=True)
+
+
+def test_plies_of_a_stack_have_outlines(table, tmp_path):
+    table(500, 300)
+    stack = tmp_path / "stack.toml"
+    each = 'outline = "ply.csv"\nsize = 50\ncentred = true\n'
+    stack.write_text(f'unit = "mm"\n[[ply]]\n{each}[[ply]]\n{each}fibre_angle = 45\n')
+    forming = Forming(FABRIC, stack=str(stack), full=True)
+    for sheet in forming.blank.sheets:
+        assert np.ravel(sheet.blank.extent())[[0, 1, 3, 4]] == pytest.approx([-250, -150, 250, 150])
+    assert forming.coarser().plies[1].size == 100
+
+
+@pytest.mark.parametrize(
+    "lines, words",
+    [
+        ('outline = "none.dxf"', "outline of ply 1 is 'none.dxf', no file"),
+        ("size = 8", "size of ply 1 is given without outline"),
+        ("layer = 3", "layer of ply 1 is 3; allowed is a name"),
+        ('outline = "ply.csv"\ncentred = "yes"', "centred of ply 1 is 'yes'; allowed is true or"),
+        ('outline = "ply.csv"\nlength = 9', "length of ply 1 is given beside outline"),
+        ('outline = "ply.csv"\nsize = 8\nnx = 9', "nx of ply 1 is given beside size"),
+        ('outline = "ply.csv"\nmesh = "ply.csv"', "outline of ply 1 is given beside mesh"),
+    ],
+)
+def test_what_is_wrong_with_a_plys_outline_is_told(table, tmp_path, lines, words):
+    table(500, 300)
+    (tmp_path / "stack.toml").write_text(f'unit = "mm"\n[[ply]]\n{lines}\n')
+    with pytest.raises(ff.InputError, match=words):
+        read_plies(tmp_path / "stack.toml")
