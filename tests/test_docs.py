@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 from unittest.mock import patch
 
+import ezdxf
 import pytest
 
 import fabric_fenicsx as ff
@@ -217,6 +218,9 @@ COMMANDS = {
 def test_the_commands(run_script, tmp_path, command, hang):
     _, script, *options = shlex.split(command)
     write(tmp_path / "blank.msh", *specimen(nx=20, ny=5))
+    drawing = ezdxf.new()
+    drawing.modelspace().add_circle((0, 0), 0.1)  # m
+    drawing.saveas(tmp_path / "ply.dxf")
     for file in ("fabric.toml", "glass_pp.toml"):
         if f"--out {file}" not in command:
             (tmp_path / file).write_text(material_file())
