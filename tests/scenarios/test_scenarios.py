@@ -58,7 +58,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
         (
             ff.Tensile,
             {"fiber_angle": 1},
-            "(did you mean fibre_angle?); allowed are fabric, mesh, nx",
+            "(did you mean fibre_angle?); allowed are fabric, mesh, outline",
         ),
         (ff.Tensile, {"nx": 2.5}, "`nx` is 2.5; allowed is a whole number of 1 or more"),
         (ff.Tensile, {"strain": float("nan")}, "`strain` is nan; allowed is a fraction"),
