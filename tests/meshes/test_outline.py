@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pytest
 import shapely
+from shapely import affinity
 
 from fabric_fenicsx.meshes.outline import PATTERNS, main, outline_mesh
 from fabric_fenicsx.runtime.errors import InputError
@@ -19,7 +20,7 @@ WILD += [(58, 42), (58, 40.5), (0, 40)]
 SHEETS = {
     "notch and hole": shapely.Polygon(NOTCHED, [HOLE]),
     "slots": shapely.Polygon(WILD, [shapely.Point(30, 20).buffer(1.5, 50).exterior]),
-    "ellipse": shapely.affinity.scale(shapely.Point(0, 0).buffer(1, 1000), 50, 30),
+    "ellipse": affinity.scale(shapely.Point(0, 0).buffer(1, 1000), 50, 30),
 }
 
 
