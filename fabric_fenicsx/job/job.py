@@ -73,7 +73,8 @@ class Job(JobFields):
         if self.error and not self.coarser:
             raise InputError(
                 "`error=True` needs a mesh twice as coarse, and none is known; allowed is a "
-                "rectangle of 2 x 2 or more that the program meshes, or `coarser` of a `Job`"
+                "rectangle of 2 x 2 or more that the program meshes, an outline with 4 cells "
+                "across, or `coarser` of a `Job`"
             )
         resume = out.resume if isinstance(out, Output) else resume
         if self.scene.was_loaded and not resume:

@@ -195,9 +195,10 @@ class Scenario:
 
     def can_be_coarser(self) -> bool:
         """Whether a mesh twice as coarse is known."""
-        if self.outline:  # with cells that are still some across the sheet
-            length, width = (getattr(self, name) for name in self.SIZES)
-            return 8 * (self.size or length / self.nx) <= min(length, width)
+        if self.outline:
+            low, high = self.blank.extent()
+            sides = (high - low)[:2]
+            return 4 * (self.size or sides[0] / self.nx) <= min(sides) * (1 + 1e-9)
         return bool(self.nx and self.nx > 1)
 
     def has_cheap_error(self) -> bool:
