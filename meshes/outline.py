@@ -23,6 +23,7 @@ from fabric_fenicsx.runtime.words import coordinates, rounded
 PATTERNS = "unstructured", "along"
 DETAIL = 0.02  # distance from a curve, over the cells' size, up to which an edge stands for it
 SMALL = 0.1  # the same of an edge's or hole's length below which it is left out
+CLOSE = 1e-3  # the same of the distance of parts of the outline, below which it is refused
 GROWTH = 0.4  # of the cells' size over the distance from a small edge
 NECK = 6.0  # way along a ring over the distance through the sheet, above which it is narrow
 EDGE = 0.5  # least distance of squares along yarns from the outline, over their size
@@ -41,8 +42,8 @@ def outline_mesh(
     outline stay. Cells are smaller where it is curved or narrow. pattern: `unstructured`, or
     `along`: parallelograms (squares) along both yarns, each of four triangles by its diagonals, and
     other triangles between them and the outline. yarns: angles from x to yarns a and b [rad].
-    Raises InputError for another pattern, and for a size that is above half the outline's or makes
-    more than `MOST` cells.
+    Raises InputError for another pattern, for a size that is above half the outline's or makes more
+    than `MOST` cells, and for an outline that nearly touches itself.
     """
     size = POSITIVE.check("`size`", size)
     if pattern not in PATTERNS:
@@ -63,6 +64,12 @@ def outline_mesh(
         )
     sheet, told = _simplified(sheet, size)
     places, sizes = _fine_places(sheet, size, told)
+    if sheet.minimum_clearance < CLOSE * size:
+        where = "".join(f"; {words}" for words in told[-1:])
+        raise InputError(
+            f"the outline comes within {rounded(sheet.minimum_clearance)} mm of itself; allowed "
+            f"for cells of this size is above {rounded(CLOSE * size)} mm{where}"
+        )
 
     def size_at(x, y):
         off = np.hypot(places[:, 0] - x, places[:, 1] - y)

@@ -96,6 +96,13 @@ def test_small_holes_are_left_out_and_narrow_places_told():
     assert told[1].startswith("the outline is 0.4") and len(told) == 2
 
 
+def test_an_outline_that_nearly_touches_itself_is_refused_by_the_place():
+    sheet = shapely.box(0, 0, 100, 80) - shapely.box(50, 0.001, 60, 20)
+    words = r"comes within 0.001 mm of itself; allowed .* 0.008 mm; .* 0.001 mm wide at \(5\d"
+    with pytest.raises(InputError, match=words):
+        outline_mesh(sheet, 8.0)
+
+
 @pytest.mark.parametrize(
     "options, words",
     [
