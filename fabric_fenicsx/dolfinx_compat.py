@@ -135,19 +135,30 @@ def form(ufl_form: ufl.Form) -> "fem.Form":
     return compiled(comm, lambda: fem.form(ufl_form, **jit()))
 
 
+def quadrature(mesh: Mesh, degree: int, drawn: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    """Quadrature points (n, 2) and weights (n,) of the reference cell, exact for polynomials of
+    `degree`; drawn: distance of the points from its centre, over those of that rule."""
+    points, weights = basix.make_quadrature(getattr(basix.CellType, cell_name(mesh)), degree)
+    centre = weights @ points / weights.sum()
+    return (centre + drawn * (points - centre) if drawn != 1 else points), weights
+
+
 class PointEvaluation:
     """Values of a UFL expression at the quadrature points of `cells` (n,), by default owned.
 
-    degree: of the quadrature; weights: its weights (points,), which sum to the reference cell's
-    area.
+    degree, drawn: of the quadrature, as in `quadrature`; weights: its weights (points,), which sum
+    to the reference cell's area.
     """
 
     def __init__(
-        self, expression: Expr, mesh: Mesh, degree: int, cells: np.ndarray | None = None
+        self,
+        expression: Expr,
+        mesh: Mesh,
+        degree: int,
+        cells: np.ndarray | None = None,
+        drawn: float = 1.0,
     ) -> None:
-        points, self.weights = basix.make_quadrature(
-            getattr(basix.CellType, cell_name(mesh)), degree
-        )
+        points, self.weights = quadrature(mesh, degree, drawn)
         self._expression = compiled(mesh.comm, lambda: fem.Expression(expression, points, **jit()))
         self._mesh = mesh
         owned = mesh.topology.index_map(mesh.topology.dim).size_local

@@ -24,7 +24,6 @@ from .scenario import ELEMENTS
 from .strip import StripTest
 from .transition import transition_width
 
-AT_45 = "crossed", "graded"  # patterns whose cells have edges at 45 deg
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
 
 
@@ -55,12 +54,6 @@ class BiasExtension(StripTest):
         "triangles (P) or quadrilaterals (Q), and their degree (P2; P1 with in-plane bending)",
         "mesh",
     )
-    integration: str = choice(
-        None,
-        ("full", "reduced"),
-        "reduced: P2 with the law at the centres alone (if cells don't follow the yarns)",
-        "mesh",
-    )
     bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
     in_plane_bending: float = number(
         0.0,
@@ -72,11 +65,7 @@ class BiasExtension(StripTest):
         """Make blank, membrane and the theory to compare with."""
         self._choose()
         self.blank = self.sheet()
-        if self.integration is None:
-            at_45 = self.pattern in AT_45 and self.fibre_angle == 45 and self.yarn_angle == 90
-            along = self.pattern == "along" and self.yarn_angle == 90
-            follow = self.mesh or self.pattern == "yarns" or at_45 or along
-            self.integration = "full" if follow or self.element != "P2" else "reduced"
+        self.choose_integration()
         self.grip()
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):

@@ -83,7 +83,8 @@ class Scenario:
     integration: str = choice(
         "full",
         INTEGRATION,
-        "reduced: P2 with the law at the centres alone, for cells that don't follow the yarns",
+        "points of P2: full, inner: nearer to a cell's centre, reduced: one; for cells that don't "
+        "follow the yarns",
         "mesh",
     )
     fibre_angle: float = number(0.0, FINITE, "from the length to yarns a [deg]", "mesh")

@@ -10,9 +10,11 @@ import numpy as np
 from ..job.job import Result
 from ..material import curves
 from ..material.curves import Curve
+from ..mechanics.shell.membrane import INTEGRATION
+from ..mechanics.shell.mesh_warnings import OFF, share_off_the_yarns
 from ..results.curve import Curves
 from ..runtime.errors import InputError
-from ..runtime.fields import number, text
+from ..runtime.fields import choice, number, text
 from ..runtime.rules import POSITIVE, SHARE
 from ..runtime.words import percent, rounded
 from ..scene.scene import Scene
@@ -72,6 +74,13 @@ class StripTest(Scenario):
         None, POSITIVE, "of the specimen, along the load (200, or the mesh's) [mm]"
     )
     width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
+    integration: str = choice(
+        None,
+        INTEGRATION,
+        "points of P2: full, inner: nearer to a cell's centre (if cells don't follow the yarns), "
+        "reduced: one",
+        "mesh",
+    )
     strain: float = number(0.10, SHARE, "nominal strain at full load: 0.1 is 10 %")
     measured: str | None = text(
         None,
@@ -97,6 +106,14 @@ class StripTest(Scenario):
         raise NotImplementedError
 
     # -- what a subclass uses
+
+    def choose_integration(self) -> None:
+        """Set `integration`, if it was not asked for, by the blank's edges and yarns."""
+        if self.integration is None:
+            off = 0.0
+            if self.element == "P2" and self.blank.triangulated and self.pattern != "yarns":
+                off = share_off_the_yarns(self.blank.whole)
+            self.integration = "inner" if off > OFF else "full"
 
     def grip(self) -> None:
         """Set `low`, `high` and `stroke` from the blank."""

@@ -437,15 +437,24 @@ class Part:
         if not self.is_whole:
             self._tags = meshtags(mesh, 2, np.sort(self.cells), np.ones(len(self.cells), np.int32))
 
-    def dx(self, degree: int | None = None) -> ufl.Measure:
+    def dx(self, degree: int | None = None, drawn: float = 1.0) -> ufl.Measure:
         """Integration over the part, exact for polynomials of this degree on cells with straight
         sides; None: what UFL estimates. On P1 the displacement is of degree 1, so its square needs
-        2, on P2 4; with less, nothing tells that the energy is off.
+        2, on P2 4; with less, nothing tells that the energy is off. drawn: distance of the points
+        from the cells' centres, over those of that rule.
 
         All parts of a blank have the same subdomain number, so that they share compiled forms. So
         a form must not mix parts.
         """
-        metadata = {} if degree is None else {"quadrature_degree": degree}
+        metadata: dict[str, Any] = {} if degree is None else {"quadrature_degree": degree}
+        if degree is not None and drawn != 1:
+            points, weights = compat.quadrature(self.blank.mesh, degree, drawn)
+            # tuples, as UFL takes the names of forms from their text
+            metadata |= {
+                "quadrature_rule": "custom",
+                "quadrature_points": tuple(map(tuple, points.tolist())),
+                "quadrature_weights": tuple(weights.tolist()),
+            }
         if self.is_whole:
             return ufl.Measure("dx", self.blank.mesh, metadata=metadata)
         return ufl.Measure(

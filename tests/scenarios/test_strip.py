@@ -163,3 +163,54 @@ def test_a_strip_along_y_is_doubted(tmp_path, size, told):
     meshio.write_points_cells(tmp_path / "strip.vtu", points, {kind: cells})
     strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu"))
     assert any("turn it by 90 deg" in words for words in strip.warnings) == told
+
+
+@pytest.mark.parametrize(
+    "kind, fields, integration",
+    [
+        (ff.Tensile, {}, "full"),
+        (ff.Tensile, {"fibre_angle": 45, "pattern": "crossed"}, "full"),
+        (ff.Tensile, {"fibre_angle": 20}, "inner"),
+        (ff.Tensile, {"fibre_angle": 20, "turned": 30}, "inner"),
+        (ff.Tensile, {"fibre_angle": 20, "element": "P1"}, "full"),
+        (ff.Tensile, {"fibre_angle": 20, "integration": "full"}, "full"),
+        (ff.BiasExtension, {}, "full"),
+        (ff.BiasExtension, {"pattern": "left"}, "inner"),
+        (ff.BiasExtension, {"fibre_angle": 30}, "inner"),
+        (ff.BiasExtension, {"fibre_angle": 30, "pattern": "yarns"}, "full"),
+    ],
+)
+def test_points_are_inner_where_quadratic_cells_do_not_follow_the_yarns(kind, fields, integration):
+    assert kind(nx=16, **fields).integration == integration
+
+
+def test_an_own_mesh_gets_inner_points_if_its_cells_do_not_follow_the_yarns(tmp_path):
+    points, cells, kind = specimen(200, 50, 16, 4, "left")
+    meshio.Mesh(points, [(kind, cells)]).write(tmp_path / "strip.vtu")
+    for angle, integration in ((0, "full"), (30, "inner")):
+        strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu"), fibre_angle=angle)
+        assert strip.integration == integration
+
+
+# scenario, angle, strain, and the force [N] of P3 on fine cells with edges on the corners' yarns
+OFF_AXIS = [
+    (ff.BiasExtension, 30, 0.1, 1.990),
+    (ff.Tensile, 45, 0.03, 0.10895),
+    (ff.Tensile, 30, 0.03, 0.14236),
+]
+
+
+@pytest.mark.parametrize("kind, angle, strain, force", OFF_AXIS)
+@pytest.mark.parametrize("pattern, nx", [("left", 36), ("unstructured", 34)])
+def test_forces_off_axis_with_3000_unknowns(kind, angle, strain, force, pattern, nx):
+    strip = kind(fibre_angle=angle, strain=strain, pattern=pattern, nx=nx, ny=round(nx / 4))
+    result = strip.job(steps=4, limits=ff.Limits()).run(pictures=False)
+    assert result.summary["dofs"] <= 3000
+    assert result.rows[-1]["reaction_N"] == pytest.approx(force, rel=0.06)
+
+
+def test_yarns_at_10_deg_to_the_load():
+    """A small strain: at 3 % a few cells stretch by more than 10 % and turn over on any mesh."""
+    strip = ff.Tensile(fibre_angle=10, strain=0.005, pattern="crossed", nx=26, ny=6)
+    result = strip.job(steps=4).run(pictures=False)
+    assert result.rows[-1]["reaction_N"] == pytest.approx(95.96, rel=0.06)

@@ -30,9 +30,13 @@ QUADRATURE_DEGREE = {
     ("quadrilateral", 1): 2,
     ("quadrilateral", 2): 4,
 }
-INTEGRATION = "full", "reduced"
-# of the yarns' stiffness, that holds their strain's gradients where it is taken at one point
-GRADIENTS = 0.0125
+INTEGRATION = "full", "inner", "reduced"
+# of their distances from a cell's centre, at which `inner` takes the three points of degree 2: more
+# is too stiff with yarns at 20 deg to the load, less too soft with yarns at 30 deg
+INNER = 0.5
+# of the yarns' stiffness, that holds their strains' gradients besides: where the law is taken once,
+# and at inner points
+GRADIENTS = {"reduced": 0.0125, "inner": 0.0005}
 STRAIN = 1e-3  # at which that stiffness is taken
 _PRODUCTS = (0, 0), (0, 1), (1, 1)  # of yarn vectors a and b, that I4, I6 and I8 are
 # times its transpose: the mean of X X over the reference triangle, X from its centre
@@ -48,25 +52,31 @@ class Membrane(Term):
     Material values enter as constants of the form, so fabrics that differ only in numbers share one
     compiled form. quadrature_degree: by default that of `QUADRATURE_DEGREE`.
 
-    integration: `reduced`, on quadratic triangles with straight sides, takes the law once a cell,
-    at the means of I4, I6 and I8 in it. Two yarns that hardly stretch are then two constraints on a
-    cell's four or six degrees of freedom, so cells that do not follow the yarns do not lock
-    (reduced integration as projected strains: Malkus and Hughes, Comput. Methods Appl. Mech.
-    Eng. 15, 1978; locking of fibres: ten Thije and Akkerman, Composites A 39, 2008; Hamila and
-    Boisse, Composites A 53, 2013). With the invariants of the centre in place of the means, tension
-    would not see a sheet that is corrugated within its cells. Means do not see gradients of strains
-    and shear angle. So that no mode of a cell is free, those of I4 / 2, I8 / 2 and I6 are resisted
-    by `GRADIENTS` of the yarns' stiffness and by the shear stiffness at rest (as Liu, Ong and Uras,
-    Comput. Methods Appl. Mech. Eng. 53, 1985, hold hourglasses). Points are then the centres, and
-    states those of the means.
+    integration: two ways against locking, on quadratic triangles with straight sides.
+
+    - `reduced` takes the law once a cell, at the means of I4, I6 and I8 in it. Two yarns that
+      hardly stretch are then two constraints on a cell's four or six degrees of freedom, so cells
+      that do not follow the yarns do not lock (reduced integration as projected strains: Malkus and
+      Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978; locking of fibres: ten Thije and Akkerman,
+      Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). With the invariants of the
+      centre in place of the means, tension would not see a sheet that is corrugated within its
+      cells. Points are then the centres, and states those of the means.
+    - `inner` takes it at the three points of `full` drawn to `INNER` of their distances from the
+      centre. It so sees that share of the gradients of strains: yarns in tension resist them with
+      its square, yarns under compression as little as the law says.
+
+    Neither sees all gradients of strains and shear angle. So that no mode of a cell is free, those
+    of I4 / 2, I8 / 2 and I6 are resisted by `GRADIENTS` of the yarns' stiffness and by the shear
+    stiffness at rest (as Liu, Ong and Uras, Comput. Methods Appl. Mech. Eng. 53, 1985, hold
+    hourglasses).
 
     weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
     angle counts. The default is the initial angle of the blank, as in eq. (8). With any other the
     blank has stress as it lies.
 
     Raises InputError for a weave_angle that is not above 0 and below pi, and in a scene for an
-    element that is not listed in `QUADRATURE_DEGREE`, or that `reduced` is not for, and for a law
-    with energy or stress at rest.
+    element that is not listed in `QUADRATURE_DEGREE`, or that `inner` and `reduced` are not for,
+    and for a law with energy or stress at rest.
     """
 
     name, energy_kind = "membrane", "strain"
@@ -103,8 +113,9 @@ class Membrane(Term):
                 f"{blank.name} is of degree {blank.degree} on {cell}s; allowed is {allowed}"
             )
         self.degree = self._quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
+        if self.integration != "full":
+            self._check_straight(cell)
         if self.integration == "reduced":
-            self._check_reduced(cell)
             self.degree = 1
         law, straight, rest = self._constants(mesh)
         self._a0, self._b0 = straight or self._fibres()
@@ -112,22 +123,26 @@ class Membrane(Term):
         self._pairs = [(self._a0 + fa, self._b0 + fb), *slopes]
         cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
         rest = cosine if rest is None else rest
-        aa, ab, bb = ([ufl.dot(p[i], p[k]) for p in self._pairs] for i, k in _PRODUCTS)
+        # `inner` takes the law at its points, not at means
+        self._seen = 1 if self.integration == "inner" else len(self._pairs)
+        seen = self._pairs[: self._seen]
+        aa, ab, bb = ([ufl.dot(p[i], p[k]) for p in seen] for i, k in _PRODUCTS)
         self._invariants = sum(aa), sum(ab), sum(bb)
         self._ufl = law, cosine, rest
-        self._dx = self.part.dx(self.degree)
+        self._drawn = INNER if self.integration == "inner" else 1.0
+        self._dx = self.part.dx(self.degree, self._drawn)
         density = energy_density(*self._invariants, rest, law)
-        self._held = self._gradients() if self.integration == "reduced" else []
+        self._held = self._gradients() if self.integration != "full" else []
         for stiffness, products in self._held:
             density += stiffness * sum(x * y for x, y in self._of(products)) ** 2
         self.energy = law.thickness * density * self._dx
 
-    def _check_reduced(self, cell):
+    def _check_straight(self, cell):
         blank = self.blank
         if blank.degree != 2 or not blank.triangulated:
             raise InputError(
-                f"integration is reduced and {blank.name} of degree {blank.degree} on {cell}s; "
-                "allowed is a sheet of quadratic triangles (P2) with straight sides"
+                f"integration is {self.integration} and {blank.name} of degree {blank.degree} on "
+                f"{cell}s; allowed is a sheet of quadratic triangles (P2) with straight sides"
             )
 
     def _gradients(self):
@@ -136,7 +151,7 @@ class Membrane(Term):
         # each yarn's alone, so without couplings
         eps_a, eps_b, gamma = STRAIN * np.eye(3)[:, :2]
         alone = self.fabric.derivatives(eps_a, eps_b, gamma, second=False)
-        yarns = GRADIENTS * alone.parts[[0, 1], [0, 1]] / STRAIN**2
+        yarns = GRADIENTS[self.integration] * alone.parts[[0, 1], [0, 1]] / STRAIN**2
         k_a, k_b, k_shear = fem.Constant(self.blank.mesh, [*yarns, self.fabric.shear_stiffness / 2])
         gdim, held = self.blank.mesh.geometry.dim, []
         for axis in (1, 2):
@@ -163,17 +178,18 @@ class Membrane(Term):
         # how each component moves the invariants
         moved = [
             row
-            for a, b in self._pairs
+            for a, b in self._pairs[: self._seen]
             for row in (
                 *([2 * a[i], b[i], 0] for i in range(gdim)),
                 *([0, a[i], 2 * b[i]] for i in range(gdim)),
             )
         ]
+        moved += [[0, 0, 0]] * (len(x) - len(moved))
         forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
         pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
         stiffness = [[None] * len(x) for _ in x]
         for i, j in combinations_with_replacement(range(len(x)), 2):
-            same = i // (2 * gdim) == j // (2 * gdim) and i % gdim == j % gdim
+            same = i // (2 * gdim) == j // (2 * gdim) < self._seen and i % gdim == j % gdim
             yarns = i // gdim % 2 + j // gdim % 2
             geometric = [2 * S4, S6, 2 * S8][yarns] if same else 0
             stiffness[i][j] = stiffness[j][i] = (
@@ -200,7 +216,7 @@ class Membrane(Term):
         cell's centre along its axes, so that sums of products are their means in the cell."""
         mesh, gradient = self.blank.mesh, ufl.grad(self.blank.in_space(u))
         found = [(ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0))]
-        if self.integration == "reduced":
+        if self.integration != "full":
             axes = ufl.dot(ufl.Jacobian(mesh), ufl.as_matrix(SPREAD))
             curved = ufl.dot(ufl.grad(gradient), axes)
             i, j = ufl.indices(2)
@@ -242,7 +258,8 @@ class Membrane(Term):
         if self._points is None:
             law, cosine, rest = self._ufl
             sine = ufl.sqrt(1 - cosine**2)
-            bases = [(fa, (fb - cosine * fa) / sine) for fa, fb in self._pairs]
+            seen = self._pairs[: self._seen]
+            bases = [(fa, (fb - cosine * fa) / sine) for fa, fb in seen]
             f1, f2 = bases[0]
             C = ufl.as_matrix(
                 [[sum(ufl.dot(f[i], f[k]) for f in bases) for k in (0, 1)] for i in (0, 1)]
@@ -257,7 +274,7 @@ class Membrane(Term):
             flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
             parts = [*flat, cosine, S[0, 0], S[1, 1], S[0, 1], C[0, 0], C[1, 1], C[0, 1]]
             self._points = compat.PointEvaluation(
-                ufl.as_vector(parts), self.blank.mesh, self.degree, self.part.cells
+                ufl.as_vector(parts), self.blank.mesh, self.degree, self.part.cells, self._drawn
             )
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):

@@ -172,10 +172,10 @@ def locking_warning(membrane: StrainedSheet) -> str:
 
 
 def share_off_the_yarns(part: Part) -> float:
-    """Share of a part's cells at whose corners edges of the mesh do not run along both yarns; for
-    linear displacements."""
+    """Share of a part's cells at whose corners edges of the mesh do not run along both yarns."""
     blank = part.blank
     comm, nodes, corners = blank.mesh.comm, _nodes(blank)[part.cells], around(blank)[part.cells]
+    count = corners.shape[1]
     gdim = blank.mesh.geometry.dim
     edges = np.roll(corners, -1, 1) - corners
     edges /= np.linalg.norm(edges, axis=2, keepdims=True)
@@ -185,9 +185,11 @@ def share_off_the_yarns(part: Part) -> float:
         edge = np.abs((edges * yarn).sum(2)) >= ALONG
         follows.append(edge | np.roll(edge, 1, 1))  # both of its ends
     marks = np.stack(follows, -1).astype(float)
-    if nodes.shape[1] == 4:
+    if count == 4:
         marks[:, [2, 3]] = marks[:, [3, 2]]
-    reached = (blank.summed(marks, part.cells)[nodes] > 0).any(1).all(1)
+    at_nodes = np.zeros((*nodes.shape, 2))
+    at_nodes[:, :count] = marks
+    reached = (blank.summed(at_nodes, part.cells)[nodes[:, :count]] > 0).any(1).all(1)
     off, cells = comm.allreduce(np.array([(~reached).sum(), len(nodes)]), MPI.SUM)
     return float(off / cells)
 

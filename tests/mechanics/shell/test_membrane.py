@@ -297,7 +297,11 @@ def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
 @pytest.mark.parametrize("gamma", [0.0, 0.35])
 @pytest.mark.parametrize(
     "cell, degree, integration",
-    [*((*element, "full") for element in ELEMENTS), ("triangle", 2, "reduced")],
+    [
+        *((*element, "full") for element in ELEMENTS),
+        ("triangle", 2, "inner"),
+        ("triangle", 2, "reduced"),
+    ],
 )
 def test_spectrum_of_a_patch(cell, degree, integration, gamma):
     """At rest and sheared only rigid motions are free: nothing is far softer than the fabric in
@@ -334,14 +338,15 @@ def test_reduced_integration_is_for_quadratic_triangles():
                 Blank.from_arrays(MPI.COMM_WORLD, *arrays, **options),
                 Membrane(KOMEILI, integration="reduced"),
             )
-    with pytest.raises(InputError, match="'selective'; allowed are full, reduced"):
+    with pytest.raises(InputError, match="'selective'; allowed are full, inner, reduced"):
         Membrane(KOMEILI, integration="selective")
 
 
-def test_reduced_integration_is_as_good_where_strains_are_even(unbalanced):
+@pytest.mark.parametrize("integration", ["inner", "reduced"])
+def test_fewer_points_are_as_good_where_strains_are_even(unbalanced, integration):
     """Energy, state and derivatives; a homogeneous deformation leaves nothing to hold."""
     blank = strip("triangle", 2, a=0.4, b=1.5)
-    full, reduced = Membrane(unbalanced), Membrane(unbalanced, integration="reduced")
+    full, reduced = Membrane(unbalanced), Membrane(unbalanced, integration=integration)
     with compiled_as_it_stands():  # studies compile it with the optimiser
         scenes = Scene(blank, [full]), Scene(blank, [reduced])
     x = scenes[0].u.duplicate()
