@@ -21,9 +21,17 @@ SMALL, LARGE = 20.0, 10_000.0  # mm: a few yarns, more than looms weave
 ALONG = math.cos(math.radians(1.0))
 OFF = 0.5  # share of the cells off the yarns from which a mesh is taken not to follow them
 BANDS = 1e-2  # share of the area in which bands are not worth a word
-# share of the strain energy in stretches that neighbouring cells undo; a reaction is then 5 % off
-LOCKED = 2.5e-3
-COARSE = 0.01  # the same of quadratic cells; with yarns at 0 and 90 deg it is below 0.003
+# share of the strain energy in stretches that neighbouring cells undo, from which cells are
+# doubted: linear ones, these where edges follow the yarns, quadratic ones, and these with inner
+# points
+LOCKED, ALIGNED, COARSE, INNER_COARSE = 2.5e-3, 0.02, 0.01, 0.03
+# by how much a strip's force is too high, over that share: medians of strips at 10 to 45 deg, of
+# which four in five lie between half and twice that
+LINEAR_EXCESS, QUADRATIC_EXCESS, INNER_EXCESS = 12.0, 6.0, 4.0
+LITTLE = 0.25  # share of the energy from which a force says nothing
+# strain of yarns all over a sheet, with less energy than which it is not doubted: pressed flat, it
+# has no other strains than those of cells
+NOISE = 1e-4
 
 
 class StrainedSheet(Protocol):
@@ -32,6 +40,7 @@ class StrainedSheet(Protocol):
     blank: Blank
     part: Part
     fabric: Law
+    integration: str
 
     @property
     def weights(self) -> np.ndarray:
@@ -128,47 +137,79 @@ def band_warning(membrane: StrainedSheet) -> str:
 
 
 def locking_warning(membrane: StrainedSheet) -> str:
-    """A sentence if linear cells lock in the present state, or others are too coarse, else "".
+    """A sentence if cells lock, or are too coarse, in the present state, else "".
 
     Yarns hardly stretch. Cells without edges along both yarns can still only shear if they stretch
     yarns, and neighbours do so in opposite directions. The energy of this is the measure of
     locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
-    the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too:
-    with yarns at 0 and 10 deg a strip's force is 3.0, 1.5 and 0.8 % too high on 16, 32 and 64 cells
-    along it, where the measure is 4.6, 2.3 and 1.2 %.
+    the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too.
+    A sheet whose whole energy is that of yarns strained by `NOISE` is not doubted.
     """
-    blank = membrane.blank
-    if blank.degree > 1 and len(membrane.weights) > 1:  # not reduced
-        taken = alternating_energy(membrane)
-        if taken <= COARSE:
-            return ""
-        return (
-            f"{percent(taken)} of the strain energy stretches yarns in one cell and compresses "
-            "them in the next, as cells are coarse for yarns at these angles: forces may be some "
-            "per cent too high; take finer cells"
-        )
-    off = share_off_the_yarns(membrane.part) if blank.degree == 1 else 0.0
-    taken = alternating_energy(membrane) if off > OFF else 0.0
-    if taken <= LOCKED:
+    blank, integration = membrane.blank, membrane.integration
+    if integration == "reduced":
         return ""
-    if blank.mesh.geometry.dim == 2:
-        effect = "a bias test's force is then 5 to 30 % too high"
-        cure = 'P2 with `integration="reduced"`, P3 or `pattern="yarns"`'
-        cure = 'P2 with `integration="reduced"` or P3' if blank.from_file else cure
-    else:
-        effect = (
-            "yarn strains of single cells mean little, and forces may be some per cent too high"
-        )
-        cure = '`pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
-        if blank.from_file:  # patterns are of rectangles that the program meshes
-            cure = "a mesh with edges along both yarns, or finer cells"
-        elif membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
-            cure = f'`pattern="along"`, {cure}'
-    return (
-        f"{percent(off)} of the linear cells lock, as no edges at their corners run along both "
-        f"yarns: {percent(taken)} of the strain energy stretches yarns in one cell and "
-        f"compresses them in the next; {effect}; take {cure}"
+    taken = alternating_energy(membrane)
+    if taken <= min(LOCKED, COARSE) or _is_at_rest(membrane):
+        return ""
+    stretched = (
+        f"{percent(taken)} of the strain energy stretches yarns in one cell and compresses them in "
+        "the next"
     )
+    if blank.degree > 1:
+        inner = integration == "inner"
+        if taken <= (INNER_COARSE if inner else COARSE):
+            return ""
+        finer = (
+            "finer cells" if inner or blank.degree > 2 else 'finer cells or `integration="inner"`'
+        )
+        effect = _excess(taken, INNER_EXCESS if inner else QUADRATIC_EXCESS)
+        return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {finer}"
+    off = share_off_the_yarns(membrane.part)
+    # in space strains vary from cell to cell as the tools' curvature does
+    aligned = ALIGNED if blank.mesh.geometry.dim == 2 else math.inf
+    if taken <= (LOCKED if off > OFF else aligned):
+        return ""
+    effect, cure = _of_linear_cells(membrane, taken)
+    return (
+        f"{percent(off)} of the linear cells have no edges along both yarns at their corners, and "
+        f"cells lock: {stretched}; {effect}; take {cure}"
+    )
+
+
+def _of_linear_cells(membrane, taken):
+    """What locking does to a result, and what to take instead, in words."""
+    blank = membrane.blank
+    if blank.mesh.geometry.dim == 2:
+        cure = 'P2 with `integration="inner"`, P3 or `pattern="yarns"`'
+        cure = 'P2 with `integration="inner"` or P3' if blank.from_file else cure
+        return _excess(taken, LINEAR_EXCESS), cure
+    effect = "yarn strains of single cells mean little, and forces may be some per cent too high"
+    cure = '`pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
+    if blank.from_file:  # patterns are of rectangles that the program meshes
+        cure = "a mesh with edges along both yarns, or finer cells"
+    elif membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
+        cure = f'`pattern="along"`, {cure}'
+    return effect, cure
+
+
+def _excess(taken, ratio):
+    """How much too high a strip's force is, in words."""
+    if taken > LITTLE:
+        return "forces say nothing"
+    return (
+        f"a strip's force is then about {percent(ratio * taken)} too high, mostly between half and "
+        "twice that"
+    )
+
+
+def _is_at_rest(membrane):
+    """Whether the sheet has no more strain energy than yarns strained by `NOISE` all over it."""
+    energy, areas = membrane.state()[0].energy, membrane.blank.areas()[membrane.part.cells]
+    strains = NOISE * np.eye(3)[:, :2]
+    most = membrane.fabric.derivatives(*strains, second=False).parts.max()
+    found = np.array([areas @ (energy @ membrane.weights), areas.sum()])
+    whole, area = membrane.blank.mesh.comm.allreduce(found)
+    return bool(whole <= most * area)
 
 
 def share_off_the_yarns(part: Part) -> float:

@@ -1,6 +1,7 @@
 """What is doubted of a sheet, and what is not."""
 
 import math
+import re
 
 import builders
 import numpy as np
@@ -138,7 +139,7 @@ def test_locking_is_told_where_it_happens(pattern, cell, angle, strain, error):
     assert bool(warning) == bool(error)
     if error:
         assert warning.startswith("100 % of the linear cells")
-        assert '`integration="reduced"`' in warning and "pattern=" in warning
+        assert '`integration="inner"`' in warning and "pattern=" in warning
         membrane.blank.from_file = True  # whose cells no pattern changes
         assert "pattern=" not in locking_warning(membrane)
 
@@ -174,6 +175,51 @@ def test_quadratic_cells_are_told_where_yarns_cross_at_a_small_angle(yarn_angle,
     assert locking_warning(membrane).startswith(told) and bool(told) == bool(
         locking_warning(membrane)
     )
+
+
+# element, angle, strain, pattern, nx, and how much too high the force is: against P3 on fine cells
+# with edges on the corners' yarns
+EXCESS = [
+    ("P1", 30, 0.1, "along", 24, 1.66),
+    ("P1", 45, 0.1, "left", 32, 1.18),
+    ("P1", 20, 0.03, "crossed", 64, 1.95),
+    ("Q1", 30, 0.1, "crossed", 64, 0.92),
+    ("P2", 30, 0.1, "crossed", 12, 0.17),
+    ("P2", 20, 0.03, "crossed", 12, 1.03),
+    ("P2", 45, 0.1, "left", 8, 0.46),
+    ("Q2", 45, 0.1, "crossed", 16, 0.27),
+]
+
+
+@pytest.mark.parametrize("element, angle, strain, pattern, nx, excess", EXCESS)
+def test_what_locks_says_by_how_much(element, angle, strain, pattern, nx, excess):
+    """Within a factor of two, on any element and pattern."""
+    blank = Blank.rectangle(
+        200, 50, nx=nx, ny=nx // 4, pattern=pattern, element=element, fibre_angle=angle
+    )
+    membrane = Membrane(KOMEILI)
+    supports = clamped_ends(strain * 200)
+    march(Newton(Scene(blank, [membrane], supports)), steps=4, path_tolerance=1e-2)
+    told = re.search(r"about ([\d.]+) % too high", locking_warning(membrane))
+    assert excess / 2 <= float(told[1]) / 100 <= 2 * excess
+
+
+def test_quadratic_cells_with_inner_points_are_told_where_they_are_coarse():
+    blank = Blank.rectangle(200, 50, nx=12, fibre_angle=20)
+    membrane = Membrane(KOMEILI, integration="inner")
+    march(Newton(Scene(blank, [membrane], clamped_ends(6.0))), steps=3, path_tolerance=1e-2)
+    words = locking_warning(membrane)
+    assert "take finer cells" in words and "integration" not in words
+
+
+@pytest.mark.parametrize("size, told", [(2e-5, False), (2e-2, True)])
+def test_a_sheet_that_hardly_strains_is_not_doubted(size, told):
+    """As one pressed flat between planes, whose strains are those of rounding and of its cells."""
+    blank = sheet(40, 20, 8, 4, "left", angle=30)
+    membrane = alone(blank, Membrane(KOMEILI))
+    blank.u.x.array[:] = size * np.cos(7.0 * np.arange(len(blank.u.x.array)))
+    assert alternating_energy(membrane) > LOCKED
+    assert bool(locking_warning(membrane)) == told
 
 
 def test_quadratic_cells_at_45_deg_are_not_doubted():
