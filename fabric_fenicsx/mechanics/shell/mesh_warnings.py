@@ -28,6 +28,7 @@ LOCKED, ALIGNED, COARSE, INNER_COARSE = 2.5e-3, 0.02, 0.01, 0.03
 # by how much a strip's force is too high, over that share: medians of strips at 10 to 45 deg, of
 # which four in five lie between half and twice that
 LINEAR_EXCESS, QUADRATIC_EXCESS, INNER_EXCESS = 12.0, 6.0, 4.0
+SPATIAL = "yarn strains of single cells mean little, and forces may be some per cent too high"
 LITTLE = 0.25  # share of the energy from which a force says nothing
 # strain of yarns all over a sheet, with less energy than which it is not doubted: pressed flat, it
 # has no other strains than those of cells
@@ -159,11 +160,12 @@ def locking_warning(membrane: StrainedSheet) -> str:
         inner = integration == "inner"
         if taken <= (INNER_COARSE if inner else COARSE):
             return ""
-        finer = (
-            "finer cells" if inner or blank.degree > 2 else 'finer cells or `integration="inner"`'
-        )
-        effect = _excess(taken, INNER_EXCESS if inner else QUADRATIC_EXCESS)
-        return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {finer}"
+        plane = blank.mesh.geometry.dim == 2
+        other = "inner" if plane else "reduced"
+        no_other = inner or blank.degree > 2 or not blank.triangulated
+        cure = "finer cells" if no_other else f'finer cells or `integration="{other}"`'
+        effect = _excess(taken, INNER_EXCESS if inner else QUADRATIC_EXCESS) if plane else SPATIAL
+        return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {cure}"
     off = share_off_the_yarns(membrane.part)
     # in space strains vary from cell to cell as the tools' curvature does
     aligned = ALIGNED if blank.mesh.geometry.dim == 2 else math.inf
@@ -183,13 +185,12 @@ def _of_linear_cells(membrane, taken):
         cure = 'P2 with `integration="inner"`, P3 or `pattern="yarns"`'
         cure = 'P2 with `integration="inner"` or P3' if blank.from_file else cure
         return _excess(taken, LINEAR_EXCESS), cure
-    effect = "yarn strains of single cells mean little, and forces may be some per cent too high"
     cure = '`pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
     if blank.from_file:  # patterns are of rectangles that the program meshes
         cure = "a mesh with edges along both yarns, or finer cells"
     elif membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
         cure = f'`pattern="along"`, {cure}'
-    return effect, cure
+    return SPATIAL, cure
 
 
 def _excess(taken, ratio):
