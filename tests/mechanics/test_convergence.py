@@ -166,13 +166,22 @@ def test_errors_fall_at_the_rates_of_theory(unbalanced, cell, degree, pattern, n
 
 
 @pytest.mark.parametrize(
-    "pattern, state", [("right", TENSION), ("unstructured", TENSION), ("right", COMPRESSION)]
+    "integration, pattern, state",
+    [
+        ("reduced", "right", TENSION),
+        ("reduced", "unstructured", TENSION),
+        ("reduced", "right", COMPRESSION),
+        ("inner", "right", TENSION),
+        ("inner", "right", COMPRESSION),
+    ],
 )
-def test_reduced_integration_costs_an_order(unbalanced, pattern, state):
+def test_fewer_or_inner_points_cost_an_order(unbalanced, integration, pattern, state):
     with compiled_as_it_stands():  # studies compile it with the optimiser
         found = np.array(
             [
-                errors(mesh("triangle", pattern, 5, n), 2, unbalanced, state, integration="reduced")
+                errors(
+                    mesh("triangle", pattern, 5, n), 2, unbalanced, state, integration=integration
+                )
                 for n in range(5)
             ]
         )
