@@ -24,12 +24,7 @@ from .runtime.signals import end_with_reader
 
 VERSION = tuple(int(n) for n in dolfinx.__version__.split(".")[:2])
 OLD, NEW = VERSION < (0, 8), VERSION >= (0, 11)
-if OLD:
-    import ffcx.ir.elementtables
-
-    # it numbers second derivatives on a sheet in space as those in a solid
-    ffcx.ir.elementtables.basix_index = lambda counts: basix.index(*counts[:2])
-else:
+if not OLD:
     import basix.ufl
 
 end_with_reader()  # after petsc4py, which has a handler of its own

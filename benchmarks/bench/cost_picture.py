@@ -26,7 +26,7 @@ def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]]) -> None:
             mine = [r for r, each in zip(good, kinds) if each == kind]
             shape = "rectangles" if element[0] == "Q" and pattern == "crossed" else pattern
             colour = patterns.setdefault(shape, f"C{len(patterns)}")
-            fill = {"mfc": "none"} if integration == "reduced" else {}
+            fill = {"mfc": "none"} if integration == "inner" else {}
             cost, error = [r["cost"] for r in mine], [r["error_curve"] for r in mine]
             ax.plot(cost, error, MARKERS[element], color=colour, ms=5, **fill)
         front = sorted((r["cost"], resolved_error(r)) for r in good if r["on_front"])
@@ -43,8 +43,8 @@ def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]]) -> None:
         plt.Rectangle((0, 0), 1, 1, color="0.9", label="not resolved"),
         *(plt.Line2D([], [], marker=MARKERS[e], label=e, **point) for e in sorted(used)),
     ]
-    if any(r["integration"] == "reduced" for rows in strips.values() for r in rows):
-        keys.append(plt.Line2D([], [], marker="v", mfc="none", label="reduced", **point))
+    if any(r["integration"] == "inner" for rows in strips.values() for r in rows):
+        keys.append(plt.Line2D([], [], marker="v", mfc="none", label="inner", **point))
     for shape, colour in patterns.items():
         keys.append(plt.Line2D([], [], ls="", marker="o", color=colour, label=shape))
     figure.get_layout_engine().set(rect=(0, 0.13, 1, 0.87))

@@ -43,7 +43,7 @@ def varied(sweep: str, **factors: Any) -> Iterator[dict[str, Any]]:
 
 UNSTRUCTURED_NX = [("P1", 133), ("P2", 66), ("P3", 42)]
 COARSE_NX = [("P1", 66), ("P2", 33), ("P3", 21)]
-REDUCED = {"element": "P2", "integration": "reduced"}
+INNER = {"element": "P2", "integration": "inner"}
 REDUCED_NX = [
     ("left", 76),
     ("unstructured", 33),
@@ -96,16 +96,16 @@ FULL = [
         path_tolerance=1e-4,
         element_nx=_pairs("P2 24", "P2 32", "P2 48"),
     ),
-    *varied("integration", **REDUCED, pattern_nx=REDUCED_NX),
+    *varied("integration", **INNER, pattern_nx=REDUCED_NX),
     *varied(
         "integration",
-        **REDUCED,
+        **INNER,
         pattern="unstructured",
         nx=[33, 50],
         steps=15,
         path_tolerance=1e-2,
     ),
-    *varied("integration", **REDUCED, pattern="unstructured", nx=50, steps=20, path_tolerance=1e-3),
+    *varied("integration", **INNER, pattern="unstructured", nx=50, steps=20, path_tolerance=1e-3),
     *varied("steps", steps=[1, 5, 10, 40]),
     *varied("tolerance", tolerance=[1e-2, 1e-11]),
     *varied("path", path_tolerance=[1e-2, 1e-3]),

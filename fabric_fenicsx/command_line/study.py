@@ -287,7 +287,7 @@ class Study(Output):
         """Membrane of `fabric`, by default the options', with their integration."""
         args = self.args
         weave = None if args.weave_angle is None else math.radians(args.weave_angle)
-        options = {"integration": args.integration, "weave_angle": weave}
+        options = {"integration": args.integration or "full", "weave_angle": weave}
         return Membrane(fabric or self.fabric, **options)
 
 

@@ -20,7 +20,7 @@ from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
-from ..runtime.fields import choice, number, one_of, switch, text
+from ..runtime.fields import number, one_of, switch, text
 from ..runtime.rules import COUNT, FROM_ZERO, POSITIVE
 from ..runtime.words import coordinates, rounded
 from ..scene import reports
@@ -37,7 +37,7 @@ from .dome import DIMENSIONS, dome_of
 from .holding import Holder, Press, PressureHolder
 from .plies import TOOL_METAL_FRICTION, Ply, read_plies
 from .punch import PRESSED, clearance_of, punch_of
-from .scenario import ELEMENTS, FITS, Scenario, halved
+from .scenario import FITS, Scenario, halved
 
 if TYPE_CHECKING:
     import pyvista
@@ -73,9 +73,6 @@ class Forming(Scenario):
     DEFAULT_SIZES = (470.0, 270.0)
     SPATIAL = True
 
-    element: str = choice(
-        "P1", ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree", "mesh"
-    )
     nx: int = number(
         None, COUNT, "rectangles along the length that is modelled: half, unless `full`", "mesh"
     )
@@ -245,6 +242,16 @@ class Forming(Scenario):
         return plies
 
     def _blank(self) -> Blank:
+        asked, known = self.element, len(self.warnings)
+        blank = self._laid()
+        if blank.degree == 1 or asked or not self._has_usual_nx:
+            return blank
+        # by default quadratic cells are twice as large, so that nodes are as many
+        self.nx, self.ny, self.element = halved(self.nx), halved(self.ny), f"P{blank.degree}"
+        del self.warnings[known:]
+        return self._laid()
+
+    def _laid(self) -> Blank:
         share = 1.0 if self.full else 0.5
         if self.stack is None:
             return self.sheet(share=share, centred=self.centred if self.outline else self.full)

@@ -78,13 +78,17 @@ class Scenario:
     )
     pattern: str = choice("crossed", PATTERNS, "how rectangles are divided into cells", "mesh")
     element: str = choice(
-        "P2", ELEMENTS, "triangles (P) or quadrilaterals (Q), and their degree", "mesh"
+        None,
+        ELEMENTS,
+        "triangles (P) or quadrilaterals (Q), and their degree (P2; in forming P1 where cells "
+        "follow the yarns)",
+        "mesh",
     )
     integration: str = choice(
-        "full",
+        None,
         INTEGRATION,
-        "points of P2: full, inner: nearer to a cell's centre, reduced: one; for cells that don't "
-        "follow the yarns",
+        "points of P2: full, or inner: nearer to a cell's centre (of strips, where cells don't "
+        "follow the yarns)",
         "mesh",
     )
     fibre_angle: float = number(0.0, FINITE, "from the length to yarns a [deg]", "mesh")
@@ -118,13 +122,17 @@ class Scenario:
         self._check_outline()
         if self.outline and "pattern" not in given:
             self.pattern = "unstructured"
-        if not self.mesh and not self.size:
-            self.nx = self.nx or self.FULL["nx"]
+        self._has_usual_nx = not (self.nx or self.mesh or self.size)
+        if self._has_usual_nx:
+            self.nx = self.FULL["nx"]
         if not self.sheet_file:
             for name, size in zip(self.SIZES, self.DEFAULT_SIZES):
                 setattr(self, name, getattr(self, name) or size)
         self.prepare()
-        self.scene = Scene(self.blank, [*self.membranes(), *self.terms()], self.supports())
+        membranes = self.membranes()
+        self.scene = Scene(self.blank, [*membranes, *self.terms()], self.supports())
+        for membrane in membranes:
+            self.integration = membrane.integration
         self.start()
 
     def _check_outline(self):
@@ -298,11 +306,13 @@ class Scenario:
             raise InputError(
                 f"{source} is not plane in z; allowed in this study is a sheet in a plane z = const"
             )
-        if (compat.cell_name(blank.mesh) == "triangle") != (self.element[0] == "P"):
+        kind = "P" if compat.cell_name(blank.mesh) == "triangle" else "Q"
+        if self.element and self.element[0] != kind:
             raise InputError(
                 f"`element` {self.element} does not fit the cells of {source}; "
                 "allowed is P on triangles, Q on quadrilaterals"
             )
+        self.element = f"{kind}{blank.degree}"
         self.warnings += blank.warnings
         self.warnings += filter(
             None, [mesh_warnings.size_warning(blank, self.fabric.thickness, source)]
@@ -315,7 +325,8 @@ class Scenario:
     def fabric_membrane(self) -> Membrane:
         """Membrane of the blank and the fabric."""
         weave = None if self.weave_angle is None else math.radians(self.weave_angle)
-        return Membrane(self.fabric, integration=self.integration, weave_angle=weave)
+        integration = self.integration or "full"
+        return Membrane(self.fabric, integration=integration, weave_angle=weave)
 
     def _take_sizes(self, blank, share):
         """Make the own mesh's length and width the scenario's."""

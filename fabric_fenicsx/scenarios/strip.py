@@ -1,5 +1,6 @@
 """Tests of a strip that a moving grip pulls, and measured curves laid over the simulated one."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +11,10 @@ import numpy as np
 from ..job.job import Result
 from ..material import curves
 from ..material.curves import Curve
-from ..mechanics.shell.membrane import INTEGRATION
-from ..mechanics.shell.mesh_warnings import OFF, share_off_the_yarns
+from ..mechanics.shell.membrane import Membrane
 from ..results.curve import Curves
 from ..runtime.errors import InputError
-from ..runtime.fields import choice, number, text
+from ..runtime.fields import number, text
 from ..runtime.rules import POSITIVE, SHARE
 from ..runtime.words import percent, rounded
 from ..scene.scene import Scene
@@ -74,13 +74,6 @@ class StripTest(Scenario):
         None, POSITIVE, "of the specimen, along the load (200, or the mesh's) [mm]"
     )
     width: float = number(None, POSITIVE, "of the specimen (50, or the mesh's) [mm]")
-    integration: str = choice(
-        None,
-        INTEGRATION,
-        "points of P2: full, inner: nearer to a cell's centre (if cells don't follow the yarns), "
-        "reduced: one",
-        "mesh",
-    )
     strain: float = number(0.10, SHARE, "nominal strain at full load: 0.1 is 10 %")
     measured: str | None = text(
         None,
@@ -107,13 +100,16 @@ class StripTest(Scenario):
 
     # -- what a subclass uses
 
-    def choose_integration(self) -> None:
-        """Set `integration`, if it was not asked for, by the blank's edges and yarns."""
-        if self.integration is None:
-            off = 0.0
-            if self.element == "P2" and self.blank.triangulated and self.pattern != "yarns":
-                off = share_off_the_yarns(self.blank.whole)
-            self.integration = "inner" if off > OFF else "full"
+    def fabric_membrane(self) -> Membrane:
+        """As in `Scenario`: by default with inner points where cells off the yarns would lock, but
+        not where yarns lie along the load, as their tension does not lock."""
+        blank = self.blank
+        if self.integration is None and blank.degree == 2 and blank.triangulated:
+            yarns = self.fibre_angle, self.fibre_angle + self.yarn_angle
+            along = any(abs(math.remainder(yarn, 180.0)) <= 1.0 for yarn in yarns)
+            follow = self.pattern == "yarns" or blank.whole.follows_yarns()
+            self.integration = "full" if along or follow else "inner"
+        return super().fabric_membrane()
 
     def grip(self) -> None:
         """Set `low`, `high` and `stroke` from the blank."""

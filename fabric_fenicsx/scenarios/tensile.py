@@ -37,7 +37,6 @@ class Tensile(StripTest):
     def prepare(self) -> None:
         """Make blank and membrane."""
         self.blank = self.sheet(math.radians(self.turned))
-        self.choose_integration()
         self.membrane = self.fabric_membrane()
         self.grip()
         self.has_middle = measures.covers(self.blank, ((self.low + self.high) / 2)[:2])

@@ -9,7 +9,6 @@ from mpi4py import MPI
 
 from ..mechanics.contact.pressing_term import PressingTerm
 from ..mechanics.contact.tool_contact import Contact
-from ..mechanics.shell.mesh_warnings import around
 from ..runtime.words import rounded
 from ..sheets.blank import Blank
 from ..tools.surface_warnings import hole_warning, radii_warning, size_warning
@@ -69,21 +68,22 @@ def _one_sided(scene, nodes):
 
 
 def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
-    """A sentence if cells are too large to bend around the tools' least radius, else ""; for linear
-    displacements."""
+    """A sentence if cells, or a quadratic one's halves, are too large to bend around the tools'
+    least radius, else ""."""
     radii = {tool.name: min(tool.surface.radii) for tool in tools}
     least = min(radii.values(), default=math.inf)
-    corners = around(blank)
-    longest = np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=2).max(1)
+    corners = blank.corners()
+    longest = np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=2).max(1) / blank.degree
     total, cells = blank.mesh.comm.allreduce(np.array([longest.sum(), len(longest)]), MPI.SUM)
     turn = math.degrees(total / cells / least)
     if turn <= TURN:
         return ""
     name = min(radii, key=lambda name: radii[name])
+    named = "cells" if blank.degree == 1 else "halves of quadratic cells"
     return (
-        f"cells are {rounded(total / cells)} mm long where the {name} has a radius of "
+        f"{named} are {rounded(total / cells)} mm long where the {name} has a radius of "
         f"{rounded(least)} mm: forces may be off by some per cent and angles by some degrees; "
-        f"take cells below {rounded(math.radians(TURN) * least)} mm"
+        f"take {named} below {rounded(math.radians(TURN) * least)} mm"
     )
 
 

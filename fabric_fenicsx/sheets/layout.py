@@ -14,14 +14,14 @@ FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
 class Layout(TypedDict, total=False):
     """How a sheet and its yarns lie.
 
-    - element: P1, P2, P3, Q1 or Q2
+    - element: P1, P2, P3, Q1 or Q2; by default as in `Blank`
     - fibre_angle: from the length to yarns a; yarn_angle: from yarns a to yarns b [deg]
     - turned: from x to the length [rad]; the blank's frame is then its length and width
     - centred: the origin is the sheet's centre; otherwise a rectangle's corner, and that of an
       outline's file
     """
 
-    element: str
+    element: str | None
     fibre_angle: float
     yarn_angle: float
     turned: float
@@ -40,8 +40,9 @@ def blank_options(layout: Layout) -> dict[str, Any]:
     fibre_angle = FULL_TURN.check("`fibre_angle`", layout.get("fibre_angle", 0.0))
     yarn_angle = BELOW_180.check("`yarn_angle`", layout.get("yarn_angle", 90.0))
     turned = FINITE.check("`turned`", layout.get("turned", 0.0))
+    element = layout.get("element")
     a = math.radians(fibre_angle) + turned
-    options: dict[str, Any] = {"a": a, "degree": int(layout["element"][1])}
+    options: dict[str, Any] = {"a": a, "degree": int(element[1]) if element else None}
     if turned:
         options["frame"] = axes_of(turned)
     if yarn_angle != 90:

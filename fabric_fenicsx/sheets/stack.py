@@ -28,11 +28,11 @@ class Stack(Blank):
 
     The first stays at its height z, or its lower face is laid at `bottom` [mm]. Each other one is
     laid `play` [mm] above the upper face of the sheet below it. Sheets may differ in outline, cells
-    and yarns, not in the kind of cells.
+    and yarns, not in the kind of cells; if one is of degree 2, all are.
 
     Raises InputError without sheets, for names that are empty or the same, and for a thickness that
     is not above 0. So it does for sheets in a plane mesh, not flat in z, of other cells than P1, P2
-    and Q1, of different kinds or degrees, and for a sheet that lies beside all others.
+    and Q1 or of different kinds, and for a sheet that lies beside all others.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class Stack(Blank):
         # yarns and sheet of each cell in the order in which all ranks gave them
         known = np.concatenate(comm.allgather(kept))[mesh.topology.original_cell_index]
         a, b, number = np.split(known, [3, 6], axis=1)
-        degree = self.sheets[0].blank.degree
+        degree = max(sheet.blank.degree for sheet in self.sheets)
         super().__init__(mesh, lambda x: a.T, lambda x: b.T, degree=degree, name=name)
         self.number = number[:, 0].astype(np.int32)
         self.from_file = any(sheet.blank.from_file for sheet in self.sheets)
@@ -105,11 +105,6 @@ def _check(sheets):
             raise InputError(
                 f"{where} lies in a plane mesh or along turned axes; allowed is a sheet in space "
                 "(`spatial=True`)"
-            )
-        if blank.degree != sheets[0].blank.degree:
-            raise InputError(
-                f"{where} is of degree {blank.degree}, the first of {sheets[0].blank.degree}; "
-                "allowed is one degree for all"
             )
         if not (blank.degree == 1 or blank.triangulated) or compat.geometry_degree(blank.mesh) > 1:
             raise InputError(f"{where} has other cells; allowed are P1, P2 and Q1, not curved")

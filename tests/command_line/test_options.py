@@ -14,7 +14,7 @@ pytestmark = pytest.mark.versions
         ("smaller steps (`max_step`)", "smaller steps (--max-step)"),
         ("allowed is 5 % (`Limits.strain`)", "allowed is 5 % (--max-strain)"),
         ("`resume=True` goes on", "--resume goes on"),
-        ('P2 with `integration="reduced"`', "P2 with --integration reduced"),
+        ('P2 with `integration="inner"`', "P2 with --integration inner"),
         ("`out` results/a holds results", "--out results/a holds results"),
         ("no line `# test: ...`, `self.energy` or `set_up`",) * 2,
     ],

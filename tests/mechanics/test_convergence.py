@@ -165,25 +165,10 @@ def test_errors_fall_at_the_rates_of_theory(unbalanced, cell, degree, pattern, n
     )
 
 
-@pytest.mark.parametrize(
-    "integration, pattern, state",
-    [
-        ("reduced", "right", TENSION),
-        ("reduced", "unstructured", TENSION),
-        ("reduced", "right", COMPRESSION),
-        ("inner", "right", TENSION),
-        ("inner", "right", COMPRESSION),
-    ],
-)
-def test_fewer_or_inner_points_cost_an_order(unbalanced, integration, pattern, state):
+@pytest.mark.parametrize("state", [TENSION, COMPRESSION])
+def test_inner_points_cost_an_order(unbalanced, state):
     with compiled_as_it_stands():  # studies compile it with the optimiser
-        found = np.array(
-            [
-                errors(
-                    mesh("triangle", pattern, 5, n), 2, unbalanced, state, integration=integration
-                )
-                for n in range(5)
-            ]
-        )
+        meshes = [mesh("triangle", "right", 5, n) for n in range(5)]
+        found = np.array([errors(m, 2, unbalanced, state, integration="inner") for m in meshes])
     rates = np.log2(found[:-1] / found[1:])
     assert rates[-1, 0] >= 1.85 and rates[-1, 1] >= 0.95, f"errors {found}, rates {rates}"

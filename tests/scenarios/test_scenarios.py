@@ -66,7 +66,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
         (ff.Tensile, {"pattern": "zigzag"}, "`pattern` is 'zigzag'; allowed is one of crossed"),
         (ff.Tensile, {"grips": "glue"}, "`grips` is 'glue'; allowed is one of clamped, rollers"),
         (ff.BiasExtension, {"length": 80}, "allowed is a length of 2 widths or more"),
-        (ff.BiasExtension, {"in_plane_bending": 1, "element": "P2"}, "allowed is P1"),
+        (ff.BiasExtension, {"in_plane_bending": 1, "element": "P3"}, "allowed are P1, and P2"),
         (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
         (ff.PictureFrame, {"pre_tension": 0.5}, "allowed is a strain from 0 to 0.1"),
         (ff.Forming, {"dome": {"depht": 3}}, "`dome`: depht (did you mean depth?): no dimension"),

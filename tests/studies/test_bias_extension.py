@@ -76,8 +76,8 @@ def test_the_defaults_give_the_curve_to_a_permille(launch, study, scene):
     [
         ("P3", "full", 42, "unstructured", 1, 2e-3),
         ("P3", "full", 42, "yarns", 1, 1e-3),
-        ("P2", "reduced", 68, "unstructured", 3, 1e-4),
-        ("P2", "reduced", 76, "left", 4, 1e-3),
+        ("P2", "inner", 68, "unstructured", 3, 1e-4),
+        ("P2", "inner", 76, "left", 4, 1e-3),
         (None, "inner", 68, "unstructured", 3, 1e-3),
         (None, "inner", 76, "left", 4, 1e-3),
     ],

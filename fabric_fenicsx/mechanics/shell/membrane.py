@@ -30,17 +30,11 @@ QUADRATURE_DEGREE = {
     ("quadrilateral", 1): 2,
     ("quadrilateral", 2): 4,
 }
-INTEGRATION = "full", "inner", "reduced"
-# of their distances from a cell's centre, at which `inner` takes the three points of degree 2: more
-# is too stiff with yarns at 20 deg to the load, less too soft with yarns at 30 deg
-INNER = 0.5
-# of the yarns' stiffness, that holds their strains' gradients besides: where the law is taken once,
-# and at inner points
-GRADIENTS = {"reduced": 0.0125, "inner": 0.0005}
-STRAIN = 1e-3  # at which that stiffness is taken
-_PRODUCTS = (0, 0), (0, 1), (1, 1)  # of yarn vectors a and b, that I4, I6 and I8 are
-# times its transpose: the mean of X X over the reference triangle, X from its centre
-SPREAD = (np.linalg.cholesky([[2.0, -1.0], [-1.0, 2.0]]) / 6).tolist()
+INTEGRATION = "full", "inner"
+# `inner`: distance of its points from a cell's centre, over that of `full`, and share of the energy
+# that is taken at the latter; more of either is too stiff with yarns at 20 deg to the load, less too
+# soft with yarns at 10 and 30 deg
+INNER, OUTER_SHARE = 0.5, 0.01
 UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"} | dict.fromkeys(
     ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
 )  # of fields; of all others "-"
@@ -52,31 +46,23 @@ class Membrane(Term):
     Material values enter as constants of the form, so fabrics that differ only in numbers share one
     compiled form. quadrature_degree: by default that of `QUADRATURE_DEGREE`.
 
-    integration: two ways against locking, on quadratic triangles with straight sides.
-
-    - `reduced` takes the law once a cell, at the means of I4, I6 and I8 in it. Two yarns that
-      hardly stretch are then two constraints on a cell's four or six degrees of freedom, so cells
-      that do not follow the yarns do not lock (reduced integration as projected strains: Malkus and
-      Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978; locking of fibres: ten Thije and Akkerman,
-      Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). With the invariants of the
-      centre in place of the means, tension would not see a sheet that is corrugated within its
-      cells. Points are then the centres, and states those of the means.
-    - `inner` takes it at the three points of `full` drawn to `INNER` of their distances from the
-      centre. It so sees that share of the gradients of strains: yarns in tension resist them with
-      its square, yarns under compression as little as the law says.
-
-    Neither sees all gradients of strains and shear angle. So that no mode of a cell is free, those
-    of I4 / 2, I8 / 2 and I6 are resisted by `GRADIENTS` of the yarns' stiffness and by the shear
-    stiffness at rest (as Liu, Ong and Uras, Comput. Methods Appl. Mech. Eng. 53, 1985, hold
-    hourglasses).
+    integration: `inner`, on quadratic triangles with straight sides, takes nearly all of the energy
+    at the three points of `full` drawn to `INNER` of their distances from a cell's centre. It so
+    sees that share of the gradients of strains: yarns in tension resist these with its square,
+    yarns under compression as little as the law says. So cells that do not follow the yarns do not
+    lock (reduced integration as projected strains: Malkus and Hughes, Comput. Methods Appl. Mech.
+    Eng. 15, 1978; locking of fibres: ten Thije and Akkerman, Composites A 39, 2008; Hamila and
+    Boisse, Composites A 53, 2013). `OUTER_SHARE` of the energy stays at the points of `full`, or
+    corners turn over unseen. Where stretched yarns end at a free edge it is too soft by a part of a
+    row of cells.
 
     weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
     angle counts. The default is the initial angle of the blank, as in eq. (8). With any other the
     blank has stress as it lies.
 
     Raises InputError for a weave_angle that is not above 0 and below pi, and in a scene for an
-    element that is not listed in `QUADRATURE_DEGREE`, or that `inner` and `reduced` are not for,
-    and for a law with energy or stress at rest.
+    element that is not listed in `QUADRATURE_DEGREE`, or that `inner` is not for, and for a law
+    with energy or stress at rest.
     """
 
     name, energy_kind = "membrane", "strain"
@@ -113,56 +99,26 @@ class Membrane(Term):
                 f"{blank.name} is of degree {blank.degree} on {cell}s; allowed is {allowed}"
             )
         self.degree = self._quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
-        if self.integration != "full":
-            self._check_straight(cell)
-        if self.integration == "reduced":
-            self.degree = 1
+        if self.integration == "inner" and not (blank.degree == 2 and blank.triangulated):
+            raise InputError(
+                f"integration is inner and {blank.name} of degree {blank.degree} on {cell}s; "
+                "allowed is a sheet of quadratic triangles (P2) with straight sides"
+            )
         law, straight, rest = self._constants(mesh)
         self._a0, self._b0 = straight or self._fibres()
-        (fa, fb), *slopes = self._moved(blank.u)
-        self._pairs = [(self._a0 + fa, self._b0 + fb), *slopes]
+        fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
         cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
         rest = cosine if rest is None else rest
-        # `inner` takes the law at its points, not at means
-        self._seen = 1 if self.integration == "inner" else len(self._pairs)
-        seen = self._pairs[: self._seen]
-        aa, ab, bb = ([ufl.dot(p[i], p[k]) for p in seen] for i, k in _PRODUCTS)
-        self._invariants = sum(aa), sum(ab), sum(bb)
-        self._ufl = law, cosine, rest
+        self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
+        self._ufl = law, fa, fb, cosine, rest
         self._drawn = INNER if self.integration == "inner" else 1.0
-        self._dx = self.part.dx(self.degree, self._drawn)
-        density = energy_density(*self._invariants, rest, law)
-        self._held = self._gradients() if self.integration != "full" else []
-        for stiffness, products in self._held:
-            density += stiffness * sum(x * y for x, y in self._of(products)) ** 2
-        self.energy = law.thickness * density * self._dx
-
-    def _check_straight(self, cell):
-        blank = self.blank
-        if blank.degree != 2 or not blank.triangulated:
-            raise InputError(
-                f"integration is {self.integration} and {blank.name} of degree {blank.degree} on "
-                f"{cell}s; allowed is a sheet of quadratic triangles (P2) with straight sides"
-            )
-
-    def _gradients(self):
-        """Stiffnesses that hold the gradients of I4 / 2, I8 / 2 and I6 along both axes of a cell,
-        with each gradient's products of two of the `_pairs`' components, by their numbers."""
-        # each yarn's alone, so without couplings
-        eps_a, eps_b, gamma = STRAIN * np.eye(3)[:, :2]
-        alone = self.fabric.derivatives(eps_a, eps_b, gamma, second=False)
-        yarns = GRADIENTS[self.integration] * alone.parts[[0, 1], [0, 1]] / STRAIN**2
-        k_a, k_b, k_shear = fem.Constant(self.blank.mesh, [*yarns, self.fabric.shear_stiffness / 2])
-        gdim, held = self.blank.mesh.geometry.dim, []
-        for axis in (1, 2):
-            a, b, da, db = (np.arange(gdim) + k * gdim for k in (0, 1, 2 * axis, 2 * axis + 1))
-            held += [(k_a, [*zip(a, da)]), (k_b, [*zip(b, db)])]
-            held += [(k_shear, [*zip(a, db), *zip(b, da)])]
-        return held
-
-    def _of(self, products):
-        x = _components(self._pairs)
-        return [(x[i], x[k]) for i, k in products]
+        dx = self.part.dx(self.degree, self._drawn)
+        # shares of the energy, and how they are integrated
+        self._rules = [(1.0, dx)]
+        if self.integration == "inner":
+            self._rules = [(1 - OUTER_SHARE, dx), (OUTER_SHARE, self.part.dx(self.degree))]
+        density = law.thickness * energy_density(*self._invariants, rest, law)
+        self.energy = sum(share * density * dx for share, dx in self._rules)
 
     @property
     def made_of(self) -> Law:
@@ -171,60 +127,34 @@ class Membrane(Term):
 
     def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
         """As in `Varied`, with fewer operations than UFL's own derivatives take."""
-        law, _, rest = self._ufl
+        law, fa, fb, _, rest = self._ufl
         first, second = derivatives(*self._invariants, rest, law)
         (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
-        gdim, x = self.blank.mesh.geometry.dim, _components(self._pairs)
-        # how each component moves the invariants
-        moved = [
-            row
-            for a, b in self._pairs[: self._seen]
-            for row in (
-                *([2 * a[i], b[i], 0] for i in range(gdim)),
-                *([0, a[i], 2 * b[i]] for i in range(gdim)),
-            )
+        gdim = len(fa)
+        # how each component of fa and fb moves the invariants
+        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [
+            [0, fa[i], 2 * fb[i]] for i in range(gdim)
         ]
-        moved += [[0, 0, 0]] * (len(x) - len(moved))
         forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
         pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
-        stiffness = [[None] * len(x) for _ in x]
-        for i, j in combinations_with_replacement(range(len(x)), 2):
-            same = i // (2 * gdim) == j // (2 * gdim) < self._seen and i % gdim == j % gdim
-            yarns = i // gdim % 2 + j // gdim % 2
-            geometric = [2 * S4, S6, 2 * S8][yarns] if same else 0
+        stiffness = [[None] * 2 * gdim for _ in range(2 * gdim)]
+        for i, j in combinations_with_replacement(range(2 * gdim), 2):
+            geometric = [2 * S4, S6, 2 * S8][i // gdim + j // gdim] if i % gdim == j % gdim else 0
             stiffness[i][j] = stiffness[j][i] = (
                 sum(c * D for c, D in zip(moved[j], pulled[i])) + geometric
             )
-        for k, products in self._held:
-            twice, slope = 2 * law.thickness * k, dict[int, Expr]()
-            gradient = sum(p * q for p, q in self._of(products))
-            for i, j in products:
-                slope |= {i: x[j], j: x[i]}
-                stiffness[i][j] += twice * gradient
-                stiffness[j][i] += twice * gradient
-            for i in slope:
-                forces[i] += twice * gradient * slope[i]
-                for j in slope:
-                    stiffness[i][j] += twice * slope[i] * slope[j]
-        dv, dw = (_components(self._moved(y)) for y in (v, w))
-        answers = (sum(k * y for k, y in zip(row, dw)) for row in stiffness)
-        residual = sum(f * y for f, y in zip(forces, dv)) * self._dx
-        return residual, sum(y * z for y, z in zip(dv, answers)) * self._dx
+        dv, dw = ([yarn[i] for yarn in self._stretched(x) for i in range(gdim)] for x in (v, w))
+        answers = [sum(k * y for k, y in zip(row, dw)) for row in stiffness]
+        once, twice = (sum(x * y for x, y in zip(dv, each)) for each in (forces, answers))
+        return (
+            sum(share * once * dx for share, dx in self._rules),
+            sum(share * twice * dx for share, dx in self._rules),
+        )
 
-    def _moved(self, u):
-        """What displacement `u` adds to the yarns' vectors (a, b), and to how these change from a
-        cell's centre along its axes, so that sums of products are their means in the cell."""
-        mesh, gradient = self.blank.mesh, ufl.grad(self.blank.in_space(u))
-        found = [(ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0))]
-        if self.integration != "full":
-            axes = ufl.dot(ufl.Jacobian(mesh), ufl.as_matrix(SPREAD))
-            curved = ufl.dot(ufl.grad(gradient), axes)
-            i, j = ufl.indices(2)
-            found += [
-                tuple(ufl.as_vector(curved[i, j, k] * f[j], i) for f in (self._a0, self._b0))
-                for k in (0, 1)
-            ]
-        return found
+    def _stretched(self, u):
+        """What displacement `u` adds to the yarns' vectors a0, b0."""
+        gradient = ufl.grad(self.blank.in_space(u))
+        return ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0)
 
     def _constants(self, mesh):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
@@ -256,13 +186,11 @@ class Membrane(Term):
         UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the part's
         cells."""
         if self._points is None:
-            law, cosine, rest = self._ufl
+            law, fa, fb, cosine, rest = self._ufl
             sine = ufl.sqrt(1 - cosine**2)
-            seen = self._pairs[: self._seen]
-            bases = [(fa, (fb - cosine * fa) / sine) for fa, fb in seen]
-            f1, f2 = bases[0]
+            f1, f2 = fa, (fb - cosine * fa) / sine
             C = ufl.as_matrix(
-                [[sum(ufl.dot(f[i], f[k]) for f in bases) for k in (0, 1)] for i in (0, 1)]
+                [[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]
             )
             # FFCx from 0.9 names code by the variable's number, and would compile each one anew
             C = ufl.classes.Variable(C, ufl.classes.Label(0))
@@ -272,21 +200,19 @@ class Membrane(Term):
             )
             S = 2 * ufl.diff(W, C)
             flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
-            parts = [*flat, cosine, S[0, 0], S[1, 1], S[0, 1], C[0, 0], C[1, 1], C[0, 1]]
+            values = ufl.as_vector([*flat, cosine, S[0, 0], S[1, 1], S[0, 1]])
             self._points = compat.PointEvaluation(
-                ufl.as_vector(parts), self.blank.mesh, self.degree, self.part.cells, self._drawn
+                values, self.blank.mesh, self.degree, self.part.cells, self._drawn
             )
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
             self._evaluated = u.copy(), self._points()
         values = self._evaluated[1]
         gdim = self.blank.mesh.geometry.dim
-        F: np.ndarray = np.zeros((*values.shape[:2], 3, 2))
+        F = np.zeros((*values.shape[:2], 3, 2))
         F[:, :, :gdim, 0], F[:, :, :gdim, 1] = values[:, :, :gdim], values[:, :, gdim : 2 * gdim]
-        cosine, S, C = np.split(values[:, :, 2 * gdim :], [1, 4], axis=2)
-        if self.integration == "reduced":
-            F = _with_metric(F, C)
-        return F, np.concatenate([cosine, np.sqrt(1 - cosine**2)], -1), S
+        cosine = values[:, :, 2 * gdim]
+        return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
         """`kernel.State` at every quadrature point of the part's cells, arrays (cells, points,
@@ -455,23 +381,3 @@ class Membrane(Term):
         """The least ellipticity indicator of each of the part's cells, (cells,) [-]."""
         found = stability.evaluate(self.fabric, self._invariants_at_points())
         return found.ellipticity.min(1)
-
-
-def _components(pairs):
-    """Of vectors (a, b), those of a pair one after the other."""
-    return [f[i] for pair in pairs for f in pair for i in range(len(f))]
-
-
-def _with_metric(F, C):
-    """F (..., 3, 2) turned as it is, but stretched as C (..., 3) = C11, C22, C12 says."""
-
-    def root(A):
-        """Of symmetric positive matrices (..., 2, 2), by Cayley and Hamilton."""
-        s = np.sqrt(np.linalg.det(A))
-        t = np.sqrt(np.trace(A, axis1=-2, axis2=-1) + 2 * s)
-        return (A + s[..., None, None] * np.eye(2)) / t[..., None, None]
-
-    wanted = np.moveaxis(
-        np.array([[C[..., 0], C[..., 2]], [C[..., 2], C[..., 1]]]), (0, 1), (-2, -1)
-    )
-    return F @ np.linalg.inv(root(F.swapaxes(-1, -2) @ F)) @ root(wanted)

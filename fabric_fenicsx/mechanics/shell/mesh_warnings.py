@@ -11,15 +11,11 @@ from ...material import kernel
 from ...material.laws import Law
 from ...runtime.errors import InputError
 from ...runtime.words import coordinates, of_sheet, percent, rounded
-from ...sheets.blank import Blank, Part
+from ...sheets.blank import OFF, Blank, Part
 
 FEW = 8  # cells, below which a mesh is no strip
 SLENDER = 100.0  # longest side over height of a cell, above which it is a sliver
 SMALL, LARGE = 20.0, 10_000.0  # mm: a few yarns, more than looms weave
-# cosine of the angle between an edge and a yarn that it follows: a bias test's force is 3 % too
-# large with 1 deg, 8 % with 3 deg, 22 % with 10 deg
-ALONG = math.cos(math.radians(1.0))
-OFF = 0.5  # share of the cells off the yarns from which a mesh is taken not to follow them
 BANDS = 1e-2  # share of the area in which bands are not worth a word
 # share of the strain energy in stretches that neighbouring cells undo, from which cells are
 # doubted: linear ones, these where edges follow the yarns, quadratic ones, and these with inner
@@ -146,9 +142,7 @@ def locking_warning(membrane: StrainedSheet) -> str:
     the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too.
     A sheet whose whole energy is that of yarns strained by `NOISE` is not doubted.
     """
-    blank, integration = membrane.blank, membrane.integration
-    if integration == "reduced":
-        return ""
+    blank = membrane.blank
     taken = alternating_energy(membrane)
     if taken <= min(LOCKED, COARSE) or _is_at_rest(membrane):
         return ""
@@ -157,16 +151,14 @@ def locking_warning(membrane: StrainedSheet) -> str:
         "the next"
     )
     if blank.degree > 1:
-        inner = integration == "inner"
+        inner, plane = membrane.integration == "inner", blank.mesh.geometry.dim == 2
         if taken <= (INNER_COARSE if inner else COARSE):
             return ""
-        plane = blank.mesh.geometry.dim == 2
-        other = "inner" if plane else "reduced"
-        no_other = inner or blank.degree > 2 or not blank.triangulated
-        cure = "finer cells" if no_other else f'finer cells or `integration="{other}"`'
+        can_be_inner = plane and not inner and blank.degree == 2 and blank.triangulated
+        cure = 'finer cells or `integration="inner"`' if can_be_inner else "finer cells"
         effect = _excess(taken, INNER_EXCESS if inner else QUADRATIC_EXCESS) if plane else SPATIAL
         return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {cure}"
-    off = share_off_the_yarns(membrane.part)
+    off = membrane.part.share_off_the_yarns()
     # in space strains vary from cell to cell as the tools' curvature does
     aligned = ALIGNED if blank.mesh.geometry.dim == 2 else math.inf
     if taken <= (LOCKED if off > OFF else aligned):
@@ -185,12 +177,7 @@ def _of_linear_cells(membrane, taken):
         cure = 'P2 with `integration="inner"`, P3 or `pattern="yarns"`'
         cure = 'P2 with `integration="inner"` or P3' if blank.from_file else cure
         return _excess(taken, LINEAR_EXCESS), cure
-    cure = '`pattern="crossed"` with yarns at 0, 45 or 90 deg, or finer cells'
-    if blank.from_file:  # patterns are of rectangles that the program meshes
-        cure = "a mesh with edges along both yarns, or finer cells"
-    elif membrane.part.orthogonal and compat.cell_name(blank.mesh) == "triangle":
-        cure = f'`pattern="along"`, {cure}'
-    return SPATIAL, cure
+    return SPATIAL, "P2, as by default, or finer cells"
 
 
 def _excess(taken, ratio):
@@ -213,29 +200,6 @@ def _is_at_rest(membrane):
     return bool(whole <= most * area)
 
 
-def share_off_the_yarns(part: Part) -> float:
-    """Share of a part's cells at whose corners edges of the mesh do not run along both yarns."""
-    blank = part.blank
-    comm, nodes, corners = blank.mesh.comm, _nodes(blank)[part.cells], around(blank)[part.cells]
-    count = corners.shape[1]
-    gdim = blank.mesh.geometry.dim
-    edges = np.roll(corners, -1, 1) - corners
-    edges /= np.linalg.norm(edges, axis=2, keepdims=True)
-    follows = []
-    for field in (blank.a0, blank.b0):
-        yarn = field.x.array.reshape(-1, gdim)[part.cells, None]
-        edge = np.abs((edges * yarn).sum(2)) >= ALONG
-        follows.append(edge | np.roll(edge, 1, 1))  # both of its ends
-    marks = np.stack(follows, -1).astype(float)
-    if count == 4:
-        marks[:, [2, 3]] = marks[:, [3, 2]]
-    at_nodes = np.zeros((*nodes.shape, 2))
-    at_nodes[:, :count] = marks
-    reached = (blank.summed(at_nodes, part.cells)[nodes[:, :count]] > 0).any(1).all(1)
-    off, cells = comm.allreduce(np.array([(~reached).sum(), len(nodes)]), MPI.SUM)
-    return float(off / cells)
-
-
 def alternating_energy(membrane: StrainedSheet) -> float:
     """Share of the strain energy that goes when yarn strains are smoothed over neighbouring cells;
     0 at rest."""
@@ -244,7 +208,7 @@ def alternating_energy(membrane: StrainedSheet) -> float:
     _, b, _ = membrane.at_points()
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
-    corners, nodes = around(blank)[cells], _nodes(blank)[cells]
+    corners, nodes = blank.corners()[cells], _nodes(blank)[cells]
     ends = (
         ((1, 0), (2, 0)) if corners.shape[1] == 3 else ((2, 0), (3, 1))
     )  # two sides, or both diagonals
@@ -277,11 +241,3 @@ def alternating_energy(membrane: StrainedSheet) -> float:
 def _nodes(blank):
     """Nodes of `u` of each owned cell, (cells, k), the corners first."""
     return compat.dofmap(blank.V)[: blank.mesh.topology.index_map(2).size_local]
-
-
-def around(blank: Blank) -> np.ndarray:
-    """Corners of the owned cells one after the other around each, (cells, 3 or 4, gdim) [mm]."""
-    # in tensor-product order
-    is_triangle = compat.cell_name(blank.mesh) == "triangle"
-    nodes = _nodes(blank)[:, [0, 1, 2] if is_triangle else [0, 1, 3, 2]]
-    return blank.coordinates()[nodes][:, :, : blank.mesh.geometry.dim]

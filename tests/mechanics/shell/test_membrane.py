@@ -300,7 +300,6 @@ def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
     [
         *((*element, "full") for element in ELEMENTS),
         ("triangle", 2, "inner"),
-        ("triangle", 2, "reduced"),
     ],
 )
 def test_spectrum_of_a_patch(cell, degree, integration, gamma):
@@ -327,7 +326,7 @@ def test_spectrum_of_a_patch(cell, degree, integration, gamma):
         assert stiffness[5] < 3 if degree > 1 else stiffness[4] > 100
 
 
-def test_reduced_integration_is_for_quadratic_triangles():
+def test_inner_points_are_for_quadratic_triangles():
     for options, words in (
         ({"degree": 1}, "degree 1 on triangles"),
         ({"degree": 2, "cell": "quadrilateral"}, "degree 2 on quadrilaterals"),
@@ -336,27 +335,26 @@ def test_reduced_integration_is_for_quadratic_triangles():
         with pytest.raises(InputError, match=words):
             alone(
                 Blank.from_arrays(MPI.COMM_WORLD, *arrays, **options),
-                Membrane(KOMEILI, integration="reduced"),
+                Membrane(KOMEILI, integration="inner"),
             )
-    with pytest.raises(InputError, match="'selective'; allowed are full, inner, reduced"):
+    with pytest.raises(InputError, match="'selective'; allowed are full, inner"):
         Membrane(KOMEILI, integration="selective")
 
 
-@pytest.mark.parametrize("integration", ["inner", "reduced"])
-def test_fewer_points_are_as_good_where_strains_are_even(unbalanced, integration):
-    """Energy, state and derivatives; a homogeneous deformation leaves nothing to hold."""
+def test_inner_points_are_as_good_where_strains_are_even(unbalanced):
+    """Energy, state and derivatives."""
     blank = strip("triangle", 2, a=0.4, b=1.5)
-    full, reduced = Membrane(unbalanced), Membrane(unbalanced, integration=integration)
+    full, inner = Membrane(unbalanced), Membrane(unbalanced, integration="inner")
     with compiled_as_it_stands():  # studies compile it with the optimiser
-        scenes = Scene(blank, [full]), Scene(blank, [reduced])
+        scenes = Scene(blank, [full]), Scene(blank, [inner])
     x = scenes[0].u.duplicate()
     x.array[:] = (blank.along(blank.coordinates().T).T @ [[0.02, 0.1], [0.05, -0.03]]).ravel()
     for scene in scenes:
         scene.set(x)
     assert scenes[1].energy() == pytest.approx(scenes[0].energy(), rel=1e-12)
-    assert reduced.state()[0].cauchy[:, 0] == pytest.approx(full.state()[0].cauchy[:, 0], rel=1e-9)
+    assert inner.state()[0].cauchy[:, 0] == pytest.approx(full.state()[0].cauchy[:, 0], rel=1e-9)
     x.array[:] = wavy(blank.along(blank.coordinates().T)).T.ravel()
-    plain = plain_scene(blank, reduced)
+    plain = plain_scene(blank, inner)
     r, A = [x.duplicate(), x.duplicate()], [plain.create_matrix(), plain.create_matrix()]
     for scene, vector, matrix in zip((scenes[1], plain), r, A):
         scene.set(x)

@@ -17,7 +17,6 @@ from fabric_fenicsx.mechanics.shell.mesh_warnings import (
     band_warning,
     cell_warnings,
     locking_warning,
-    share_off_the_yarns,
     size_warning,
 )
 from fabric_fenicsx.meshes.specimen import specimen
@@ -94,7 +93,7 @@ FOLLOW = [
 @pytest.mark.parametrize("spatial", [False, True])
 def test_cells_that_follow_the_yarns(pattern, cell, angle, off, spatial):
     blank = sheet(40, 20, 8, 4, pattern, cell, angle, spatial=spatial)
-    assert share_off_the_yarns(blank.whole) == off
+    assert blank.whole.share_off_the_yarns() == off
 
 
 @pytest.mark.mpi
@@ -103,7 +102,7 @@ def test_some_cells_follow_the_yarns():
     nodes."""
     arrays = specimen(40, 20, 8, 4, "left") if COMM.rank == 0 else (None,) * 3
     blank = Blank.from_arrays(COMM, *arrays, a=lambda x: np.where(x[0] < 20, 0.0, 0.5))
-    assert share_off_the_yarns(blank.whole) == 24 / 64
+    assert blank.whole.share_off_the_yarns() == 24 / 64
 
 
 def pulled(angle, strain, comm=COMM, **options):
@@ -148,7 +147,7 @@ def test_cells_off_the_yarns_that_do_not_lock_are_not_doubted():
     """Yarns along the load stretch and shear little: 0.1 % on cells at any angle."""
     arrays = specimen(200, 50, 32, 8, "unstructured")
     blank = Blank.from_arrays(MPI.COMM_SELF, *arrays)
-    assert share_off_the_yarns(blank.whole) > 0.5
+    assert blank.whole.share_off_the_yarns() > 0.5
     membrane = Membrane(KOMEILI)
     march(Newton(Scene(blank, [membrane], clamped_ends(6.0))), steps=3)
     assert 0 < alternating_energy(membrane) < LOCKED
