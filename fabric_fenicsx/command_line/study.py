@@ -287,8 +287,8 @@ class Study(Output):
         """Membrane of `fabric`, by default the options', with their integration."""
         args = self.args
         weave = None if args.weave_angle is None else math.radians(args.weave_angle)
-        options = {"integration": args.integration or "full", "weave_angle": weave}
-        return Membrane(fabric or self.fabric, **options)
+        integration = args.integration or "full"
+        return Membrane(fabric or self.fabric, integration=integration, weave_angle=weave)
 
 
 def _in_words(options):

@@ -32,8 +32,8 @@ QUADRATURE_DEGREE = {
 }
 INTEGRATION = "full", "inner"
 # `inner`: distance of its points from a cell's centre, over that of `full`, and share of the energy
-# that is taken at the latter; more of either is too stiff with yarns at 20 deg to the load, less too
-# soft with yarns at 10 and 30 deg
+# that is taken at the latter; more of either is too stiff with yarns at 20 deg to the load, less
+# too soft with yarns at 10 and 30 deg
 INNER, OUTER_SHARE = 0.5, 0.01
 UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"} | dict.fromkeys(
     ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
