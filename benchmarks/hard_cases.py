@@ -41,7 +41,7 @@ def main(study):
         wrong = f"--only {args.only} names case {min(unknown)}"
         raise InputError(f"{wrong}; allowed are letters of {''.join(CASES)}")
     folder, rows = study.folder(), []
-    setting = Setting(study.comm, study.fabric, args.integration, args.quick)
+    setting = Setting(study.comm, study.fabric, args.integration or "full", args.quick)
     for letter in args.only:
         rows.append(study.once(letter, lambda letter=letter: run_case(letter, setting)))
         study.say(said(rows[-1]))
