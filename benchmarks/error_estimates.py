@@ -19,6 +19,9 @@ TESTS = {
     "tensile": (Tensile, {}),
     "bias10": (BiasExtension, {}),
     "bias30": (BiasExtension, {"strain": 0.3}),
+    "off30": (BiasExtension, {"fibre_angle": 30.0}),
+    "off20": (BiasExtension, {"fibre_angle": 20.0, "strain": 0.03}),
+    "off10": (BiasExtension, {"fibre_angle": 10.0, "strain": 0.005}),
     "forming": (Forming, {}),
 }
 
@@ -33,7 +36,7 @@ def options():
 def main(study):
     args, folder, rows = study.args, study.folder(), []
     chosen = [case for case in error_cases.cases(args.quick) if case.test in args.only]
-    strips = sorted({case.test for case in chosen} - {"forming"})
+    strips = sorted({case.test for case in chosen} - {"forming", *error_cases.OFF_AXIS})
     known = read_references(REFERENCE, strips, study.fabric, args.material)
 
     @cache
@@ -47,6 +50,8 @@ def main(study):
         fine = error_cases.finest_of(case, args.quick)
         finest = fine and solved(fine, False)
         mine = solved.__wrapped__(case, True)
+        if case.test in error_cases.OFF_AXIS:
+            return error_cases.compare(case, mine, None, error_cases.OFF_AXIS[case.test])
         return error_cases.compare(case, mine, finest, known.get(case.test), REFERENCE)
 
     for case in tqdm(chosen, disable=None, leave=False):

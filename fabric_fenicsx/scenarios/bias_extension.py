@@ -21,7 +21,7 @@ from ..runtime.words import rounded
 from ..scene.supports import Supports, clamped_ends
 from ..verification.pin_jointed import PinJointedStrip
 from .scenario import ELEMENTS
-from .strip import StripTest
+from .strip import INNER_ORDER, StripTest
 from .transition import transition_width
 
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
@@ -143,6 +143,8 @@ class BiasExtension(StripTest):
     def order(self) -> float:
         """As in `Scenario`: before cells resolve the jumps of shear, a few tenths of a millimetre
         wide, they gain little if linear, and less than they could if not."""
+        if self.integration == "inner":
+            return INNER_ORDER
         graded = self.pattern == "graded"
         if self.element in ("P1", "Q1"):
             return 0.5 if graded else 0.15

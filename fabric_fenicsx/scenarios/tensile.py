@@ -13,7 +13,7 @@ from ..runtime.errors import InputError
 from ..runtime.fields import choice, number
 from ..runtime.rules import FINITE, SHARE
 from ..scene.supports import Supports, clamped_ends, rolling_ends
-from .strip import StripTest
+from .strip import INNER_ORDER, StripTest
 
 
 @dataclass(kw_only=True)
@@ -53,9 +53,9 @@ class Tensile(StripTest):
 
     def order(self) -> float:
         """As in `Scenario`: of meshes that are halved, 1.5 to 1.6 with linear cells, 1.8 to 1.9
-        with others; assumed with fewer points or inner ones."""
-        if self.integration != "full":
-            return 1.0
+        with others, and less with inner points."""
+        if self.integration == "inner":
+            return INNER_ORDER
         return 1.5 if self.element in ("P1", "Q1") else 1.75
 
     def is_compared(self, curve: Curve) -> bool:
