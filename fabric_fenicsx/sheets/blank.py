@@ -201,7 +201,11 @@ class Blank:
         four between the nodes of a quadratic triangle."""
         cell = compat.cell_name(self.mesh)
         corners = TRIANGLES.get((cell, self.degree), TRIANGLES[cell, 1])
-        return compat.dofmap(self.V)[cells][:, corners]
+        found = compat.dofmap(self.V)[cells][:, corners]
+        # by their places: ranks may turn a cell, and terms remember values in its triangles
+        places = np.moveaxis(self.coordinates()[found].mean(2).round(6), 2, 0)
+        order = np.lexsort(places[::-1], axis=1)
+        return np.take_along_axis(found, order[:, :, None], axis=1)
 
     def areas(self) -> np.ndarray:
         """Undeformed areas of the owned cells, of those with curved edges between their corners,

@@ -80,7 +80,7 @@ class Face:
         self._own = order.argsort()[first : first + len(known)]
         # corners in an order that does not depend on the ranks
         place = np.empty(len(X), dtype=np.int64)
-        place[np.lexsort(X.T)] = np.arange(len(X))
+        place[np.lexsort(X.round(9).T)] = np.arange(len(X))
         order = np.argsort(place[self.triangles], axis=1)
         self.triangles = np.take_along_axis(self.triangles, order, 1)
         p, q, r = X[self.triangles].swapaxes(0, 1)
