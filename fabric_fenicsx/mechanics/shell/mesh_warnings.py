@@ -160,7 +160,7 @@ def locking_warning(membrane: StrainedSheet) -> str:
         return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {cure}"
     off = membrane.part.share_off_the_yarns()
     # in space strains vary from cell to cell as the tools' curvature does
-    aligned = ALIGNED if blank.mesh.geometry.dim == 2 else math.inf
+    aligned = ALIGNED if off and blank.mesh.geometry.dim == 2 else math.inf
     if taken <= (LOCKED if off > OFF else aligned):
         return ""
     effect, cure = _of_linear_cells(membrane, taken)
