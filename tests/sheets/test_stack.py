@@ -16,6 +16,7 @@ SHEETS = "lower", "middle", "upper"
 
 
 def sheet(length=20.0, width=10.0, nx=4, **options):
+    options.setdefault("element", "P1")  # alone as in a stack, whose sheets are of one degree
     return ff.Blank.rectangle(length, width, nx=nx, spatial=True, **options)
 
 

@@ -368,7 +368,7 @@ def patches():
             lambda: laid(cell="quadrilateral"),
             9.0,
             FABRIC,
-            "other than linear triangles; allowed is",
+            "on other cells; allowed are P1",
         ),
         (
             laid,
