@@ -83,7 +83,8 @@ class Blank:
         self._axes = fem.Constant(mesh, self.frame.T.copy())
         orthogonal = b is None
         self._interpolate(degree or (1 if gdim == 3 else 2), orthogonal)
-        if degree is None and compat.is_affine(mesh) and not self.whole.follows_yarns():
+        may_lock = degree is None and gdim == 3 and compat.is_affine(mesh)
+        if may_lock and not self.whole.follows_yarns():
             self._interpolate(2, orthogonal)
         self.straight, self.orthogonal = self.whole.straight, self.whole.orthogonal
         self.parts: dict[str, Part] = {}

@@ -169,6 +169,7 @@ def test_a_strip_along_y_is_doubted(tmp_path, size, told):
     "kind, fields, integration",
     [
         (ff.Tensile, {}, "full"),
+        (ff.Tensile, {"pattern": "unstructured"}, "full"),  # yarns along the load
         (ff.Tensile, {"fibre_angle": 45, "pattern": "crossed"}, "full"),
         (ff.Tensile, {"fibre_angle": 20}, "inner"),
         (ff.Tensile, {"fibre_angle": 20, "turned": 30}, "inner"),

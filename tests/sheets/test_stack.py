@@ -114,6 +114,11 @@ def test_sheets_that_do_not_touch_bear_what_they_bear_alone(bend):
     assert abs(found - sum(alone)).max() < 1e-8 * abs(found).max()
 
 
+def test_one_sheet_of_degree_2_makes_all_so():
+    parts = (sheet(), T, "a"), (sheet(element="P2"), T, "b")
+    assert [ff.Stack(order).degree for order in (parts, parts[::-1], parts[:1])] == [2, 2, 1]
+
+
 def test_own_meshes_are_laid_on_one_another(tmp_path):
     import meshio
 

@@ -31,9 +31,9 @@ QUADRATURE_DEGREE = {
     ("quadrilateral", 2): 4,
 }
 INTEGRATION = "full", "inner"
-# `inner`: distance of its points from a cell's centre, over that of `full`, and share of the energy
-# that is taken at the latter; more of either is too stiff with yarns at 20 deg to the load, less
-# too soft with yarns at 10 and 30 deg
+# Of `inner`: how far its points lie from a cell's centre, over how far those of `full` do; and the
+# share of the energy that stays at those of `full`. If either is larger, strips with yarns at 20 deg
+# are too stiff; if smaller, strips with yarns at 10 and 30 deg are too soft.
 INNER, OUTER_SHARE = 0.5, 0.01
 UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"} | dict.fromkeys(
     ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
@@ -47,13 +47,12 @@ class Membrane(Term):
     compiled form. quadrature_degree: by default that of `QUADRATURE_DEGREE`.
 
     integration: `inner`, on quadratic triangles with straight sides, takes nearly all of the energy
-    at the three points of `full` drawn to `INNER` of their distances from a cell's centre. It so
-    sees that share of the gradients of strains: yarns in tension resist these with its square,
-    yarns under compression as little as the law says. So cells that do not follow the yarns do not
-    lock (reduced integration as projected strains: Malkus and Hughes, Comput. Methods Appl. Mech.
+    at three points that are nearer to a cell's centre than those of `full`, by the factor `INNER`.
+    They see the gradients of strains times that factor, so yarns in tension resist these less, and
+    cells that do not follow the yarns do not lock (reduced integration as projected strains: Malkus and Hughes, Comput. Methods Appl. Mech.
     Eng. 15, 1978; locking of fibres: ten Thije and Akkerman, Composites A 39, 2008; Hamila and
-    Boisse, Composites A 53, 2013). `OUTER_SHARE` of the energy stays at the points of `full`, or
-    corners turn over unseen. Where stretched yarns end at a free edge it is too soft by a part of a
+    Boisse, Composites A 53, 2013). `OUTER_SHARE` of the energy stays at the points of `full`, so
+    that no corner of a cell turns over unseen. Where stretched yarns end at a free edge it is too soft by a part of a
     row of cells.
 
     weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
