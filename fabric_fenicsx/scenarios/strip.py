@@ -21,7 +21,7 @@ from ..scene.scene import Scene
 from .scenario import Scenario
 
 SAME = 0.01  # of a length, by which specimens that count as equal may differ
-# of forces with inner points: smaller than that of most strips, so that estimates cover their errors
+# of forces with inner points: smaller than most strips' own, so that estimates cover their errors
 INNER_ORDER = 0.5
 
 

@@ -32,8 +32,8 @@ QUADRATURE_DEGREE = {
 }
 INTEGRATION = "full", "inner"
 # Of `inner`: how far its points lie from a cell's centre, over how far those of `full` do; and the
-# share of the energy that stays at those of `full`. If either is larger, strips with yarns at 20 deg
-# are too stiff; if smaller, strips with yarns at 10 and 30 deg are too soft.
+# share of the energy that stays at those of `full`. If either is larger, strips with yarns at
+# 20 deg are too stiff; if smaller, strips with yarns at 10 and 30 deg are too soft.
 INNER, OUTER_SHARE = 0.5, 0.01
 UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"} | dict.fromkeys(
     ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
@@ -49,11 +49,11 @@ class Membrane(Term):
     integration: `inner`, on quadratic triangles with straight sides, takes nearly all of the energy
     at three points that are nearer to a cell's centre than those of `full`, by the factor `INNER`.
     They see the gradients of strains times that factor, so yarns in tension resist these less, and
-    cells that do not follow the yarns do not lock (reduced integration as projected strains: Malkus and Hughes, Comput. Methods Appl. Mech.
-    Eng. 15, 1978; locking of fibres: ten Thije and Akkerman, Composites A 39, 2008; Hamila and
-    Boisse, Composites A 53, 2013). `OUTER_SHARE` of the energy stays at the points of `full`, so
-    that no corner of a cell turns over unseen. Where stretched yarns end at a free edge it is too soft by a part of a
-    row of cells.
+    cells that do not follow the yarns do not lock (reduced integration as projected strains: Malkus
+    and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978; locking of fibres: ten Thije and
+    Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). `OUTER_SHARE` of the
+    energy stays at the points of `full`, so that no corner of a cell turns over unseen. Where
+    stretched yarns end at a free edge it is too soft by a part of a row of cells.
 
     weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
     angle counts. The default is the initial angle of the blank, as in eq. (8). With any other the
