@@ -323,3 +323,10 @@ def test_a_report_says_what_is_formed_over_what():
     plies = [ff.Ply(fibre_angle=45), ff.Ply()]
     assert ff.Forming(nx=4, stack=plies).about()[0] == "Forming over the double dome"
     assert ff.Laminate(nx=4).about() == ("", "")
+
+
+def test_quadratic_cells_of_a_ply_are_twice_as_large_by_default(monkeypatch):
+    """So nodes are as many; who gives a number of rectangles gets it."""
+    monkeypatch.setattr(ff.Forming, "FULL", ff.Forming.FULL | {"nx": 8})
+    plies = [ff.Forming(fibre_angle=30, **given) for given in ({}, {"nx": 8}, {"element": "P2"})]
+    assert [(ply.nx, ply.element) for ply in plies] == [(4, "P2"), (8, "P2"), (8, "P2")]

@@ -201,6 +201,13 @@ OFF_AXIS = [
 ]
 
 
+def test_estimated_errors_off_axis_cover_the_true_one(tmp_path):
+    strip = ff.BiasExtension(fibre_angle=30, pattern="crossed", nx=16)
+    result = strip.job(steps=4, error=True).run(tmp_path / "out", pictures=False)
+    true = abs(result.summary["reaction_N"] - 1.990)
+    assert 0.02 < true <= result.summary["error"]["reaction_N"] < 20 * true
+
+
 @pytest.mark.parametrize("kind, angle, strain, force", OFF_AXIS)
 @pytest.mark.parametrize("pattern, nx", [("left", 36), ("unstructured", 34)])
 def test_forces_off_axis_with_3000_unknowns(kind, angle, strain, force, pattern, nx):
