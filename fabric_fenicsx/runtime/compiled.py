@@ -1,0 +1,20 @@
+"""Loops over points, compiled by numba and kept in the cache beside the forms."""
+
+import os
+from collections.abc import Callable
+from typing import TypeVar
+
+import numba
+
+from .home import cache
+
+F = TypeVar("F", bound=Callable)
+
+if not os.getenv("NUMBA_CACHE_DIR"):
+    numba.config.CACHE_DIR = str(cache() / "fabric_fenicsx")
+
+
+def compiled(function: F) -> F:
+    """The function as machine code, made at its first call and kept for later processes. Numbers
+    divided by 0 are infinite or NaN, as NumPy's."""
+    return numba.njit(cache=True, error_model="numpy")(function)
