@@ -1,8 +1,6 @@
 """How a ply is held: blank holders, which are objects, and single nodes."""
 
 import inspect
-import itertools
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from reprlib import repr as shown
@@ -25,11 +23,11 @@ from ..sheets.blank import Blank, Part
 from ..sheets.stack import Stack
 from ..tools.primitives import Plane
 from ..tools.tool import Tool
+from .flange import Flange
 from .stacking import least_corner
 
 UP = np.array([0.0, 0.0, 1.0])
 FAR = 200  # mm, over which the flange is sought
-RINGS = 2.0, 4.0, 6.0  # mm about a place, in which the die must be flat for it to be held
 GROUP = "blank holder"  # of options
 # above which a run warns
 PRESSURE = 100.0, "pressures are in MPa (Pa over 1e6)"
@@ -80,7 +78,7 @@ class Press:
 
     def on_flange(self) -> Callable[[np.ndarray], np.ndarray]:
         """Function of positions (3, n) to the share of each (n,) that lies beneath the flange."""
-        return on_flange(self.die, self.thickness)
+        return Flange(self.die, self.thickness)
 
 
 class Holder(Protocol):
@@ -280,26 +278,9 @@ def terms_of(holder: Holder, press: Press) -> list[Term]:
     return list(listed)
 
 
-def on_flange(die: Tool, thickness: float) -> Callable[[np.ndarray], np.ndarray]:
-    """Function of places (3, n) to the share of each (n,) that lies beneath the die's flange: 0 at
-    its end, 1 from `RINGS` inwards. thickness: of all that lies between die and holder [mm]."""
-    angles = np.arange(8) * math.pi / 4
-    shifts = np.array(
-        [(r * math.cos(a), r * math.sin(a), 0) for r, a in itertools.product(RINGS, angles)]
-    )
-
-    def share(x):
-        at = (x.T * (1, 1, 0) + shifts[:, None]).reshape(-1, 3)
-        gap, normal, _ = die.evaluate(at, reach=thickness)
-        flat = (abs(gap - thickness / 2) < 1e-3 * thickness) & (normal[:, 2] < -0.999)
-        return np.clip(2 * flat.reshape(len(shifts), -1).sum(0) / len(shifts) - 1, 0, 1)
-
-    return share
-
-
 def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], corner: np.ndarray) -> list[str]:
     """A warning if a sheet ends on the x or y axis over the die's opening, where no holder presses
-    it. under: as `on_flange` gives it; corner (2,): largest x and y of the sheet [mm]."""
+    it. under: as `Flange`; corner (2,): largest x and y of the sheet [mm]."""
     loose = []
     for name, axis, end in zip("xy", np.eye(3), corner):
         held = np.flatnonzero(under(axis[:, None] * (end + np.arange(FAR))))
