@@ -50,8 +50,9 @@ if TYPE_CHECKING:
     from .sheets.stack import Stack
     from .solve.limits import Limits
     from .tools.double_dome import DoubleDome
+    from .tools.implicit import ImplicitSurface
     from .tools.primitives import Cylinder, Plane, Plate, Sphere, Torus
-    from .tools.surfaces import Flipped, ImplicitSurface, Nearest, Offset, Reversed, Surface
+    from .tools.surfaces import Flipped, Nearest, Offset, Reversed, Surface
     from .tools.tool import Tool
     from .tools.triangulated import TriangulatedSurface
     from .verification.derivatives import check_derivatives
@@ -98,7 +99,8 @@ _HOMES = {
     "scene.supports": ("Support", "clamped_ends", "frame", "rolling_ends"),
     "tools.double_dome": ("DoubleDome",),
     "tools.primitives": ("Cylinder", "Plane", "Plate", "Sphere", "Torus"),
-    "tools.surfaces": ("Flipped", "ImplicitSurface", "Nearest", "Offset", "Reversed", "Surface"),
+    "tools.implicit": ("ImplicitSurface",),
+    "tools.surfaces": ("Flipped", "Nearest", "Offset", "Reversed", "Surface"),
     "tools.tool": ("Tool",),
     "tools.triangulated": ("TriangulatedSurface",),
     "verification.derivatives": ("check_derivatives",),

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
 from ..runtime.words import coordinates, rounded
-from .surfaces import Flipped, ImplicitSurface, Offset, Reversed, Surface
+from .implicit import ImplicitSurface
+from .surfaces import Flipped, Offset, Reversed, Surface
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..runtime.errors import InputError
 from ..runtime.rules import FROM_ZERO, POSITIVE, Rule, did_you_mean
-from .surfaces import ImplicitSurface, in_frame, tangent_vectors
+from . import dome_equation as equation
+from .implicit import ImplicitSurface
 
 WALL = Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90)
 
@@ -95,11 +96,7 @@ class DoubleDome(ImplicitSurface):
         304.0, POSITIVE, "along x, over which the top is lowered [mm]"
     )
     # what follows from them; each dome has its own, ClassVar only says that they are no fields
-    _waist_curvature: ClassVar[float]
-    _wall: ClassVar[np.ndarray]
-    _up: ClassVar[np.ndarray]
-    _top_centre: ClassVar[np.ndarray]
-    _entry_centre: ClassVar[np.ndarray]
+    _shape: ClassVar[equation.Shape]
 
     def __post_init__(self) -> None:
         right, wrong = _in_range(vars(self))
@@ -108,19 +105,25 @@ class DoubleDome(ImplicitSurface):
         c, R, w = right["dome_distance"] / 2, right["dome_radius"], right["waist"]
         angle = math.radians(right["wall_angle"])
         tangent = math.tan(math.pi / 4 - angle / 2)
-        # normal of the wall in the (d, z) plane
-        wall = np.array([math.cos(angle), math.sin(angle)])
-        top, entry = right["top_radius"], right["entry_radius"]
-        derived = {
-            "_waist_curvature": 2 * (R - w) / (c * c + w * w - R * R),
-            "_wall": wall,
-            "_up": np.array([-wall[1], wall[0]]),
-            "_top_centre": np.array(
-                [-right["depth"] * math.tan(angle) - top * tangent, right["depth"] - top]
-            ),
-            "_entry_centre": np.array([entry * tangent, entry]),
-        }
-        for name, value in (right | derived).items():
+        top, entry, depth = right["top_radius"], right["entry_radius"], right["depth"]
+        shape = equation.Shape(
+            half=c,
+            radius=R,
+            waist=w,
+            bend=2 * (R - w) / (c * c + w * w - R * R),
+            depth=depth,
+            top=top,
+            entry=entry,
+            d1=-depth * math.tan(angle) - top * tangent,
+            z1=depth - top,
+            d2=entry * tangent,
+            z2=entry,
+            m=math.cos(angle),
+            n=math.sin(angle),
+            drop=right["saddle_depth"] / depth,
+            reach=right["saddle_length"] / 2,
+        )
+        for name, value in (right | {"_shape": shape}).items():
             object.__setattr__(self, name, value)
 
     @staticmethod
@@ -171,88 +174,25 @@ class DoubleDome(ImplicitSurface):
     def roundings(self) -> tuple[float, float]:
         """Distances from the outline [mm], as `plan` gives them, between which the surface is not
         flat: where the upper rounding begins, and where the fillet ends on the flange."""
-        return float(self._top_centre[0]), float(self._entry_centre[0])
+        return self._shape.d1, self._shape.d2
 
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (n,) [mm] to the outline, its gradient (2, n), curvature (n,) [1/mm] of
         its level lines."""
-        c, w, k = self.dome_distance / 2, self.waist, self._waist_curvature
-        u, v = abs(x), abs(y)
-        arc = u * (1 + k * w) < c * (1 + k * (w - v))
-        # Written with the arcs' curvature, which may be 0, and not with their radius.
-        q = np.hypot(k * u, 1 - k * (v - w))
-        q = np.where(arc, q, 1)
-        r = np.maximum(np.hypot(u - c, v), 1e-9)
-        d = np.where(
-            arc, (2 * (v - w) - k * (u * u + (v - w) ** 2)) / (1 + q), r - self.dome_radius
-        )
-        dx = np.where(arc, -k * u / q, (u - c) / r)
-        dy = np.where(arc, (1 - k * (v - w)) / q, v / r)
-        return (
-            d,
-            np.array([np.where(x < 0, -dx, dx), np.where(y < 0, -dy, dy)]),
-            np.where(arc, -k / q, 1 / r),
-        )
+        found = equation.plans(self._shape, *np.array([x, y], dtype=float))
+        return found[0], found[1:3], found[3]
 
     def height(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """H (n,) and its first and second derivative at x (n,) [mm]; H is 1 beyond the saddle."""
-        half = self.saddle_length / 2
-        s = np.clip(x / half, -1, 1)
-        t, drop = 1 - s * s, self.saddle_depth / self.depth
-        return (
-            1 - drop * t**3,
-            6 * drop / half * s * t * t,
-            6 * drop / half**2 * t * (1 - 5 * s * s),
-        )
-
-    def _profile(self, d, z):
-        """Signed distance (n,) to the profile, its gradient (2, n) by d and z, curvature (n,) of
-        its level lines."""
-        (d1, z1), (d2, z2) = self._top_centre, self._entry_centre
-        along = d * self._up[0] + z * self._up[1]
-        upper, lower = self._top_centre @ self._up, self._entry_centre @ self._up
-        r1, r2 = np.hypot(d - d1, z - z1), np.hypot(d - d2, z - z2)
-        r1, r2 = np.maximum(r1, 1e-9), np.maximum(r2, 1e-9)
-        none = np.inf
-        parts = np.array(
-            [
-                np.where(d <= d1, z - self.depth, none),
-                np.where((d > d1) & (along > upper), r1 - self.top_radius, none),
-                np.where(
-                    (along >= lower) & (along <= upper), d * self._wall[0] + z * self._wall[1], none
-                ),
-                np.where((d < d2) & (along < lower), self.entry_radius - r2, none),
-                np.where(d >= d2, z, none),
-            ]
-        )
-        part = abs(parts).argmin(0)
-        value = np.take_along_axis(parts, part[None], 0)[0]
-        m = np.choose(part, [0.0, (d - d1) / r1, self._wall[0], (d2 - d) / r2, 0.0])
-        n = np.choose(part, [1.0, (z - z1) / r1, self._wall[1], (z2 - z) / r2, 1.0])
-        return value, np.array([m, n]), np.choose(part, [0.0, 1 / r1, 0.0, -1 / r2, 0.0])
+        return tuple(equation.heights(self._shape, np.array(x, dtype=float)))
 
     def value(self, x: np.ndarray) -> np.ndarray:
         """F (n,) [mm] at x (3, n) [mm]."""
-        return self._profile(self.plan(x[0], x[1])[0], x[2] / self.height(x[0])[0])[0]
+        return equation.value(self._shape, np.ascontiguousarray(x.T, dtype=float))
 
     def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (n,) [mm], its gradient (3, n) and Hessian (3, 3, n) [1/mm] at x (3, n) [mm]."""
-        d, plan, turn = self.plan(x[0], x[1])
-        H, H1, H2 = self.height(x[0])
-        z = x[2] / H
-        F, (m, n), bend = self._profile(d, z)
-        zx, zz, zxz = -z * H1 / H, 1 / H, -H1 / H**2
-        zxx = z * (2 * (H1 / H) ** 2 - H2 / H)
-        gradient = np.array([m * plan[0] + n * zx, m * plan[1], n * zz])
-        # along the level lines of P and of d, whose curvatures are `bend` and `turn`
-        p = np.array([-n * plan[0] + m * zx, -n * plan[1], m * zz])
-        t, turn = np.array([-plan[1], plan[0]]), m * turn
-        hessian = (bend * p)[:, None] * p
-        hessian[:2, :2] += (turn * t)[:, None] * t
-        hessian[0, 0] += n * zxx
-        hessian[0, 2] += n * zxz
-        hessian[2, 0] += n * zxz
-        return F, gradient, hessian
+        return equation.implicit(self._shape, np.ascontiguousarray(x.T, dtype=float))
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
         """As in `ImplicitSurface`."""
@@ -268,17 +208,16 @@ class DoubleDome(ImplicitSurface):
     @property
     def foot(self) -> float:
         """Distance [mm] from the outline at which the flange begins."""
-        return float(self._entry_centre[0])
+        return self._shape.d2
 
     @cached_property
     def developed(self) -> np.ndarray:
         """Arc lengths (4,) [mm] along the profile where rounding, wall, fillet and flange begin,
         from the outline inwards as in the plan on the flat top."""
         turn = math.pi / 2 - math.radians(self.wall_angle)
-        wall = (self._top_centre - self._entry_centre) @ self._up
-        return self._top_centre[0] + np.cumsum(
-            [0, self.top_radius * turn, wall, self.entry_radius * turn]
-        )
+        it = self._shape
+        wall = it.m * (it.z1 - it.z2) - it.n * (it.d1 - it.d2)
+        return it.d1 + np.cumsum([0, self.top_radius * turn, wall, self.entry_radius * turn])
 
     def lift(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Points (n, 3) [mm] on the surface from their places x, y (n,) [mm] in the developed plan.
@@ -288,25 +227,22 @@ class DoubleDome(ImplicitSurface):
         """
         s, normal, _ = self.plan(x, y)
         rounding, wall, fillet, flange = self.developed
-        (d1, z1), (d2, z2) = self._top_centre, self._entry_centre
         a, b = (s - rounding) / self.top_radius, (flange - s) / self.entry_radius
         where = [s <= rounding, s <= wall, s <= fillet, s <= flange]
-        foot = [d2, z2] - self.entry_radius * self._wall - self._up * (s - fillet)[:, None]
-        d = np.select(
-            where,
-            [s, d1 + self.top_radius * np.sin(a), foot[:, 0], d2 - self.entry_radius * np.sin(b)],
-            s - flange + d2,
-        )
-        z = np.select(
-            where,
-            [
-                self.depth,
-                z1 + self.top_radius * np.cos(a),
-                foot[:, 1],
-                z2 - self.entry_radius * np.cos(b),
-            ],
-            0.0,
-        )
+        it, down = self._shape, s - fillet
+        ds = [
+            s,
+            it.d1 + it.top * np.sin(a),
+            it.d2 - it.entry * it.m + it.n * down,
+            it.d2 - it.entry * np.sin(b),
+        ]
+        zs = [
+            self.depth,
+            it.z1 + it.top * np.cos(a),
+            it.z2 - it.entry * it.n - it.m * down,
+            it.z2 - it.entry * np.cos(b),
+        ]
+        d, z = np.select(where, ds, s - flange + it.d2), np.select(where, zs, 0.0)
         x = x + (d - s) * normal[0]
         return np.column_stack([x, y + (d - s) * normal[1], z * self.height(x)[0]])
 
@@ -315,10 +251,5 @@ class DoubleDome(ImplicitSurface):
         """As in `Surface`, from the curvature at 150 x 150 places of a quarter."""
         ends = (self.dome_distance / 2 + self.dome_radius, self.dome_radius)
         x, y = np.meshgrid(*(np.linspace(0, end + self.developed[-1], 150) for end in ends))
-        _, gradient, hessian = self.implicit(self.lift(x.ravel(), y.ravel()).T)
-        size = np.linalg.norm(gradient, axis=0)
-        k11, k22, k12 = in_frame(tangent_vectors(gradient / size), hessian) / size
-        spread = np.hypot((k11 - k22) / 2, k12)
-        return 1 / float(((k11 + k22) / 2 + spread).max()), 1 / float(
-            (spread - (k11 + k22) / 2).max()
-        )
+        bent = np.linalg.eigvalsh(self.evaluate(self.lift(x.ravel(), y.ravel())).curvature)
+        return 1 / float(bent.max()), -1 / float(bent.min())

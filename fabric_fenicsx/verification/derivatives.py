@@ -21,7 +21,8 @@ from ..mechanics.triplets import TripletPlaces
 from ..runtime.errors import InputError
 from ..runtime.rules import FINITE, POSITIVE
 from ..scene.scene import Scene
-from ..tools.surfaces import ImplicitSurface, Surface, radii_of
+from ..tools.implicit import ImplicitSurface
+from ..tools.surfaces import Surface, radii_of
 
 ALLOWED = 1e-4  # difference, over the largest of its kind
 KINKS = 0.02  # share of states or points at which a derivative may jump between both sides

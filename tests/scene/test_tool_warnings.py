@@ -12,8 +12,9 @@ from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import clamped_ends
 from fabric_fenicsx.scene.tool_warnings import cell_size_warning, tool_warnings
+from fabric_fenicsx.tools.implicit import ImplicitSurface
 from fabric_fenicsx.tools.primitives import Plane, Sphere
-from fabric_fenicsx.tools.surfaces import ImplicitSurface, Offset, Reversed
+from fabric_fenicsx.tools.surfaces import Offset, Reversed
 from fabric_fenicsx.tools.tool import Tool
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 

@@ -18,8 +18,9 @@ from fabric_fenicsx.tools.checks import (
     height,
 )
 from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.implicit import ImplicitSurface
 from fabric_fenicsx.tools.primitives import Plane, Sphere, Torus
-from fabric_fenicsx.tools.surfaces import Flipped, ImplicitSurface, Offset
+from fabric_fenicsx.tools.surfaces import Flipped, Offset
 from fabric_fenicsx.tools.tool import Tool
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 

@@ -12,10 +12,10 @@ import pytest
 import fabric_fenicsx as ff
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.implicit import ImplicitSurface
 from fabric_fenicsx.tools.primitives import Cylinder, Plane, Plate, Sphere, Torus
 from fabric_fenicsx.tools.surfaces import (
     Flipped,
-    ImplicitSurface,
     Nearest,
     Offset,
     Reversed,

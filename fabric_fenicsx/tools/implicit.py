@@ -1,0 +1,126 @@
+"""Surfaces that are known by an equation."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..runtime.errors import InputError
+from .newton_kernel import advance, search_from
+from .surfaces import Nearest, Surface
+
+# unit vectors (26, 3), one of which is less than 30 deg from any direction
+AROUND = np.stack(np.meshgrid(*3 * [[-1.0, 0.0, 1.0]]), -1).reshape(-1, 3)
+AROUND = AROUND[AROUND.any(1)] / np.linalg.norm(AROUND[AROUND.any(1)], axis=1, keepdims=True)
+
+
+class ImplicitSurface(Surface):
+    """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method on its
+    Lagrangian.
+
+    An own one gives `implicit` and `radii`; `bound`, and `value` where F alone is cheaper, save
+    time:
+
+        class Wave(ImplicitSurface):
+            radii = (25.0, 25.0)
+
+            def implicit(self, x):
+                zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25
+                gradient = np.array([-np.cos(x[0] / 5) / 5, zero, zero + 1])
+                hessian = np.array([[curve, zero, zero], [zero] * 3, [zero] * 3])
+                return x[2] - 25 * curve, gradient, hessian
+
+            def bound(self, F, x):
+                return abs(F) / 1.02  # by the gradient's largest length
+
+    Gap, normal and curvature are exact at the point found, whose distance from the surface and from
+    the foot of the normal is below 1e-11 mm. None may be found further away than `radii`, where it
+    can also be a point that is not the nearest of all. Rows are then NaN, unless F has one sign all
+    around at twice the reach: the surface is beyond it.
+    """
+
+    def value(self, x: np.ndarray) -> np.ndarray:
+        """F (n,) at x (3, n) [mm]."""
+        return self.derivatives(x)[0]
+
+    def implicit(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """F (n,), its gradient (3, n) and Hessian (3, 3, n) at x (3, n) [mm]."""
+        raise InputError(
+            f"surface {type(self).__name__} has no `implicit`; allowed is one that gives F, its "
+            "gradient and its Hessian at points (3, n)"
+        )
+
+    def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """What the distance from x (3, n) [mm], where `value` is F (n,), surely is not below, (n,)
+        [mm]. Points beyond the reach are then not projected; 0 projects all."""
+        return np.zeros_like(F)
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        """As in `Surface`."""
+        x = np.ascontiguousarray(points.T)
+        F = self._fitting("`value`", self.value(x), x.shape[1:])
+        bound = self._fitting("`bound`", self.bound(F, x), x.shape[1:])
+        found = Nearest(
+            np.copysign(bound, F),
+            np.tile([0.0, 0.0, 1.0], (len(points), 1)),
+            np.zeros((len(points), 3, 3)),
+        )
+        near = np.flatnonzero(bound <= reach)
+        # blocks that stay in the cache
+        for part in np.array_split(near, max(1, len(near) // 4096)):
+            self._project(points[part], part, found)
+        lost = near[np.isnan(found.gap[near])]
+        if len(lost) and 0 < reach < math.inf:
+            self._tell_far(x[:, lost], F[lost], lost, reach, found)
+        return found
+
+    def _tell_far(self, x, F, rows, reach, found):
+        """Put a gap beyond the reach into those `rows` of `found`, of points x (3, n) where no
+        nearest point was found, around which F does not change its sign."""
+        around = (x[:, :, None] + 2 * reach * AROUND.T[:, None]).reshape(3, -1)
+        far = (self.value(around).reshape(len(rows), -1) * F[:, None] > 0).all(1)
+        at = rows[far]
+        found.gap[at] = np.copysign(1.01 * reach, F[far])
+        found.normal[at], found.curvature[at] = (0.0, 0.0, 1.0), 0.0
+
+    def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
+        """What `implicit` gives at x (3, n); InputError if it is not what it must be."""
+        given, n = self.implicit(x), x.shape[1]
+        if not (isinstance(given, (tuple, list)) and len(given) == 3):
+            found = f"{len(given)} arrays" if isinstance(given, (tuple, list)) else "no tuple"
+            raise InputError(
+                f"`implicit` of surface {type(self).__name__} gives {found}; allowed are three: F, "
+                "its gradient and its Hessian"
+            )
+        shapes = {"F": (n,), "gradient": (3, n), "Hessian": (3, 3, n)}
+        return [self._fitting(name, each, shapes[name]) for name, each in zip(shapes, given)]
+
+    def _fitting(self, name, given, shape):
+        """`given` as an array of this shape; InputError, which calls it `name`, if it is none."""
+        try:
+            array = np.asarray(given, float)
+        except (TypeError, ValueError):
+            array = None
+        # what is the same at all points may be given once
+        if array is not None and array.shape == (*shape[:-1], 1):
+            return np.repeat(array, shape[-1], -1)
+        if array is not None and array.shape == shape:
+            return array
+        found = "no array of numbers" if array is None else f"of shape {array.shape}"
+        allowed = "(n,)" if len(shape) == 1 else f"({', '.join(map(str, shape[:-1]))}, n)"
+        raise InputError(
+            f"{name} of surface {type(self).__name__} is {found} at n = {shape[-1]} points; "
+            f"allowed is {allowed}"
+        )
+
+    def _project(self, x, rows, found):
+        """Put what belongs to the nearest points of x (n, 3) into `rows` of `found`."""
+        for target in found:
+            target[rows] = np.nan
+        search, count = search_from(x, rows), len(rows)
+        for iteration in range(101):
+            if not count:
+                return
+            here = map(np.ascontiguousarray, self.derivatives(search.trial[:count].T))
+            count = advance(search, count, iteration, *here, found)
