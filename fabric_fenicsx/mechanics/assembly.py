@@ -1,6 +1,9 @@
 """Energy, forces and stiffness of all terms, of those that are forms and of the others."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import ufl
@@ -15,7 +18,9 @@ from ..sheets.blank import Blank
 from .roles import Loaded, StoresKinds, Varied
 from .term import Term, Triplets
 from .term_checks import kinds_of
-from .triplets import TripletPlaces
+
+if TYPE_CHECKING:
+    from .triplets import TripletPlaces
 
 
 def variations(term: Term, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
@@ -114,6 +119,8 @@ class Assembly:
         self._pattern, self._extra = self._patterns(), None
         rows, cols, values = triplets(self._terms)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
+            from .triplets import TripletPlaces  # with numba, which other scenes start without
+
             names, numbers = A.getLGMap()
             self._extra = TripletPlaces(A, rows, cols)
             self._assemble(A, [])
@@ -121,6 +128,7 @@ class Assembly:
             extra = self._extra.matrix(values)
             A.axpy(1.0, extra, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
             A.setLGMap(names, numbers)
+            self._extra.take_places(A)
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return A
 
@@ -129,7 +137,7 @@ class Assembly:
         return self._comm.allreduce(self._pattern != self._patterns(), MPI.LOR)
 
     def tangent(
-        self, A: PETSc.Mat, bcs: Sequence["fem.DirichletBC"] = (), free: PETSc.Vec | None = None
+        self, A: PETSc.Mat, bcs: Sequence[fem.DirichletBC] = (), free: PETSc.Vec | None = None
     ) -> None:
         """Make A the second derivative of all energies [N/mm], with unit rows and columns where
         `bcs` hold. free: 0 at degrees of freedom that they hold, 1 at others."""
