@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...runtime.compiled import compiled
 from ...runtime.errors import InputError
 from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
 
@@ -50,24 +51,17 @@ class Coulomb:
 
     def energy(self, z: np.ndarray, limit: np.ndarray) -> np.ndarray:
         """mu P |z|^2 / 2 s up to |z| = s, mu P (|z| - s / 2) beyond, (n,) [N mm]."""
-        length = np.linalg.norm(z, axis=1)
-        beyond = np.maximum(length - self.slip, 0.0)
-        return limit * ((length - beyond) ** 2 / (2 * self.slip) + beyond)
+        return _potential(z, limit, self.slip)[0]
 
     def forces(self, z: np.ndarray, limit: np.ndarray) -> np.ndarray:
         """Forces on the points, against the slip (n, 3) [N]: minus the derivative of `energy`."""
-        return -(limit / np.maximum(np.linalg.norm(z, axis=1), self.slip))[:, None] * z
+        return _potential(z, limit, self.slip)[1]
 
     def blocks(self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The second derivative of `energy` (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         projector on the plane across `normal` (n, 3), of a sliding point less the direction of
         its slip."""
-        length = np.linalg.norm(z, axis=1)
-        blocks = np.eye(3) - normal[:, :, None] * normal[:, None]
-        slides = length > self.slip
-        along = z[slides] / length[slides, None]
-        blocks[slides] -= along[:, :, None] * along[:, None]
-        return blocks * (limit / np.maximum(length, self.slip))[:, None, None]
+        return _blocks(z, limit, normal, self.slip)
 
     def elastic(self, z: np.ndarray) -> np.ndarray:
         """The elastic part of the slip, at most s long, (n, 3) [mm]."""
@@ -87,3 +81,32 @@ def as_coulomb(
     if not law.largest:
         return None
     return law if law.lag else dataclasses.replace(law, lag=lag)
+
+
+@compiled
+def _potential(z, limit, slip):
+    """Energies (n,) and forces (n, 3)."""
+    energy, forces = np.zeros(len(z)), np.zeros_like(z)
+    for i in range(len(z)):
+        length = np.sqrt(z[i, 0] ** 2 + z[i, 1] ** 2 + z[i, 2] ** 2)
+        beyond = max(length - slip, 0.0)
+        energy[i] = limit[i] * ((length - beyond) ** 2 / (2 * slip) + beyond)
+        for k in range(3):
+            forces[i, k] = -(limit[i] / max(length, slip)) * z[i, k]
+    return energy, forces
+
+
+@compiled
+def _blocks(z, limit, normal, slip):
+    blocks = np.zeros((len(z), 3, 3))
+    for i in range(len(z)):
+        if limit[i] == 0:
+            continue
+        length = np.sqrt(z[i, 0] ** 2 + z[i, 1] ** 2 + z[i, 2] ** 2)
+        size, square = limit[i] / max(length, slip), length**2 if length > slip else np.inf
+        for j in range(3):
+            blocks[i, j, j] = size
+            for k in range(3):
+                along = normal[i, j] * normal[i, k] + z[i, j] * z[i, k] / square
+                blocks[i, j, k] -= size * along
+    return blocks

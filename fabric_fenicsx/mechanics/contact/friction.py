@@ -3,6 +3,7 @@
 import numpy as np
 from mpi4py import MPI
 
+from ...runtime.compiled import compiled
 from .coulomb import Coulomb
 
 INEXACT = 0.01  # of the friction that there can be, by which held sliding may be off
@@ -37,8 +38,8 @@ class Friction:
         """Take normal forces (n,) [N] and unit normals (n, 3) for the next step, and turn the slip
         into the new tangent planes."""
         self._limit = self._accepted_limit = self.coefficient * normal_forces
-        self._normals = normals
-        self._slip = _turned(self._slip, self._limit, normals)
+        self._normals = np.ascontiguousarray(normals)
+        self._slip = _turned(self._slip, self._limit, self._normals)
 
     @property
     def most(self) -> np.ndarray:
@@ -104,23 +105,30 @@ class Friction:
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
-        self._slip = memory["slip"]
+        self._slip = np.ascontiguousarray(memory["slip"])
         self._taken = self._accepted_energy = memory["energy"]
         self._limit = np.zeros(len(self._taken))
 
     def _slipped(self, moved):
-        return self._slip + _tangential(moved, self._normals)
+        return _slipped(self._slip, moved, self._normals)
 
 
-def _tangential(vectors, normals):
-    """The parts of vectors (n, 3) across unit normals (n, 3)."""
-    return vectors - (vectors * normals).sum(1, keepdims=True) * normals
+@compiled
+def _slipped(slip, moved, normals):
+    """Slip (n, 3) and the parts of motions `moved` (n, 3) across unit normals (n, 3), added up."""
+    found = np.empty_like(slip)
+    for i in range(len(slip)):
+        x, n = moved[i], normals[i]
+        along = x[0] * n[0] + x[1] * n[1] + x[2] * n[2]
+        for k in range(3):
+            found[i, k] = slip[i, k] + (x[k] - along * n[k])
+    return found
 
 
 def _turned(slip, limit, normals):
     """The slip turned into the planes across `normals`, as long as before; 0 where nothing
     presses."""
     length = np.linalg.norm(slip, axis=1)
-    flat = _tangential(slip, normals)
+    flat = _slipped(np.zeros_like(slip), slip, normals)
     flat *= (length / np.maximum(np.linalg.norm(flat, axis=1), 1e-300))[:, None]
     return np.where((limit > 0)[:, None], flat, 0.0)

@@ -4,21 +4,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .pressure_law import PressureLaw, chord
+from .pressure_law import PressureLaw, only
 
 ANTICIPATED = 4.0  # times the present pressure, up to which the next one is anticipated
 
 
 class Pressed(NamedTuple):
     """What a face does to n points: gap (n,) [mm] between both, below 0 where they overlap, its
-    gradient `normal` (n, 3) and Hessian `curvature` (n, 3, 3) [1/mm], pressure (n,) [MPa], forces
-    on the points (n, 3) [N], `blocks` (n, 3, 3) [N/mm] by which these fall as points move, and
-    energy (n,) [N mm]."""
+    gradient `normal` (n, 3) and Hessian `curvature` (n, 3, 3) [1/mm], depth (n,) [mm] to which the
+    raised face is pressed in, pressure (n,) [MPa] and its slope (n,) [N/mm^3], forces on the points
+    (n, 3) [N], `blocks` (n, 3, 3) [N/mm] by which these fall as points move, and energy (n,)
+    [N mm]."""
 
     gap: np.ndarray
     normal: np.ndarray
     curvature: np.ndarray
+    depth: np.ndarray
     pressure: np.ndarray
+    slope: np.ndarray
     forces: np.ndarray
     blocks: np.ndarray
     energy: np.ndarray
@@ -35,13 +38,19 @@ def press(
     """Points of `areas` (n,) [mm^2] pressed by a law at gaps (n,) [mm], with the gaps' gradients
     (n, 3) and Hessians (n, 3, 3) [1/mm]. shift: by which the face is raised, one or for each point
     (n,) [mm]; the energy is that beyond the shift's own."""
-    energy, pressure, slope = law(np.maximum(0.0, shift - gap))
+    n, depth = len(gap), np.maximum(0.0, shift - gap)
+    energy, pressure, slope = np.zeros((3, n))
+    forces, blocks = np.zeros((n, 3)), np.zeros((n, 3, 3))
+    at = np.flatnonzero(depth != 0)  # those that are not numbers among them
+    energy[at], pressure[at], slope[at] = only(law, at)(depth[at])
     if np.any(shift):
-        energy = energy - law(np.asarray(shift))[0]
-    force, energy = areas * pressure, areas * energy
-    blocks = (areas * slope)[:, None, None] * normal[:, :, None] * normal[:, None]
-    blocks -= force[:, None, None] * curvature
-    return Pressed(gap, normal, curvature, pressure, force[:, None] * normal, blocks, energy)
+        energy -= law(np.broadcast_to(shift, n))[0]
+    along, size = normal[at], areas[at]
+    force = (size * pressure[at])[:, None] * along
+    forces[at] = force
+    blocks[at] = (size * slope[at])[:, None, None] * (along[:, :, None] * along[:, None])
+    blocks[at] -= (size * pressure[at])[:, None, None] * curvature[at]
+    return Pressed(gap, normal, curvature, depth, pressure, slope, forces, blocks, areas * energy)
 
 
 def anticipate(law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.ndarray) -> Pressed:
@@ -51,8 +60,12 @@ def anticipate(law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.nd
     A point that nothing presses any more then leaves the face in one correction of Newton's method.
     With the tangent its depth is but halved, as the law starts with slope 0.
     """
-    p, normal = now.pressure, now.normal
-    balancing = np.clip(p + missing, 0.0, ANTICIPATED * p)
-    change = areas * (chord(law, p, balancing) - law(law.depth(p))[2])
-    across = change[:, None, None] * normal[:, :, None] * normal[:, None]
-    return now._replace(blocks=now.blocks + across)
+    at = np.flatnonzero(now.pressure > 0)
+    p, depth, along = now.pressure[at], now.depth[at], now.normal[at]
+    balancing = np.clip(p + missing[at], 0.0, ANTICIPATED * p)
+    changes = np.flatnonzero(abs(balancing - p) > 1e-6 * p)
+    at, along = at[changes], along[changes]
+    chord = (balancing - p)[changes] / (only(law, at).depth(balancing[changes]) - depth[changes])
+    blocks, change = now.blocks.copy(), areas[at] * (chord - now.slope[at])
+    blocks[at] += change[:, None, None] * (along[:, :, None] * along[:, None])
+    return now._replace(blocks=blocks)

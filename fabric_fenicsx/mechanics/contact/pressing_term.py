@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ...runtime.compiled import compiled
 from ...tools.tool import Tool
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Coulomb, as_coulomb
@@ -54,7 +55,7 @@ class PressingTerm(Term):
     def levers(self) -> np.ndarray:
         """By how much the sheet's face slides as each node moves: the derivative of the node's
         place less that of its arm, symmetric (nodes, 3, 3); by default 1."""
-        return np.broadcast_to(np.eye(3), (self.nodes.count, 3, 3))
+        return np.tile(np.eye(3), (self.nodes.count, 1, 1))
 
     def pressing_forces(self) -> np.ndarray:
         """Forces by which the tool presses this rank's nodes, without friction, (nodes, 3) [N]. A
@@ -90,7 +91,7 @@ class PressingTerm(Term):
         self._start = self.nodes.displacement(), self.tool.displacement.copy()
         self._offset = 0.0  # of sliding, by which it is not linear in the nodes' motion
         if self.coulomb:
-            self._arms, self._levers = self.arms(), self.levers()
+            self._arms, self._levers = self.arms(), np.ascontiguousarray(self.levers())
 
     def _moved(self):
         """How far nodes moved relative to the tool since the last accepted state (nodes, 3)."""
@@ -117,7 +118,7 @@ class PressingTerm(Term):
         """By which the forces of friction fall as nodes move (nodes, 3, 3) [N/mm]."""
         if not self.friction:
             return np.zeros((self.nodes.count, 3, 3))
-        return self._levers @ self.friction.blocks(self.slid()) @ self._levers
+        return _between(self._levers, self.friction.blocks(self.slid()))
 
     def update_friction(self) -> bool:
         """Have friction take normal forces and sliding anew if needed; whether it did."""
@@ -209,6 +210,28 @@ class PressingTerm(Term):
         return self.force() + self._friction_force
 
 
+@compiled
 def _times(matrices, vectors):
     """Products (n, 3) of matrices (n, 3, 3) and vectors (n, 3)."""
-    return (matrices @ vectors[..., None])[..., 0]
+    found = np.empty_like(vectors)
+    for i in range(len(vectors)):
+        A, x = matrices[i], vectors[i]
+        for j in range(3):
+            found[i, j] = A[j, 0] * x[0] + A[j, 1] * x[1] + A[j, 2] * x[2]
+    return found
+
+
+@compiled
+def _between(levers, blocks):
+    """Products (n, 3, 3) of levers, blocks and the same levers again."""
+    found = np.zeros_like(blocks)
+    for n in range(len(blocks)):
+        B, L = blocks[n], levers[n]
+        if not B.any():
+            continue
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    for m in range(3):
+                        found[n, i, j] += L[i, k] * B[k, m] * L[m, j]
+    return found

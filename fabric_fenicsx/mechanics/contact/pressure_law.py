@@ -1,5 +1,6 @@
 """Laws of contact: pressure over the depth to which faces overlap."""
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
@@ -89,7 +90,7 @@ class Compacted(NamedTuple):
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """As in `PressureLaw`."""
         L, n, p_0 = self
-        soft = np.minimum(e, self._soft_depth(HARD))
+        soft = np.minimum(e, _hardest(self))
         beyond = e - soft
         left = L - soft
         log = -np.log1p(-soft / L)
@@ -101,12 +102,19 @@ class Compacted(NamedTuple):
 
     def depth(self, p: np.ndarray) -> np.ndarray:
         """As in `PressureLaw`."""
-        hardest = self._soft_depth(HARD)
-        beyond = np.maximum(np.asarray(p) - HARD, 0.0) / self(np.asarray(hardest))[2]
+        beyond = np.maximum(p - HARD, 0.0)
+        if beyond.any():
+            beyond = beyond / self(np.asarray(_hardest(self)))[2]
         return self._soft_depth(np.minimum(p, HARD)) + beyond
 
     def _soft_depth(self, p):
         return -self.length * np.expm1(-log_compaction(p / self.onset) / self.exponent)
+
+
+@functools.cache
+def _hardest(law):
+    """Depth of `Compacted` under `HARD` [mm]."""
+    return float(law._soft_depth(np.asarray(HARD)))
 
 
 class InSeries(NamedTuple):
@@ -187,9 +195,6 @@ def between_faces(first: PressureLaw, second: PressureLaw) -> PressureLaw:
     return second if isinstance(first, Rigid) else first
 
 
-def chord(law: PressureLaw, p: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Slope of a law between two pressures (n,) [N/mm^3]."""
-    depths = law.depth(p), law.depth(other)
-    changes = abs(other - p) > 1e-6 * p
-    slope = law(depths[0])[2]
-    return np.where(changes, (other - p) / np.where(changes, depths[1] - depths[0], 1.0), slope)
+def only(law: PressureLaw, points: np.ndarray) -> PressureLaw:
+    """The law at these `points` (k,), by their numbers."""
+    return ByPlace(law.laws, law.which[points]) if isinstance(law, ByPlace) else law

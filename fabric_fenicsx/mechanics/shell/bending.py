@@ -1,6 +1,7 @@
 """Bending: the yarns' resistance to being curved, out of the sheet and, if wanted, within it."""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -17,6 +18,15 @@ def plate_stiffness(modulus: float, thickness: float) -> float:
     """Bending stiffness E t^3 / 12 [N mm] of a strip, per width, of `modulus` E [MPa] and
     `thickness` t [mm]."""
     return modulus * thickness**3 / 12
+
+
+class _State(NamedTuple):
+    """At a displacement U (nodes, gdim): energy [N mm] and forces on the nodes (nodes, gdim)
+    [N]."""
+
+    U: np.ndarray
+    energy: float
+    forces: np.ndarray
 
 
 class Bending(Term):
@@ -121,6 +131,7 @@ class Bending(Term):
         """Take normals from the present displacement."""
         U, dim = self._stencil.displacement(), self._dim
         self._rest, self._normal, self._turning, self._origin = self._own_curvature, None, None, U
+        self._now: _State | None = None
         P = np.broadcast_to(self.in_plane * np.eye(dim), (len(self._rest), dim, dim))
         if dim == 3:
             corners = self._cells.corners + U[self._stencil.columns[:, :3]]
@@ -147,20 +158,11 @@ class Bending(Term):
 
     def stored(self) -> float:
         """Energy of this rank's owned cells [N mm]."""
-        U = self._stencil.displacement()
-        bent = self._curvature(U) - self._rest
-        energy = 0.5 * np.vdot(bent, self._moments(bent))
-        return float(
-            energy + (0 if self._turning is None else np.vdot(self._turning, U - self._origin))
-        )
+        return self._state().energy
 
     def add_forces(self, f: np.ndarray) -> None:
         """As in `Term`."""
-        moments = self._moments(self._curvature(self._stencil.displacement()) - self._rest)
-        forces = self._transposed @ moments.reshape(-1, self._dim)
-        if self._turning is not None:
-            forces += self._turning
-        self._stencil.add_forces(forces, f)
+        self._stencil.add_forces(self._state().forces.copy(), f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
@@ -183,15 +185,28 @@ class Bending(Term):
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         return np.stack([a, np.cross(normal, a), normal], 1)
 
+    def _state(self):
+        """What is stored and borne at the present displacement, reckoned once."""
+        U = self._stencil.displacement()
+        if self._now is None or not np.array_equal(U, self._now.U):
+            bent = self._curvature(U) - self._rest
+            moments = self._moments(bent)
+            energy = 0.5 * np.vdot(bent, moments)
+            forces = self._transposed @ moments.reshape(-1, self._dim)
+            if self._turning is not None:
+                energy += np.vdot(self._turning, U - self._origin)
+                forces += self._turning
+            self._now = _State(U, float(energy), forces)
+        return self._now
+
     def _moments(self, bent):
         """Moments, conjugate to the curvatures by which cells are `bent`,
         (cells, 3, gdim) [N mm mm]."""
-        moments = self.in_plane * bent
-        if self._normal is not None:
-            out = (1 - self.in_plane) * (bent @ self._normal[:, :, None])
-            moments += out * self._normal[:, None]
-        moments *= self._weights[:, :, None]
-        return moments
+        along = self.in_plane * self._weights[:, :, None] * bent if self.in_plane else 0.0
+        if self._normal is None:
+            return along
+        out = np.einsum("cki,ci->ck", bent, self._normal) * (1 - self.in_plane) * self._weights
+        return out[:, :, None] * self._normal[:, None] + along
 
     def _curvature(self, U):
         return (self._operator @ U).reshape(-1, 3, self._dim) + self._own_curvature
