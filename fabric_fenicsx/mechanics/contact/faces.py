@@ -6,6 +6,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from ...runtime.compiled import compiled
 from ...runtime.errors import InputError
 from ...sheets.blank import Part
 from ...tools.facets import LAST, NEXT, vertex_normals
@@ -13,6 +14,7 @@ from ..shell.morley import Where
 from .face_sliding import Corners
 
 UP = np.array([0.0, 0.0, 1.0])
+ZERO = (0.0, 0.0, 0.0)
 NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
 ROWS = 2  # rows of nodes beside a free edge, over which the face becomes flat
 INSIDE = 1e-7  # of a triangle, what a point may lie beyond its edge
@@ -203,83 +205,142 @@ class Face:
         """What lies below points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
         look in first, -1 for none; ahead (n, 3): if given, triangles are passed over whose normal
         is more than 90 deg off this one."""
-        n = len(points)
-        found = Over(
-            np.full(n, -1),
-            np.zeros((n, 3)),
-            np.full(n, np.inf),
-            np.zeros((n, 3)),
-            np.zeros((n, 3, 3)),
-        )
         at = np.flatnonzero(guess >= 0)
-        self._look(points, at, guess[at], ahead, found)
-        rest = np.flatnonzero(found.triangle < 0)
+        triangle, y = np.full(len(points), -1), np.zeros((len(points), 3))
+        triangle[at], y[at] = self._seek(points, at, guess[at, None], ahead)
+        rest = np.flatnonzero(triangle < 0)
         if len(rest):
-            corners = self.places[self.triangles]
-            self._tree = self._tree or cKDTree(corners.mean(1))
-            many = min(NEIGHBOURS, len(self.triangles))
-            largest = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).max()
-            away, near = self._tree.query(
-                points[rest], many, distance_upper_bound=2 * (reach + largest)
+            triangle[rest], y[rest] = self._seek(
+                points, rest, self._near(points[rest], reach), ahead
             )
-            away, near = (each.reshape(len(rest), many) for each in (away, near))
-            # of equally near ones in their order, on any ranks
-            near = np.take_along_axis(near, np.lexsort((near, away.round(6)), axis=1), 1)
-            for column in near.T:
-                left = np.flatnonzero((column < len(corners)) & (found.triangle[rest] < 0))
-                self._look(points, rest[left], column[left], ahead, found)
+        found = Over(
+            triangle,
+            np.zeros((len(points), 3)),
+            np.full(len(points), np.inf),
+            np.zeros((len(points), 3)),
+            np.zeros((len(points), 3, 3)),
+        )
+        self._tell(np.flatnonzero(triangle >= 0), y, found)
         found.triangle[~(abs(found.gap) <= reach)] = -1
         return found
 
-    def _look(self, points, rows, triangle, ahead, found):
-        """Put into `rows` of `found` those points that lie over these triangles."""
+    def _near(self, points, reach):
+        """Numbers of the triangles near points (n, 3), the nearest first, (n, k)."""
+        corners = self.places[self.triangles]
+        self._tree = self._tree or cKDTree(corners.mean(1))
+        many = min(NEIGHBOURS, len(self.triangles))
+        largest = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).max()
+        away, near = self._tree.query(points, many, distance_upper_bound=2 * (reach + largest))
+        away, near = (each.reshape(len(points), many) for each in (away, near))
+        near[near == len(corners)] = -1
+        # of equally near ones in their order, on any ranks
+        return np.take_along_axis(near, np.lexsort((near, away.round(6)), axis=1), 1)
+
+    def _seek(self, points, rows, triangles, ahead):
+        """Of `triangles` (k, many) the first that each of `rows` (k,) of the points lies over, -1
+        for none, and where: two coordinates in it and a height, over its normal's length (k, 3)."""
+        nodes = self.triangles, self.places, self.normals
+        ahead = np.empty((0, 3)) if ahead is None else ahead[rows]
+        return _seek(points[rows], triangles, *nodes, ahead)
+
+    def _tell(self, at, y, found):
+        """Put into rows `at` (k,) of `found` what lies below those points, at places y (n, 3) of
+        their triangles."""
+        y, triangle = y[at], found.triangle[at]
         nodes = self.triangles[triangle]
         corners, normals = self.places[nodes], self.normals[nodes]
-        p, n = corners[:, 0], normals[:, 0]
-        e, m = corners[:, 1:] - p[:, None], normals[:, 1:] - n[:, None]
-        x = points[rows]
-        y = np.zeros((len(rows), 3))  # two coordinates in the triangle, and a height
-        for _ in range(ITERATIONS):
-            along = n + np.einsum("na,nai->ni", y[:, :2], m)
-            miss = p + np.einsum("na,nai->ni", y[:, :2], e) + y[:, 2:] * along - x
-            slopes = np.concatenate([e + y[:, 2:, None] * m, along[:, None]], 1)
-            with np.errstate(all="ignore"):
-                inverse = _inverse(slopes)
-                change = -np.einsum("ni,nia->na", miss, inverse)
-            y = np.nan_to_num(np.clip(y + change, -1e3, 1e3))
-            if abs(change[np.isfinite(change).all(1)]).max(initial=0) < 1e-13:
-                break
+        e, m = corners[:, 1:] - corners[:, :1], normals[:, 1:] - normals[:, :1]
+        along = normals[:, 0] + np.einsum("na,nai->ni", y[:, :2], m)
+        inverse = _inverse(np.concatenate([e + y[:, 2:, None] * m, along[:, None]], 1))
         weights = np.column_stack([1 - y[:, 0] - y[:, 1], y[:, 0], y[:, 1]])
-        settled = np.isfinite(change).all(1) & (abs(change).max(1, initial=0) < 1e-9)
-        fits = settled & (weights.min(1, initial=0) >= -INSIDE)
-        if ahead is not None:
-            fits &= (along * ahead[rows]).sum(1) > 0
-        fits = np.flatnonzero(fits)
-        rows, y, weights, along = rows[fits], y[fits], weights[fits], along[fits]
-        m = m[fits]
-        length = np.linalg.norm(along, axis=1)
+        length = np.sqrt(np.einsum("ni,ni->n", along, along))
         unit = along / length[:, None]
         products = weights[:, NEXT] * weights[:, LAST]
-        edges = self._edges[triangle[fits]]
-        edges = self._bulge[edges]
-        bulge = np.einsum("nc,nci->ni", products, edges)
-        inverse, height = inverse[fits], y[:, 2:]
+        edges = self._bulge[self._edges[triangle]]
+        bulge, height = np.einsum("nc,nci->ni", products, edges), y[:, 2:]
         # how the unit normal changes as the point moves
-        flat = np.eye(3) - unit[:, :, None] * unit[:, None]
-        turns = m @ flat / length[:, None, None]  # along both coordinates
-        turn = flat @ np.einsum("nia,naj->nij", inverse[:, :, :2], turns)
+        m_along = np.einsum("nai,ni->na", m, unit)
+        turns = m - m_along[:, :, None] * unit[:, None]  # along both coordinates
+        turns /= length[:, None, None]
+        turn = np.einsum("nia,naj->nij", inverse[:, :, :2], turns)
+        turn -= unit[:, :, None] * np.einsum("ni,nij->nj", unit, turn)[:, None]
         steep = weights[:, NEXT, None] * edges[:, LAST] + weights[:, LAST, None] * edges[:, NEXT]
-        rise = height * np.einsum("nai,ni->na", m, unit)
+        rise = height * m_along
         rise -= np.einsum("nai,ni->na", steep[:, 1:] - steep[:, :1], unit)
         rise -= np.einsum("nai,ni->na", turns, bulge)
-        slope = length[:, None] * inverse[:, :, 2] + np.einsum(
-            "nia,na->ni", inverse[:, :, :2], rise
-        )
-        found.triangle[rows] = triangle[fits]
-        found.weights[rows] = weights
-        found.gap[rows] = y[:, 2] * length - (bulge * unit).sum(1)
-        found.normal[rows] = slope
-        found.curvature[rows] = (turn + turn.swapaxes(1, 2)) / 2
+        slope = length[:, None] * inverse[:, :, 2]
+        slope += np.einsum("nia,na->ni", inverse[:, :, :2], rise)
+        found.weights[at] = weights
+        found.gap[at] = y[:, 2] * length - np.einsum("ni,ni->n", bulge, unit)
+        found.normal[at] = slope
+        found.curvature[at] = (turn + turn.swapaxes(1, 2)) / 2
+
+
+@compiled
+def _seek(points, candidates, triangles, places, normals, ahead):
+    found, y = np.full(len(points), -1), np.zeros((len(points), 3))
+    for i in range(len(points)):
+        x = points[i, 0], points[i, 1], points[i, 2]
+        for c in candidates[i]:
+            if c < 0:
+                continue
+            settled, a, b, height, along = _place_below(x, triangles[c], places, normals)
+            fits = settled and min(1 - a - b, a, b) >= -INSIDE
+            if fits and (len(ahead) == 0 or _dot(along, ahead[i]) > 0):
+                found[i] = c
+                y[i] = a, b, height
+                break
+    return found, y
+
+
+@compiled
+def _place_below(x, nodes, places, normals):
+    """Whether Newton's method settles on a place in a triangle below x, its two coordinates there,
+    its height over the normal's length, and that normal."""
+    p, q, r = nodes
+    e, f = _less(places[q], places[p]), _less(places[r], places[p])
+    n, m, k = _less(normals[p], ZERO), _less(normals[q], normals[p]), _less(normals[r], normals[p])
+    off = _less(places[p], x)
+    a, b, height, step = 0.0, 0.0, 0.0, np.inf
+    along = n
+    for _ in range(ITERATIONS):
+        along = _more(_more(n, a, m), b, k)
+        miss = _more(_more(_more(off, a, e), b, f), height, along)
+        on_e, on_f = _more(e, height, m), _more(f, height, k)
+        across = _crossed(on_f, along)
+        size = -_dot(on_e, across)
+        d_a, d_b = _dot(miss, across) / size, _dot(miss, _crossed(along, on_e)) / size
+        d_height = _dot(miss, _crossed(on_e, on_f)) / size
+        step = abs(d_a) + abs(d_b) + abs(d_height)
+        a, b, height = _bounded(a + d_a), _bounded(b + d_b), _bounded(height + d_height)
+        if not step >= 1e-13:
+            break
+    return step < 1e-9, a, b, height, along
+
+
+@compiled
+def _bounded(y):
+    return min(max(y, -1e3), 1e3)
+
+
+@compiled
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def _less(a, b):
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@compiled
+def _more(a, factor, b):
+    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
+
+
+@compiled
+def _crossed(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _inverse(slopes):
