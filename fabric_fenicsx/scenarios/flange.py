@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -10,9 +11,9 @@ from ..tools.tool import Tool
 RINGS = 2.0, 4.0, 6.0  # mm about a place, in which the die must be flat for it to be held
 # directions of the points on a ring
 AROUND = [k * math.pi / 4 for k in range(8)]
-TILE = 4.0  # mm, edge of the squares of the plane whose places are judged together
-ROOM = 0.5  # mm by which the points that judge them reach beyond the rings
-SIDE = 9  # points along each side of the square around a tile
+# mm: edges of the squares whose places, or whose points on rings, are judged together, and how far
+# apart the points that judge them are
+PLACES, POINTS = (4.0, 2.0), (1.0, 0.5)
 
 
 class Flange:
@@ -21,44 +22,96 @@ class Flange:
     holder [mm].
 
     The share counts on how many points of the rings the die is flat. It depends on x and y alone,
-    and only near the flange's end are the rings looked at: the plane is cut into tiles, and where
-    a grid of points around a tile, every 2 mm out to the rings of all of its places, is flat all
-    over or nowhere, so are the rings. Each tile is judged once, when a place lies in it, and anew
-    if the die has moved.
+    and only near the flange's end is the die asked. Where it is flat all over the surroundings of a
+    tile of the plane, or nowhere, the rings of all places in it are known; and so are the points of
+    rings that lie in smaller tiles which the flange's end does not cross. Each tile is judged once,
+    by points 2 mm, or 0.5 mm, apart: parts of the flange that are smaller may be missed.
     """
 
     def __init__(self, die: Tool, thickness: float) -> None:
         self.die, self.thickness = die, thickness
-        self._tiles: dict[complex, float] = {}  # share in a tile, NaN if its places differ
-        self._seen = die.displacement
         self._ring = np.array(
             [(r * math.cos(a), r * math.sin(a)) for r, a in itertools.product(RINGS, AROUND)]
         )
-        side = np.linspace(-1, 1, SIDE) * (TILE / 2 + RINGS[-1] + ROOM)
-        self._grid = np.array(list(itertools.product(side, side)))
+        self._judge_anew()
+
+    def _judge_anew(self):
+        self._seen = self.die.displacement
+        # a step more than to the rings' ends, as the flange's end may be curved
+        self._places = Tiles(self._flat, *PLACES, beyond=math.ceil(RINGS[-1] / PLACES[1]) + 1)
+        self._points = Tiles(self._flat, *POINTS)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The share (n,) of places x (3, n) [mm]."""
         if not np.array_equal(self.die.displacement, self._seen):
-            self._tiles, self._seen = {}, self.die.displacement
+            self._judge_anew()
         finite = np.isfinite(x[:2]).all(0)
         places = np.where(finite, x[:2], 0.0).T
-        tiles = (np.floor(places / TILE) @ [1, 1j]).tolist()
-        new = np.array([*{*tiles} - self._tiles.keys()], complex)
-        middles = TILE * (np.column_stack([new.real, new.imag]) + 0.5)
-        flat = self._flat(middles, self._grid).mean(1)
-        self._tiles |= zip(new.tolist(), np.where((flat == 0) | (flat == 1), flat, np.nan))
-        share = np.array([self._tiles[each] for each in tiles])
+        share = self._places(places)
         near = np.isnan(share)
-        share[near] = np.clip(2 * self._flat(places[near], self._ring).mean(1) - 1, 0, 1)
+        points = (places[near, None] + self._ring).reshape(-1, 2)
+        flat = self._points(points)
+        unknown = np.isnan(flat)
+        flat[unknown] = self._flat(points[unknown])
+        share[near] = np.clip(2 * flat.reshape(-1, len(self._ring)).mean(1) - 1, 0, 1)
         return np.where(finite, share, 0.0)
 
-    def _flat(self, places, around):
-        """Whether the die is flat at the points `around` (k, 2) each of the places (n, 2),
-        (n, k)."""
-        at = np.zeros((len(places), len(around), 3))
-        at[:, :, :2] = places[:, None] + around
-        gap, normal, _ = self.die.evaluate(at.reshape(-1, 3), reach=self.thickness)
-        t = self.thickness
-        flat = (abs(gap - t / 2) < 1e-3 * t) & (normal[:, 2] < -0.999)
-        return flat.reshape(at.shape[:2])
+    def _flat(self, points):
+        """1 where the die is flat at points (n, 2), 0 elsewhere, (n,)."""
+        t, at = self.thickness, np.column_stack([points, np.zeros(len(points))])
+        gap, normal, _ = self.die.evaluate(at, reach=t)
+        return ((abs(gap - t / 2) < 1e-3 * t) & (normal[:, 2] < -0.999)).astype(float)
+
+
+class Tiles:
+    """Function of places (n, 2) to what `judged`, a function of points (k, 2) to 0 or 1, (k,), is
+    all around the square tile of this `edge` that each lies in, (n,): NaN where it is both.
+
+    Each tile is judged once, by the points of a lattice, two or more to an edge, that lie in it or
+    up to `beyond` of them beside it; spacing: of the lattice; [mm].
+    """
+
+    def __init__(
+        self,
+        judged: Callable[[np.ndarray], np.ndarray],
+        edge: float,
+        spacing: float,
+        beyond: int = 0,
+    ) -> None:
+        self._judged, self._edge, self._spacing = judged, edge, spacing
+        self._tiles, self._lattice = Known(self._all_around), Known(self._at)
+        self._count = round(edge / spacing)
+        steps = np.arange(-beyond, self._count + beyond + 1)
+        self._grid = np.add.outer(steps, 1j * steps).ravel()
+
+    def __call__(self, places: np.ndarray) -> np.ndarray:
+        """As the class says."""
+        return self._tiles(np.floor(places / self._edge) @ [1, 1j])
+
+    def _all_around(self, tiles):
+        points = np.add.outer(self._count * tiles, self._grid)
+        found = self._lattice(points.ravel()).reshape(points.shape).mean(1)
+        return np.where((found == 0) | (found == 1), found, np.nan)
+
+    def _at(self, points):
+        return self._judged(self._spacing * np.column_stack([points.real, points.imag]))
+
+
+class Known:
+    """Function of numbers (n,) to what `found`, a function of different ones, gives for each, (n,);
+    it is asked once for a number."""
+
+    def __init__(self, found: Callable[[np.ndarray], np.ndarray]) -> None:
+        self._found = found
+        self._numbers, self._values = np.array([complex(np.inf)]), np.array([np.nan])
+
+    def __call__(self, numbers: np.ndarray) -> np.ndarray:
+        """As the class says."""
+        at = self._numbers.searchsorted(numbers)
+        new = np.unique(numbers[self._numbers[at] != numbers])
+        if len(new):
+            place = self._numbers.searchsorted(new)
+            self._values = np.insert(self._values, place, self._found(new))
+            self._numbers = np.insert(self._numbers, place, new)
+            at = self._numbers.searchsorted(numbers)
+        return self._values[at]
