@@ -35,7 +35,7 @@ def triplets(terms: Iterable[Term]) -> Triplets:
     """Rows, columns and values (k,) of the tangents of all terms that are no forms."""
     found = [[np.asarray(part) for part in term.tangent()] for term in terms]
     rows, cols, values = (np.concatenate(part) for part in zip(*found))
-    return rows.astype(np.int64), cols.astype(np.int64), values
+    return rows, cols, values
 
 
 class Assembly:

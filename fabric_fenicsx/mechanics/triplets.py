@@ -3,8 +3,8 @@
 import ctypes
 
 import numpy as np
-from mpi4py import MPI
 from petsc4py import PETSc
+from scipy import sparse
 
 from ..runtime.compiled import compiled
 from ..runtime.errors import InputError
@@ -18,100 +18,73 @@ class TripletPlaces:
     are summed. The rows may be those of other ranks. All ranks make and use it together."""
 
     def __init__(self, A: PETSc.Mat, rows: np.ndarray, cols: np.ndarray) -> None:
-        self._sizes, self._comm, size = A.getSizes(), A.comm, A.size[0]
-        keys, entry = np.unique(rows.astype(np.int64) * size + cols, return_inverse=True)
-        self._keys, self._entry = keys, entry.astype(np.int32)
-        # places of the triplets among a matrix' entries on this rank, all and without held ones
+        self._sizes, self._comm = A.getSizes(), A.comm
+        self._rows, self._cols = (each.astype(PETSc.IntType) for each in (rows, cols))
+        # where triplets are among a matrix' entries on this rank, and those in rows of other ranks:
+        # of all, and of those in free rows and columns
         self._places: list[np.ndarray] = []
-        self._foreign: _Entries | None = None  # in rows of other ranks
+        self._foreign: list[np.ndarray] = []
 
     def matrix(self, values: np.ndarray) -> PETSc.Mat:
         """A matrix of nothing but the triplets with these values (k,)."""
-        local, every = self._sizes[0][0], _Entries(self._keys, self._sizes[0][1])
+        local = self._sizes[0][0]
+        longest = np.bincount(self._rows).max(initial=0)
         # as ranks add to others' rows
-        room = np.full(local, every.longest_row(), dtype=PETSc.IntType)
+        room = np.full(local, longest, dtype=PETSc.IntType)
         made = PETSc.Mat().create(self._comm)
         made.setSizes(self._sizes)
         made.setType("aij")
         made.setPreallocationNNZ((np.minimum(room, local), room))
         made.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        every.add(made, np.bincount(self._entry, values, len(self._keys)))
+        self._insert(made, slice(None), values)
         made.assemble()
         return made
+
+    def take_places(self, A: PETSc.Mat) -> None:
+        """Find the triplets among the entries of A, assembled, of type aij, with one for each."""
+        first, end = A.getOwnershipRange()
+        starts, cols, _ = A.getValuesCSR()
+        own = (cols >= first) & (cols < end)
+        self._counts = own.sum(), (~own).sum()
+        place = np.where(own, own.cumsum() - 1, own.sum() + (~own).cumsum() - 1).astype(np.int32)
+        self._places = [_find(starts, cols, place, first, self._rows, self._cols)]
+        self._foreign = [np.flatnonzero((self._rows < first) | (self._rows >= end))]
 
     def add(self, A: PETSc.Mat, values: np.ndarray, free: PETSc.Vec | None = None) -> None:
         """Add triplets with these values (k,) to A, of which `take_places` was told, and which is
         to be assembled then. free: 0 at rows and columns that take none, 1 at others; the same at
         each call. InputError for another number of values."""
-        if len(values) != len(self._entry):
+        if len(values) != len(self._rows):
             raise InputError(
                 "`tangent` of a term gives other places than before; allowed are always the same, "
                 "unless `pattern` counts up (`check_derivatives` of such a `size` tells which)"
             )
         if free is not None and not self._places[1:]:
-            self._places.append(self._without_held(free))
+            self._leave_out_held(free)
+        which = int(free is not None)
         values = np.ascontiguousarray(values, dtype=float)  # whole numbers of terms without any
         with _OwnEntries(A, self._counts) as (own, others):
-            _add(own, others, self._places[free is not None], values)
-        if self._foreign is not None:
-            summed = np.bincount(self._entry, values, len(self._keys))
-            self._foreign.add(A, summed, free)
+            _add(own, others, self._places[which], values)
+        if len(some := self._foreign[which]):
+            self._insert(A, some, values[some])
 
-    def take_places(self, A: PETSc.Mat) -> None:
-        """Find the triplets among the entries of A, assembled, of type aij, with one for each."""
-        size, (first, end) = A.size[0], A.getOwnershipRange()
-        starts, cols, _ = A.getValuesCSR()
-        here = np.repeat(np.arange(first, end), np.diff(starts)) * size + cols
-        low, high = np.searchsorted(self._keys, (first * size, end * size))
-        own = (cols >= first) & (cols < end)
-        self._counts = own.sum(), (~own).sum()
-        place = np.where(own, own.cumsum() - 1, own.sum() + (~own).cumsum() - 1)
-        places = np.full(len(self._keys), NOWHERE)
-        places[low:high] = place[np.searchsorted(here, self._keys[low:high])]
-        if self._comm.tompi4py().allreduce(high - low < len(self._keys), MPI.LOR):
-            foreign = np.append(np.arange(low), np.arange(high, len(self._keys)))
-            self._foreign = _Entries(self._keys, size, foreign)
-        self._places = [places[self._entry].astype(np.int32)]
+    def _leave_out_held(self, free):
+        everywhere = np.concatenate(self._comm.tompi4py().allgather(free.array > 0))
+        counts = everywhere[self._rows] & everywhere[self._cols]
+        self._places.append(np.where(counts, self._places[0], np.int32(NOWHERE)))
+        self._foreign.append(self._foreign[0][counts[self._foreign[0]]])
 
-    def _without_held(self, free):
-        every = _Entries(self._keys, self._sizes[0][1])
-        return np.where(every.free(free)[self._entry] > 0, self._places[0], np.int32(NOWHERE))
-
-
-class _Entries:
-    """Entries of a matrix of `size` rows, by sorted keys row * size + column: all or `some`."""
-
-    def __init__(self, keys: np.ndarray, size: int, some: np.ndarray | slice = slice(None)) -> None:
-        self._row, self._col = np.divmod(keys[some], size)
-        self._some = some
-        rows, counts = np.unique(self._row, return_counts=True)
-        parts = rows, np.append(0, counts.cumsum()), self._col
-        self._csr = [part.astype(PETSc.IntType) for part in parts]
-        self._free: np.ndarray | None = None
-
-    def longest_row(self) -> int:
-        """Entries in it."""
-        return int(np.diff(self._csr[1]).max(initial=0))
-
-    def add(self, A: PETSc.Mat, values: np.ndarray, free: PETSc.Vec | None = None) -> None:
-        """Add those of the `values` of all entries to A, as PETSc does: slowly, in any rank's
-        rows."""
-        rows, starts, cols = self._csr
-        given = values[self._some]
-        if free is not None:
-            if self._free is None:
-                self._free = self.free(free)
-            given = given * self._free
-        A.setValuesIJV(starts, cols, given, addv=PETSc.InsertMode.ADD, rowmap=rows)
-
-    def free(self, free: PETSc.Vec) -> np.ndarray:
-        """Product of `free` at the row and at the column of each entry. All ranks call it."""
-        used, place = np.unique(np.append(self._row, self._col), return_inverse=True)
-        here = PETSc.Vec().createSeq(len(used), comm=MPI.COMM_SELF)
-        wanted = PETSc.IS().createGeneral(used.astype(PETSc.IntType), comm=MPI.COMM_SELF)
-        PETSc.Scatter().create(free, wanted, here, None).scatter(free, here)
-        row, col = here.array[place].reshape(2, -1)
-        return row * col
+    def _insert(self, A, some, values):
+        """Add `some` triplets with these values to A as PETSc does: in any rank's rows, slowly."""
+        size = self._sizes[0][1]
+        places = self._rows[some], self._cols[some]
+        summed = sparse.coo_matrix((values, places), (size, size)).tocsr()
+        rows = np.flatnonzero(np.diff(summed.indptr))
+        rows, starts, cols = (
+            each.astype(PETSc.IntType)
+            for each in (rows, np.append(summed.indptr[rows], summed.nnz), summed.indices)
+        )
+        A.setValuesIJV(starts, cols, summed.data, addv=PETSc.InsertMode.ADD, rowmap=rows)
 
 
 class _OwnEntries:
@@ -154,3 +127,23 @@ def _add(own, others, places, values):
             others[place - len(own)] += value
         elif place >= 0:
             own[place] += value
+
+
+@compiled
+def _find(starts, cols, place, first, rows, wanted):
+    """Of entries at global `rows` and columns `wanted` (k,) their `place`, `NOWHERE` in rows of
+    others. starts, cols: of this rank's rows, which begin with the `first`."""
+    places = np.full(len(rows), NOWHERE, dtype=place.dtype)
+    for k in range(len(rows)):
+        row = rows[k] - first
+        if row < 0 or row >= len(starts) - 1:
+            continue
+        low, high = starts[row], starts[row + 1] - 1
+        while low < high:
+            middle = (low + high) // 2
+            if cols[middle] < wanted[k]:
+                low = middle + 1
+            else:
+                high = middle
+        places[k] = place[low]
+    return places

@@ -3,12 +3,12 @@
 from typing import NamedTuple
 
 import numpy as np
-from petsc4py import PETSc
-from scipy import sparse
 
+from ...runtime.compiled import compiled
 from ...sheets.blank import Blank
 from ...tools.facets import LAST, NEXT
 from ..gathered import GatheredNodes
+from .coupled import Coupled
 
 
 class Corners(NamedTuple):
@@ -39,63 +39,28 @@ class FaceSliding:
         self._gathered = GatheredNodes(blank, self._known)
         self._levers = np.concatenate([_levers(over, normals), -_levers(below, normals)], 2)
         self._start = self._gathered.displacement()
-        self._sums: sparse.csr_matrix | None = None
+        self._coupled: Coupled | None = None
 
     def slid(self) -> np.ndarray:
         """Since it was made, (n, 3) [mm]."""
-        moved = (self._gathered.displacement() - self._start)[self._nodes]
-        return (self._levers @ moved.reshape(*self._levers.shape[::2], 1))[..., 0]
+        return _slid(self._levers, self._nodes, self._gathered.displacement() - self._start)
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
         """Add to f, of this rank's degrees of freedom [N], forces (n, 3) [N] on the faces of the
         points, and their reactions, as forces on the nodes."""
-        each = (self._levers.swapaxes(1, 2) @ forces[..., None]).reshape(-1, 3)
-        at, k = self._nodes.ravel(), len(self._known)
-        total = [np.bincount(at, each[:, axis], k) for axis in range(3)]
-        self._gathered.add(np.column_stack(total), f)
+        self._gathered.add(_borne(self._levers, self._nodes, forces, len(self._known)), f)
+
+    @property
+    def coupled(self) -> Coupled:
+        """The nodes that the points couple; not found before a stiffness is asked for."""
+        if self._coupled is None:
+            self._coupled = Coupled(self._nodes, self._known)
+        return self._coupled
 
     def values(self, blocks: np.ndarray) -> np.ndarray:
-        """Stiffness (m,) [N/mm] at `rows` and `cols`. blocks (n, 3, 3): by how much the force on
-        each point's face grows as it slides."""
-        self._take_places()
-        assert self._sums is not None
-        at = np.flatnonzero(blocks.any((1, 2)))
-        levers = self._levers[at]
-        stiffness = levers.swapaxes(1, 2) @ blocks[at] @ levers
-        m = self._nodes.shape[1]
-        pairs = stiffness.reshape(-1, m, 3, m, 3).swapaxes(2, 3).reshape(-1, 9)
-        columns = (at[:, None] * m * m + np.arange(m * m)).ravel()
-        return (self._sums[:, columns] @ pairs).ravel()
-
-    @property
-    def rows(self) -> np.ndarray:
-        """Global degrees of freedom (m,) of the rows of `values`."""
-        self._take_places()
-        return self._rows
-
-    @property
-    def cols(self) -> np.ndarray:
-        """Global degrees of freedom (m,) of the columns of `values`."""
-        self._take_places()
-        return self._cols
-
-    def _take_places(self):
-        """Which pairs of nodes each point couples; not before a stiffness is asked for."""
-        if self._sums is not None:
-            return
-        known, nodes = self._known, self._nodes.astype(np.int64)
-        keys = (nodes[:, :, None] * len(known) + nodes[:, None]).ravel()
-        keys, place = np.unique(keys, return_inverse=True)
-        here = np.arange(len(place))
-        shape = len(keys), len(place)
-        self._sums = sparse.csc_matrix((np.ones(len(place)), (place, here)), shape)
-        i, j = np.divmod(keys, max(len(known), 1))
-        axis = np.arange(3)
-        rows = (known[i] * 3)[:, None, None] + axis[:, None]
-        cols = (known[j] * 3)[:, None, None] + axis
-        self._rows, self._cols = (
-            each.astype(PETSc.IntType).ravel() for each in np.broadcast_arrays(rows, cols)
-        )
+        """Stiffness (m,) [N/mm] at the rows and columns of `coupled`. blocks (n, 3, 3): by how much
+        the force on each point's face grows as it slides."""
+        return self.coupled.levered(self._levers, blocks)
 
 
 def _levers(corners, normals):
@@ -107,3 +72,25 @@ def _levers(corners, normals):
     moves = corners.weights[:, None, :, None] * np.eye(3)[:, None]  # (n, 3, corners, 3)
     turns = slopes.swapaxes(1, 2)[..., None] * normals[:, None, None]
     return (moves - corners.arm[:, None, None, None] * turns).reshape(len(x), 3, 9)
+
+
+@compiled
+def _slid(levers, nodes, moved):
+    """Sums (n, 3) of levers times what the nodes `moved` (k, 3)."""
+    found = np.zeros((len(levers), 3))
+    for n in range(len(levers)):
+        for j in range(levers.shape[2]):
+            for a in range(3):
+                found[n, a] += levers[n, a, j] * moved[nodes[n, j // 3], j % 3]
+    return found
+
+
+@compiled
+def _borne(levers, nodes, forces, count):
+    """Forces on nodes (count, 3) of forces (n, 3) on the faces."""
+    found = np.zeros((count, 3))
+    for n in range(len(levers)):
+        for j in range(levers.shape[2]):
+            for a in range(3):
+                found[nodes[n, j // 3], j % 3] += levers[n, a, j] * forces[n, a]
+    return found

@@ -244,11 +244,13 @@ class SheetContact(Term):
     def tangent(self) -> Triplets:
         """As in `Term`."""
         pairs = self._held.now.pairs
-        pressed = pairs.rows, pairs.cols, pairs.values(self._pressed().blocks)
+        places, values = pairs.coupled, pairs.values(self._pressed().blocks)
+        pressed = places.rows, places.cols, values
         if not self.friction:
             return pressed
         blocks = self.friction.blocks(self._slid())[self._held.accepted.points]
-        rubbed = self._sliding.rows, self._sliding.cols, self._sliding.values(blocks)
+        places = self._sliding.coupled
+        rubbed = places.rows, places.cols, self._sliding.values(blocks)
         rows, cols, values = (np.concatenate(both) for both in zip(pressed, rubbed))
         return rows, cols, values
 

@@ -1,0 +1,72 @@
+"""Which nodes are coupled by points that touch, and how stiffly."""
+
+import numpy as np
+from petsc4py import PETSc
+
+from ...runtime.compiled import compiled
+
+
+class Coupled:
+    """Pairs of nodes that n points couple, each all of its k `nodes` (n, k). These are places in
+    `known`, global numbers.
+
+    rows, cols (m,): global degrees of freedom of the pairs' 3 x 3 blocks
+    """
+
+    def __init__(self, nodes: np.ndarray, known: np.ndarray) -> None:
+        nodes = nodes.astype(np.int64)
+        keys, self._places = np.unique(
+            nodes[:, :, None] * len(known) + nodes[:, None], return_inverse=True
+        )
+        self._places = self._places.reshape(*nodes.shape, nodes.shape[1]).astype(np.int32)
+        self._count = len(keys)
+        i, j = np.divmod(keys, max(len(known), 1))
+        axis = np.arange(3)
+        rows = (known[i] * 3)[:, None, None] + axis[:, None]
+        cols = (known[j] * 3)[:, None, None] + axis
+        self.rows, self.cols = (
+            each.astype(PETSc.IntType).ravel() for each in np.broadcast_arrays(rows, cols)
+        )
+
+    def weighed(self, weights: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """Stiffness (m,) [N/mm] at `rows` and `cols` of points that move as `weights` (n, k) times
+        their nodes. blocks (n, 3, 3): by how much the force on each grows as it moves."""
+        return _weighed(weights, blocks, self._places, self._count).ravel()
+
+    def levered(self, levers: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """As `weighed`, of points that move as matrices (n, 3, 3 k) times their nodes."""
+        return _levered(levers, blocks, self._places, self._count).ravel()
+
+
+@compiled
+def _weighed(weights, blocks, places, count):
+    """Sums (count, 9) of weight times block times weight."""
+    values = np.zeros((count, 9))
+    for n in range(len(weights)):
+        block = blocks[n].ravel()
+        if not block.any():
+            continue
+        for i in range(weights.shape[1]):
+            for j in range(weights.shape[1]):
+                share, value = weights[n, i] * weights[n, j], values[places[n, i, j]]
+                for m in range(9):
+                    value[m] += share * block[m]
+    return values
+
+
+@compiled
+def _levered(levers, blocks, places, count):
+    """Sums (count, 3, 3) of transposed lever times block times lever."""
+    values, pulled = np.zeros((count, 3, 3)), np.empty(levers.shape[1:])
+    for n in range(len(levers)):
+        L, B = levers[n], blocks[n]
+        if not B.any():
+            continue
+        for a in range(3):
+            for j in range(L.shape[1]):
+                pulled[a, j] = B[a, 0] * L[0, j] + B[a, 1] * L[1, j] + B[a, 2] * L[2, j]
+        for i in range(L.shape[1]):
+            for j in range(L.shape[1]):
+                value = L[0, i] * pulled[0, j] + L[1, i] * pulled[1, j] + L[2, i] * pulled[2, j]
+                values[places[n, i // 3, j // 3], i % 3, j % 3] += value
+    return values
