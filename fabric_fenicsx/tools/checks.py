@@ -107,7 +107,7 @@ def check_punch(
     off = np.where(
         abs(found.normal[:, 2]) > 0.99, abs(found.gap), np.maximum(abs(found.gap), thickness)
     )
-    worst = int(off.argmax())
+    worst = int((off > (1 - 1e-9) * off.max()).argmax())  # the first, also of mirror images
     if off[worst] > FLANGE * thickness:
         raise InputError(
             f"{name} has no flange in z = 0 under the ply's edge at "

@@ -7,6 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.spatial import cKDTree
 
+from ..runtime.compiled import compiled
 from .curved_triangles import CurvedTriangles, row_dots
 
 ROOM = 0.2  # distance for which candidates are kept, over a usual triangle's size
@@ -238,24 +239,40 @@ class ClosestTriangles:
     def _on_triangle(self, points, triangle):
         """Barycentric coordinates (n, 3) of the closest points on one triangle each, and the
         squared distances (n,)."""
-        weights = (
-            np.einsum("nci,ni->nc", self._slopes[triangle], points - self.surface.middles[triangle])
-            + 1 / 3
-        )
-        corners = self.surface.corners[triangle]
-        outside = np.flatnonzero((weights[:, 0] < 0) | (weights[:, 1] < 0) | (weights[:, 2] < 0))
-        if len(outside):
-            p, c = points[outside], corners[outside]
-            least = np.full(len(outside), np.inf)
-            for i, j in ((0, 1), (1, 2), (2, 0)):
-                edge, arm = c[:, j] - c[:, i], p - c[:, i]
-                s = np.einsum("ni,ni->n", arm, edge) / np.einsum("ni,ni->n", edge, edge)
-                s = np.minimum(np.maximum(s, 0), 1)
-                arm -= s[:, None] * edge
-                square = np.einsum("ni,ni->n", arm, arm)
-                closer = np.flatnonzero(square < least)
-                least[closer] = square[closer]
-                at = outside[closer]
-                weights[at], weights[at, i], weights[at, j] = 0, 1 - s[closer], s[closer]
-        arm = points - np.einsum("nc,nci->ni", weights, corners)
-        return weights, np.einsum("ni,ni->n", arm, arm)
+        weights, square = np.empty((len(points), 3)), np.empty(len(points))
+        surface = self.surface
+        _close_in(points, triangle, self._slopes, surface.middles, surface.corners, weights, square)
+        return weights, square
+
+
+@compiled
+def _close_in(points, triangle, slopes, middles, corners, weights, square):
+    """Put what `_on_triangle` gives into weights and square."""
+    for n in range(len(points)):
+        x, t = points[n], triangle[n]
+        corner, b = corners[t], weights[n]
+        for c in range(3):
+            b[c] = 1 / 3
+            for i in range(3):
+                b[c] += slopes[t, c, i] * (x[i] - middles[t, i])
+        if b[0] < 0 or b[1] < 0 or b[2] < 0:
+            least = math.inf
+            for start in range(3):
+                end = (start + 1) % 3
+                along, length = 0.0, 0.0
+                for i in range(3):
+                    edge = corner[end, i] - corner[start, i]
+                    along += (x[i] - corner[start, i]) * edge
+                    length += edge * edge
+                s = min(max(along / length, 0.0), 1.0)
+                apart = 0.0
+                for i in range(3):
+                    place = corner[start, i] + s * (corner[end, i] - corner[start, i])
+                    apart += (x[i] - place) ** 2
+                if apart < least:
+                    least = apart
+                    b[start], b[end], b[(start + 2) % 3] = 1 - s, s, 0.0
+        square[n] = 0.0
+        for i in range(3):
+            place = b[0] * corner[0, i] + b[1] * corner[1, i] + b[2] * corner[2, i]
+            square[n] += (x[i] - place) ** 2

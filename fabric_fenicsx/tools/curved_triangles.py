@@ -24,6 +24,7 @@ class CurvedTriangles:
     - parts, part (m,): number of regions that sharp edges bound, and in which one each triangle is
     - flat (m,): whether a patch is its facet; plane (m,): a triangle that names the plane it lies
       in, away from the rim and from sharp edges, otherwise -1
+    - corners_at: numbers 3 t + c of all corners, point by point, and where each point's begin
     - on_rim (n,): whether a point lies on the rim; bulge: largest distance of a patch from its
       facet [mm]; longest: edge [mm]
     """
@@ -50,7 +51,7 @@ class CurvedTriangles:
         self.middles = corners.mean(1)
         order = np.argsort(triangles.ravel(), kind="stable")
         starts = np.searchsorted(triangles.ravel()[order], np.arange(len(points) + 1))
-        self._ring = order, starts  # 3 t + c of the corners at a point
+        self.corners_at = order, starts
         t, k = np.nonzero(~vertices.sharp)
         graph = sparse.coo_matrix(
             (np.ones(len(t)), (t, across.triangle[t, k])), shape=(len(triangles),) * 2
@@ -74,16 +75,10 @@ class CurvedTriangles:
         )
         return np.unique(np.sort(ends, 1), axis=0)
 
-    def ring(self, point: int) -> tuple[np.ndarray, np.ndarray]:
-        """Triangles (k,) at a point, and which of their corners it is (k,)."""
-        order, starts = self._ring
-        triangle, corner = np.divmod(order[starts[point] : starts[point + 1]], 3)
-        return triangle, corner
-
     def rings(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """All triangles at points (n,), with their corners: number among `points` (k,), number of
         the corner 3 t + c (k,), and where each point's begin (n,)."""
-        order, starts = self._ring
+        order, starts = self.corners_at
         count = starts[points + 1] - starts[points]
         first = count.cumsum() - count
         row = np.repeat(np.arange(len(points)), count)

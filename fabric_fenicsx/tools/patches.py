@@ -11,14 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..runtime.compiled import compiled
 from .facets import LAST, NEXT, Corners, Topology, facet_normals
 
 
 class Patches(NamedTuple):
     """m curved patches: places of corner 0 `origin` (m, 3), coefficients (m, 18, 3) of the
-    functions of `basis` beside it, legs (m, 3, 2, 3) from each corner to the next control point on
-    the edges to the next and to the last corner, and `bulge` (m,): the largest distance of a
-    control point from the facet; lengths in mm."""
+    functions of `_fill_basis` beside it, legs (m, 3, 2, 3) from each corner to the next control
+    point on the edges to the next and to the last corner, and `bulge` (m,): the largest distance of
+    a control point from the facet; lengths in mm."""
 
     origin: np.ndarray
     coefficients: np.ndarray
@@ -80,7 +81,7 @@ def curved(
         + np.linalg.norm(halves, axis=2).max(1) / 12
     )
     return Patches(
-        P[:, 0],
+        P[:, 0].copy(),
         np.concatenate([np.einsum("wc,mci->mwi", _MONOMIALS, places), halves], 1),
         ends,
         reach,
@@ -117,6 +118,7 @@ def _leg(chord, normal, second):
 
 # u^p v^q of a quartic, and what their derivatives by u, v, uu, uv, vv are: (factor, which one)
 _POWERS = [(p, q) for p in range(5) for q in range(5 - p)]
+_EXPONENTS, _UV = np.array(_POWERS), ((-1.0, -1.0), (1.0, 0.0), (0.0, 1.0))
 _NAMES = [(4 - p - q, p, q) for p, q in _POWERS]
 
 
@@ -143,49 +145,59 @@ for _c, (_i, _j, _k) in enumerate(_NAMES):
             _several = math.comb(_i, _p) * math.comb(_i - _p, _q) * (-1) ** (_p + _q)
             _several *= math.comb(4, _i) * math.comb(4 - _i, _j)
             _MONOMIALS[_POWERS.index((_j + _p, _k + _q)), _c] += _several
-# directions of u = b[1] and v = b[2] in b; of each corner's own coordinate, the next and the last
-_U, _V = (np.array(d, dtype=float)[[[0, 1, 2], NEXT, LAST], None] for d in ([-1, 1, 0], [-1, 0, 1]))
 
 
-def basis(b: np.ndarray) -> np.ndarray:
-    """Functions (n, 6, 18) of which patches are made, as they are, by u and v, and by uu, uv, vv,
-    at barycentric coordinates b (3, n), where u = b[1] and v = b[2]: the 15 monomials of a quartic,
-    and for each corner i with the next j and the last k b_i^2 b_j b_k (b_j - b_k) / (b_j + b_k)."""
-    n = b.shape[1]
+@compiled
+def _fill_basis(b, w):
+    """Put into w (6, 18) the functions of which patches are made, as they are, by u and v, and by
+    uu, uv, vv, at barycentric coordinates b (3,), where u = b[1] and v = b[2]: the 15 monomials of
+    a quartic, and for each corner i with the next j and the last k
+    b_i^2 b_j b_k (b_j - b_k) / (b_j + b_k)."""
     u, v = b[1], b[2]
-    power = np.ones((2, 5, n))
-    for p in range(1, 5):
-        power[0, p], power[1, p] = power[0, p - 1] * u, power[1, p - 1] * v
-    monomials = power[0, [p for p, _ in _POWERS]] * power[1, [q for _, q in _POWERS]]
-    w = np.empty((6, 18, n))
-    w[:, :15] = monomials[_WHICH] * _FACTORS[:, :, None]
-    x, y, z = b, b[NEXT], b[LAST]
-    s = y + z
-    p = y / np.maximum(s, 1e-60)
-    q = 1 - p
-    pq, apart, xx = p * q, p - q, x * x
-    # h = y z (y - z) / (y + z) and its derivatives
-    h, hy, hz = s * s * pq * apart, s * q * (apart + 2 * pq), s * p * (apart - 2 * pq)
-    hyy, hzz, hyz = 4 * q * q * q, -4 * p * p * p, apart * (1 + 2 * pq)
-    (ux, uy, uz), (vx, vy, vz) = _U, _V
-    hu, hv = uy * hy + uz * hz, vy * hy + vz * hz
-    w[0, 15:] = xx * h
-    w[1, 15:] = 2 * x * ux * h + xx * hu
-    w[2, 15:] = 2 * x * vx * h + xx * hv
-    w[3, 15:] = (
-        2 * ux * ux * h + 4 * x * ux * hu + xx * (uy * uy * hyy + 2 * uy * uz * hyz + uz * uz * hzz)
-    )
-    w[4, 15:] = 2 * ux * vx * h + 2 * x * (ux * hv + vx * hu)
-    w[4, 15:] += xx * (uy * vy * hyy + (uy * vz + uz * vy) * hyz + uz * vz * hzz)
-    w[5, 15:] = (
-        2 * vx * vx * h + 4 * x * vx * hv + xx * (vy * vy * hyy + 2 * vy * vz * hyz + vz * vz * hzz)
-    )
-    return w.transpose(2, 0, 1)
+    up, vp = (1.0, u, u * u, u**3, u**4), (1.0, v, v * v, v**3, v**4)
+    for d in range(6):
+        for k in range(15):
+            p, q = _EXPONENTS[_WHICH[d, k]]
+            w[d, k] = _FACTORS[d, k] * up[p] * vp[q]
+    for c in range(3):
+        x, y, z = b[c], b[(c + 1) % 3], b[(c + 2) % 3]
+        s = y + z
+        p = y / max(s, 1e-60)
+        q = 1 - p
+        pq, apart, xx = p * q, p - q, x * x
+        # h = y z (y - z) / (y + z) and its derivatives
+        h, hy, hz = s * s * pq * apart, s * q * (apart + 2 * pq), s * p * (apart - 2 * pq)
+        hyy, hzz, hyz = 4 * q * q * q, -4 * p * p * p, apart * (1 + 2 * pq)
+        # directions of u and v in x, y, z
+        (ux, vx), (uy, vy), (uz, vz) = _UV[c], _UV[(c + 1) % 3], _UV[(c + 2) % 3]
+        hu, hv = uy * hy + uz * hz, vy * hy + vz * hz
+        huu = uy * uy * hyy + 2 * uy * uz * hyz + uz * uz * hzz
+        huv = uy * vy * hyy + (uy * vz + uz * vy) * hyz + uz * vz * hzz
+        hvv = vy * vy * hyy + 2 * vy * vz * hyz + vz * vz * hzz
+        k = 15 + c
+        w[0, k], w[1, k], w[2, k] = xx * h, 2 * x * ux * h + xx * hu, 2 * x * vx * h + xx * hv
+        w[3, k] = 2 * ux * ux * h + 4 * x * ux * hu + xx * huu
+        w[4, k] = 2 * ux * vx * h + 2 * x * (ux * hv + vx * hu) + xx * huv
+        w[5, k] = 2 * vx * vx * h + 4 * x * vx * hv + xx * hvv
 
 
+@compiled
+def place(patches: Patches, triangle: int, b: np.ndarray, w: np.ndarray, at: np.ndarray) -> None:
+    """Put into `at` (6, 3) [mm] the place and its derivatives by u and v, and by uu, uv, vv, on
+    patch `triangle` at barycentric coordinates b (3,), where u = b[1] and v = b[2]; w (6, 18) is
+    written over."""
+    _fill_basis(b, w)
+    for d in range(6):
+        for i in range(3):
+            at[d, i] = patches.origin[triangle, i] if d == 0 else 0.0
+            for k in range(18):
+                at[d, i] += w[d, k] * patches.coefficients[triangle, k, i]
+
+
+@compiled
 def evaluate(patches: Patches, triangle: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Place, and derivatives as in `basis`, (n, 6, 3) [mm], on patches `triangle` (n,) at b (3,
-    n)."""
-    at = basis(b) @ patches.coefficients[triangle]
-    at[:, 0] += patches.origin[triangle]
+    """What `place` gives, (n, 6, 3) [mm], on patches `triangle` (n,) at b (3, n)."""
+    at, w = np.empty((len(triangle), 6, 3)), np.empty((6, 18))
+    for n in range(len(triangle)):
+        place(patches, triangle[n], b[:, n], w, at[n])
     return at

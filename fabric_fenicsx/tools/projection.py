@@ -6,12 +6,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import patches
-from .curved_triangles import CurvedTriangles, row_dots
-from .facets import LAST, NEXT
+from ..runtime.compiled import compiled
+from .curved_triangles import CurvedTriangles
+from .patches import Patches, place
 from .surfaces import Nearest
 
 BENT = 0.99  # share of a surface's turning that has a larger radius than the least one given
+
+
+class Net(NamedTuple):
+    """What of `CurvedTriangles` the compiled search needs: its patches, triangles (m, 3), facets
+    (m, 3), across each edge the triangle and its edge (m, 3), normals (n, 3) at the points, which
+    of these are on the rim (n,), and the corners around each: those from `starts` on in `ring`."""
+
+    patches: Patches
+    triangles: np.ndarray
+    facets: np.ndarray
+    across: np.ndarray
+    back: np.ndarray
+    normals: np.ndarray
+    on_rim: np.ndarray
+    ring: np.ndarray
+    starts: np.ndarray
 
 
 class Projection:
@@ -21,7 +37,19 @@ class Projection:
     """
 
     def __init__(self, surface: CurvedTriangles, side: float = 1.0) -> None:
-        self.surface, self.side = surface, side
+        self.side = side
+        across, (ring, starts) = surface.across, surface.corners_at
+        self._net = Net(
+            surface.patches,
+            surface.triangles,
+            surface.facets,
+            across.triangle,
+            across.edge,
+            surface.normals,
+            surface.on_rim,
+            ring,
+            starts,
+        )
 
     def from_behind(self) -> "Projection":
         """The same, for the body on the other side."""
@@ -31,292 +59,296 @@ class Projection:
 
     def nearest(self, points: np.ndarray, triangle: np.ndarray, b: np.ndarray) -> Nearest:
         """Gap, normal and curvature at points (n, 3) [mm], sought from barycentric coordinates b
-        (3, n) on the patches of `triangle` (n,)."""
-        search = _Search(self.surface, self.side, points, triangle, b)
-        for _ in range(100):
-            if not len(search.rows):
-                return search.found
-            search.advance()
-        search.end()
-        return search.found
-
-
-class _Local(NamedTuple):
-    """Patches at places and the way from there to points: places and derivatives (n, 6, 3), arms
-    (n, 3) and their squares (n,), normals (n, 3), fundamental forms (3, n), heights over the
-    tangent planes (n,), distances beside them (n,), and the slope (2, n) and a convex second
-    derivative (3, n) of half the square."""
-
-    at: np.ndarray
-    arm: np.ndarray
-    square: np.ndarray
-    normal: np.ndarray
-    metric: np.ndarray
-    bend: np.ndarray
-    height: np.ndarray
-    aside: np.ndarray
-    pull: np.ndarray
-    stiff: np.ndarray
-
-    def newton_step(self) -> np.ndarray:
-        """Newton's step in barycentric coordinates (3, n)."""
-        pull, stiff = self.pull, self.stiff
-        det = stiff[0] * stiff[2] - stiff[1] ** 2
-        du, dv = (
-            (stiff[2] * pull[0] - stiff[1] * pull[1]) / det,
-            (stiff[0] * pull[1] - stiff[1] * pull[0]) / det,
-        )
-        return np.array([-du - dv, du, dv])
-
-
-def _local(surface, triangle, b, x):
-    """The `_Local` of barycentric coordinates b (3, n) on patches of `triangle` (n,) and points x
-    (n, 3)."""
-    at = patches.evaluate(surface.patches, triangle, b)
-    arm = x - at[:, 0]
-    square = row_dots(arm, arm)
-    normal, metric, bend, height = fundamental_forms(at, arm)
-    aside = np.sqrt(np.maximum(square - height**2, 0))
-    small = aside < 1e-4 * abs(height)  # where the difference cancels
-    if small.any():
-        aside[small] = np.linalg.norm(arm[small] - height[small, None] * normal[small], axis=1)
-    pull = np.einsum("nai,ni->an", at[:, 1:3], arm)
-    stiff = _convex(metric, metric - height * bend)
-    return _Local(at, arm, square, normal, metric, bend, height, aside, pull, stiff)
-
-
-class _Search:
-    """Points on their way to the nearest ones: numbers `rows` in what is `found`, places as
-    barycentric coordinates `b` on patches of `tri`."""
-
-    def __init__(self, surface, side, points, triangle, b):
+        (n, 3) on the patches of `triangle` (n,)."""
         n = len(points)
-        self.surface, self.side = surface, side
-        self.found = Nearest(
-            np.full(n, np.nan), np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
-        )
-        self.rows, self.x, self.tri = np.arange(n), points, triangle
-        self.b = np.maximum(b, 0.0)
-        self.b /= self.b.sum(0)
-        self.came = np.full(n, -1)  # the edge across which it came without moving
-        self.step, self.factor = np.zeros_like(self.b), np.ones(n)
-        # where the step began, and the squared distance from there
-        self.last_tri, self.last_b = self.tri.copy(), self.b.copy()
-        self.last_square = np.full(n, np.inf)
-        self.tolerance = 1e-11 + 1e-14 * abs(points).max(1, initial=0)
-
-    def advance(self):
-        """One step of each point; those that arrive leave the search."""
-        here = _local(self.surface, self.tri, self.b, self.x)
-        ended = here.aside <= self.tolerance
-        if ended.any():
-            where = self.rows[ended]
-            self.found.gap[where], self.found.normal[where] = here.height[ended], here.normal[ended]
-            self.found.curvature[where] = _hessian(
-                here.at[ended], here.metric[:, ended], here.bend[:, ended], here.height[ended]
-            )
-        # a step to a place that is further away is halved
-        worse = ~ended & (here.square > self.last_square * (1 + 1e-12)) & (self.factor > 1e-3)
-        new = here.newton_step()
-        out = (self.b <= 0) & (new < 0)
-        go = ~ended & ~worse
-        stopped = go & out.any(0)
-        corner = stopped & ((self.b <= 0).sum(0) == 2)
-        edge = stopped & ~corner
-        self._step(new, here.square, go, worse, (go & ~stopped) | worse)
-        if edge.any():
-            ended |= self._at_edges(np.flatnonzero(edge), out, here)
-        for i in np.flatnonzero(corner):
-            ended[i] = self._at_corner(i, here.arm)
-            self.came[i], self.last_square[i] = -1, np.inf
-        if ended.any():
-            self._keep(~ended)
-
-    def _step(self, new, square, go, worse, moving):
-        """Take steps `new` (3, n) from where points `go`, half the last ones again where they are
-        `worse`, up to the patch's edges; of the points `moving`."""
-        self.factor = np.where(worse, self.factor / 2, 1.0)
-        self.tri = np.where(worse, self.last_tri, self.tri)
-        self.b = np.where(worse, self.last_b, self.b)
-        self.step = np.where(worse, self.step, new)
-        self.last_tri = np.where(go, self.tri, self.last_tri)
-        self.last_b = np.where(go, self.b, self.last_b)
-        self.last_square = np.where(go, square, self.last_square)
-        self.came[moving] = -1
-        with np.errstate(divide="ignore", invalid="ignore"):
-            room = np.where(self.step < 0, self.b / -self.step, np.inf)
-        share = np.minimum(room.min(0), self.factor)
-        moved = np.where(room <= share, 0.0, np.maximum(self.b + share * self.step, 0.0))
-        self.b = np.where(moving, moved / np.maximum(moved.sum(0), 1e-300), self.b)
-
-    def _keep(self, on):
-        for name in ("x", "rows", "tri", "came", "factor", "tolerance", "last_tri", "last_square"):
-            setattr(self, name, getattr(self, name)[on])
-        for name in ("b", "step", "last_b"):
-            setattr(self, name, getattr(self, name)[:, on])
-
-    def end(self):
-        """Give the points that are left the nearest places by now: none was found where the
-        distance has no minimum, as at centres of curvature."""
-        at = patches.evaluate(self.surface.patches, self.tri, self.b)
-        arm = self.x - at[:, 0]
-        normal, _, _, height = fundamental_forms(at, arm)
-        self._put(self.rows, arm, np.copysign(1.0, height), normal, 0.0)
-
-    def _at_edges(self, i, out, here):
-        """Points i whose step leaves the patch at an edge: to the neighbour, or if that leads back,
-        along the edge. Which of all have ended (n,)."""
-        across, b = self.surface.across, self.b
-        k = out[:, i].argmax(0)
-        other, there = across.triangle[self.tri[i], k], across.edge[self.tri[i], k]
-        cross = (other >= 0) & (self.came[i] != k)
-        j, nxt, last = i[cross], np.array(NEXT), np.array(LAST)
-        old = b[:, j]
-        moved = np.zeros_like(old)
-        every = np.arange(len(j))
-        moved[nxt[there[cross]], every] = old[last[k[cross]], every]
-        moved[last[there[cross]], every] = old[nxt[k[cross]], every]
-        b[:, j], self.tri[j], self.came[j] = moved, other[cross], there[cross]
-        ended = self._along_edges(i[~cross], k[~cross], here)
-        self.last_square[self.came >= 0] = np.inf  # the same place but for rounding
-        return ended
-
-    def _along_edges(self, j, k, here):
-        """Points j along edges k of their patches, from the edge's next to its last corner. Which
-        of all have ended (n,)."""
-        ended = np.zeros(len(self.rows), dtype=bool)
-        if not len(j):
-            return ended
-        at, arm, b, nxt, last = here.at, here.arm, self.b, np.array(NEXT), np.array(LAST)
-        # changes of u = b[1], v = b[2]
-        du, dv = np.choose(k, [-1.0, 0.0, 1.0]), np.choose(k, [1.0, -1.0, 0.0])
-        slope = du * here.pull[0, j] + dv * here.pull[1, j]
-        first = du[:, None] * at[j, 1] + dv[:, None] * at[j, 2]
-        second = (
-            (du * du)[:, None] * at[j, 3]
-            + (2 * du * dv)[:, None] * at[j, 4]
-            + (dv * dv)[:, None] * at[j, 5]
-        )
-        speed = (first * first).sum(1)
-        done = abs(slope) <= self.tolerance[j] * np.sqrt(speed)
-        size = speed - (arm[j] * second).sum(1)
-        size = np.where(size > 0.1 * speed, size, speed)
-        start, end = b[nxt[k], j], b[last[k], j]
-        share = np.clip(slope / size, -end, start)
-        move = ~done
-        b[nxt[k[move]], j[move]] = np.maximum(start[move] - share[move], 0)
-        b[last[k[move]], j[move]] = np.maximum(end[move] + share[move], 0)
-        self.came[j[move]] = -1
-        if done.any():
-            e, k, first, size = j[done], k[done], first[done], size[done]
-            across, facets = self.surface.across.triangle, self.surface.facets
-            beyond, tri = across[self.tri[e], k], self.tri[e]
-            face = facets[tri] + np.where((beyond >= 0)[:, None], facets[beyond], 0)
-            side = np.where(beyond >= 0, np.copysign(1.0, (arm[e] * face).sum(1)), self.side)
-            along = first[:, :, None] * first[:, None] / size[:, None, None]
-            self._put(self.rows[e], arm[e], side, face, along)
-            ended[e] = True
-        return ended
-
-    def _at_corner(self, i, arm):
-        """Point i, whose step leaves its patch at a corner: to where it comes nearest among the
-        patches there. Whether it is nearest already."""
-        surface, tri, b = self.surface, self.tri, self.b
-        point = surface.triangles[tri[i], b[:, i].argmax()]
-        t, c = surface.ring(point)
-        legs = surface.patches.legs[t, c]
-        pull = legs @ arm[i]
-        gram = legs @ legs.swapaxes(1, 2)
-        det = gram[:, 0, 0] * gram[:, 1, 1] - gram[:, 0, 1] ** 2
-        along_first = gram[:, 1, 1] * pull[:, 0] - gram[:, 0, 1] * pull[:, 1]
-        along_second = gram[:, 0, 0] * pull[:, 1] - gram[:, 0, 1] * pull[:, 0]
-        inside = np.column_stack([along_first, along_second]) / det[:, None]
-        options = np.zeros((3, len(t), 2))
-        options[0] = np.where((inside >= 0).all(1)[:, None], inside, 0)
-        options[1, :, 0] = np.maximum(pull[:, 0] / gram[:, 0, 0], 0)
-        options[2, :, 1] = np.maximum(pull[:, 1] / gram[:, 1, 1], 0)
-        gain = (options * pull).sum(2)  # the square of how far the tangent leads
-        which, best = np.unravel_index(gain.argmax(), gain.shape)
-        if gain[which, best] <= self.tolerance[i] ** 2:
-            rim = surface.on_rim[point]
-            normal = surface.normals[point]
-            side = self.side if rim else math.copysign(1.0, arm[i] @ normal)
-            self._put(self.rows[i : i + 1], arm[i : i + 1], np.array([side]), normal[None], 0.0)
-            return True
-        onwards, backwards = options[which, best] / 3  # legs are a third of the derivative
-        scale = 1 / max(1.0, onwards + backwards)
-        tri[i] = t[best]
-        b[:, i] = 0
-        b[NEXT[c[best]], i], b[LAST[c[best]], i] = scale * onwards, scale * backwards
-        b[c[best], i] = max(0.0, 1 - scale * (onwards + backwards))
-        return False
-
-    def _put(self, rows, arm, side, normal, along):
-        """Into `rows` of what is found what belongs to nearest points on edges and corners."""
-        distance = np.linalg.norm(arm, axis=1)
-        on = distance < 1e-12
-        unit = np.where(on[:, None], normal, side[:, None] * arm)
-        unit /= np.maximum(np.linalg.norm(unit, axis=1), 1e-300)[:, None]
-        self.found.gap[rows], self.found.normal[rows] = side * distance, unit
-        flat = np.eye(3) - unit[:, :, None] * unit[:, None] - along
-        self.found.curvature[rows] = (
-            np.where(on, 0, side / np.maximum(distance, 1e-12))[:, None, None] * flat
-        )
+        found = Nearest(np.empty(n), np.empty((n, 3)), np.empty((n, 3, 3)))
+        if n:
+            b = np.maximum(b, 0.0)
+            b /= b.sum(1, keepdims=True)
+            tolerance = 1e-11 + 1e-14 * abs(points).max(1)
+            _search(self._net, self.side, points, triangle, b, tolerance, found)
+        return found
 
 
-def fundamental_forms(
-    at: np.ndarray, arm: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Unit normals (n, 3), first and second fundamental forms (3, n), and heights (n,) of arms (n,
-    3), at places and derivatives (n, 6, 3) of patches, as `patches.evaluate` gives them."""
-    u, v = at[:, 1], at[:, 2]
-    metric = np.array([row_dots(u, u), row_dots(u, v), row_dots(v, v)])
-    normal = np.cross(u, v)
-    normal /= np.sqrt(np.maximum(row_dots(normal, normal), 1e-300))[:, None]
-    bend = np.einsum("nai,ni->an", at[:, 3:], normal)
-    height = np.zeros(len(at)) if arm is None else row_dots(arm, normal)
-    return normal, metric, bend, height
+class Local(NamedTuple):
+    """A patch at a place and the way from there to a point: the arm and its square, the unit
+    normal, fundamental forms, height over the tangent plane, distance beside it, and the slope and
+    a convex second derivative of half the square."""
+
+    arm: tuple[float, float, float]
+    square: float
+    normal: tuple[float, float, float]
+    metric: tuple[float, float, float]
+    bend: tuple[float, float, float]
+    height: float
+    aside: float
+    pull: tuple[float, float]
+    stiff: tuple[float, float, float]
 
 
-def _convex(metric, stiff):
-    """`stiff` (3, n), raised by as much of the metric as makes its least eigenvalue 0.1 in that
-    metric."""
-    det = metric[0] * metric[2] - metric[1] ** 2
-    mean = (metric[2] * stiff[0] + metric[0] * stiff[2] - 2 * metric[1] * stiff[1]) / (2 * det)
-    gauss = (stiff[0] * stiff[2] - stiff[1] ** 2) / det
-    least = mean - np.sqrt(np.maximum(mean**2 - gauss, 0))
-    return stiff + np.maximum(0.1 - least, 0) * metric
+@compiled
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _hessian(at, metric, bend, gap):
-    """Hessian (n, 3, 3) of the gap over patches: -E I^-1 L (I - gap L)^-1 E^T of tangents E and
-    fundamental forms I, L."""
+@compiled
+def _copy(a, b):  # compiles faster than b[:] = a
+    b[0], b[1], b[2] = a[0], a[1], a[2]
 
-    def matrix(a):
-        return np.array([[a[0], a[1]], [a[1], a[2]]]).transpose(2, 0, 1)
 
-    def inverse(a):
-        det = a[0] * a[2] - a[1] ** 2
-        det = np.where(abs(det) < 1e-300, 1e-300, det)
-        return matrix(np.array([a[2], -a[1], a[0]]) / det)
+@compiled
+def _local(at, x):
+    """The `Local` of place and derivatives (6, 3), as `place` gives them, and a point x (3,)."""
+    u, v = at[1], at[2]
+    arm = (x[0] - at[0, 0], x[1] - at[0, 1], x[2] - at[0, 2])
+    square = _dot(arm, arm)
+    m0, m1, m2 = _dot(u, u), _dot(u, v), _dot(v, v)
+    n0, n1, n2 = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+    size = math.sqrt(max(n0 * n0 + n1 * n1 + n2 * n2, 1e-300))
+    n0, n1, n2 = normal = (n0 / size, n1 / size, n2 / size)
+    bend = (_dot(at[3], normal), _dot(at[4], normal), _dot(at[5], normal))
+    high = _dot(arm, normal)
+    aside = math.sqrt(max(square - high * high, 0.0))
+    if aside < 1e-4 * abs(high):  # where the difference cancels
+        beside = (arm[0] - high * n0, arm[1] - high * n1, arm[2] - high * n2)
+        aside = math.sqrt(_dot(beside, beside))
+    # raised by as much of the metric as makes the least eigenvalue 0.1 in that metric
+    s0, s1, s2 = m0 - high * bend[0], m1 - high * bend[1], m2 - high * bend[2]
+    det = m0 * m2 - m1 * m1
+    mean = (m2 * s0 + m0 * s2 - 2 * m1 * s1) / (2 * det)
+    least = mean - math.sqrt(max(mean * mean - (s0 * s2 - s1 * s1) / det, 0.0))
+    lift = max(0.1 - least, 0.0)
+    stiff = (s0 + lift * m0, s1 + lift * m1, s2 + lift * m2)
+    pull = (_dot(u, arm), _dot(v, arm))
+    return Local(arm, square, normal, (m0, m1, m2), bend, high, aside, pull, stiff)
 
-    tangents = at[:, 1:3]
-    inner = inverse(metric) @ matrix(bend) @ inverse(metric - gap * bend)
-    full = -tangents.swapaxes(1, 2) @ inner @ tangents
-    return (full + full.swapaxes(1, 2)) / 2
+
+class Sought(NamedTuple):
+    """What a search of one point fills in: a `row` of what is `found`; how near to the foot of the
+    normal it must come [mm], and the side of the gap beyond a rim."""
+
+    found: Nearest
+    row: int
+    tolerance: float
+    side: float
+
+
+@compiled
+def _search(net, side, points, triangle, b, tolerance, found):
+    """Put what belongs to the nearest points of `points` (n, 3) into what is found, sought from
+    `triangle` (n,) and b (n, 3), to within `tolerance` (n,)."""
+    way, w, at = np.empty((3, 3)), np.empty((6, 18)), np.empty((6, 3))
+    for n in range(len(points)):
+        _copy(b[n], way[0])
+        sought = Sought(found, n, tolerance[n], side)
+        _find(net, points[n], triangle[n], way, w, at, sought)
+
+
+@compiled
+def _find(net, x, t, way, w, at, sought):
+    """One point's way, from triangle t. way (3, 3): barycentric coordinates now, of the last step's
+    start, and that step; w (6, 18), at (6, 3): as in `place`."""
+    b, last_b, step = way[0], way[1], way[2]
+    last_t, last_square, factor = t, math.inf, 1.0
+    came = -1  # the edge across which it came without moving
+    for _ in range(100):
+        place(net.patches, t, b, w, at)
+        here = _local(at, x)
+        if here.aside <= sought.tolerance:
+            _put_inside(sought, at, here)
+            return
+        edge, ended = -1, False
+        if here.square > last_square * (1 + 1e-12) and factor > 1e-3:
+            # a step to a place that is further away is halved
+            t, factor = last_t, factor / 2
+            _copy(last_b, b)
+        else:
+            last_t, last_square, factor = t, here.square, 1.0
+            _copy(b, last_b)
+            edge, corner = _newton_step(here, b, step)
+            if corner:
+                t, ended = _at_corner(net, t, b, here.arm, sought)
+                came, last_square = -1, math.inf
+            elif edge >= 0 and net.across[t, edge] >= 0 and came != edge:
+                t, came = _cross(net, t, edge, b)
+                last_square = math.inf  # the same place but for rounding
+            elif edge >= 0:
+                ended = _along_edge(net, t, edge, b, at, here, sought)
+                came = -1
+        if ended:
+            return
+        if edge < 0:
+            _move(b, step, factor)
+            came = -1
+    # none was found where the distance has no minimum, as at centres of curvature
+    place(net.patches, t, b, w, at)
+    here = _local(at, x)
+    _put(sought, here.arm, math.copysign(1.0, here.height), here.normal, here.normal, math.inf)
+
+
+@compiled
+def _newton_step(here, b, step):
+    """Put Newton's step in barycentric coordinates into `step` (3,); the edge at which it leaves
+    the patch, -1 if at none, and whether b is at a corner there."""
+    (p, q), (s0, s1, s2) = here.pull, here.stiff
+    det = s0 * s2 - s1 * s1
+    step[1], step[2] = (s2 * p - s1 * q) / det, (s0 * q - s1 * p) / det
+    step[0] = -step[1] - step[2]
+    edge, ends = -1, 0
+    for k in range(2, -1, -1):
+        ends += b[k] <= 0
+        edge = k if b[k] <= 0 and step[k] < 0 else edge
+    return edge, edge >= 0 and ends == 2
+
+
+@compiled
+def _move(b, step, factor):
+    """Take a share of the step, up to the patch's edges."""
+    share = factor
+    for k in range(3):
+        if step[k] < 0:
+            share = min(share, b[k] / -step[k])
+    total = 0.0
+    for k in range(3):
+        out = step[k] < 0 and b[k] / -step[k] <= share
+        b[k] = 0.0 if out else max(b[k] + share * step[k], 0.0)
+        total += b[k]
+    for k in range(3):
+        b[k] /= max(total, 1e-300)
+
+
+@compiled
+def _cross(net, t, k, b):
+    """Go over edge k to the neighbour: which it is, and which of its edges."""
+    other, there = net.across[t, k], net.back[t, k]
+    start, end = b[(k + 1) % 3], b[(k + 2) % 3]
+    b[there], b[(there + 1) % 3], b[(there + 2) % 3] = 0.0, end, start
+    return other, there
+
+
+@compiled
+def _along_edge(net, t, k, b, at, here, sought):
+    """Go along edge k, from its next to its last corner, if that leads nearer; whether the nearest
+    point is found."""
+    du, dv = (-1.0, 0.0, 1.0)[k], (1.0, -1.0, 0.0)[k]  # changes of u = b[1], v = b[2]
+    slope = du * here.pull[0] + dv * here.pull[1]
+    first = du * at[1] + dv * at[2]
+    second = du * du * at[3] + 2 * du * dv * at[4] + dv * dv * at[5]
+    speed = _dot(first, first)
+    size = speed - _dot(here.arm, second)
+    size = size if size > 0.1 * speed else speed
+    if abs(slope) <= sought.tolerance * math.sqrt(speed):
+        face, side, beyond = net.facets[t].copy(), sought.side, net.across[t, k]
+        if beyond >= 0:
+            face += net.facets[beyond]
+            side = math.copysign(1.0, _dot(here.arm, face))
+        _put(sought, here.arm, side, face, first, size)
+        return True
+    start, end = (k + 1) % 3, (k + 2) % 3
+    share = min(max(slope / size, -b[end]), b[start])
+    b[start], b[end] = max(b[start] - share, 0.0), max(b[end] + share, 0.0)
+    return False
+
+
+@compiled
+def _at_corner(net, t, b, arm, sought):
+    """Go from a corner of patch t to where it comes nearest among the patches there: which of them
+    it goes to, and whether the corner is nearest already."""
+    point = net.triangles[t, b.argmax()]
+    best, found, way = 0.0, -1, (0.0, 0.0)
+    for option in range(3):  # inside, and along the edges to the next and the last corner
+        for n in range(net.starts[point], net.starts[point + 1]):
+            legs = net.patches.legs[net.ring[n] // 3, net.ring[n] % 3]
+            p, q = _dot(legs[0], arm), _dot(legs[1], arm)
+            pp, pq, qq = _dot(legs[0], legs[0]), _dot(legs[0], legs[1]), _dot(legs[1], legs[1])
+            u, v = max(p / pp, 0.0), max(q / qq, 0.0)
+            if option == 0:
+                det = pp * qq - pq * pq
+                u, v = (qq * p - pq * q) / det, (pp * q - pq * p) / det
+                if u < 0 or v < 0:
+                    u, v = 0.0, 0.0
+            u, v = u if option != 2 else 0.0, v if option != 1 else 0.0
+            if u * p + v * q > best:  # the square of how far the tangent leads
+                best, found, way = u * p + v * q, net.ring[n], (u, v)
+    if best <= sought.tolerance**2:
+        normal, side = net.normals[point], sought.side
+        if not net.on_rim[point]:
+            side = math.copysign(1.0, _dot(arm, normal))
+        _put(sought, arm, side, normal, normal, math.inf)
+        return t, True
+    onwards, backwards = way[0] / 3, way[1] / 3  # legs are a third of the derivative
+    scale = 1 / max(1.0, onwards + backwards)
+    t, c = found // 3, found % 3
+    b[(c + 1) % 3], b[(c + 2) % 3] = scale * onwards, scale * backwards
+    b[c] = max(0.0, 1 - scale * (onwards + backwards))
+    return t, False
+
+
+@compiled
+def _put(sought, arm, side, normal, first, size):
+    """Fill in what belongs to a nearest point on an edge along `first`, whose square over the
+    second derivative of half the distance's is over `size`; to one on a corner if that is
+    infinite."""
+    distance = math.sqrt(_dot(arm, arm))
+    on = distance < 1e-12
+    a, b, c = normal[0], normal[1], normal[2]
+    if not on:
+        a, b, c = side * arm[0], side * arm[1], side * arm[2]
+    length = max(math.sqrt(a * a + b * b + c * c), 1e-300)
+    unit = (a / length, b / length, c / length)
+    bend = 0.0 if on else side / max(distance, 1e-12)
+    found, row = sought.found, sought.row
+    found.gap[row] = side * distance
+    for i in range(3):
+        found.normal[row, i] = unit[i]
+        for j in range(3):
+            across = (1.0 if i == j else 0.0) - unit[i] * unit[j] - first[i] * first[j] / size
+            found.curvature[row, i, j] = bend * across
+
+
+@compiled
+def _put_inside(sought, at, here):
+    """Fill in what belongs to a nearest point within a patch: the Hessian of the gap is -E I^-1 L
+    (I - gap L)^-1 E^T of tangents E and fundamental forms I, L."""
+    (g0, g1, g2), (l0, l1, l2), gap = here.metric, here.bend, here.height
+    r0, r1, r2 = g0 - gap * l0, g1 - gap * l1, g2 - gap * l2
+    det = (g0 * g2 - g1 * g1) * (r0 * r2 - r1 * r1)
+    det = det if abs(det) > 1e-300 else 1e-300
+    # entries of I^-1 L
+    a, b = g2 * l0 - g1 * l1, g2 * l1 - g1 * l2
+    c, d = g0 * l1 - g1 * l0, g0 * l2 - g1 * l1
+    m11, m22 = -(a * r2 - b * r1) / det, -(d * r0 - c * r1) / det
+    m12 = -((b * r0 - a * r1) + (c * r2 - d * r1)) / (2 * det)
+    found, row = sought.found, sought.row
+    found.gap[row] = gap
+    for i in range(3):
+        found.normal[row, i] = here.normal[i]
+        for j in range(3):
+            uu, vv = at[1, i] * at[1, j], at[2, i] * at[2, j]
+            uv = at[1, i] * at[2, j] + at[1, j] * at[2, i]
+            found.curvature[row, i, j] = m11 * uu + m12 * uv + m22 * vv
+
+
+@compiled
+def _curvatures(patches):
+    """The larger and the smaller curvature (2, m) [1/mm] in the middle of each patch."""
+    found, b = np.empty((2, len(patches.origin))), np.full(3, 1 / 3)
+    w, at = np.empty((6, 18)), np.empty((6, 3))
+    for t in range(len(patches.origin)):
+        place(patches, t, b, w, at)
+        here = _local(at, at[0])
+        (g0, g1, g2), (l0, l1, l2) = here.metric, here.bend
+        det = max(g0 * g2 - g1 * g1, 1e-300)
+        mean = -(g2 * l0 + g0 * l2 - 2 * g1 * l1) / (2 * det)
+        spread = math.sqrt(max(mean * mean - (l0 * l2 - l1 * l1) / det, 0.0))
+        found[0, t], found[1, t] = mean + spread, mean - spread
+    return found
 
 
 def least_radii(surface: CurvedTriangles) -> tuple[float, float]:
     """Least radius of curvature [mm] as seen from inside the body and from outside, but for the
     last of the surface's turning; infinite where nothing bends to that side."""
-    every = np.arange(len(surface.triangles))
-    middles = np.full((3, len(every)), 1 / 3)
-    _, metric, bend, _ = fundamental_forms(patches.evaluate(surface.patches, every, middles))
-    det = np.maximum(metric[0] * metric[2] - metric[1] ** 2, 1e-300)
-    mean = -(metric[2] * bend[0] + metric[0] * bend[2] - 2 * metric[1] * bend[1]) / (2 * det)
-    gauss = (bend[0] * bend[2] - bend[1] ** 2) / det
-    spread = np.sqrt(np.maximum(mean * mean - gauss, 0))
-    larger, smaller = mean + spread, mean - spread
+    larger, smaller = _curvatures(surface.patches)
     return _least_radius(larger, surface.areas), _least_radius(-smaller, surface.areas)
 
 

@@ -166,9 +166,7 @@ class TriangulatedSurface(Surface):
         found.gap[row[flat]], found.normal[row[flat]] = high[flat], facet[flat]
         rest = np.flatnonzero(~far & ~flat)
         at = row[rest]
-        gap, normal, curvature = self._projection.nearest(
-            points[at], triangle[rest], weights[rest].T.copy()
-        )
+        gap, normal, curvature = self._projection.nearest(points[at], triangle[rest], weights[rest])
         if curved.parts > 1:  # the nearest one counts
             known = np.full(len(points), np.inf)
             known[row[flat]] = abs(high[flat])
