@@ -251,5 +251,8 @@ class DoubleDome(ImplicitSurface):
         """As in `Surface`, from the curvature at 150 x 150 places of a quarter."""
         ends = (self.dome_distance / 2 + self.dome_radius, self.dome_radius)
         x, y = np.meshgrid(*(np.linspace(0, end + self.developed[-1], 150) for end in ends))
-        bent = np.linalg.eigvalsh(self.evaluate(self.lift(x.ravel(), y.ravel())).curvature)
-        return 1 / float(bent.max()), -1 / float(bent.min())
+        bent = self.evaluate(self.lift(x.ravel(), y.ravel())).curvature
+        # half the sum and half the difference of both curvatures, as the normal's is 0
+        mean = np.trace(bent, axis1=1, axis2=2) / 2
+        spread = np.sqrt(np.maximum((bent**2).sum((1, 2)) / 2 - mean**2, 0))
+        return 1 / float((mean + spread).max()), 1 / float((spread - mean).max())
