@@ -53,6 +53,15 @@ class Anticipates(Protocol):
 
 
 @runtime_checkable
+class KeepsGaps(Protocol):
+    """Presses points that are likely to stay as deep in what they touch as they were."""
+
+    def motion_to_gaps(self) -> np.ndarray:
+        """From the present place of the sheet to one where what was pressed in the last accepted
+        state is as deep as then, and nothing else is in the tool, (owned dofs,) [mm]."""
+
+
+@runtime_checkable
 class DrivenByForce(Protocol):
     """Has a tool that may be moved by force, which makes the sheet softer."""
 

@@ -12,6 +12,7 @@ from ..mechanics.reports import arrays, asked
 from ..mechanics.roles import (
     Anticipates,
     DrivenByForce,
+    KeepsGaps,
     Lagged,
     Remembers,
     RemembersCells,
@@ -213,6 +214,16 @@ class Scene:
             self._assembly.tangent(A, *given)
             if self.drag:
                 A.shift(self.drag)
+
+    def motion_to_gaps(self) -> np.ndarray:
+        """From the present displacement to one that keeps contact as it was in the last accepted
+        state, as if nodes had nothing but tools to follow; 0 where held (owned dofs,) [mm]."""
+        motion = np.zeros(self.u.local_size)
+        for term in self.terms:
+            if isinstance(term, KeepsGaps):
+                motion += term.motion_to_gaps()
+        motion[self.held] = 0.0
+        return motion
 
     def places_changed(self) -> bool:
         """Whether `tangent` has other places than the matrix made last, on any rank: a matrix gives

@@ -79,9 +79,10 @@ class Newton:
                     report.iterations += 1
                     continue
                 end = End.CORRECTION
-            if not (minimum and self.saddles.is_here(x, report)):
+            on_the_way = tolerance > self.tolerance
+            if not (minimum and self.saddles.is_here(x, report, on_the_way)):
                 return end
-            if tolerance > self.tolerance:  # a loose state tells nothing of what is near it
+            if on_the_way:  # a loose state tells nothing of what is near it
                 tolerance = self.tolerance
                 continue
             energy = self.saddles.leave(x, energy, report)

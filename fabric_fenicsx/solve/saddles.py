@@ -27,11 +27,13 @@ class Saddles:
         self._scene = objective.scene
         self._d, self._trial = (objective.r.duplicate() for _ in range(2))
 
-    def is_here(self, x: PETSc.Vec, report: Report) -> bool:
-        """Whether the tangent at x, where a solve has converged, has negative pivots. After an easy
-        solve where none was met yet the last tangent is believed."""
-        easy = 0 < report.iterations <= self.EASY and not report.cuts
-        if (easy and not self._tangent.negative_pivots_met) or not self._tangent.tells_inertia:
+    def is_here(self, x: PETSc.Vec, report: Report, on_the_way: bool = False) -> bool:
+        """Whether the tangent at x, where a solve has converged, has negative pivots. The last one
+        of the solve is believed to have none, if so, on the way and, after an easy solve where
+        none was met yet, at its end."""
+        easy = report.iterations <= self.EASY and not report.cuts
+        believed = on_the_way or (easy and not self._tangent.negative_pivots_met)
+        if (believed and report.negative_pivots == 0) or not self._tangent.tells_inertia:
             return False
         self._scene.set(x)
         self._tangent.assemble()

@@ -167,6 +167,8 @@ class LoadStepping:
         else:
             self._predict(attempt)
         x.copy(self._predicted)
+        if not start:
+            self._keep_contact(x)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         attempt.report, iterations = solve_lagged(self.newton, x, attempt.tolerance)
         progress.iterations += iterations
@@ -301,6 +303,17 @@ class LoadStepping:
                 return
             progress.x.copy(x)
         self.newton.follow_supports(x, attempt.values - x.array[scene.held])
+
+    def _keep_contact(self, x):
+        """Lead x along the tools, which a straight continuation goes through, if that takes less
+        energy."""
+        scene = self.scene
+        scene.set(x)
+        energy, motion = scene.energy(), scene.motion_to_gaps()
+        x.array[:] += motion
+        scene.set(x)
+        if not scene.energy() < energy:
+            x.array[:] -= motion
 
     def _energies(self):
         return self.scene.energies() | {"viscous": self.progress.viscosity.energy}

@@ -19,10 +19,10 @@ from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.directions import Directions
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.viscosity import Viscosity
 
 COMM = MPI.COMM_WORLD
@@ -49,18 +49,6 @@ def negative_pivots(newton):
     """Of the tangent at the present state, factored anew."""
     newton.tangent.assemble()
     return newton.tangent.negative_pivots()
-
-
-@pytest.mark.versions
-def test_few_unknowns_are_ordered_by_minimum_degree(monkeypatch):
-    """Also after a larger scene, which leaves the choice to MUMPS."""
-    found = []
-    for few in (20_000, 10, 20_000):
-        monkeypatch.setattr(linear, "FEW_UNKNOWNS", few)
-        newton = Newton(strip(nx=4))
-        march(newton, steps=1)
-        found.append(newton.tangent.ksp.pc.getFactorMatrix().getMumpsIcntl(7))
-    assert found[0] == found[2] == 0 != found[1]
 
 
 # the angle is a matter of points; one will do to see that ranks find the minimum
@@ -117,13 +105,11 @@ def test_petscs_own_options_of_the_linear_solver_have_a_prefix():
     options = PETSc.Options("fabric_")
     options["mat_mumps_icntl_7"] = 6
     try:
-        linear._order_is_given.cache_clear()
         newton = Newton(strip(nx=4))
         assert newton.solve_for(newton.x).converged
         assert newton.tangent.ksp.pc.getFactorMatrix().getMumpsIcntl(7) == 6
     finally:
         options.delValue("mat_mumps_icntl_7")
-        linear._order_is_given.cache_clear()
 
 
 def test_unknown_solver_is_named():
@@ -158,6 +144,17 @@ def test_no_saddle_is_accepted():
     )
     assert outcome.accepted > 0 and set(left) == {0}
     assert outcome.reached == 1 or outcome.reason
+
+
+@pytest.mark.mpi
+def test_the_last_tangent_is_believed_on_the_way_if_it_had_no_negative_pivots():
+    newton = Newton(strip(fabric=KOMEILI.replace(p_min=0.0), clamped=False))
+    blind = Newton(newton.scene, linear_solver="mumps-lu")
+    assert march(blind, steps=10).reached == 1
+    x, none = newton.scene.u.copy(), Report(iterations=9, negative_pivots=0)
+    assert not newton.saddles.is_here(x, none, on_the_way=True)
+    assert newton.saddles.is_here(x, none)
+    assert newton.saddles.is_here(x, Report(negative_pivots=None), on_the_way=True)
 
 
 @pytest.mark.mpi

@@ -165,6 +165,7 @@ class Contact(PressingTerm):
         self._work.accept(self._load, self.force(), self.tool.displacement)
         # at load 0 the last state counts: those before it were not in equilibrium
         self._depth = np.fmax(self._depth if self._load else 0.0, -self.state().gap)
+        self._accepted_gap = self.state().gap
         self.accept_friction()
 
     def work(self) -> float:
@@ -209,6 +210,15 @@ class Contact(PressingTerm):
         others = (f[: 3 * self.nodes.count].reshape(-1, 3) * now.normal).sum(1)
         now = anticipate(self._law, areas, now, others / np.maximum(areas, 1e-300))
         self._found = self.nodes.displacement(), now
+
+    def motion_to_gaps(self) -> np.ndarray:
+        """As in `KeepsGaps`, by a thickness at most; 0 at a tool moved by force, which comes along
+        with the sheet."""
+        now, before = self.state(), self._accepted_gap
+        pressed = before < self._accepted_shift
+        off = np.where(pressed, before, np.maximum(now.gap, 0.0)) - now.gap
+        off = np.clip(np.where(np.isfinite(off), off, 0.0), -self.thickness, self.thickness)
+        return (0.0 if self.tool.force else 1.0) * (off[:, None] * now.normal).ravel()
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
         """As in `DrivenByForce`."""
@@ -263,6 +273,7 @@ class Contact(PressingTerm):
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
         self._found = u, self._state_at(self.nodes.places + u)
+        self._accepted_gap = self._found[1].gap
         self.recall_friction(memory)
 
     # -- results

@@ -583,3 +583,42 @@ def test_forces_that_pinch_a_sheet_are_no_measure_of_what_it_bears():
     gross = np.linalg.norm(COMM.allreduce(np.linalg.norm(pressing.pressing_forces())))
     assert states[-1].report.scale < 2e-3 * gross and len(pressing.normal_forces())
     assert sum(states[0].energies.values()) > 0 and closed(states[0], 1e-9) is None
+
+
+# -- where steps begin
+
+
+@pytest.mark.mpi
+def test_nodes_are_led_to_the_gaps_that_they_had():
+    """What was pressed is as deep as then, what comes in is put on the face; a tool moved by force
+    leads nothing."""
+    blank = sheet(20, 10, 4, 2)
+    table = Tool(Plane((0, 0, -T / 2), (0, 0, 1)), path=(0, 0, 0.1), name="table")
+    force = Tool(Plane((0, 0, T / 2), (0, 0, -1)), force=(0, 0, -1), name="press")
+    contact, pushed = Contact(table, T, K), Contact(force, T, K)
+    alone(blank, contact, pushed)
+    u, (x, _, _) = blank.u.x.array.reshape(-1, 3), blank.coordinates().T
+    depth = np.where(x < 9, 0.01, -0.05)
+    u[:, 2] = -depth
+    contact.accept()
+    contact.set_load(1.0)
+    motion = contact.motion_to_gaps().reshape(-1, 3)
+    expected = np.where(x < 9, 0.1, 0.05)[: len(motion)]
+    assert motion == pytest.approx(expected[:, None] * [0, 0, 1], abs=1e-12)
+    assert not pushed.motion_to_gaps().any()
+
+
+@pytest.mark.mpi
+def test_a_step_that_begins_along_the_tools_takes_fewer_iterations(monkeypatch):
+    found = []
+    for leads in (True, False):
+        if not leads:
+            monkeypatch.setattr(Contact, "motion_to_gaps", lambda self: 0.0)
+        blank = disc(10, 50.0)
+        ball = Tool(Sphere(10.0, (0, 0, -10 - T / 2)), path=(0, 0, 10), name="ball")
+        rim = Support("rim", lambda x: np.hypot(x[0], x[1]) > 50 - 1e-6, (0, 1, 2))
+        contact = Contact(ball, T, K)
+        states = run(Scene(blank, [Elastic(1e3, nu=0.3), contact], [rim]), 8)
+        found.append((contact.force()[2], states[-1].progress.iterations))
+    (force, few), (same, many) = found
+    assert force == pytest.approx(same, rel=1e-6) and few < many
