@@ -20,9 +20,10 @@ LONG = 6
 
 
 def solve_lagged(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Report, int]:
-    """Solve for x, again and again until terms have nothing to take anew: to `FIRST` at first, to
-    `LOOSE` meanwhile, in the end to `tolerance` or the solver's. Nothing is to be taken anew after that solution either.
-    The last `Report`, with the iterations of the hardest solve, and the iterations of all.
+    """Solve for x, again and again until terms have nothing to take anew: at first to `FIRST`, to
+    `LOOSE` meanwhile, in the end to `tolerance` or the solver's. Nothing is to be taken anew after
+    that solution either. The last `Report`, with the iterations of the hardest solve, and the
+    iterations of all.
     """
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)

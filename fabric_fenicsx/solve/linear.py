@@ -9,9 +9,9 @@ from petsc4py import PETSc
 from ..runtime.errors import InputError
 
 PREFIX = "fabric_"  # of PETSc's options
-# Its order of elimination: PORD's factors cost least (approximate minimum degree takes 1.1 times as
-# long on one ply of any size and 1.3 times on a laminate, METIS 1 to 1.8 times). No scaling of rows,
-# which takes 5 to 20 % more and leaves the same residual of 1e-14.
+# In PORD's order of elimination factors cost least: approximate minimum degree takes 1.1 times as
+# long on one ply of any size and 1.3 times on a laminate, METIS up to 1.8 times. Rows are not
+# scaled, which would take 5 to 20 % more and leave the same residual, 1e-14.
 MUMPS = {"mat_mumps_icntl_7": 4, "mat_mumps_icntl_8": 0}
 LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
     "mumps-cholesky": {

@@ -305,7 +305,7 @@ class LoadStepping:
         self.newton.follow_supports(x, attempt.values - x.array[scene.held])
 
     def _keep_contact(self, x):
-        """Lead x along the tools, which a straight continuation goes through, if that takes less
+        """Lead x, which was predicted straight through the tools, along them if that takes less
         energy."""
         scene = self.scene
         scene.set(x)
@@ -313,7 +313,7 @@ class LoadStepping:
         x.array[:] += motion
         scene.set(x)
         if not scene.energy() < energy:
-            x.array[:] -= motion
+            self._predicted.copy(x)
 
     def _energies(self):
         return self.scene.energies() | {"viscous": self.progress.viscosity.energy}

@@ -214,11 +214,13 @@ class Contact(PressingTerm):
     def motion_to_gaps(self) -> np.ndarray:
         """As in `KeepsGaps`, by a thickness at most; 0 at a tool moved by force, which comes along
         with the sheet."""
+        if self.tool.force:
+            return np.zeros(3 * self.nodes.count)
         now, before = self.state(), self._accepted_gap
-        pressed = before < self._accepted_shift
-        off = np.where(pressed, before, np.maximum(now.gap, 0.0)) - now.gap
-        off = np.clip(np.where(np.isfinite(off), off, 0.0), -self.thickness, self.thickness)
-        return (0.0 if self.tool.force else 1.0) * (off[:, None] * now.normal).ravel()
+        gap = np.where(np.isfinite(now.gap), now.gap, 0.0)
+        off = np.where(before < self._accepted_shift, before, np.maximum(gap, 0.0)) - gap
+        off = np.clip(off, -self.thickness, self.thickness)
+        return np.nan_to_num(off[:, None] * now.normal).ravel()
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
         """As in `DrivenByForce`."""
