@@ -41,12 +41,14 @@ def plan(dome: Shape, x: float, y: float) -> tuple[float, float, float, float]:
     u, v, k = abs(x), abs(y) - dome.waist, dome.bend
     if u * (1 + k * dome.waist) < dome.half * (1 - k * v):
         # written with the arc's curvature, which may be 0, and not with its radius
-        q = math.hypot(k * u, 1 - k * v)
-        d, dx, dy = (2 * v - k * (u * u + v * v)) / (1 + q), -k * u / q, (1 - k * v) / q
+        a, b = k * u, 1 - k * v
+        q = math.sqrt(a * a + b * b)
+        d, dx, dy = (2 * v - k * (u * u + v * v)) / (1 + q), -a / q, b / q
         turn = -k / q
     else:
-        r = max(math.hypot(u - dome.half, y), 1e-9)
-        d, dx, dy, turn = r - dome.radius, (u - dome.half) / r, abs(y) / r, 1 / r
+        a, b = u - dome.half, abs(y)
+        r = max(math.sqrt(a * a + b * b), 1e-9)
+        d, dx, dy, turn = r - dome.radius, a / r, b / r, 1 / r
     return d, -dx if x < 0 else dx, -dy if y < 0 else dy, turn
 
 
@@ -69,13 +71,13 @@ def profile(dome: Shape, d: float, z: float) -> tuple[float, float, float, float
         found = (z - dome.depth, 0.0, 1.0, 0.0)
     elif along > upper:
         p, q = d - dome.d1, z - dome.z1
-        r = max(math.hypot(p, q), 1e-9)
+        r = max(math.sqrt(p * p + q * q), 1e-9)
         found = (r - dome.top, p / r, q / r, 1 / r)
     if lower <= along <= upper and abs(m * d + n * z) < abs(found[0]):
         found = (m * d + n * z, m, n, 0.0)
     if d < dome.d2 and along < lower:
         p, q = dome.d2 - d, dome.z2 - z
-        r = max(math.hypot(p, q), 1e-9)
+        r = max(math.sqrt(p * p + q * q), 1e-9)
         if abs(dome.entry - r) < abs(found[0]):
             found = (dome.entry - r, p / r, q / r, -1 / r)
     if d >= dome.d2 and abs(z) < abs(found[0]):

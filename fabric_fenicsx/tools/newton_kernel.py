@@ -82,7 +82,7 @@ def _newton(here):
     distance has no minimum here, so the model is kept convex."""
     gap, (p, q), (k11, k22, k12), s, t = here.gap, here.beside, here.shape, here.s, here.t
     a, b, c = 1 + gap * k11, 1 + gap * k22, gap * k12
-    lift = max(0.0, 0.1 - (a + b) / 2 + math.hypot((a - b) / 2, c))
+    lift = max(0.0, 0.1 - (a + b) / 2 + math.sqrt((a - b) ** 2 / 4 + c * c))
     a, b = a + lift, b + lift
     det = a * b - c * c
     u, v, w = (b * p - c * q) / det, (a * q - c * p) / det, -here.off
