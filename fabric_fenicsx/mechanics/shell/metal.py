@@ -14,7 +14,9 @@ from ...runtime.errors import InputError
 from ...runtime.rules import Rule
 from ..reports import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term, Triplets
+from . import metal_cells
 from .bending import plate_stiffness
+from .metal_cells import Shape
 from .morley import MorleyCells, Where
 from .stencil import CellSums, Stencil
 
@@ -22,19 +24,6 @@ POINTS = Rule("an odd number from 5", lambda v: v >= 5 and v % 2 == 1, int)
 
 # from strains 11, 22, 2 12 to half the changes of C as mean and shears, see `hencky`
 MEAN_AND_SHEARS = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
-CHUNK = 250  # cells whose stiffness is made at a time
-
-
-class _Shape(NamedTuple):
-    """Cells as they are deformed: base vectors (cells, 3, 2), normals (cells, 3), gradients of the
-    corners' functions (cells, 3, 3), the normal curvature's derivative by each node's motion along
-    the normal (cells, 3, 12), and itself, 11, 22, 2 12 (cells, 3)."""
-
-    base: np.ndarray
-    normal: np.ndarray
-    gradients: np.ndarray
-    bends: np.ndarray
-    curvature: np.ndarray
 
 
 class _State(NamedTuple):
@@ -42,7 +31,7 @@ class _State(NamedTuple):
     what is conjugate to the mid-surface's strains and to its curvature (cells, 3) [N mm]."""
 
     U: np.ndarray
-    shape: _Shape
+    shape: Shape
     strain: Hencky
     response: Response
     forces: np.ndarray
@@ -107,21 +96,21 @@ class SheetMetal(Term):
                 f"metal of {blank.name} is asked for in a plane or on other cells; allowed are P1, "
                 "and P2 with straight sides, in space"
             )
-        cells = MorleyCells(blank, *self._edges)
+        morley = MorleyCells(blank, *self._edges)
         # how many triangles this rank owns, of each cell, and which of them are of metal
-        self._owned, self._per_cell = cells.count, cells.per_cell
-        self._here = cells.of(self.part.cells)
-        cells.yarn_b = np.tile([0.0, 1.0], (cells.count, 1))  # orthonormal axes
+        self._owned, self._per_cell = morley.count, morley.per_cell
+        self._here = morley.of(self.part.cells)
+        morley.yarn_b = np.tile([0.0, 1.0], (morley.count, 1))  # orthonormal axes
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
-        self._operator, self._own = (a[self._here] for a in cells.curvature(plate))
-        cells = cells.only(self._here)
+        self._operator, self._own = (a[self._here] for a in morley.curvature(plate))
+        morley = morley.only(self._here)
         counts = (self._operator != 0).any(1)
         counts[:, :3] = True
-        self._stencil, self._corners = Stencil(cells), cells.corners
+        self._stencil, self._corners = Stencil(morley), morley.corners
         self._sums = CellSums(self._stencil, counts)
-        self._slopes = -cells.out2 / cells.height[:, :, None]
-        self._volumes = cells.area[:, None] * metal.thickness * self._weights
+        self._slopes = np.ascontiguousarray(-morley.out2 / morley.height[:, :, None])
+        self._volumes = morley.area[:, None] * metal.thickness * self._weights
         undeformed = self._shape(np.zeros_like(self._stencil.displacement()))
         self._rest, shape = undeformed.curvature, self._volumes.shape
         self._elastic, self._plastic = np.zeros((*shape, 3)), np.zeros(shape)
@@ -156,21 +145,21 @@ class SheetMetal(Term):
 
     def add_forces(self, f: np.ndarray) -> None:
         """As in `Term`."""
-        state = self._state()
-        across = np.einsum("ck,cki->ci", state.moments, state.shape.bends)
-        forces = across[:, :, None] * state.shape.normal[:, None]
-        stretching = self._stretching(state.shape, slice(None))
-        forces[:, :3] += np.einsum("ck,ckix->cix", state.forces, stretching)
-        self._sums.add_forces(forces, f)
+        state, shape = self._state(), self._state().shape
+        given = self._slopes, state.forces, state.moments
+        self._sums.add_forces(metal_cells.forces(shape.base, shape.normal, shape.bends, *given), f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's cells [N/mm]."""
         state = self._state()
-        blocks = np.empty((3, 3, 12, 12, len(self._volumes)))
-        for start in range(0, blocks.shape[-1], CHUNK):
-            at = slice(start, start + CHUNK)
-            blocks[..., at] = self._stiffness(state, at)
-        return self._sums.triplets(blocks)
+        strain, response = state.strain, state.response
+        first = strain.first @ MEAN_AND_SHEARS
+        second = MEAN_AND_SHEARS.T @ strain.second(2 * response.stress) @ MEAN_AND_SHEARS
+        sections = metal_cells.sections(first, 2 * response.tangent, second, self._volumes, self._z)
+        given = state.shape, self._slopes, state.forces, state.moments, sections
+        return self._sums.triplets(
+            metal_cells.stiffness(*given, self._sums.places, self._sums.count)
+        )
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
@@ -262,20 +251,8 @@ class SheetMetal(Term):
         return self._now
 
     def _shape(self, U):
-        """kappa = n . x,ab; along the motion of nodes it changes by n . (x,ab of the motion), less
-        what n turns: n . motion's slope, along x,ab."""
-        moved = U[self._stencil.columns]
-        base = np.einsum("cnx,cnk->cxk", self._corners + moved[:, :3], self._slopes)
-        normal = np.cross(base[:, :, 0], base[:, :, 1])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        metric = np.linalg.inv(base.swapaxes(1, 2) @ base)
-        gradients = np.einsum("cxk,ckl,cnl->cnx", base, metric, self._slopes, optimize=True)
-        curved = np.einsum("ckn,cnx->ckx", self._operator, moved) + self._own
-        bends = self._operator.copy()
-        bends[:, :, :3] -= np.einsum("ckx,cnx->ckn", curved, gradients)
-        bends[:, 2] *= 2
-        curvature = np.einsum("ckx,cx->ck", curved, normal) * [1, 1, 2]
-        return _Shape(base, normal, gradients, bends, curvature)
+        given = self._corners, self._slopes, self._operator, self._own
+        return metal_cells.shape(*given, U[self._stencil.columns])
 
     def _strain(self, shape):
         """Logarithmic strains at all points, (cells * points)."""
@@ -289,49 +266,3 @@ class SheetMetal(Term):
         stress = np.einsum("nkj,nk->nj", strain.first, 2 * response.stress) @ MEAN_AND_SHEARS
         stress = stress.reshape(self._elastic.shape) * self._volumes[:, :, None]
         return stress.sum(1), -np.einsum("cp,cpk->ck", self._z, stress)
-
-    def _stretching(self, shape, at):
-        """Derivatives of strains 11, 22, 2 12 by the corners' motion of cells `at`, (cells, 3, 3,
-        3)."""
-        a, b = np.moveaxis(shape.base[at, None], 3, 0)
-        s, t = np.moveaxis(self._slopes[at, :, None], 3, 0)
-        return np.stack([s * a, t * b, s * b + t * a], 1)
-
-    def _stiffness(self, state, at):
-        """Second derivatives (3, 3, 12, 12, cells) of the energy of cells `at` [N/mm]. Cells come
-        last in all arrays here, as NumPy is fast along long last axes alone."""
-        points = len(self._places)
-        base, n, g, bends, kappa = (np.moveaxis(part[at], 0, -1).copy() for part in state.shape)
-        (s, t), z = np.moveaxis(self._slopes[at], (2, 0), (0, 2)).copy(), self._z[at]
-        (N11, N22, N12), moments = state.forces[at].T, state.moments[at].T
-        # of points, in strains 11, 22, 2 12
-        some = slice(at.start * points, at.stop * points)
-        first, response = state.strain.first[some] @ MEAN_AND_SHEARS, state.response
-        strain = state.strain._replace(parts=tuple(part[some] for part in state.strain.parts))
-        curved = strain.second(2 * response.stress[some])
-        D = first.swapaxes(1, 2) @ (2 * response.tangent[some]) @ first
-        D += MEAN_AND_SHEARS.T @ curved @ MEAN_AND_SHEARS
-        D = D.reshape(-1, points, 3, 3) * self._volumes[at, :, None, None]
-        # of cells: of these, with curvatures, and of curvatures
-        plane, mixed, plate = (
-            np.einsum("cp,cpkl->klc", power, D) for power in (np.ones_like(z), -z, z**2)
-        )
-        along = np.array([[s * x, t * y, s * y + t * x] for x, y in base[:, :, None]])
-        bent = np.einsum("kic,kjc->ijc", bends, np.einsum("klc,ljc->kjc", plate, bends))
-        bent[:3, :3] -= (moments * kappa).sum(0) * np.einsum("ixc,jxc->ijc", g, g)
-        # of a node's motion with another's along the normal
-        V = 0.5 * bent * n[:, None, None]
-        V[:, :3] += np.einsum("xkic,kjc->xijc", along, np.einsum("klc,ljc->kjc", mixed, bends))
-        by_node = np.einsum("kc,kic->ic", moments, bends)
-        V[:, :, :3] -= by_node[:, None] * g.swapaxes(0, 1)[:, None]
-        blocks = np.empty((3, 3, *bent.shape))
-        for x, y in np.ndindex(3, 3):
-            np.multiply(V[x], n[y], out=blocks[x, y])
-            blocks[x, y] += n[x] * V[y].swapaxes(0, 1)
-        stretched = np.einsum("klc,yljc->ykjc", plane, along)
-        blocks[:, :, :3, :3] += np.einsum("xkic,ykjc->xyijc", along, stretched)
-        pulls = N12 * s[:, None] * t
-        pulls += pulls.swapaxes(0, 1) + N11 * s[:, None] * s + N22 * t[:, None] * t
-        for x in range(3):
-            blocks[x, x, :3, :3] += pulls
-        return blocks

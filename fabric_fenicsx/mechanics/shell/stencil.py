@@ -58,8 +58,9 @@ class Stencil:
 class CellSums:
     """Forces and stiffness of cells, summed on the nodes of a `stencil`.
 
-    counts: those of a cell's 12 nodes that matter, (cells, 12); stiffness is summed for pairs of
-    these alone.
+    - counts: those of a cell's 12 nodes that matter, (cells, 12); stiffness is summed for pairs of
+      these alone
+    - places (cells, 12, 12): which of the `count` pairs of nodes each of a cell's is, -1 for others
     """
 
     def __init__(self, stencil: Stencil, counts: np.ndarray) -> None:
@@ -67,9 +68,9 @@ class CellSums:
         self._on_nodes = _adding(columns.ravel(), np.arange(columns.size), size, columns.size)
         cell, i, j = np.nonzero(counts[:, :, None] & counts[:, None])
         keys, pair = np.unique(columns[cell, i] * size + columns[cell, j], return_inverse=True)
-        self._ends = np.divmod(keys, size)
-        places = (i * 12 + j) * len(counts) + cell
-        self._on_pairs = _adding(pair, places, len(keys), 144 * len(counts))
+        self._ends, self.count = np.divmod(keys, size), len(keys)
+        self.places = np.full((len(counts), 12, 12), -1, dtype=np.int32)
+        self.places[cell, i, j] = pair
         self._rows, self._cols = stencil.places(*self._ends)
 
     def add_forces(self, forces: np.ndarray, f: np.ndarray) -> None:
@@ -77,13 +78,9 @@ class CellSums:
         self._stencil.add_forces(self._on_nodes @ forces.reshape(-1, forces.shape[2]), f)
 
     def triplets(self, blocks: np.ndarray) -> Triplets:
-        """As `Term.tangent` gives them, from blocks (gdim, gdim, 12, 12, cells) [N/mm]."""
-        dim = len(blocks)
-        summed = np.empty((self._on_pairs.shape[0], dim, dim))
-        for x, y in np.ndindex(dim, dim):
-            summed[:, x, y] = self._on_pairs @ blocks[x, y].ravel()
-        self._stencil.turn_back(summed, *self._ends)
-        return self._rows, self._cols, summed.ravel()
+        """As `Term.tangent` gives them, from the pairs' blocks (count, gdim, gdim) [N/mm]."""
+        self._stencil.turn_back(blocks, *self._ends)
+        return self._rows, self._cols, blocks.ravel()
 
 
 def _adding(to, places, size, count):

@@ -1,0 +1,198 @@
+"""Loops over cells of sheet metal: their shape, and their forces and stiffness at the nodes."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ...runtime.compiled import compiled
+
+
+class Shape(NamedTuple):
+    """Cells as they are deformed: base vectors (cells, 3, 2), normals (cells, 3), gradients of the
+    corners' functions (cells, 3, 3), the normal curvature's derivative by each node's motion along
+    the normal (cells, 3, 12), and itself, 11, 22, 2 12 (cells, 3)."""
+
+    base: np.ndarray
+    normal: np.ndarray
+    gradients: np.ndarray
+    bends: np.ndarray
+    curvature: np.ndarray
+
+
+def shape(
+    corners: np.ndarray,
+    slopes: np.ndarray,
+    operator: np.ndarray,
+    own: np.ndarray,
+    moved: np.ndarray,
+) -> Shape:
+    """The shape of cells of `corners` (cells, 3, 3), with slopes (cells, 3, 2) of the corners'
+    functions, from the motion of their nodes (cells, 12, 3).
+
+    kappa = n . x,ab; along the motion of nodes it changes by n . (x,ab of the motion), less what n
+    turns: n . motion's slope, along x,ab. x,ab is `own` (cells, 3, 3) plus `operator` (cells, 3,
+    12) times the motion.
+    """
+    return Shape(*_shape(corners, slopes, operator, own, moved))
+
+
+@compiled
+def _shape(corners, slopes, operator, own, moved):
+    n = len(corners)
+    base, normal, gradients = np.zeros((n, 3, 2)), np.empty((n, 3)), np.zeros((n, 3, 3))
+    bends, curvature = operator.copy(), np.zeros((n, 3))
+    curved = np.empty((3, 3))
+    for c in range(n):
+        for i in range(3):
+            for x in range(3):
+                for k in range(2):
+                    base[c, x, k] += (corners[c, i, x] + moved[c, i, x]) * slopes[c, i, k]
+        a, b = base[c, :, 0], base[c, :, 1]
+        for x in range(3):
+            y, z = (x + 1) % 3, (x + 2) % 3
+            normal[c, x] = a[y] * b[z] - a[z] * b[y]
+        normal[c] /= np.sqrt((normal[c] ** 2).sum())
+        aa, ab, bb = (a * a).sum(), (a * b).sum(), (b * b).sum()
+        square = aa * bb - ab * ab
+        for i in range(3):
+            s, t = slopes[c, i]
+            by_a, by_b = (bb * s - ab * t) / square, (aa * t - ab * s) / square
+            for x in range(3):
+                gradients[c, i, x] = a[x] * by_a + b[x] * by_b
+        for k in range(3):
+            twice = 2.0 if k == 2 else 1.0
+            for x in range(3):
+                curved[k, x] = own[c, k, x]
+                for i in range(12):
+                    curved[k, x] += operator[c, k, i] * moved[c, i, x]
+                curvature[c, k] += twice * curved[k, x] * normal[c, x]
+            for i in range(3):
+                for x in range(3):
+                    bends[c, k, i] -= curved[k, x] * gradients[c, i, x]
+            bends[c, k] *= twice
+    return base, normal, gradients, bends, curvature
+
+
+@compiled
+def forces(base, normal, bends, slopes, stretching, moments):
+    """Forces on the cells' nodes (cells, 12, 3) [N] from what is conjugate to the mid-surface's
+    strains, `stretching` (cells, 3), and to its curvature, `moments` (cells, 3) [N mm]."""
+    found = np.empty((len(base), 12, 3))
+    for c in range(len(base)):
+        N, M = stretching[c], moments[c]
+        for i in range(12):
+            across = M[0] * bends[c, 0, i] + M[1] * bends[c, 1, i] + M[2] * bends[c, 2, i]
+            for x in range(3):
+                found[c, i, x] = across * normal[c, x]
+        for i in range(3):
+            s, t = slopes[c, i]
+            for x in range(3):
+                a, b = base[c, x]
+                found[c, i, x] += (N[0] * s + N[2] * t) * a + (N[1] * t + N[2] * s) * b
+    return found
+
+
+@compiled
+def sections(first, tangent, second, volumes, z):
+    """Derivatives of `stretching` in strains, of it in curvatures, and of `moments` in curvatures,
+    (3, cells, 3, 3), from points at heights z (cells, points): derivatives `first` (n, 3, 3) of
+    their strains in C's parts 11, 22, 2 12, `tangent` (n, 3, 3) of stresses in strains, and what
+    the strains' second derivatives add (n, 3, 3)."""
+    found, D, pulled = np.zeros((3, *z.shape[:1], 3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    for c in range(z.shape[0]):
+        for p in range(z.shape[1]):
+            n, height = c * z.shape[1] + p, z[c, p]
+            A, T = first[n], tangent[n]
+            for i in range(3):
+                for j in range(3):
+                    pulled[i, j] = T[i, 0] * A[0, j] + T[i, 1] * A[1, j] + T[i, 2] * A[2, j]
+            for i in range(3):
+                for j in range(3):
+                    D[i, j] = second[n, i, j] + A[0, i] * pulled[0, j]
+                    D[i, j] += A[1, i] * pulled[1, j] + A[2, i] * pulled[2, j]
+                    D[i, j] *= volumes[c, p]
+                    found[0, c, i, j] += D[i, j]
+                    found[1, c, i, j] -= height * D[i, j]
+                    found[2, c, i, j] += height**2 * D[i, j]
+    return found
+
+
+@compiled
+def stiffness(shape, slopes, stretching, moments, across, places, count):
+    """Second derivatives of the energy for pairs of nodes (count, 3, 3) [N/mm]. places (cells, 12,
+    12): which pair each pair of a cell's nodes is, -1 for those that do not count; across: as
+    `sections` gives them; stretching, moments: as in `forces`."""
+    values, V = np.zeros((count, 3, 3)), np.empty((12, 12, 3))
+    along, bend, mixed = np.empty((3, 3, 3)), np.empty((3, 12)), np.empty((3, 12))
+    for c in range(len(slopes)):
+        n, g, B, M, pairs = (
+            shape.normal[c],
+            shape.gradients[c],
+            shape.bends[c],
+            moments[c],
+            places[c],
+        )
+        _stretch_along(shape.base[c], slopes[c], along)
+        _times(across[2, c], B, bend)
+        _times(across[1, c], B, mixed)
+        torque = (M * shape.curvature[c]).sum()
+        # of a node's motion with another's along the normal
+        for i in range(12):
+            by_node = M[0] * B[0, i] + M[1] * B[1, i] + M[2] * B[2, i]
+            for j in range(12):
+                bent = B[0, i] * bend[0, j] + B[1, i] * bend[1, j] + B[2, i] * bend[2, j]
+                if i < 3 and j < 3:
+                    bent -= torque * (g[i] * g[j]).sum()
+                for x in range(3):
+                    V[i, j, x] = 0.5 * bent * n[x]
+                    if i < 3:
+                        for k in range(3):
+                            V[i, j, x] += along[k, i, x] * mixed[k, j]
+                    if j < 3:
+                        V[i, j, x] -= by_node * g[j, x]
+        for i in range(12):
+            for j in range(12):
+                if pairs[i, j] >= 0:
+                    value = values[pairs[i, j]]
+                    for x in range(3):
+                        for y in range(3):
+                            value[x, y] += V[i, j, x] * n[y] + n[x] * V[j, i, y]
+        _add_stretching(along, slopes[c], across[0, c], stretching[c], pairs, values)
+    return values
+
+
+@compiled
+def _stretch_along(base, slopes, along):
+    """Derivatives of strains 11, 22, 2 12 (3,) by the corners' motion (3, 3) of a cell."""
+    for i in range(3):
+        s, t = slopes[i]
+        for x in range(3):
+            along[0, i, x] = s * base[x, 0]
+            along[1, i, x] = t * base[x, 1]
+            along[2, i, x] = s * base[x, 1] + t * base[x, 0]
+
+
+@compiled
+def _times(section, B, product):
+    for k in range(3):
+        for j in range(12):
+            product[k, j] = section[k, 0] * B[0, j] + section[k, 1] * B[1, j]
+            product[k, j] += section[k, 2] * B[2, j]
+
+
+@compiled
+def _add_stretching(along, slopes, section, N, pairs, values):
+    """What strains of the mid-surface add for the pairs of a cell's corners."""
+    for i in range(3):
+        for j in range(3):
+            s, t = slopes[i]
+            q, r = slopes[j]
+            pull, value = N[0] * s * q + N[1] * t * r + N[2] * (s * r + t * q), values[pairs[i, j]]
+            for x in range(3):
+                value[x, x] += pull
+                for k in range(3):
+                    pulled = 0.0
+                    for m in range(3):
+                        pulled += section[k, m] * along[m, i, x]
+                    for y in range(3):
+                        value[x, y] += pulled * along[k, j, y]
