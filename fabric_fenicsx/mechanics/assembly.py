@@ -44,6 +44,9 @@ class Assembly:
 
     def __init__(self, blank: Blank, terms: Sequence[Term]) -> None:
         self._blank, self._terms, self._comm = blank, terms, blank.mesh.comm
+        # asked once, as Protocols take long to tell
+        self._stores_kinds = [isinstance(term, StoresKinds) for term in terms]
+        self._loaded = [term for term in terms if isinstance(term, Loaded)]
         v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
         # one form is of one part and one edge, as these share their number
         on: dict[tuple, list[tuple[ufl.Form, ufl.Form]]] = {}
@@ -54,7 +57,7 @@ class Assembly:
                 pair = variations(term, v, w)
                 on.setdefault((term.part_name, *_marked(term.energy)), []).append(pair)
                 self._energies.append((term.energy_kind, compat.form(term.energy)))
-                if term.energy_kind is None and not isinstance(term, Loaded):
+                if term.energy_kind is None and term not in self._loaded:
                     self._loads.append(compat.form(pair[0]))
         found = list(on.values()) or [[_nothing(blank, v, w)]]
         self._residuals, self._tangents = (
@@ -72,8 +75,8 @@ class Assembly:
         the work of loads."""
         parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
         changed = False
-        for i, term in enumerate(self._terms):
-            if isinstance(term, StoresKinds):
+        for i, (term, stores_kinds) in enumerate(zip(self._terms, self._stores_kinds)):
+            if stores_kinds:
                 if i not in self._kinds:
                     self._kinds[i] = kinds_of(term)
                 given = term.energies()
@@ -94,7 +97,7 @@ class Assembly:
     def applied_forces(self) -> list[np.ndarray]:
         """Forces of each tool and load (owned dofs,) [N], beside which a residual is to be
         small."""
-        found = [term.applied_forces() for term in self._terms if isinstance(term, Loaded)]
+        found = [term.applied_forces() for term in self._loaded]
         for form in self._loads:
             f = fem_petsc.assemble_vector(form)
             f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)

@@ -65,8 +65,14 @@ def _levered(levers, blocks, places, count):
         for a in range(3):
             for j in range(L.shape[1]):
                 pulled[a, j] = B[a, 0] * L[0, j] + B[a, 1] * L[1, j] + B[a, 2] * L[2, j]
-        for i in range(L.shape[1]):
-            for j in range(L.shape[1]):
-                value = L[0, i] * pulled[0, j] + L[1, i] * pulled[1, j] + L[2, i] * pulled[2, j]
-                values[places[n, i // 3, j // 3], i % 3, j % 3] += value
+        for i in range(places.shape[1]):
+            for j in range(places.shape[2]):
+                mine, others, value = L[:, 3 * i :], pulled[:, 3 * j :], values[places[n, i, j]]
+                for a in range(3):
+                    for b in range(3):
+                        value[a, b] += (
+                            mine[0, a] * others[0, b]
+                            + mine[1, a] * others[1, b]
+                            + mine[2, a] * others[2, b]
+                        )
     return values

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...runtime.compiled import compiled
 from .pressure_law import PressureLaw, only
 
 ANTICIPATED = 4.0  # times the present pressure, up to which the next one is anticipated
@@ -38,18 +39,14 @@ def press(
     """Points of `areas` (n,) [mm^2] pressed by a law at gaps (n,) [mm], with the gaps' gradients
     (n, 3) and Hessians (n, 3, 3) [1/mm]. shift: by which the face is raised, one or for each point
     (n,) [mm]; the energy is that beyond the shift's own."""
-    n, depth = len(gap), np.maximum(0.0, shift - gap)
-    energy, pressure, slope = np.zeros((3, n))
-    forces, blocks = np.zeros((n, 3)), np.zeros((n, 3, 3))
+    depth = np.maximum(0.0, shift - gap)
+    energy, pressure, slope = np.zeros((3, len(gap)))
     at = np.flatnonzero(depth != 0)  # those that are not numbers among them
     energy[at], pressure[at], slope[at] = only(law, at)(depth[at])
     if np.any(shift):
-        energy -= law(np.broadcast_to(shift, n))[0]
-    along, size = normal[at], areas[at]
-    force = (size * pressure[at])[:, None] * along
-    forces[at] = force
-    blocks[at] = (size * slope[at])[:, None, None] * (along[:, :, None] * along[:, None])
-    blocks[at] -= (size * pressure[at])[:, None, None] * curvature[at]
+        energy -= law(np.broadcast_to(shift, len(gap)))[0]
+    normal, curvature = np.ascontiguousarray(normal), np.ascontiguousarray(curvature)
+    forces, blocks = _pushed(areas * pressure, areas * slope, normal, curvature)
     return Pressed(gap, normal, curvature, depth, pressure, slope, forces, blocks, areas * energy)
 
 
@@ -61,11 +58,37 @@ def anticipate(law: PressureLaw, areas: np.ndarray, now: Pressed, missing: np.nd
     With the tangent its depth is but halved, as the law starts with slope 0.
     """
     at = np.flatnonzero(now.pressure > 0)
-    p, depth, along = now.pressure[at], now.depth[at], now.normal[at]
+    p, change = now.pressure[at], np.zeros(len(areas))
     balancing = np.clip(p + missing[at], 0.0, ANTICIPATED * p)
-    changes = np.flatnonzero(abs(balancing - p) > 1e-6 * p)
-    at, along = at[changes], along[changes]
-    chord = (balancing - p)[changes] / (only(law, at).depth(balancing[changes]) - depth[changes])
-    blocks, change = now.blocks.copy(), areas[at] * (chord - now.slope[at])
-    blocks[at] += change[:, None, None] * (along[:, :, None] * along[:, None])
-    return now._replace(blocks=blocks)
+    changes = abs(balancing - p) > 1e-6 * p
+    at, p, balancing = at[changes], p[changes], balancing[changes]
+    chord = (balancing - p) / (only(law, at).depth(balancing) - now.depth[at])
+    change[at] = areas[at] * (chord - now.slope[at])
+    return now._replace(blocks=_stiffened(now.blocks, change, now.normal))
+
+
+@compiled
+def _pushed(force, stiffness, normal, curvature):
+    """Forces (n, 3) of sizes `force` (n,), and by how much they fall as points move (n, 3, 3)."""
+    forces, blocks = np.zeros((len(force), 3)), np.zeros((len(force), 3, 3))
+    for n in range(len(force)):
+        if force[n] == 0 and stiffness[n] == 0:
+            continue
+        for i in range(3):
+            forces[n, i] = force[n] * normal[n, i]
+            for j in range(3):
+                across = stiffness[n] * normal[n, i] * normal[n, j]
+                blocks[n, i, j] = across - force[n] * curvature[n, i, j]
+    return forces, blocks
+
+
+@compiled
+def _stiffened(blocks, change, normal):
+    """Blocks (n, 3, 3) that are by `change` (n,) stiffer along `normal` (n, 3)."""
+    found = blocks.copy()
+    for n in range(len(change)):
+        if change[n] != 0:
+            for i in range(3):
+                for j in range(3):
+                    found[n, i, j] += change[n] * normal[n, i] * normal[n, j]
+    return found
