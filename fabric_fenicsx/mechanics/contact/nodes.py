@@ -76,7 +76,11 @@ class Nodes:
 
     def displacement(self) -> np.ndarray:
         """(count, 3) [mm]."""
-        return self.blank.u.x.array.reshape(-1, 3)[: self.count].copy()
+        return self.view().copy()
+
+    def view(self) -> np.ndarray:
+        """As `displacement`, in the memory of the blank's own."""
+        return self.blank.u.x.array.reshape(-1, 3)[: self.count]
 
     def common(self, rows: np.ndarray) -> np.ndarray:
         """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""

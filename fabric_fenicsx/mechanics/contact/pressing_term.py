@@ -93,19 +93,22 @@ class PressingTerm(Term):
         if self.coulomb:
             self._arms, self._levers = self.arms(), np.ascontiguousarray(self.levers())
 
-    def _moved(self):
-        """How far nodes moved relative to the tool since the last accepted state (nodes, 3)."""
-        place, tool = self._start
-        return self.nodes.displacement() - place - (self.tool.displacement - tool)
-
     def slid(self) -> np.ndarray:
         """How far the sheet's face has slid along the tool since the last accepted state, as it is
         held during a solve: linear in the nodes' motion (nodes, 3) [mm]."""
-        return self._offset + _times(self._levers, self._moved())
+        return self._offset + _moved(self._levers, *self._motion())
+
+    def _motion(self):
+        """Displacements of nodes now and at the start (nodes, 3), and how far the tool moved since
+        then (3,) [mm]."""
+        place, tool = self._start
+        return self.nodes.view(), place, self.tool.displacement - tool
 
     def _slid_exactly(self):
-        """As `slid`, not held: the nodes' motion less the change of their arms (nodes, 3) [mm]."""
-        return self._moved() - np.nan_to_num(self.arms() - self._arms)
+        """As `slid`, not held: the nodes' motion relative to the tool less the change of their arms
+        (nodes, 3) [mm]."""
+        now, place, tool = self._motion()
+        return now - place - tool - np.nan_to_num(self.arms() - self._arms)
 
     def rubbing_forces(self) -> np.ndarray:
         """Forces on this rank's nodes that have the moment of friction at the face (nodes, 3) [N]:
@@ -235,3 +238,9 @@ def _between(levers, blocks):
                     for m in range(3):
                         found[n, i, j] += L[i, k] * B[k, m] * L[m, j]
     return found
+
+
+@compiled
+def _moved(levers, now, start, tool):
+    """`_times` of levers and what nodes moved relative to a tool."""
+    return _times(levers, now - start - tool)

@@ -366,13 +366,13 @@ class Contact(PressingTerm):
 
     def state(self) -> Pressed:
         """This rank's nodes as they are pressed at the sheet's present displacement."""
-        u = self.nodes.displacement()
-        known = self._found is not None and np.array_equal(u, self._found[0])
+        u = self.nodes.view()
+        known = self._found is not None and bool((u == self._found[0]).all())
         if self.tool.force:  # its balance asks all ranks, also those on which no node moved
             known = self.nodes.comm.allreduce(known, MPI.LAND)
         if self._found is None or not known:
             x = self.nodes.places + u
-            self._found = u, self._balanced(x) if self.tool.force else self._state_at(x)
+            self._found = u.copy(), self._balanced(x) if self.tool.force else self._state_at(x)
         return self._found[1]
 
     def _state_at(self, x):

@@ -122,6 +122,7 @@ class Bending(Term):
         )
         if np.abs(curved).max(initial=0) * np.sqrt(self._cells.area.max(initial=0)) < 1e-10:
             self._own_curvature[:] = 0  # flat but for rounding
+        self._now: _State | None = None
         self._gathered(operator)
         self.accept()
 
@@ -130,18 +131,18 @@ class Bending(Term):
     def accept(self) -> None:
         """Take normals from the present displacement."""
         U, dim = self._stencil.displacement(), self._dim
-        self._rest, self._normal, self._turning, self._origin = self._own_curvature, None, None, U
-        self._now: _State | None = None
-        P = np.broadcast_to(self.in_plane * np.eye(dim), (len(self._rest), dim, dim))
+        own, self._now = self._own_curvature, None
+        self._offset, self._normal = np.zeros_like(own), np.zeros((len(own), dim))
+        self._turning, self._origin = None, U
+        P = np.broadcast_to(self.in_plane * np.eye(dim), (len(own), dim, dim))
         if dim == 3:
             corners = self._cells.corners + U[self._stencil.columns[:, :3]]
             edges, axes = np.roll(corners, -2, 1) - np.roll(corners, -1, 1), self._axes(corners)
-            self._normal = normal = axes[:, 2]
+            self._normal = normal = axes[:, 2].copy()
             P = P + (1 - self.in_plane) * normal[:, :, None] * normal[:, None]
             turned = np.einsum("cki,ckj->cij", axes, self._axes(self._cells.corners))
-            self._rest = np.einsum("cij,ckj->cki", turned, self._own_curvature)
-            curvature = self._curvature(U)
-            torque = np.cross(self._moments(curvature - self._rest), curvature).sum(1)
+            self._offset = own - np.einsum("cij,ckj->cki", turned, own)
+            torque = np.cross(self._bent(U)[1], self._curvature(U)).sum(1)
             area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)  # twice
             # gradients of the shape functions
             slopes = np.cross(normal[:, None], edges) / area[:, None, None]
@@ -189,39 +190,30 @@ class Bending(Term):
         """What is stored and borne at the present displacement, reckoned once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
-            bent = self._curvature(U) - self._rest
-            moments = self._moments(bent)
-            energy = 0.5 * np.vdot(bent, moments)
-            forces = self._transposed @ moments.reshape(-1, self._dim)
+            energy, _, forces = self._bent(U)
             if self._turning is not None:
-                energy += np.vdot(self._turning, U - self._origin)
+                energy += float(np.vdot(self._turning, U - self._origin))
                 forces += self._turning
-            self._now = _State(U, float(energy), forces)
+            self._now = _State(U, energy, forces)
         return self._now
 
-    def _moments(self, bent):
-        """Moments, conjugate to the curvatures by which cells are `bent`,
-        (cells, 3, gdim) [N mm mm]."""
-        along = self.in_plane * self._weights[:, :, None] * bent if self.in_plane else 0.0
-        if self._normal is None:
-            return along
-        out = np.einsum("cki,ci->ck", bent, self._normal) * (1 - self.in_plane) * self._weights
-        return out[:, :, None] * self._normal[:, None] + along
+    def _bent(self, U):
+        """Energy, moments and forces, see `bend`, without what turning normals add."""
+        from .bending_cells import bend  # with numba, which scenes that do not bend start without
+
+        given = self._operator, self._stencil.columns, U, self._offset, self._normal
+        return bend(*given, self._weights, self.in_plane)
 
     def _curvature(self, U):
-        return (self._operator @ U).reshape(-1, 3, self._dim) + self._own_curvature
+        return np.einsum("ckn,cnx->ckx", self._operator, U[self._stencil.columns]) + (
+            self._own_curvature
+        )
 
     def _gathered(self, operator):
-        """Sparse matrices from the cells' `operator` (cells, 3, 12), and who is needed where."""
-        self._stencil, count = Stencil(self._cells), len(operator)
+        """Take the cells' `operator` (cells, 3, 12), and note who is needed where."""
+        self._operator, count = np.ascontiguousarray(operator), len(operator)
+        self._stencil = Stencil(self._cells)
         columns, size = self._stencil.columns, self._stencil.count
-        rows = np.arange(3 * count).reshape(count, 3, 1) + np.zeros_like(columns)[:, None]
-        over = np.broadcast_to(columns[:, None], rows.shape)
-        self._operator = sparse.csr_matrix(
-            (operator.ravel(), (rows.ravel(), over.ravel())), shape=(3 * count, size)
-        )
-        self._operator.eliminate_zeros()
-        self._transposed = self._operator.T.tocsr()
         # the stiffness of a pair of nodes is the sum over cells of a number times the cell's P
         products = np.einsum("ck,cki,ckj->cij", self._weights, operator, operator, optimize=True)
         cell, i, j = np.nonzero((products != 0) & (columns[:, :, None] <= columns[:, None]))
