@@ -132,13 +132,16 @@ class Bending(Term):
         """Take normals from the present displacement."""
         U, dim = self._stencil.displacement(), self._dim
         own, self._now = self._own_curvature, None
-        self._offset, self._normal = np.zeros_like(own), np.zeros((len(own), dim))
+        self._offset, self._directions = np.zeros_like(own), np.tile(np.eye(dim), (len(own), 1, 1))
+        self._shares = np.full(dim, self.in_plane)  # of the stiffness, along these directions
         self._turning, self._origin = None, U
         P = np.broadcast_to(self.in_plane * np.eye(dim), (len(own), dim, dim))
         if dim == 3:
             corners = self._cells.corners + U[self._stencil.columns[:, :3]]
             edges, axes = np.roll(corners, -2, 1) - np.roll(corners, -1, 1), self._axes(corners)
-            self._normal = normal = axes[:, 2].copy()
+            normal = axes[:, 2]
+            self._shares = np.array([1.0, self.in_plane, self.in_plane] if self.in_plane else [1.0])
+            self._directions = axes[:, [2, 0, 1]][:, : len(self._shares)].copy()
             P = P + (1 - self.in_plane) * normal[:, :, None] * normal[:, None]
             turned = np.einsum("cki,ckj->cij", axes, self._axes(self._cells.corners))
             self._offset = own - np.einsum("cij,ckj->cki", turned, own)
@@ -201,8 +204,8 @@ class Bending(Term):
         """Energy, moments and forces, see `bend`, without what turning normals add."""
         from .bending_cells import bend  # with numba, which scenes that do not bend start without
 
-        given = self._operator, self._stencil.columns, U, self._offset, self._normal
-        return bend(*given, self._weights, self.in_plane)
+        given = self._operator, self._stencil.columns, U, self._offset, self._directions
+        return bend(*given, self._weights, self._shares)
 
     def _curvature(self, U):
         return np.einsum("ckn,cnx->ckx", self._operator, U[self._stencil.columns]) + (

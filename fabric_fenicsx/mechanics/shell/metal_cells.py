@@ -74,7 +74,14 @@ def _shape(corners, slopes, operator, own, moved):
 
 
 @compiled
-def forces(base, normal, bends, slopes, stretching, moments):
+def forces(
+    base: np.ndarray,
+    normal: np.ndarray,
+    bends: np.ndarray,
+    slopes: np.ndarray,
+    stretching: np.ndarray,
+    moments: np.ndarray,
+) -> np.ndarray:
     """Forces on the cells' nodes (cells, 12, 3) [N] from what is conjugate to the mid-surface's
     strains, `stretching` (cells, 3), and to its curvature, `moments` (cells, 3) [N mm]."""
     found = np.empty((len(base), 12, 3))
@@ -93,7 +100,13 @@ def forces(base, normal, bends, slopes, stretching, moments):
 
 
 @compiled
-def sections(first, tangent, second, volumes, z):
+def sections(
+    first: np.ndarray,
+    tangent: np.ndarray,
+    second: np.ndarray,
+    volumes: np.ndarray,
+    z: np.ndarray,
+) -> np.ndarray:
     """Derivatives of `stretching` in strains, of it in curvatures, and of `moments` in curvatures,
     (3, cells, 3, 3), from points at heights z (cells, points): derivatives `first` (n, 3, 3) of
     their strains in C's parts 11, 22, 2 12, `tangent` (n, 3, 3) of stresses in strains, and what
@@ -118,7 +131,15 @@ def sections(first, tangent, second, volumes, z):
 
 
 @compiled
-def stiffness(shape, slopes, stretching, moments, across, places, count):
+def stiffness(
+    shape: Shape,
+    slopes: np.ndarray,
+    stretching: np.ndarray,
+    moments: np.ndarray,
+    across: np.ndarray,
+    places: np.ndarray,
+    count: int,
+) -> np.ndarray:
     """Second derivatives of the energy for pairs of nodes (count, 3, 3) [N/mm]. places (cells, 12,
     12): which pair each pair of a cell's nodes is, -1 for those that do not count; across: as
     `sections` gives them; stretching, moments: as in `forces`."""
