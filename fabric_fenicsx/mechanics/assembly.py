@@ -45,7 +45,7 @@ class Assembly:
     def __init__(self, blank: Blank, terms: Sequence[Term]) -> None:
         self._blank, self._terms, self._comm = blank, terms, blank.mesh.comm
         # asked once, as Protocols take long to tell
-        self._stores_kinds = [isinstance(term, StoresKinds) for term in terms]
+        self._storing = {i: t for i, t in enumerate(terms) if isinstance(t, StoresKinds)}
         self._loaded = [term for term in terms if isinstance(term, Loaded)]
         v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
         # one form is of one part and one edge, as these share their number
@@ -75,11 +75,11 @@ class Assembly:
         the work of loads."""
         parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
         changed = False
-        for i, (term, stores_kinds) in enumerate(zip(self._terms, self._stores_kinds)):
-            if stores_kinds:
+        for i, term in enumerate(self._terms):
+            if i in self._storing:
                 if i not in self._kinds:
                     self._kinds[i] = kinds_of(term)
-                given = term.energies()
+                given = self._storing[i].energies()
                 changed |= given.keys() != {*self._kinds[i]}
                 parts += [(kind, given.get(kind, 0.0)) for kind in self._kinds[i]]
             else:

@@ -109,7 +109,7 @@ class _OwnEntries:
         ]
         return [*found, np.empty(0)][:2]
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         for part, array in zip(self._parts, self._arrays):
             _call("MatSeqAIJRestoreArray", part, ctypes.byref(array))
 
