@@ -13,6 +13,7 @@ from .files import read_numbers
 from .parameters import Parameters
 
 ITERATIONS = 6  # of Newton's method; three or four do
+SMALL = 1e-3  # of y, below which e^y - 1 - y is taken as a series
 
 
 @dataclass(frozen=True)
@@ -73,11 +74,15 @@ def log_compaction(q: np.ndarray) -> np.ndarray:
     y = np.log1p(q + np.sqrt(2 * q))
     for _ in range(ITERATIONS):  # convex, so each comes nearer from above
         slope = np.expm1(y)
-        y = y - np.divide(growth(y) - q, slope, out=np.zeros_like(y), where=slope > 0)
+        excess = np.where(y < SMALL, _series(y), slope - y) - q
+        y = y - np.divide(excess, slope, out=np.zeros_like(y), where=slope > 0)
     return y
 
 
 def growth(y: np.ndarray) -> np.ndarray:
     """e^y - 1 - y of y (n,) from 0, without cancellation."""
-    series = y**2 / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5)))
-    return np.where(y < 1e-3, series, np.expm1(y) - y)
+    return np.where(y < SMALL, _series(y), np.expm1(y) - y)
+
+
+def _series(y):
+    return y * y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5)))
