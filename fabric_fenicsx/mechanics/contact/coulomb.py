@@ -51,11 +51,15 @@ class Coulomb:
 
     def energy(self, z: np.ndarray, limit: np.ndarray) -> np.ndarray:
         """mu P |z|^2 / 2 s up to |z| = s, mu P (|z| - s / 2) beyond, (n,) [N mm]."""
-        return _potential(z, limit, self.slip)[0]
+        return self.potential(z, limit)[0]
 
     def forces(self, z: np.ndarray, limit: np.ndarray) -> np.ndarray:
         """Forces on the points, against the slip (n, 3) [N]: minus the derivative of `energy`."""
-        return _potential(z, limit, self.slip)[1]
+        return self.potential(z, limit)[1]
+
+    def potential(self, z: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`energy` and `forces` at once."""
+        return _potential(z, limit, self.slip)
 
     def blocks(self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """The second derivative of `energy` (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the

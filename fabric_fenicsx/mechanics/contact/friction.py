@@ -17,7 +17,11 @@ class Friction:
     then, relative to what it touches. Its tangential part adds to the elastic slip of that state,
     which begins with 0 where a point is pressed for the first time. coefficient: of all points, or
     one for each (n,). All ranks use it together.
+
+    version: a number that changes when energy and forces of the same motion do
     """
+
+    version = 0
 
     def __init__(
         self,
@@ -37,6 +41,7 @@ class Friction:
     def _begin(self, normal_forces, normals):
         """Take normal forces (n,) [N] and unit normals (n, 3) for the next step, and turn the slip
         into the new tangent planes."""
+        self.version += 1
         self._limit = self._accepted_limit = self.coefficient * normal_forces
         self._normals = np.ascontiguousarray(normals)
         self._slip = _turned(self._slip, self._limit, self._normals)
@@ -48,11 +53,13 @@ class Friction:
 
     def restore(self) -> None:
         """Go back to the normal forces of the last accepted state."""
+        self.version += 1
         self._limit = self._accepted_limit
 
     def press(self, normal_forces: np.ndarray) -> None:
         """Take these normal forces (n,) [N] for the present step. The energy that changes because
         they do counts as taken."""
+        self.version += 1
         self._limit = self.coefficient * normal_forces
         self._taken = self._accepted_energy - self.law.energy(self._slip, self._limit)
 
@@ -71,6 +78,7 @@ class Friction:
         changed, total, off, limit = self._comm.allreduce(sums)
         if changed <= self._lag * total and off <= INEXACT * limit:
             return False
+        self.version += 1
         self._limit = now
         return True
 
@@ -85,11 +93,16 @@ class Friction:
 
     def energy(self, moved: np.ndarray) -> float:
         """Energy taken at this rank's points, elastic and dissipated [N mm]."""
-        return float((self._taken + self.law.energy(self._slipped(moved), self._limit)).sum())
+        return self.potential(moved)[0]
 
     def forces(self, moved: np.ndarray) -> np.ndarray:
         """Forces on the points (n, 3) [N]."""
-        return self.law.forces(self._slipped(moved), self._limit)
+        return self.potential(moved)[1]
+
+    def potential(self, moved: np.ndarray) -> tuple[float, np.ndarray]:
+        """`energy` and `forces` at once."""
+        energy, forces = self.law.potential(self._slipped(moved), self._limit)
+        return float((self._taken + energy).sum()), forces
 
     def total(self, moved: np.ndarray) -> np.ndarray:
         """Sum of the forces on the points of all ranks (3,) [N]."""
@@ -105,6 +118,7 @@ class Friction:
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
+        self.version += 1
         self._slip = np.ascontiguousarray(memory["slip"])
         self._taken = self._accepted_energy = memory["energy"]
         self._limit = np.zeros(len(self._taken))

@@ -1,7 +1,7 @@
 """What presses the nodes of a sheet and rubs on them: tools and blank holders."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,17 @@ from .friction import Friction
 from .nodes import Nodes
 
 NEVER = np.inf  # how normal forces on tools lag by default: they follow one step behind
+
+
+class _Rubbing(NamedTuple):
+    """What friction does at displacements u (nodes, 3) and `tool` (3,) [mm], with a `version` of
+    `Friction`: energy [N mm] and forces on the nodes (nodes, 3) [N]."""
+
+    u: np.ndarray
+    tool: np.ndarray
+    version: int
+    energy: float
+    forces: np.ndarray
 
 
 class PressingTerm(Term):
@@ -29,6 +40,7 @@ class PressingTerm(Term):
     nodes: Nodes
     coulomb: Coulomb | None
     friction: Friction | None = None
+    _rubbing: _Rubbing | None = None
 
     def __init__(
         self, tool: Tool, friction: float | Mapping[str, float] | Coulomb, owner: str
@@ -88,6 +100,7 @@ class PressingTerm(Term):
 
     def _note_start(self):
         """Sliding counts from here."""
+        self._rubbing = None
         self._start = self.nodes.displacement(), self.tool.displacement.copy()
         self._offset = 0.0  # of sliding, by which it is not linear in the nodes' motion
         if self.coulomb:
@@ -115,7 +128,18 @@ class PressingTerm(Term):
         less than friction where the sheet lies round a bar, more where it lies in a hollow."""
         if not self.friction:
             return np.zeros((self.nodes.count, 3))
-        return _times(self._levers, self.friction.forces(self.slid()))
+        return self._rub(self.friction).forces
+
+    def _rub(self, friction):
+        """What friction does in the present state, reckoned once."""
+        u, tool, now = self.nodes.view(), self.tool.displacement, self._rubbing
+        if now and now.version == friction.version and (now.tool == tool).all():
+            if (now.u == u).all():
+                return now
+        energy, forces = friction.potential(self.slid())
+        forces = _times(self._levers, forces)
+        self._rubbing = _Rubbing(u.copy(), tool, friction.version, energy, forces)
+        return self._rubbing
 
     def rubbing_blocks(self) -> np.ndarray:
         """By which the forces of friction fall as nodes move (nodes, 3, 3) [N/mm]."""
@@ -130,14 +154,14 @@ class PressingTerm(Term):
         held, exact = self.slid(), self._slid_exactly()
         if not self.friction.update_lagged(self.normal_forces(), held, exact):
             return False
-        self._offset = self._offset + exact - held
+        self._offset, self._rubbing = self._offset + exact - held, None
         return True
 
     def restore_friction(self) -> None:
         """Have friction go back to the last accepted state."""
         if self.friction:
             self.friction.restore()
-            self._offset = 0.0
+            self._offset, self._rubbing = 0.0, None
 
     def accept_friction(self) -> None:
         """Have friction take the present state as the last accepted one."""
@@ -174,7 +198,7 @@ class PressingTerm(Term):
         if not self.friction:
             return {}
         self.pressing_forces()  # so that a tool moved by force is where it is balanced
-        return {"friction": self.friction.energy(self.slid())}
+        return {"friction": self._rub(self.friction).energy}
 
     def stored(self) -> float:
         """As in `Term`, what friction took included."""
