@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from ..runtime.errors import InputError
 from ..runtime.rules import (
@@ -173,6 +172,8 @@ class HardeningTable(Hardening):
             last = point
         object.__setattr__(self, "eps", tuple(eps.tolist()))
         object.__setattr__(self, "sigma", tuple(sigma.tolist()))
+        from scipy.interpolate import PchipInterpolator  # takes long to import
+
         curve = PchipInterpolator(eps, sigma)
         object.__setattr__(self, "_curve", curve)
         object.__setattr__(self, "_slope", curve.derivative())

@@ -11,7 +11,6 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
 
 from ...runtime.errors import InputError
 from ...runtime.rules import shown
@@ -89,6 +88,8 @@ class Curve(Parameters):
                 f"extrapolation is {shown(self.extrapolation)}; allowed is "
                 f"{' or '.join(EXTRAPOLATION)}"
             )
+        from scipy.interpolate import PchipInterpolator  # takes long to import
+
         inner = PchipInterpolator(x, y)
         left, right = (0.0, 0.0)
         if self.extrapolation == LINEAR:  # but never towards 0 and beyond
