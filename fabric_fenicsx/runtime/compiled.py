@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numba
 
@@ -11,10 +11,11 @@ from .home import cache
 F = TypeVar("F", bound=Callable)
 
 if not os.getenv("NUMBA_CACHE_DIR"):
-    numba.config.CACHE_DIR = str(cache() / "fabric_fenicsx")
+    vars(numba.config)["CACHE_DIR"] = str(cache() / "fabric_fenicsx")
 
 
 def compiled(function: F) -> F:
     """The function as machine code, made at its first call and kept for later processes. Numbers
     divided by 0 are infinite or NaN, as NumPy's."""
-    return numba.njit(cache=True, error_model="numpy")(function)
+    machine_code: Any = numba.njit(cache=True, error_model="numpy")(function)
+    return machine_code

@@ -122,5 +122,7 @@ class ImplicitSurface(Surface):
         for iteration in range(101):
             if not count:
                 return
-            here = map(np.ascontiguousarray, self.derivatives(search.trial[:count].T))
-            count = advance(search, count, iteration, *here, found)
+            F, gradient, hessian = map(
+                np.ascontiguousarray, self.derivatives(search.trial[:count].T)
+            )
+            count = advance(search, count, iteration, F, gradient, hessian, found)
