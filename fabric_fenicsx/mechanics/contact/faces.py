@@ -288,7 +288,7 @@ def _seek(points, candidates, triangles, places, normals, ahead):
             fits = settled and min(1 - a - b, a, b) >= -INSIDE
             if fits and (len(ahead) == 0 or _dot(along, ahead[i]) > 0):
                 found[i] = c
-                y[i] = a, b, height
+                y[i, 0], y[i, 1], y[i, 2] = a, b, height  # elements, which numba compiles quickly
                 break
     return found, y
 
