@@ -1,6 +1,7 @@
 """What accuracy costs: wall time, iterations and memory against the error to studies/reference,
 over elements, meshes, load steps, tolerances, linear solvers and ranks, one factor at a time from a
-baseline. Options of the material and the output count, others that studies share do not."""
+baseline. Forming is compared with its own finest run. Options of the material and the output count,
+others that studies share do not."""
 
 import argparse
 import json
@@ -10,7 +11,7 @@ from pathlib import Path
 
 from bench import fronts
 from bench.cost import cost
-from bench.cost_plan import Configuration, plan, plan_sizes
+from bench.cost_plan import Configuration, plan, plan_forming, plan_sizes
 from bench.own_process import run_apart
 from bench.reference import read_references
 from bench.strips import STRIPS
@@ -19,13 +20,14 @@ from tqdm import tqdm
 from fabric_fenicsx.command_line.options import option_type
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.rules import POSITIVE
+from fabric_fenicsx.runtime.rules import FINITE, POSITIVE
 from fabric_fenicsx.scenarios.scenario import Scenario
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference"
 SCENES = "of benchmarks/reference.py (all, with --quick the first two)"
 ERRORS = "what errors are to"
 LIMIT = "of one configuration, starting included [s]"
+FORMING = "instead: the double dome, yarns at these angles, beside a finer run"
 SIZES = "instead: one tangent and its solution, over mesh sizes"
 
 
@@ -35,6 +37,8 @@ def options():
     p.option("--scenes", nargs="+", choices=tuple(STRIPS), help=SCENES)
     p.option("--reference", metavar="DIR", type=Path, default=REFERENCE, help=ERRORS)
     p.option("--limit", type=option_type(POSITIVE), default=60.0, help=LIMIT)
+    how = {"nargs": "+", "type": option_type(FINITE), "metavar": "DEG"}
+    p.option("--forming", **how, help=FORMING, free=True)
     p.option("--sizes", action="store_true", help=SIZES)
     p.add_argument("--configuration", help=argparse.SUPPRESS)  # one run, in a process of its own
     return p
@@ -62,6 +66,29 @@ def sizes(study):
         study.say(line)
 
 
+def forming(study):
+    """Forming over meshes and steps, judged by the finest run of each angle; table and picture."""
+    rows = [*rows_of(study, plan_forming(study.args.forming, study.args.quick))]
+    by_angle = {r["scene"]: [each for each in rows if each["scene"] == r["scene"]] for r in rows}
+    finest = {name: fronts.judge_forming(mine) for name, mine in by_angle.items()}
+    folder, kept = study.folder(), [{k: v for k, v in r.items() if k != "curve"} for r in rows]
+    study.write_table(folder / "table.csv", kept)
+    if not study.args.no_pictures:
+        from bench.cost_picture import draw_fronts
+
+        others = {n: [r for r in by_angle[n] if r is not finest[n]] for n in finest}
+        draw_fronts(folder / "forming_front.png", others, "CPU time / s")
+    found = {
+        name: {
+            "finest": str(fronts.configuration(r)),
+            "front": [str(fronts.configuration(f)) for f in by_angle[name] if f.get("on_front")],
+        }
+        for name, r in finest.items()
+    }
+    study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)
+    study.say(fronts.table(rows, fronts.PRINTED_FORMING))
+
+
 def main(study):
     args, comm, fabric = study.args, study.comm, study.fabric
     if args.configuration:
@@ -71,6 +98,8 @@ def main(study):
         raise InputError(f"{comm.size} ranks are given; allowed is 1, which starts all runs itself")
     if args.sizes:
         return sizes(study)
+    if args.forming:
+        return forming(study)
     names = args.scenes or list(STRIPS)[: 2 if args.quick else None]
     reference = read_references(args.reference, names, fabric, args.material)
     folder, rows = study.folder(), [*rows_of(study, plan(names, args.quick))]

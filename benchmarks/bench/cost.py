@@ -103,7 +103,12 @@ def scene_of(comm: MPI.Comm, fabric: Law, c: Configuration) -> Scene:
 
 
 def cost(comm: MPI.Comm, fabric: Law, c: Configuration, reference: Path) -> dict[str, Any]:
-    """As `run_cost`, or of a `Configuration` without steps as `solution_cost`."""
+    """As `run_cost`, of a `Configuration` without steps as `solution_cost`, of one with a fibre
+    angle as `forming_cost`."""
+    if c.fibre_angle is not None:
+        from .forming_cost import forming_cost
+
+        return forming_cost(comm, fabric, c)
     if c.steps:
         return run_cost(comm, fabric, c, reference)
     return solution_cost(comm, fabric, c)

@@ -10,11 +10,12 @@ import matplotlib.pyplot as plt
 
 from .fronts import Row, resolved_error, succeeded
 
+SOLVES = "wall time / linear-elastic solves of the baseline mesh"
 MARKERS = {"P1": "^", "P2": "v", "P3": "<", "Q1": "s", "Q2": "D"}
 
 
-def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]]) -> None:
-    """Draw error over cost of the strips {name: rows}, with their fronts."""
+def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]], cost_of: str = SOLVES) -> None:
+    """Draw error over cost of the strips {name: rows}, with their fronts; cost_of: what cost is."""
     size = 5.2 * len(strips), 5.4
     figure, axes = plt.subplots(1, len(strips), figsize=size, squeeze=False, layout="constrained")
     patterns: dict[str, str] = {}
@@ -32,8 +33,7 @@ def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]]) -> None:
         front = sorted((r["cost"], resolved_error(r)) for r in good if r["on_front"])
         ax.step(*zip(*front), where="post", color="k", lw=1)
         ax.axhspan(0, rows[0]["error_bar"], color="0.9")
-        xlabel = "wall time / linear-elastic solves of the baseline mesh"
-        ax.set(xscale="log", yscale="log", xlabel=xlabel, title=name)
+        ax.set(xscale="log", yscale="log", xlabel=cost_of, title=name)
         ax.set_ylabel("largest error of the curve / final reaction")
         ax.grid(alpha=0.3)
     used = dict.fromkeys(r["element"] for rows in strips.values() for r in succeeded(rows))

@@ -1,6 +1,6 @@
-"""Which runs studies/speed_vs_error.py compares: one factor at a time, varied from a baseline."""
+"""Which runs speed_vs_error.py compares: one factor at a time, varied from a baseline."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from itertools import product
 from typing import Any
@@ -8,7 +8,8 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Configuration:
-    """One run of the strip `scene`; `sweep` says which factor it varies."""
+    """One run of the strip `scene`, or of forming, with yarns at `fibre_angle` [deg]; `sweep` says
+    which factor it varies."""
 
     scene: str
     sweep: str = "baseline"
@@ -21,6 +22,7 @@ class Configuration:
     path_tolerance: float = 1e-5
     linear_solver: str = "mumps-cholesky"
     ranks: int = 1
+    fibre_angle: float | None = None
 
     def __str__(self) -> str:
         return " ".join(str(v) for k, v in asdict(self).items() if v is not None and k != "sweep")
@@ -132,6 +134,10 @@ SIZES = [
     ),
     *varied("size", nx=[96, 448], ranks=2),
 ]
+FORMING = [
+    *varied("mesh", element_nx=_pairs("P1 12", "P1 24", "P1 47", "P2 6", "P2 12", "P2 24")),
+    *varied("steps", steps=[20, 80]),
+]
 QUICK_SIZES = [*varied("size", nx=[24, 48]), *varied("size", nx=48, ranks=2)]
 
 
@@ -148,3 +154,20 @@ def plan_sizes(quick: bool) -> list[Configuration]:
     """The sizes and solvers of which one tangent and its solution are measured."""
     base = Configuration("tensile", "size", steps=0)
     return [replace(base, **change) for change in (QUICK_SIZES if quick else SIZES)]
+
+
+def plan_forming(angles: Iterable[float], quick: bool) -> list[Configuration]:
+    """Runs of the double dome with yarns at each of the `angles` [deg], with the element that is
+    the default there; the baseline first, a finer run as a reference last."""
+    runs = []
+    for angle in angles:
+        element, finest = ("P2", 47) if angle % 45 else ("P1", 94)
+        base = Configuration(
+            f"{angle:g} deg", element=element, nx=24, steps=40, path_tolerance=1e-6
+        )
+        base, changes = replace(base, fibre_angle=angle), [*FORMING, *varied("finest", nx=finest)]
+        if quick:
+            base, changes = replace(base, nx=6, steps=8), [*varied("finest", nx=8)]
+        varying = (replace(base, **change) for change in changes)
+        runs += [base, *(c for c in varying if str(c) != str(base))]
+    return runs

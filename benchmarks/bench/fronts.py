@@ -11,6 +11,7 @@ import numpy as np
 from fabric_fenicsx.runtime.errors import SolverFailure
 
 from .cost_plan import Configuration
+from .reference import curve_distance
 from .strips import STRIPS
 
 GOALS = 0.1, 0.01, 0.001  # errors of a curve
@@ -31,6 +32,19 @@ PRINTED = {
     "yarn_strain_max": ".1e",
     "on_front": "d",
     "reason": "s",
+}
+PRINTED_FORMING = {
+    **dict.fromkeys(("scene", "sweep", "element"), "s"),
+    **dict.fromkeys(("nx", "steps", "cells", "accepted", "rejected", "iterations"), "d"),
+    "cpu_s": ".3g",
+    "peak_mib": ".0f",
+    "punch_force_N": ".0f",
+    "error_curve": ".2%",
+    **dict.fromkeys(
+        ("error_shear_max_deg", "error_shear_99_percent_deg", "error_draw_in_mm"), ".2f"
+    ),
+    "on_front": "d",
+    **dict.fromkeys(("reason", "doubt"), "s"),
 }
 PRINTED_SIZES = {
     "nx": "d",
@@ -74,10 +88,31 @@ def judge(rows: Sequence[Row], reference: Mapping[str, Mapping[str, float]]) -> 
             r["error_centre_shear_deg"] = r[shear] - reference[shear]["value"]
         else:
             r["error_centre_eps_b"] = error("centre_eps_b")
+    mark_front(succeeded(rows))
+
+
+def mark_front(rows: Iterable[Row]) -> None:
+    """Tell which of the rows are `on_front`: none is both cheaper and more accurate."""
     least = math.inf
-    for r in sorted(succeeded(rows), key=lambda r: (r["cost"], resolved_error(r))):
+    for r in sorted(rows, key=lambda r: (r["cost"], resolved_error(r))):
         error_now = resolved_error(r)
         r["on_front"], least = error_now < least, min(least, error_now)
+
+
+def judge_forming(rows: Sequence[Row]) -> Row:
+    """Add to the rows of one angle of forming their errors to the finest that succeeded, which is
+    returned, and whether they are on the front of the others that are to be believed. Raises
+    SolverFailure if none did."""
+    if not (good := succeeded(rows)):
+        raise SolverFailure(f"no run of {rows[0]['scene']} succeeded: {rows[0]['reason']}")
+    finest = max(good, key=lambda r: (r["dofs"], r["element"]))
+    for r in good:
+        r |= {"cost": r["cpu_s"], "error_bar": 0.0, "on_front": False}
+        r["error_curve"] = curve_distance(np.transpose(r["curve"]), np.transpose(finest["curve"]))
+        for name in ("shear_max_deg", "shear_99_percent_deg", "draw_in_mm"):
+            r[f"error_{name}"] = r[name] - finest[name]
+    mark_front(r for r in good if r is not finest and not r["doubt"])
+    return finest
 
 
 def succeeded(rows: Iterable[Row]) -> list[Row]:

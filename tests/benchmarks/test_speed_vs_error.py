@@ -88,6 +88,22 @@ def test_quick_runs(partly_here, launch, hang):
     assert (done.folder / "front.png").stat().st_size > 10_000
 
 
+def test_cost_of_forming(partly_here, launch, hang):
+    done = launch("speed_vs_error", "--quick", "--forming", 0, "--limit", hang)
+    assert done.status == 0, done.err
+    with open(done.folder / "table.csv") as file:
+        coarse, finest = csv.DictReader(file)
+    assert (coarse["cells"], finest["cells"]) == ("72", "160")
+    assert coarse["reason"] == finest["reason"] == ""
+    assert 1e-3 < float(coarse["error_curve"]) < 0.2 and float(finest["error_curve"]) == 0
+    mine, known = (float(r["shear_max_deg"]) for r in (coarse, finest))
+    assert float(coarse["error_shear_max_deg"]) == pytest.approx(mine - known)
+    assert float(coarse["cpu_s"]) > 0 and int(coarse["iterations"]) > 20
+    assert (coarse["on_front"], finest["on_front"]) == ("True", "False")
+    assert done.summary["quantities"]["0 deg"]["finest"].startswith("0 deg P1 crossed 8 ")
+    assert (done.folder / "forming_front.png").stat().st_size > 10_000
+
+
 def test_cost_over_sizes(launch, hang):
     done = launch("speed_vs_error", "--quick", "--sizes", "--limit", hang, apart=True)
     assert done.status == 0, done.err
