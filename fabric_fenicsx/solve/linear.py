@@ -1,5 +1,6 @@
 """Linear solvers by name: their options, MUMPS' room and the inertia it tells."""
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,6 +14,8 @@ PREFIX = "fabric_"  # of PETSc's options
 # long on one ply of any size and 1.3 times on a laminate, METIS up to 1.8 times. Rows are not
 # scaled, which would take 5 to 20 % more and leave the same residual, 1e-14.
 MUMPS = {"mat_mumps_icntl_7": 4, "mat_mumps_icntl_8": 0}
+# PORD ends the process where all unknowns are coupled, as in a single cell: minimum degree there
+FULL = {"mat_mumps_icntl_7": 0}
 LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
     "mumps-cholesky": {
         "ksp_type": "preonly",
@@ -64,10 +67,11 @@ def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
     options, given = PETSc.Options(PREFIX), dict(LINEAR_SOLVERS[name])
     ksp.setOperators(A)
     if name.startswith("mumps"):
+        given |= FULL if _is_full(A) else {}
         ksp.pc.setType(given["pc_type"])
         ksp.pc.setFactorSolverType("mumps")
     for key, value in given.items():
-        if not (key in MUMPS and options.hasName(key)):  # the user's
+        if key not in _users_options():
             options[key] = value
     ksp.setFromOptions()
     for key in given:
@@ -76,6 +80,17 @@ def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
             options.getInt(key)
         else:
             options.delValue(key)
+
+
+def _is_full(A):
+    """Whether all entries of a matrix have a place."""
+    return A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_allocated"] >= A.size[0] * A.size[1]
+
+
+@functools.cache
+def _users_options():
+    """Those of `MUMPS` that the user gave to PETSc; asked before they are set here."""
+    return [key for key in MUMPS if PETSc.Options(PREFIX).hasName(key)]
 
 
 def factorisation_had_room(pc: PETSc.PC) -> bool:

@@ -19,6 +19,7 @@ from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve import linear
 from fabric_fenicsx.solve.directions import Directions
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
 from fabric_fenicsx.solve.newton import Newton
@@ -49,6 +50,18 @@ def negative_pivots(newton):
     """Of the tangent at the present state, factored anew."""
     newton.tangent.assemble()
     return newton.tangent.negative_pivots()
+
+
+@pytest.mark.versions
+def test_a_single_cell_is_factored_after_a_strip():
+    """PORD, which orders the strip, ends the process where all unknowns are coupled."""
+    found = []
+    cell = sheet(10.0, 10.0, 1, 1, "left", cell="quadrilateral")
+    for scene in (strip(nx=4), Scene(cell, [Membrane(KOMEILI)], rolling_ends(0.1))):
+        newton = Newton(scene)
+        assert march(newton, steps=1).reached == 1
+        found.append(newton.tangent.ksp.pc.getFactorMatrix().getMumpsIcntl(7))
+    assert found == [4, 0]
 
 
 # the angle is a matter of points; one will do to see that ranks find the minimum
@@ -105,11 +118,13 @@ def test_petscs_own_options_of_the_linear_solver_have_a_prefix():
     options = PETSc.Options("fabric_")
     options["mat_mumps_icntl_7"] = 6
     try:
+        linear._users_options.cache_clear()
         newton = Newton(strip(nx=4))
         assert newton.solve_for(newton.x).converged
         assert newton.tangent.ksp.pc.getFactorMatrix().getMumpsIcntl(7) == 6
     finally:
         options.delValue("mat_mumps_icntl_7")
+        linear._users_options.cache_clear()
 
 
 def test_unknown_solver_is_named():
