@@ -31,7 +31,7 @@ def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]], cost_of: str = 
             cost, error = [r["cost"] for r in mine], [r["error_curve"] for r in mine]
             ax.plot(cost, error, MARKERS[element], color=colour, ms=5, **fill)
         front = sorted((r["cost"], resolved_error(r)) for r in good if r["on_front"])
-        ax.step(*zip(*front), where="post", color="k", lw=1)
+        ax.step([x for x, _ in front], [y for _, y in front], where="post", color="k", lw=1)
         ax.axhspan(0, rows[0]["error_bar"], color="0.9")
         ax.set(xscale="log", yscale="log", xlabel=cost_of, title=name)
         ax.set_ylabel("largest error of the curve / final reaction")
@@ -40,9 +40,10 @@ def draw_fronts(path: Path, strips: Mapping[str, Sequence[Row]], cost_of: str = 
     point = {"ls": "", "color": "0.4"}
     keys = [
         plt.Line2D([], [], color="k", lw=1, label="front"),
-        plt.Rectangle((0, 0), 1, 1, color="0.9", label="not resolved"),
         *(plt.Line2D([], [], marker=MARKERS[e], label=e, **point) for e in sorted(used)),
     ]
+    if any(r["error_bar"] for rows in strips.values() for r in succeeded(rows)):
+        keys.append(plt.Rectangle((0, 0), 1, 1, color="0.9", label="not resolved"))
     if any(r["integration"] == "inner" for rows in strips.values() for r in rows):
         keys.append(plt.Line2D([], [], marker="v", mfc="none", label="inner", **point))
     for shape, colour in patterns.items():

@@ -44,7 +44,7 @@ PRINTED_FORMING = {
         ("error_shear_max_deg", "error_shear_99_percent_deg", "error_draw_in_mm"), ".2f"
     ),
     "on_front": "d",
-    **dict.fromkeys(("reason", "doubt"), "s"),
+    **dict.fromkeys(("reason", "doubt"), ".60s"),
 }
 PRINTED_SIZES = {
     "nx": "d",
