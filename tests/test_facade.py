@@ -43,6 +43,17 @@ def test_nothing_is_imported_before_it_is_used():
     assert done.stdout == "[]\n", done.stderr
 
 
+def test_a_strip_is_pulled_without_numba(tmp_path):
+    code = (
+        "import sys, fabric_fenicsx as ff\n"
+        "test = ff.BiasExtension(ff.load('komeili'), nx=4, element='P1', strain=0.01)\n"
+        f"test.job(steps=4).run({str(tmp_path / 'out')!r})\n"
+        "print('numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.endswith("False\n"), done.stdout + done.stderr
+
+
 def test_types_are_known_of_each_name():
     """What is imported for type checkers alone is all that the facade offers."""
     tree = ast.parse(Path(ff.__file__).read_text())
