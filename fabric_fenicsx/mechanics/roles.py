@@ -54,11 +54,12 @@ class Anticipates(Protocol):
 
 @runtime_checkable
 class KeepsGaps(Protocol):
-    """Presses points that are likely to stay as deep in what they touch as they were."""
+    """Can tell where a step may begin: with nodes as deep in a tool as they were before it."""
 
     def motion_to_gaps(self) -> np.ndarray:
-        """From the present place of the sheet to one where what was pressed in the last accepted
-        state is as deep as then, and nothing else is in the tool, (owned dofs,) [mm]."""
+        """Motion of the nodes from where they are, (owned dofs,) [mm]. After it, nodes that were
+        pressed in the last accepted state are as deep in the tool as then, and no others are in
+        it."""
 
 
 @runtime_checkable

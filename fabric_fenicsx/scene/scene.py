@@ -58,6 +58,7 @@ class Scene:
         self._assembly = Assembly(blank, self.terms)
         self._lagged = [term for term in self.terms if isinstance(term, Lagged)]
         self._anticipating = [term for term in self.terms if isinstance(term, Anticipates)]
+        self._keeping = [term for term in self.terms if isinstance(term, KeepsGaps)]
         self._driven = [term for term in self.terms if isinstance(term, DrivenByForce)]
         self._checked = False
         self._held_in_matrix: np.ndarray | None = None
@@ -215,13 +216,15 @@ class Scene:
             if self.drag:
                 A.shift(self.drag)
 
+    @property
+    def keeps_gaps(self) -> bool:
+        """Whether terms tell a `motion_to_gaps`."""
+        return bool(self._keeping)
+
     def motion_to_gaps(self) -> np.ndarray:
-        """From the present displacement to one that keeps contact as it was in the last accepted
-        state, as if nodes had nothing but tools to follow; 0 where held (owned dofs,) [mm]."""
-        motion = np.zeros(self.u.local_size)
-        for term in self.terms:
-            if isinstance(term, KeepsGaps):
-                motion += term.motion_to_gaps()
+        """Sum of the terms' motions to the gaps of the last accepted state, 0 where held (owned
+        dofs,) [mm]."""
+        motion = np.sum([term.motion_to_gaps() for term in self._keeping], 0)
         motion[self.held] = 0.0
         return motion
 

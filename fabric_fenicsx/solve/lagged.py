@@ -10,8 +10,8 @@ MOST = 30  # solutions of one step
 # last one, 1e-3 more to those before it (double dome, 1344 cells: 589, 547, 568 iterations, 510
 # with 3e-3, before `LONG`)
 LOOSE = 3e-3
-# of the first solution, after which forces of contact are near enough to be taken anew: iterations
-# that follow do for both (double dome, 1344 cells: 304 tangents without, 279 with it)
+# tolerance of the first solution: forces of contact are then known well enough to be taken anew
+# (double dome, 1344 cells: 304 tangents if it is `LOOSE`, 279 with this)
 FIRST = 3e-2
 # iterations in which rounding may grow to what an update notices: a solution found in more of them
 # is made exact, so that ranks find the same (two plies, 12 cells: forces to 1e-4 with 15, 1e-10

@@ -11,8 +11,8 @@ from ..runtime.errors import InputError
 
 PREFIX = "fabric_"  # of PETSc's options
 # In PORD's order of elimination factors cost least: approximate minimum degree takes 1.1 times as
-# long on one ply of any size and 1.3 times on a laminate, METIS up to 1.8 times. Rows are not
-# scaled, which would take 5 to 20 % more and leave the same residual, 1e-14.
+# long on one ply and 1.3 times on a laminate, minimum fill up to 1.8 times. Rows are not scaled:
+# that would take 5 to 20 % more and leave the same residual, 1e-14.
 MUMPS = {"mat_mumps_icntl_7": 4, "mat_mumps_icntl_8": 0}
 # PORD ends the process where all unknowns are coupled, as in a single cell: minimum degree there
 FULL = {"mat_mumps_icntl_7": 0}

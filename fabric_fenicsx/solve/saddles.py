@@ -28,9 +28,9 @@ class Saddles:
         self._d, self._trial = (objective.r.duplicate() for _ in range(2))
 
     def is_here(self, x: PETSc.Vec, report: Report, on_the_way: bool = False) -> bool:
-        """Whether the tangent at x, where a solve has converged, has negative pivots. The last one
-        of the solve is believed to have none, if so, on the way and, after an easy solve where
-        none was met yet, at its end."""
+        """Whether the tangent at x, where a solve has converged, has negative pivots. It is not
+        looked at if the last tangent of the solve had none and the state is on the way, or the
+        solve was easy and no earlier tangent had any."""
         easy = report.iterations <= self.EASY and not report.cuts
         believed = on_the_way or (easy and not self._tangent.negative_pivots_met)
         if (believed and report.negative_pivots == 0) or not self._tangent.tells_inertia:

@@ -167,7 +167,7 @@ class LoadStepping:
         else:
             self._predict(attempt)
         x.copy(self._predicted)
-        if not start:
+        if scene.keeps_gaps and not start:
             self._keep_contact(x)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         attempt.report, iterations = solve_lagged(self.newton, x, attempt.tolerance)
@@ -305,8 +305,8 @@ class LoadStepping:
         self.newton.follow_supports(x, attempt.values - x.array[scene.held])
 
     def _keep_contact(self, x):
-        """Lead x, which was predicted straight through the tools, along them if that takes less
-        energy."""
+        """Move nodes of the prediction x out of the tools that it goes through, if the energy is
+        less then."""
         scene = self.scene
         scene.set(x)
         energy, motion = scene.energy(), scene.motion_to_gaps()

@@ -212,8 +212,8 @@ class Contact(PressingTerm):
         self._found = self.nodes.displacement(), now
 
     def motion_to_gaps(self) -> np.ndarray:
-        """As in `KeepsGaps`, by a thickness at most; 0 at a tool moved by force, which comes along
-        with the sheet."""
+        """As in `KeepsGaps`, by a thickness at most; none at a tool that a force moves, as this
+        moves with the sheet."""
         if self.tool.force:
             return np.zeros(3 * self.nodes.count)
         now, before = self.state(), self._accepted_gap
@@ -275,7 +275,6 @@ class Contact(PressingTerm):
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
         self._found = u, self._state_at(self.nodes.places + u)
-        self._accepted_gap = self._found[1].gap
         self.recall_friction(memory)
 
     # -- results

@@ -613,7 +613,7 @@ def test_a_step_that_begins_along_the_tools_takes_fewer_iterations(monkeypatch):
     found = []
     for leads in (True, False):
         if not leads:
-            monkeypatch.setattr(Contact, "motion_to_gaps", lambda self: 0.0)
+            monkeypatch.setattr(Scene, "keeps_gaps", False)
         blank = disc(10, 50.0)
         ball = Tool(Sphere(10.0, (0, 0, -10 - T / 2)), path=(0, 0, 10), name="ball")
         rim = Support("rim", lambda x: np.hypot(x[0], x[1]) > 50 - 1e-6, (0, 1, 2))
