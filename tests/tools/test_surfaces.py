@@ -615,3 +615,16 @@ def test_examples_in_docstrings_are_surfaces(surface):
     for axis in range(3):
         moved = own.evaluate(x + step * np.eye(3)[axis]).gap - found.gap
         assert moved / step == pytest.approx(found.normal[:, axis], abs=1e-5)
+
+
+def test_curvature_is_a_number_at_a_centre_of_curvature():
+    class Bowl(ImplicitSurface):
+        radii = math.inf, 4.0
+
+        def implicit(self, x):
+            zero, one = 0 * x[0], np.ones_like(x[0])
+            hessian = np.array([[-one / 4, zero, zero], [zero] * 3, [zero] * 3])
+            return x[2] - x[0] ** 2 / 8, np.array([-x[0] / 4, zero, one]), hessian
+
+    found = Bowl().evaluate([[0.0, 0.0, 4.0]])
+    assert found.gap == pytest.approx([4.0]) and np.isfinite(found.curvature).all()
