@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from .runtime.errors import InputError, Interrupted, SolverFailure
     from .scenarios.bias_extension import BiasExtension
     from .scenarios.forming import Forming
-    from .scenarios.holding import ForceHolder, GapHolder, Grippers, Holder, Press, PressureHolder
+    from .scenarios.holding import ForceHolder, GapHolder, Grippers, Holder, PressureHolder, Rim
     from .scenarios.laminate import Laminate
     from .scenarios.picture_frame import PictureFrame
     from .scenarios.plies import Ply
@@ -85,8 +85,8 @@ _HOMES = {
         "GapHolder",
         "Grippers",
         "Holder",
-        "Press",
         "PressureHolder",
+        "Rim",
     ),
     "scenarios.laminate": ("Laminate",),
     "scenarios.picture_frame": ("PictureFrame",),

@@ -10,16 +10,16 @@ import fabric_fenicsx as ff
 
 
 class Cushion:
-    """A holder of your own: its method `terms` is told of the press, and makes what it likes."""
+    """A holder of your own: its method `terms` is told of the blank's rim, and makes what it likes."""
 
-    def terms(self, press):
-        flange = press.on_flange()
+    def terms(self, rim):
+        flange = rim.on_flange()
 
         def under(x):  # share of the pressure at positions (3, n)
             return flange(x) * (0.2 + 0.8 * np.clip(abs(x[0]) / 235, 0, 1))
 
         up = (0, 0, 1)  # towards the die, which is above the ply
-        return [ff.BlankHolderPressure(0.25, up, under, lag=press.lag, friction=press.friction)]
+        return [ff.BlankHolderPressure(0.25, up, under, lag=rim.lag, friction=rim.friction)]
 
 
 segments = [

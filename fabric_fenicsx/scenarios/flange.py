@@ -19,7 +19,7 @@ PLACES, POINTS = (4.0, 2.0), (1.0, 0.5)
 class Flange:
     """Function of places (3, n) to the share of each (n,) that lies beneath the die's flange: 0 at
     its end, 1 from the largest of the `RINGS` inwards. thickness: of all that lies between die and
-    holder [mm].
+    holder [mm]; up: 1 for a die above the blank, -1 below it.
 
     The share counts on how many points of the rings the die is flat. It depends on x and y alone,
     and only near the flange's end is the die asked. Where it is flat all over the surroundings of a
@@ -28,8 +28,8 @@ class Flange:
     by points 2 mm, or 0.5 mm, apart: parts of the flange that are smaller may be missed.
     """
 
-    def __init__(self, die: Tool, thickness: float) -> None:
-        self.die, self.thickness = die, thickness
+    def __init__(self, die: Tool, thickness: float, up: float = 1.0) -> None:
+        self.die, self.thickness, self._up = die, thickness, up
         self._ring = np.array(
             [(r * math.cos(a), r * math.sin(a)) for r, a in itertools.product(RINGS, AROUND)]
         )
@@ -67,7 +67,7 @@ class Flange:
         """1 where the die is flat at points (n, 2), 0 elsewhere, (n,)."""
         t, at = self.thickness, np.column_stack([points, np.zeros(len(points))])
         gap, normal, _ = self.die.evaluate(at, reach=t)
-        return ((abs(gap - t / 2) < 1e-3 * t) & (normal[:, 2] < -0.999)).astype(float)
+        return ((abs(gap - t / 2) < 1e-3 * t) & (self._up * normal[:, 2] < -0.999)).astype(float)
 
 
 class Tiles:

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from reprlib import repr as shown
 from typing import Any, ClassVar, Protocol
 
@@ -36,11 +36,12 @@ Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to 
 
 
 @dataclass(frozen=True)
-class Press:
-    """What a forming run tells a blank holder, so that it can make its terms.
+class Rim:
+    """The rim of the blank in a forming run, as a blank holder is told of it to make its terms.
 
-    - blank: flat, in z = 0 under the die's flange; whole: whether it is no quarter
-    - die: the tool above the blank; thickness: of all that lies between die and holder [mm]
+    - blank: flat, in z = 0 at the die's flange; whole: whether it is no quarter
+    - die: the tool that the holder presses the blank on, by default above it, and `up` (3,) the
+      direction towards it; thickness: of all that lies between die and holder [mm]
     - friction: of tools; lag: how much may lag behind the state, as in `BlankHolderPressure`
     - penalty [N/mm^3], permitted [mm]: as in `Contact`
     - name: for the holder's tool; warnings: sentences, see `warn`
@@ -61,6 +62,7 @@ class Press:
     sheets: Sequence[str] = ()
     rims: Sequence[str] = ()
     against: Sequence[SheetContact] = ()
+    up: np.ndarray = field(default_factory=UP.copy)
 
     def contact(self, tool: Tool, where: Where | None = None) -> Contact:
         """Contact with a tool of the holder, as that with punch and die; where: as in `Contact`."""
@@ -78,13 +80,13 @@ class Press:
 
     def on_flange(self) -> Callable[[np.ndarray], np.ndarray]:
         """Function of positions (3, n) to the share of each (n,) that lies beneath the flange."""
-        return Flange(self.die, self.thickness)
+        return Flange(self.die, self.thickness, self.up[2])
 
 
 class Holder(Protocol):
     """What holds the rim of a blank. Any object with this method does."""
 
-    def terms(self, press: Press) -> list[Term]:
+    def terms(self, rim: Rim) -> list[Term]:
         """The terms by which it acts on the blank, new ones each time."""
 
 
@@ -99,13 +101,13 @@ class _Declared:
     def _check(self):
         return check_fields(self, f"{{}} of `{type(self).__name__}`".format)
 
-    def _checked_where(self, press: Press) -> Where | None:
+    def _checked_where(self, rim: Rim) -> Where | None:
         """`where`, if given, as a function that checks each mask. Warns of a doubtful number;
         InputError if no node of the flat blank is marked."""
-        (field,), given, blank = declared(self), self.where, press.blank
-        press.warn(*self._check())
+        (field,), given, blank = declared(self), self.where, rim.blank
+        rim.warn(*self._check())
         if getattr(self, field.name) == 0:
-            press.warn(f"{field.name} of `{type(self).__name__}` is 0: it does not hold the rim")
+            rim.warn(f"{field.name} of `{type(self).__name__}` is 0: it does not hold the rim")
         if given is None:
             return None
         name, count = f"`where` of `{type(self).__name__}`", blank.V.dofmap.index_map.size_local
@@ -135,30 +137,30 @@ class PressureHolder(_Declared):
     def _check(self):
         return [] if callable(self.pressure) else super()._check()
 
-    def terms(self, press: Press) -> list[Term]:
+    def terms(self, rim: Rim) -> list[Term]:
         """As in `Holder`."""
-        flange, where = press.on_flange(), self._checked_where(press)
-        press.warn(*loose_ends_warnings(flange, least_corner(press.blank)))
+        flange, where = rim.on_flange(), self._checked_where(rim)
+        rim.warn(*loose_ends_warnings(flange, least_corner(rim.blank)))
         pressure = BlankHolderPressure(
             self.pressure,
-            UP,
+            rim.up,
             (lambda x: flange(x) * where(x)) if where else flange,
-            tool=Tool(Plane((0, 0, 0), UP), name=press.name),
-            lag=press.lag,
-            against=press.against,
-            friction=press.friction,
+            tool=Tool(Plane((0, 0, 0), rim.up), name=rim.name),
+            lag=rim.lag,
+            against=rim.against,
+            friction=rim.friction,
         )
-        if not isinstance(press.blank, Stack):
+        if not isinstance(rim.blank, Stack):
             return [pressure]
         # what reaches beyond the lowest ply can't sink below the holder's face
-        face = Tool(Plane((0, 0, -press.thickness / 2), UP), name=f"{press.name}'s face")
-        below = [press.contact(face, where).on(name) for name in press.rims[:1]]
-        return [pressure.on(press.sheets[0]), *below]
+        face = Tool(Plane(-rim.thickness / 2 * rim.up, rim.up), name=f"{rim.name}'s face")
+        below = [rim.contact(face, where).on(name) for name in rim.rims[:1]]
+        return [pressure.on(rim.sheets[0]), *below]
 
 
 @dataclass(frozen=True)
 class ForceHolder(_Declared):
-    """A plate below the blank that is pushed up by a force on the whole ply [N]. where: function of
+    """A plate that pushes the blank to the die by a force on the whole ply [N]. where: function of
     points (3, n) [mm] of the flat blank to a mask (n,), the nodes that a segment touches. A node
     that several segments touch bears the forces of all."""
 
@@ -167,18 +169,18 @@ class ForceHolder(_Declared):
     force: float = number(1e5, POSITIVE, "force on the whole ply [N]", GROUP)
     where: Where | None = None
 
-    def terms(self, press: Press) -> list[Term]:
+    def terms(self, rim: Rim) -> list[Term]:
         """As in `Holder`."""
-        force = self.force * (1.0 if press.whole else 0.25)
-        plate = Plane((0, 0, -press.thickness / 2), UP)
-        tool = Tool(plate, force=lambda load: force * UP, name=press.name)
-        return [press.contact(tool, self._checked_where(press))]
+        force = self.force * (1.0 if rim.whole else 0.25)
+        plate = Plane(-rim.thickness / 2 * rim.up, rim.up)
+        tool = Tool(plate, force=lambda load: force * rim.up, name=rim.name)
+        return [rim.contact(tool, self._checked_where(rim))]
 
 
 @dataclass(frozen=True)
 class GapHolder(_Declared):
-    """A plate below the blank at a fixed distance from the die [mm], by default 1.1 thicknesses.
-    where: as in `ForceHolder`."""
+    """A plate on the blank's other side, at a fixed distance from the die [mm], by default 1.1
+    thicknesses. where: as in `ForceHolder`."""
 
     OPTION: ClassVar[str] = "holder_gap"
 
@@ -187,18 +189,18 @@ class GapHolder(_Declared):
     )
     where: Where | None = None
 
-    def terms(self, press: Press) -> list[Term]:
+    def terms(self, rim: Rim) -> list[Term]:
         """As in `Holder`; InputError for a gap below half a thickness."""
-        t = press.thickness
+        t = rim.thickness
         gap = self.gap or 1.1 * t
         if gap < 0.5 * t:
             raise InputError(
                 f"gap of `GapHolder` is {gap:g}, which crushes the ply; allowed is from {t / 2:g} "
                 "mm, half its thickness"
             )
-        plate = Plane((0, 0, t / 2 - gap), UP)
-        tool = Tool(plate, name=press.name)
-        return [press.contact(tool, self._checked_where(press))]
+        plate = Plane((t / 2 - gap) * rim.up, rim.up)
+        tool = Tool(plate, name=rim.name)
+        return [rim.contact(tool, self._checked_where(rim))]
 
 
 @dataclass(frozen=True)
@@ -211,18 +213,18 @@ class Grippers(_Declared):
     tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]", GROUP)
     where: Where | None = None
 
-    def terms(self, press: Press) -> list[Term]:
+    def terms(self, rim: Rim) -> list[Term]:
         """As in `Holder`; InputError if no edge is gripped."""
-        low, high = press.blank.extent()
-        where = self._checked_where(press)
+        low, high = rim.blank.extent()
+        where = self._checked_where(rim)
         edges = [
             (_edge(axis, place, where), sign * np.eye(3)[axis])
             for axis in (0, 1)
             for place, sign in ((low[axis], -1.0), (high[axis], 1.0))
-            if sign > 0 or press.whole
+            if sign > 0 or rim.whole
         ]
-        owned = press.blank.V.dofmap.index_map.size_local
-        x, comm = press.blank.coordinates()[:owned].T, press.blank.mesh.comm
+        owned = rim.blank.V.dofmap.index_map.size_local
+        x, comm = rim.blank.coordinates()[:owned].T, rim.blank.mesh.comm
         # not those of which only a corner is marked
         gripped = [each for each in edges if comm.allreduce(int(each[0](x).sum())) > 1]
         if not gripped:
@@ -249,31 +251,31 @@ def holders_of(given: Holder | Sequence[Holder]) -> list[Holder]:
         if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):
             raise InputError(
                 f"`holder` is {each!r}; allowed is a holder, as `PressureHolder(2.0)` or an object "
-                "with a method `terms(press)`, or a list of one or more"
+                "with a method `terms(rim)`, or a list of one or more"
             )
     return holders
 
 
-def terms_of(holder: Holder, press: Press) -> list[Term]:
-    """The terms of a holder; InputError if its `terms` does not take a `Press`, or gives others
+def terms_of(holder: Holder, rim: Rim) -> list[Term]:
+    """The terms of a holder; InputError if its `terms` does not take a `Rim`, or gives others
     than one term or more in a list."""
     name = f"`terms` of holder `{type(holder).__name__}`"
     try:
-        inspect.signature(holder.terms).bind(press)
+        inspect.signature(holder.terms).bind(rim)
     except TypeError as error:
         raise InputError(
-            f"{name} can't be called with a `Press` ({error}); allowed is `def terms(self, press)`"
+            f"{name} can't be called with a `Rim` ({error}); allowed is `def terms(self, rim)`"
         ) from None
-    terms: Any = holder.terms(press)
+    terms: Any = holder.terms(rim)
     listed = terms if isinstance(terms, (list, tuple)) else []
     if not listed or not all(isinstance(term, Term) for term in listed):
         found = f"one `{type(terms).__name__}`" if isinstance(terms, Term) else shown(terms)
         raise InputError(f"{name} gives {found}; allowed is a list of one or more terms")
     for term in listed:
-        if isinstance(term, BlankHolderPressure) and term.direction[2] < 0:
-            press.warn(
-                f"the pressure of holder `{type(holder).__name__}` is directed away from the die, "
-                "which lies above the ply: towards it is (0, 0, 1)"
+        if isinstance(term, BlankHolderPressure) and term.direction @ rim.up < 0:
+            rim.warn(
+                f"the pressure of holder `{type(holder).__name__}` is directed away from the die: "
+                f"towards it is (0, 0, {rim.up[2]:g})"
             )
     return list(listed)
 

@@ -117,7 +117,7 @@ def test_the_force_of_a_pressure_is_among_the_forces_of_tools(tmp_path):
     [
         (ff.PressureHolder(0), "pressure of `PressureHolder` is 0: it does not hold the rim"),
         (ff.Grippers(0), "tension of `Grippers` is 0: it does not hold the rim"),
-        ("down", r"of holder `Own` is directed away from the die, .*: towards it is \(0, 0, 1\)"),
+        ("down", r"of holder `Own` is directed away from the die: towards it is \(0, 0, 1\)"),
     ],
 )
 def test_what_hardly_holds_is_told_of(holder, words):
@@ -133,13 +133,13 @@ def own(terms):
 
 
 def test_a_holder_of_ones_own():
-    """Any object that makes terms; it is told of the press."""
+    """Any object that makes terms; it is told of the rim."""
 
     class Soft:
-        def terms(self, press):
-            self.told = press
-            plate = ff.Tool(ff.Plane((0, 0, -press.thickness), (0, 0, 1)), name=press.name)
-            return [ff.BlankHolderPressure(1.0, (0, 0, 1), press.on_flange(), tool=plate)]
+        def terms(self, rim):
+            self.told = rim
+            plate = ff.Tool(ff.Plane((0, 0, -rim.thickness), (0, 0, 1)), name=rim.name)
+            return [ff.BlankHolderPressure(1.0, (0, 0, 1), rim.on_flange(), tool=plate)]
 
     mine = Soft()
     ply = ff.Forming(**SIZES, holder=mine)
@@ -180,7 +180,7 @@ def test_a_holder_of_ones_own():
         (lambda: ff.ForceHolder(0), "force of `ForceHolder` is 0; allowed is a number above 0"),
         (lambda: ff.Grippers(-5), "tension of `Grippers` is -5; allowed is a number from 0"),
         (lambda: ff.Forming(**SIZES, holder=[]), r"`holder` is \[\]; allowed is .* one or more"),
-        (lambda: ff.Forming(**SIZES, holder=object()), r"or an object with a method `terms\(press"),
+        (lambda: ff.Forming(**SIZES, holder=object()), r"or an object with a method `terms\(rim"),
         *[
             (lambda f=f: ff.Forming(**SIZES, holder=own(f)), f"`terms` of holder `Own` {words}")
             for f, words in (
@@ -189,7 +189,7 @@ def test_a_holder_of_ones_own():
                 (lambda self, press: press.contact(press.die), "gives one `Contact`; allowed is a"),
                 (
                     lambda self: [],
-                    r"can't be called with a `Press` \(too many .*terms\(self, press",
+                    r"can't be called with a `Rim` \(too many .*terms\(self, rim",
                 ),
             )
         ],
