@@ -51,8 +51,8 @@ if TYPE_CHECKING:
     from .solve.limits import Limits
     from .tools.double_dome import DoubleDome
     from .tools.implicit import ImplicitSurface
-    from .tools.primitives import Cylinder, Plane, Plate, Sphere, Torus
-    from .tools.surfaces import Flipped, Nearest, Offset, Reversed, Surface
+    from .tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
+    from .tools.surfaces import Flipped, Nearest, Offset, Reversed, Surface, Turned
     from .tools.tool import Tool
     from .tools.triangulated import TriangulatedSurface
     from .verification.derivatives import check_derivatives
@@ -98,9 +98,9 @@ _HOMES = {
     "solve.limits": ("Limits",),
     "scene.supports": ("Support", "clamped_ends", "frame", "rolling_ends"),
     "tools.double_dome": ("DoubleDome",),
-    "tools.primitives": ("Cylinder", "Plane", "Plate", "Sphere", "Torus"),
+    "tools.primitives": ("Block", "Cylinder", "Plane", "Plate", "Sphere", "Torus"),
     "tools.implicit": ("ImplicitSurface",),
-    "tools.surfaces": ("Flipped", "Nearest", "Offset", "Reversed", "Surface"),
+    "tools.surfaces": ("Flipped", "Nearest", "Offset", "Reversed", "Surface", "Turned"),
     "tools.tool": ("Tool",),
     "tools.triangulated": ("TriangulatedSurface",),
     "verification.derivatives": ("check_derivatives",),

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from ..runtime.errors import InputError
 from ..runtime.words import coordinates, rounded
 from .implicit import ImplicitSurface
-from .surfaces import Flipped, Offset, Reversed, Surface
+from .surfaces import Flipped, Offset, Reversed, Surface, Turned
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 
@@ -226,8 +226,9 @@ def check_equation(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> None:
     room = 0.02 * (high - low).max()
     x = np.random.default_rng(0).uniform(low - room, high + room, (20 * EQUATION, 3))
     x, surface = x - tool.displacement, tool.surface
-    while isinstance(surface, (Flipped, Offset, Reversed)):
+    while isinstance(surface, (Flipped, Offset, Reversed, Turned)):
         x = x * (1, 1, -1) if isinstance(surface, Flipped) else x
+        x = surface.back(x) if isinstance(surface, Turned) else x
         surface = surface.surface
     if not isinstance(surface, ImplicitSurface):
         return

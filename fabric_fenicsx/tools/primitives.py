@@ -1,4 +1,4 @@
-"""Plane, ball, bar, torus and plate with an opening, in closed form."""
+"""Plane, ball, bar, torus, plate with an opening, and block, in closed form."""
 
 from __future__ import annotations
 
@@ -158,18 +158,7 @@ class Plate(Surface):
     def plan(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance (n,) [mm] to the opening's outline, positive on the plate, its gradient
         (2, n), and curvature (n,) [1/mm] of its level lines, at x, y (n,) [mm] from the centre."""
-        u = abs(x) - self.length / 2 + self.corner
-        v = abs(y) - self.width / 2 + self.corner
-        round_ = (u > 0) & (v > 0)
-        r = np.where(round_, np.hypot(u, v), 1.0)
-        distance = np.where(round_, r, np.maximum(u, v)) - self.corner
-        dx = np.where(round_, u / r, u >= v)
-        dy = np.where(round_, v / r, u < v)
-        return (
-            distance,
-            np.array([np.copysign(dx, x), np.copysign(dy, y)]),
-            np.where(round_, 1 / r, 0.0),
-        )
+        return _from_rectangle(x, y, self.length, self.width, self.corner)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
@@ -182,14 +171,87 @@ class Plate(Surface):
         gap = np.where(edge, r - self.entry, np.where(face, z, -d))
         m = np.where(edge, e / r, np.where(face, 0.0, -1.0))
         n = np.where(edge, f / r, np.where(face, 1.0, 0.0))
-        out = np.column_stack([*slope, np.zeros(len(x))])
-        along = np.column_stack([-slope[1], slope[0], np.zeros(len(x))])
-        up = np.array([0.0, 0.0, 1.0])
-        normal = m[:, None] * out + n[:, None] * up
-        cross = n[:, None] * out - m[:, None] * up
-        curvature = np.where(edge, 1 / r, 0.0)[:, None, None] * _outer(cross, cross)
-        curvature += (m * bend)[:, None, None] * _outer(along, along)
-        return Nearest(gap, normal, curvature)
+        return _of_profile(gap, slope, bend, m, n, np.where(edge, 1 / r, 0.0))
+
+
+class Block(Surface):
+    """Block with its top face in the plane z = centre[2] and all its edges rounded, like the punch
+    of a box.
+
+    length, width, height: along x, y and z over all [mm]. radius: of the edges around top and
+    bottom [mm]. corner: radius of the upright edges in the plan [mm], at least `radius`; None: the
+    same, so that the corners are parts of balls. centre: of the top face (3,) [mm]. Raises
+    InputError for values out of their range.
+    """
+
+    def __init__(
+        self,
+        length: float,
+        width: float,
+        height: float,
+        radius: float,
+        corner: float | None = None,
+        centre: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        self.length, self.width, self.height = (
+            POSITIVE.check(name, value)
+            for name, value in (("length", length), ("width", width), ("height", height))
+        )
+        half = min(self.length, self.width) / 2
+        most = min(half, self.height / 2)
+        self.radius = Rule(
+            f"a number above 0, up to {most:g}, half the block's least size",
+            lambda v: 0 < v <= most * (1 + 1e-12),
+        ).check("radius", radius)
+        self.corner = Rule(
+            f"a number from the radius {self.radius:g} to {half:g}, half the block in the plan",
+            lambda v: self.radius <= v <= half * (1 + 1e-12),
+        ).check("corner", self.radius if corner is None else corner)
+        self.centre = checked_vector("centre", centre)
+        self.radii = (self.radius, math.inf)
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        """As in `Surface`: the distance to a block with sharp edges within, less the radius."""
+        x, y, z = (points - self.centre).T
+        inner = self.length - 2 * self.radius, self.width - 2 * self.radius
+        d, slope, bend = _from_rectangle(x, y, *inner, self.corner - self.radius)
+        z = z + self.height / 2
+        f = abs(z) - self.height / 2 + self.radius
+        edge = (d > 0) & (f > 0)
+        r = np.where(edge, np.hypot(d, f), 1.0)
+        gap = np.where(edge, r, np.maximum(d, f)) - self.radius
+        m = np.where(edge, d / r, d > f)
+        n = np.copysign(np.where(edge, f / r, d <= f), z)
+        return _of_profile(gap, slope, bend, m, n, np.where(edge, 1 / r, 0.0))
+
+
+def _from_rectangle(x, y, length, width, corner):
+    """Signed distance (n,) to a rectangle about the origin with rounded corners, positive outside,
+    its gradient (2, n), and curvature (n,) of its level lines, at x, y (n,)."""
+    u = abs(x) - length / 2 + corner
+    v = abs(y) - width / 2 + corner
+    round_ = (u > 0) & (v > 0)
+    r = np.where(round_, np.hypot(u, v), 1.0)
+    distance = np.where(round_, r, np.maximum(u, v)) - corner
+    dx = np.where(round_, u / r, u >= v)
+    dy = np.where(round_, v / r, u < v)
+    return distance, np.array([np.copysign(dx, x), np.copysign(dy, y)]), np.where(round_, 1 / r, 0)
+
+
+def _of_profile(gap, slope, bend, m, n, turn):
+    """`Nearest` of a gap (n,) that depends on height and distance in the plan.
+
+    slope (2, n), bend (n,): gradient and curvature of that distance; m, n: parts of the normal
+    along it and up; turn: curvature of the profile's level lines (n,).
+    """
+    out = np.column_stack([*slope, np.zeros(len(gap))])
+    along = np.column_stack([-slope[1], slope[0], np.zeros(len(gap))])
+    up = np.array([0.0, 0.0, 1.0])
+    normal = m[:, None] * out + n[:, None] * up
+    cross = n[:, None] * out - m[:, None] * up
+    curvature = turn[:, None, None] * _outer(cross, cross)
+    curvature += (m * bend)[:, None, None] * _outer(along, along)
+    return Nearest(gap, normal, curvature)
 
 
 def _outer(a, b):

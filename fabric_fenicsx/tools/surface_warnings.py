@@ -7,7 +7,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..runtime.words import coordinates, rounded
 from .checks import UNITS
-from .surfaces import Flipped, Offset, Reversed, Surface
+from .surfaces import Flipped, Offset, Reversed, Surface, Turned
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 
@@ -18,7 +18,7 @@ KINKS = 0.02  # share of the points at which it may be curved more
 
 
 def _innermost(surface: Surface) -> Surface:
-    while isinstance(surface, (Flipped, Offset, Reversed)):
+    while isinstance(surface, (Flipped, Offset, Reversed, Turned)):
         surface = surface.surface
     return surface
 

@@ -14,10 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule
-from .values import checked_points
+from .values import checked_points, checked_vector
 
 
 class Nearest(NamedTuple):
@@ -40,7 +41,7 @@ class Surface:
 
     One that is known by an equation F(x) = 0 is less work as an `ImplicitSurface`. The gap must be
     the distance, the normal its gradient and the curvature its Hessian: forces and stiffness of
-    contact are made of them. `Reversed`, `Offset`, `Flipped` and `Tool` take any surface.
+    contact are made of them. `Reversed`, `Offset`, `Flipped`, `Turned` and `Tool` take any surface.
     """
 
     radii: tuple[float, float] = (math.inf, math.inf)
@@ -211,3 +212,44 @@ class Flipped(Surface):
         ends = np.array([low, high]) * mirror
         points, normals, triangles = self.surface.mesh(ends.min(0), ends.max(0), size)
         return points * mirror, normals * mirror, triangles[:, ::-1]
+
+
+class Turned(Surface):
+    """`surface` turned about the origin by `angles` (3,) [deg]: first about the axis x, then about
+    y, then about z, the axes standing still. A turn is anticlockwise as seen from the axis' end.
+
+    Raises InputError unless the angles are three finite numbers.
+    """
+
+    def __init__(self, surface: Surface, angles: ArrayLike) -> None:
+        self.surface, self.radii = surface, radii_of(surface)
+        self.angles = checked_vector("angles of the turn [deg]", angles)
+        # of a column of coordinates
+        self._turn = Rotation.from_euler("xyz", self.angles, degrees=True).as_matrix()
+
+    def from_behind(self) -> Surface:
+        """As in `Surface`."""
+        seen = copy(self)
+        seen.surface = self.surface.from_behind()
+        return seen
+
+    def back(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, 3) [mm] where they lie beside the surface before its turn."""
+        return points @ self._turn
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        """As in `Surface`."""
+        gap, normal, curvature = self.surface.nearest(self.back(points), reach)
+        curvature = self._turn @ curvature @ self._turn.T
+        curvature = (curvature + curvature.swapaxes(1, 2)) / 2  # of rounding
+        return Nearest(gap, normal @ self._turn.T, curvature)
+
+    def mesh(
+        self, low: ArrayLike, high: ArrayLike, size: float
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As in `Surface`, of what lies in a box around the one asked for, before the turn."""
+        ends = np.array([low, high], dtype=float)
+        x, y, z = np.meshgrid(*ends.T)
+        ends = self.back(np.column_stack([x.ravel(), y.ravel(), z.ravel()]))
+        points, normals, triangles = self.surface.mesh(ends.min(0), ends.max(0), size)
+        return points @ self._turn.T, normals @ self._turn.T, triangles

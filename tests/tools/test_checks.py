@@ -20,7 +20,7 @@ from fabric_fenicsx.tools.checks import (
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.implicit import ImplicitSurface
 from fabric_fenicsx.tools.primitives import Plane, Sphere, Torus
-from fabric_fenicsx.tools.surfaces import Flipped, Offset
+from fabric_fenicsx.tools.surfaces import Flipped, Offset, Turned
 from fabric_fenicsx.tools.tool import Tool
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
@@ -241,12 +241,13 @@ class Egg(ImplicitSurface):
         ),
     ],
 )
-@pytest.mark.parametrize("beneath", [True, False])
+@pytest.mark.parametrize("beneath", [True, False, "turned"])
 def test_an_equation_whose_derivatives_are_wrong_is_named(changed, words, beneath):
     comm = MPI.COMM_WORLD
     x, y = np.meshgrid(np.arange(-40.0, 41, 4), np.arange(-30.0, 31, 4))
     places = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])[comm.rank :: comm.size]
     surface = Egg(changed) if beneath else Flipped(Offset(Egg(changed), 1))
+    surface = Turned(Turned(surface, (180, 0, 0)), (180, 0, 0)) if beneath == "turned" else surface
     tool = Tool(surface, (0, 0, 5), name="egg")
     tool.at(-4.1 if beneath else 4.3)
     with pytest.raises(InputError, match=words) if words else nullcontext():

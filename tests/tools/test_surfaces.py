@@ -13,13 +13,14 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.implicit import ImplicitSurface
-from fabric_fenicsx.tools.primitives import Cylinder, Plane, Plate, Sphere, Torus
+from fabric_fenicsx.tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from fabric_fenicsx.tools.surfaces import (
     Flipped,
     Nearest,
     Offset,
     Reversed,
     Surface,
+    Turned,
 )
 from fabric_fenicsx.tools.tool import Tool
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
@@ -104,8 +105,11 @@ RING = Torus([1, 2, 3], [1, -1, 2], 20, 6)
 PLATES = [Plate(40, entry=6), Plate(60, 40, 12, 6, [1, 2, 3]), Plate(60, 40, 12)]
 
 
-@pytest.mark.parametrize("surface", [RING, *PLATES])
-def test_torus_and_plate(surface):
+BLOCKS = [Block(60, 40, 30, 6, centre=[1, 2, 3]), Block(60, 40, 40, 6, 15, [0, 0, 20])]
+
+
+@pytest.mark.parametrize("surface", [RING, *PLATES, *BLOCKS])
+def test_torus_plate_and_block(surface):
     """What is built from its parts: points of the surface, moved along the normal, are given
     back."""
     points = surface.centre + np.random.default_rng(0).uniform(-45, 45, (20_000, 3)) * [1, 1, 0.4]
@@ -151,6 +155,25 @@ def test_plate():
     assert Plate(60, 40, 12).evaluate([[29, 0, -9]]).gap == 1
 
 
+def test_block():
+    block = Block(60, 40, 30, 6, centre=[0, 0, 2])
+    slope = 6 / math.sqrt(3)
+    found = block.evaluate(
+        [[9, 9, 5], [34, 0, -9], [24 + slope, 14 + slope, slope - 4], [0, 0, -29]]
+    )
+    assert found.gap == pytest.approx([3, 4, 0, 1], abs=1e-14)
+    assert np.allclose(found.normal, [[0, 0, 1], [1, 0, 0], [math.sqrt(1 / 3)] * 3, [0, 0, -1]])
+    assert not found.curvature[:2].any()
+    assert np.allclose(np.linalg.eigvalsh(found.curvature[2]), [0, 1 / 6, 1 / 6])  # of a ball
+    assert Block(60, 40, 30, 6, 15).radii == (6, math.inf)
+    # a block whose edges take it all is a ball
+    points = np.random.default_rng(1).uniform(-30, 30, (200, 3))
+    for a, b in zip(
+        Block(40, 40, 40, 20, centre=[0, 0, 20]).evaluate(points), Sphere(20).evaluate(points)
+    ):
+        assert np.allclose(a, b, atol=1e-13)
+
+
 class Wave(ImplicitSurface):
     """Beneath z = sin(x / 5), as a user writes it."""
 
@@ -187,7 +210,11 @@ def test_radii_of_a_user_that_are_no_pair_of_numbers(radii):
     floor.radii = radii
     words = "`radii` of surface Floor are .*; allowed are two numbers above 0"
     uses = Tool, Reversed, Flipped, lambda it: Offset(it, 1.0)
-    for use in (*uses, lambda it: ff.check_derivatives(it, np.ones((1, 3)))):
+    for use in (
+        *uses,
+        lambda it: Turned(it, (0, 0, 9)),
+        lambda it: ff.check_derivatives(it, np.ones((1, 3))),
+    ):
         with pytest.raises(InputError, match=words):
             use(floor)
 
@@ -414,6 +441,36 @@ def test_modifiers():
     assert ball.evaluate([[0, 0, 13]]).curvature[0, 0, 0] == 1 / 13
 
 
+def test_turned_surfaces():
+    """About x first, then y, then z: what pointed along y ends along x, by way of z."""
+    assert Turned(Plane([0, 3, 0], [0, 1, 0]), (90, 90, 0)).evaluate(
+        [[7, 2, 1]]
+    ).gap == pytest.approx([4])
+    assert Turned(Plane([3, 0, 0], [1, 0, 0]), (0, 0, 90)).evaluate(
+        [[2, 7, 1]]
+    ).normal == pytest.approx(np.array([[0, 1, 0]]))
+    block = Turned(BLOCKS[1], (10, -70, 25))
+    points = np.random.default_rng(0).uniform(-40, 40, (5000, 3))
+    points = points[abs(block.evaluate(points).gap) < 4]
+    check_derivatives(block, points[:1000])
+    assert block.radii == (6, math.inf) and block.given()["angles"].tolist() == [10, -70, 25]
+    back = block.back(points)
+    assert np.allclose(BLOCKS[1].evaluate(back).gap, block.evaluate(points).gap, atol=1e-12)
+
+
+@pytest.mark.parametrize("surface", [BLOCKS[0], Turned(BLOCKS[0], (30, 20, 10))])
+def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
+    points, normals, triangles = surface.mesh((-50, -50, -50), (50, 50, 50), 2.0)
+    found = surface.evaluate(points)
+    assert abs(found.gap).max() < 1e-9 and np.allclose(normals, found.normal)
+    p, q, r = points[triangles].swapaxes(0, 1)
+    area = np.cross(q - p, r - p) / 2
+    assert ((area * normals[triangles[:, 0]]).sum(1) > 0).all()
+    # of the faces, the quarters of cylinders along the edges, and a ball
+    exact = 2 * (48 * 28 + 48 * 18 + 28 * 18) + 2 * math.pi * 6 * (48 + 28 + 18) + 4 * math.pi * 36
+    assert np.linalg.norm(area, axis=1).sum() == pytest.approx(exact, rel=5e-3)
+
+
 @pytest.mark.parametrize(
     "make, sentence",
     [
@@ -442,6 +499,18 @@ def test_modifiers():
         ),
         (lambda: Plate(9, corner=3), "corner is 3, but a round opening has none"),
         (lambda: Plate(9, entry=-1), "entry is -1; allowed is a number from 0"),
+        (
+            lambda: Block(60, 40, 10, 6),
+            "radius is 6; allowed is a number above 0, up to 5, half the block's least size",
+        ),
+        (
+            lambda: Block(60, 40, 30, 6, 4),
+            "corner is 4; allowed is a number from the radius 6 to 20, half the block in the plan",
+        ),
+        (
+            lambda: Turned(Sphere(1), (90, 0)),
+            "angles of the turn [deg] is (90, 0); allowed are three finite numbers",
+        ),
         (
             lambda: DoubleDome(dome_distance=0),
             "dome_distance is 0; allowed is a number above 0",
