@@ -20,7 +20,7 @@ def check_fields(owner: Any, label: Callable[[str], str] = "`{}`".format) -> lis
     sentences on values that are doubtful. label: what messages call a field of that name. Raises
     InputError for a value that is not allowed."""
     doubts = []
-    for each in dataclasses.fields(owner):
+    for each in declared(owner):
         value, meta = getattr(owner, each.name), each.metadata
         may_be_none = each.default is None or "None" in str(each.type) or "rule" not in meta
         if value is None and may_be_none:
