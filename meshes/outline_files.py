@@ -59,11 +59,39 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     return sheet_of(rings, source), told
 
 
+def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
+    """Lines in space (n, 3) [mm], or (n, 2) without z, that a file's trim line consists of, and
+    what to say of it, a sentence each. They close to rings where their ends meet.
+
+    A table (.csv) is one of `read_outline` that may have a column z. Of a drawing (.dxf) all that
+    is visible counts; one in a plane z = const has no z. Raises InputError for a file that cannot
+    be read.
+    """
+    path = Path(path)
+    source, ending, told = f"trim line {path}", path.suffix.lower(), []
+    allowed = "a table of x, y and z (.csv, .txt), or a drawing (.dxf)"
+    check_file(path, "trim line", allowed)
+    if ending in TABLES:
+        lines = [np.vstack([ring, ring[:1]]) for ring in _table(path, source, ("x", "y", "z"))]
+    elif ending == ".dxf":
+        lines, unit, _ = _curves(path, source, None)
+        size = np.ptp(np.concatenate(lines), axis=0)
+        told = [f"{unit}, so it is {rounded(size[0], 4)} mm long in x"] if unit else []
+        if size[2] <= PLANE * size.max():
+            lines = [line[:, :2] for line in lines]
+    else:
+        raise InputError(f"{source} has the ending {ending or 'none'}; allowed is {allowed}")
+    if lines[0].shape[1] == 2:
+        told.append(f"{source} has no z and is projected along z")
+    return lines, told
+
+
 # -- tables
 
 
-def _table(path, source):
-    """The rings of a table."""
+def _table(path, source, names=("x", "y")):
+    """The rings of a table, (n, 2) or, where it has a column z and that is one of the `names`, (n,
+    3)."""
     problems = Problems()
     try:
         lines = [each for each in enumerate(read_lines(path), 1) if not is_comment(each[1])]
@@ -73,7 +101,9 @@ def _table(path, source):
             lambda name: name.lower() in ("x", "y"),
             ("x", "y"),
         )
-        wanted = _columns(table)
+        if len(names) > len(table.names) and {len(cells) for cells in table.cells} == {3}:
+            table = table._replace(names=[*names], units=[*table.units, None])  # without a header
+        wanted = _columns(table, names)
         columns = values_of(table, wanted, problems)
         problems.stop()
     except InputError as error:
@@ -82,16 +112,16 @@ def _table(path, source):
     block = np.array([number[row] for row in table.rows])
     keys = np.column_stack([block, columns.get("ring", 0 * block)])
     _, first, of = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    points = np.column_stack([columns["x"], columns["y"]])
+    points = np.column_stack([columns[name] for name in names if name in columns])
     return [points[of.ravel() == k] for k in np.argsort(first).argsort()]
 
 
-def _columns(table):
-    """The columns of a table, {number: (name, factor)}."""
+def _columns(table, wanted):
+    """The columns of a table, {number: (name, factor)}; of those `wanted` z may be missing."""
     names = [name.lower() for name in table.names]
     lengths, found = factors("length"), {}
-    for name in ("x", "y", "ring"):
-        if names.count(name) != 1 and (name != "ring" or name in names):
+    for name in (*wanted, "ring"):
+        if names.count(name) != 1 and (name not in ("z", "ring") or name in names):
             raise InputError(
                 f"row {table.top}: there are {names.count(name)} columns {name}; allowed is one"
             )
@@ -110,8 +140,21 @@ def _columns(table):
 
 
 def _drawing(path, source, layer):
-    """Lines of a drawing, what to say of it, and what to add to errors: its layers if there are
-    several."""
+    """Lines of a flat drawing, what to say of it, and what to add to errors."""
+    lines, unit, hint = _curves(path, source, layer)
+    size = np.ptp(np.concatenate(lines), axis=0)
+    if size[2] > PLANE * size.max():
+        raise InputError(
+            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y"
+        )
+    sides = " x ".join(rounded(side, 4) for side in size[:2])
+    told = [f"{unit}, so it is {sides} mm"] if unit else []
+    return [line[:, :2] for line in lines], told, hint
+
+
+def _curves(path, source, layer):
+    """Lines (n, 3) of a drawing [mm], words on its unit if that is not mm, and what to add to
+    errors: its layers if there are several."""
     from ezdxf import path as paths
     from ezdxf import recover
     from ezdxf.disassemble import recursive_decompose
@@ -141,16 +184,9 @@ def _drawing(path, source, layer):
     factor, unit = _unit(drawing, source)
     flat = [[*paths.make_path(each).flattening(CHORD / factor)] for each in curves]
     lines = [factor * np.array([tuple(point) for point in line]) for line in flat if len(line) > 1]
-    size = np.ptp(np.concatenate(lines), axis=0)
-    if size[2] > PLANE * size.max():
-        raise InputError(
-            f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y"
-        )
-    sides = " x ".join(rounded(side, 4) for side in size[:2])
-    told = [f"{unit}, so it is {sides} mm"] if unit else []
     several = layer is None and len(layers) > 1
     hint = f"; of its layers {', '.join(layers)} some may be left out by `layer`" if several else ""
-    return [line[:, :2] for line in lines], told, hint
+    return lines, unit, hint
 
 
 def _unit(drawing, source):

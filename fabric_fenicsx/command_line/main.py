@@ -5,6 +5,7 @@ import ast
 import runpy
 import sys
 import textwrap
+from importlib import import_module
 from pathlib import Path
 
 from ..runtime.errors import InputError
@@ -17,7 +18,9 @@ COMMANDS = {
     "info": "versions, presets, and whether all works",
     "list": "the studies, and where their example data are",
     "export": "DIR FILE: formed plies and yarn directions of results, to a .vtu or .inp (Abaqus)",
+    "pattern": "DIR: the flat pattern of a trimmed part (fabric pattern --help tells more)",
 }
+PARSED = ("pattern",)  # those with options, each a module here with `run(words)`
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -44,6 +47,10 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("command", help=argparse.SUPPRESS)
     parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
     try:
+        if argv and argv[0] in PARSED:
+            if speaks:
+                import_module(f"{__package__}.{argv[0]}").run(argv[1:])
+            return 0
         given = parser.parse_args(argv or ["--help"])
         command = given.command
         if command not in COMMANDS:

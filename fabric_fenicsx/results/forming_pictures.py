@@ -20,7 +20,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 from ..runtime.errors import InputError
 from .forming import File, Outline, Path, outline
 from .pictures import SHOWN, cells_range, colour_scale, plt
-from .ply import Grid, plan_area, ply_of
+from .ply import Grid, plan_area, ply_of, whole
 
 STATES = {  # strain_state -> what it is, colour
     1: ("both in tension", "#3b6fb6"),
@@ -207,18 +207,11 @@ def screen() -> Iterator[None]:
 def _surface(ply, full):
     """The formed ply [pyvista.PolyData] with the nodes' `place` on the flat one and `shear_angle`
     [deg], its magnitude, 0 of metal; full: with the images in the planes of symmetry."""
-    x, formed, triangles = ply.x, ply.formed, ply.triangles
-    shear = ply.at_nodes(abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(triangles))))))
-    for axis in ply.planes if full else ():
-        off = np.flatnonzero(x[:, axis])
-        image = np.arange(len(x))
-        image[off] = len(x) + np.arange(len(off))
-        mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
-        x, formed = (np.vstack([p, p[off] * mirror]) for p in (x, formed))
-        shear = np.append(shear, shear[off])
-        triangles = np.vstack([triangles, image[triangles][:, ::-1]])
-    surface = pyvista.PolyData.from_regular_faces(formed, triangles)
-    surface.point_data["place"], surface.point_data["shear_angle"] = x, shear
+    ply = whole(ply) if full else ply
+    shear = abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(ply.triangles)))))
+    surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
+    surface.point_data["place"] = ply.x
+    surface.point_data["shear_angle"] = ply.at_nodes(shear)
     return surface
 
 

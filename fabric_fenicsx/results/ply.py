@@ -36,6 +36,24 @@ class Ply(NamedTuple):
         )
 
 
+def whole(ply: Ply) -> Ply:
+    """The ply with its images in the planes of symmetry: there vectors on cells are mirrored, and
+    numbers are those of the modelled part."""
+    x, u, triangles, fields = ply.x, ply.u, ply.triangles, ply.fields
+    for axis in ply.planes:
+        mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
+        off = np.flatnonzero(x[:, axis])
+        image = np.arange(len(x))
+        image[off] = len(x) + np.arange(len(off))
+        x, u = (np.vstack([p, p[off] * mirror]) for p in (x, u))
+        triangles = np.vstack([triangles, image[triangles][:, ::-1]])
+        fields = {
+            name: np.concatenate([v, v * mirror if v.shape[1:] == (3,) else v])
+            for name, v in fields.items()
+        }
+    return Ply(x, u, triangles, fields, [])
+
+
 def plan_area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Areas (m,) in plan of `triangles`, negative where clockwise."""
     p, q, r = x[triangles, :2].swapaxes(0, 1)

@@ -87,6 +87,14 @@ def read_grids(folder: Path | str) -> dict[str, pyvista.UnstructuredGrid]:
     return sheets_of(read_last(Path(folder)), [name for name in names if name])
 
 
+def units(folder: Path | str) -> dict[str, str]:
+    """Units {name: unit} of the arrays in the results `folder`."""
+    reader = pyvista.PVDReader(Path(folder) / "fields.pvd")
+    reader.set_active_time_value(reader.time_values[-1])
+    told = (text for block in reader.read() for text in block.field_data.get("units", ()))
+    return {name: unit for name, unit in re.findall(r"(\w+) \[(.*?)\]", "\n".join(map(str, told)))}
+
+
 def checked(path: Path | str) -> Path:
     """The path of a file to write; InputError if its ending is none of those known."""
     path = Path(path)

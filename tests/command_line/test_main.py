@@ -60,6 +60,6 @@ def test_help_names_commands_and_studies(argv, capsys):
 def test_another_command_is_not_allowed(capsys):
     assert main.main(["tensil"]) == 2
     assert (
-        "command tensil is unknown (did you mean tensile?); allowed are info, list, export, bias"
+        "command tensil is unknown (did you mean tensile?); allowed are info, list, export, pattern"
         in capsys.readouterr().err
     )

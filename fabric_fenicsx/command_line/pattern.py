@@ -1,0 +1,125 @@
+"""`fabric pattern`: the flat pattern of a trimmed part from the results of a forming run."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from ..runtime.errors import InputError
+from ..runtime.rules import POSITIVE, unknown_key
+from ..runtime.words import rounded
+from .options import Parser, option_type
+
+LAYERS = 2.0  # thicknesses of all plies, by which a trim line may be off the formed ply
+PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the normal to what is kept'
+
+
+def run(words: list[str]) -> None:
+    """Write the patterns that the command line `words` ask for, and tell their sizes. Raises
+    InputError for what is not allowed."""
+    parser = Parser(prog="fabric pattern", description=__doc__)
+    parser.add_argument("folder", metavar="DIR", help="results of a forming run")
+    trim = parser.add_mutually_exclusive_group()
+    trim.add_argument(
+        "--line",
+        metavar="FILE",
+        help="closed trim line on the formed ply: x, y and z in a .csv, or a .dxf; without z it is "
+        "projected along z; inner rings are holes",
+    )
+    trim.add_argument("--plane", help=f"plane that trims: {PLANE}")
+    parser.add_argument("--out", metavar="STEM", help="of the files (default: DIR/pattern)")
+    parser.add_argument("--sheet", metavar="NAME", help="ply of a stack (default: all)")
+    parser.add_argument(
+        "--reach",
+        type=option_type(POSITIVE),
+        metavar="MM",
+        help=f"distance of the line from the ply that is allowed (default: {LAYERS:g} times the "
+        "thickness of all plies)",
+    )
+    given = parser.parse_args(words)
+    if not (given.line or given.plane):
+        raise InputError("nothing says where to trim; allowed is --line FILE or --plane PLANE")
+    _write(given)
+
+
+def _write(args):
+    from ..results import pattern, structural
+    from ..results.output import why_not_believed
+
+    grids = structural.read_grids(args.folder)
+    if args.sheet is not None and args.sheet not in grids:
+        raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
+    trim, told = (_plane(args.plane), []) if args.plane else _line(args.line)
+    reach = args.reach or LAYERS * sum(map(_thickness, grids.values()))
+    labels = structural.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
+    asked = {n: grid for n, grid in grids.items() if args.sheet in (None, n)}
+    found = {name: _of_ply(name, grid, trim, reach) for name, grid in asked.items()}
+    stem, units = Path(args.out or Path(args.folder) / "pattern"), structural.units(args.folder)
+    if not stem.parent.is_dir():
+        raise InputError(
+            f"--out is {stem}, but {stem.parent} is no folder; allowed is a file's name in one"
+        )
+    for words in told:
+        print(words)
+    for name, flat in found.items():
+        own = stem.with_name("_".join(filter(None, [stem.name, labels[name]])))
+        try:
+            pattern.write_pattern(own, flat, units)
+        except OSError as error:
+            raise InputError(
+                f"{error.filename} can't be written ({error.strerror}); allowed is a file in a "
+                "folder of this user"
+            ) from None
+        print(f"{own}.dxf, .csv, .vtu: {_size(flat)}")
+    if words := why_not_believed(Path(args.folder) / "summary.json"):
+        print(f"warning: the run in {args.folder} did not end well: {words}", file=sys.stderr)
+
+
+def _of_ply(name, grid, trim, reach):
+    from ..results.pattern import flat_pattern
+
+    try:
+        return flat_pattern(grid, trim, reach)
+    except InputError as error:
+        raise InputError(f"ply {name}: {error}" if name else str(error)) from None
+
+
+def _size(flat):
+    """What to tell of a pattern."""
+    off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
+    return (
+        f"area {rounded(flat.area, 6)} mm2, perimeter {rounded(flat.perimeter, 6)} mm, area of the "
+        f"formed part {rounded(flat.formed_area, 6)} mm2{off}"
+    )
+
+
+def _line(file):
+    from ..meshes.outline_files import read_trim_line
+
+    return read_trim_line(file)
+
+
+def _plane(text):
+    """The plane that a text tells."""
+    from ..results.pattern import Plane
+
+    try:
+        axis, _, place = text.replace(" ", "").partition("=")
+        if place:
+            normal = np.eye(3)["xyz".index(axis)] if len(axis) == 1 else np.zeros(3)
+            point = float(place) * normal
+        else:
+            point, normal = np.array(text.split(","), dtype=float).reshape(2, 3)
+    except ValueError:
+        point = normal = np.zeros(3)
+    if not (np.isfinite([*point, *normal]).all() and np.any(normal)):
+        raise InputError(f"--plane is {text}; allowed is {PLANE}")
+    return Plane(tuple(point), tuple(normal))
+
+
+def _thickness(grid):
+    """The largest thickness of a ply [mm]."""
+    for name in ("thickness_under_pressure", "metal_thickness"):
+        if name in grid.cell_data and np.isfinite(grid.cell_data[name]).any():
+            return float(np.nanmax(grid.cell_data[name]))
+    return 1.0

@@ -1,0 +1,292 @@
+"""The flat pattern of a trimmed part: a trim line on the formed ply, or a plane through it, as an
+outline on the flat ply; files of it.
+
+A point of the formed ply lies in one of its triangles and has its place in the same triangle of the
+flat ply.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pyvista
+import shapely
+
+from ..meshes.rings import joined, sheet_of
+from ..runtime.errors import InputError
+from ..runtime.files import replace_file
+from ..runtime.words import coordinates, rounded
+from .ply import SAME, Grid, Ply, plan_area, ply_of, whole
+
+FINE = 0.1  # spacing of points on a trim line, over the mean edge of the ply's cells
+STRAIGHT = 1e-4  # of that edge, distance from a line within which points are left out of it
+BESIDE = 0.05  # of the distance that is allowed, by which a line may be beyond the ply's edge
+OUTLINE, HOLES = "OUTLINE", "HOLES"  # layers of a drawing
+
+
+class Plane(NamedTuple):
+    """A plane by a `point` [mm] and its `normal`, which points to what is kept."""
+
+    point: Sequence[float]
+    normal: Sequence[float]
+
+
+class FlatPattern(NamedTuple):
+    """net: the outline on the flat ply with its holes, a polygon or several [mm]; part: the trimmed
+    part, flat and formed, with the cells' fields; off: the largest distance of the trim line from
+    the formed ply [mm]."""
+
+    net: shapely.Polygon | shapely.MultiPolygon
+    part: Ply
+    off: float
+
+    @property
+    def area(self) -> float:
+        """Of the pattern [mm2]."""
+        return float(self.net.area)
+
+    @property
+    def perimeter(self) -> float:
+        """Of the pattern, with its holes [mm]."""
+        return float(self.net.length)
+
+    @property
+    def formed_area(self) -> float:
+        """Of the formed part [mm2]."""
+        return float(_areas(self.part.formed[self.part.triangles]).sum())
+
+
+def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -> FlatPattern:
+    """The flat pattern of the formed ply in `grid`, inside a trim line or on the side of a plane to
+    which its normal points; of a quarter that of the whole ply.
+
+    trim: lines (n, 3) in space, each point of which counts where the ply is nearest, or (n, 2),
+    which are projected along z [mm]; they form closed rings, of which the largest is the outline
+    and the others are holes. Holes of the ply stay. reach: distance from the ply up to which a line
+    counts as on it [mm]. Raises InputError, with the place, for a line that is further away, leaves
+    the ply, is open, or crosses itself in the flat, and for a plane that does not cut the ply.
+    """
+    ply = whole(ply_of(grid))
+    if isinstance(trim, Plane):
+        part = _beside(ply, trim)
+        return FlatPattern(_sheet(part), part, 0.0)
+    edge = float(np.sqrt(2 * plan_area(ply.x, ply.triangles).mean()))
+    flat, off = [], 0.0
+    for line in trim:
+        dense = shapely.get_coordinates(
+            shapely.segmentize(shapely.LineString(line), FINE * edge), include_z=line.shape[1] == 3
+        )
+        places, distance = (_nearest if line.shape[1] == 3 else _below)(ply, dense, reach)
+        line_in_flat = shapely.LineString(places).simplify(STRAIGHT * edge)
+        flat.append(shapely.get_coordinates(line_in_flat))
+        off = max(off, distance)
+    source = "the trim line, on the flat ply,"
+    net = sheet_of(joined(flat, source), source).intersection(_sheet(ply))
+    return FlatPattern(net, _inside(ply, net), off)
+
+
+def _areas(corners):
+    """Of triangles by their corners (m, 3, 3)."""
+    p, q, r = corners.swapaxes(0, 1)
+    return np.linalg.norm(np.cross(q - p, r - p), axis=1) / 2
+
+
+def _sheet(ply):
+    """The flat ply as a polygon, or several: what the edges of single triangles bound."""
+    sides = np.concatenate([ply.triangles[:, [i, (i + 1) % 3]] for i in range(3)])
+    sides, count = np.unique(np.sort(sides, 1), axis=0, return_counts=True)
+    net = shapely.build_area(shapely.multilinestrings(ply.x[sides[count == 1], :2]))
+    # points that the mesh alone has on straight edges
+    return net.simplify(SAME)
+
+
+# -- a plane
+
+
+def _beside(ply, plane):
+    """The part of a ply on the side of a plane."""
+    normal = np.asarray(plane.normal, float)
+    height = (ply.formed - plane.point) @ (normal / np.linalg.norm(normal))
+    if not height.min() < 0 < height.max():
+        raise InputError(
+            f"the plane at {coordinates(plane.point)} mm does not cut the ply, which lies from "
+            f"{rounded(height.min())} to {rounded(height.max())} mm before it; allowed is a plane "
+            "through the ply"
+        )
+    flat = _grid(ply.x, ply.triangles, ply.fields)
+    flat.point_data["u"], flat.point_data["height"] = ply.u, height
+    kept = flat.clip_scalar(scalars="height", invert=False, value=0.0).triangulate()
+    triangles = kept.cells_dict[pyvista.CellType.TRIANGLE]
+    fields = {name: np.asarray(kept.cell_data[name]) for name in ply.fields}
+    u = np.asarray(kept.point_data["u"], dtype=float)
+    return _cleaned(np.asarray(kept.points), u, triangles, fields)
+
+
+def _grid(points, triangles, fields):
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: triangles}, points)
+    for name, values in fields.items():
+        grid.cell_data[name] = values
+    return grid
+
+
+# -- a line
+
+
+def _nearest(ply, points, reach):
+    """Places (n, 2) on the flat ply of what is nearest to `points` (n, 3) on the formed one, and
+    the largest distance."""
+    surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
+    cells, nearest = surface.find_closest_cell(points, return_closest_point=True)
+    apart = np.linalg.norm(points - nearest, axis=1)
+    if apart.max() > reach:
+        k = apart.argmax()
+        raise InputError(
+            f"the trim line is {rounded(apart[k])} mm away from the ply at "
+            f"{coordinates(points[k])} mm; allowed is up to {rounded(reach)} mm, on the formed ply"
+        )
+    p, q, r = ply.formed[ply.triangles[cells]].swapaxes(0, 1)
+    normal = np.cross(q - p, r - p)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    # where nothing but the edge of the ply is nearest, the point is beside the triangle's plane
+    beside = points - nearest
+    beside -= (beside * normal).sum(1, keepdims=True) * normal
+    places = _flat(ply, cells, nearest)
+    gone = (np.linalg.norm(beside, axis=1) > BESIDE * reach) & _on_edge(ply, places)
+    if gone.any():
+        k = np.linalg.norm(beside, axis=1)[gone].argmax()
+        raise _leaves(points[gone][k])
+    return places, float(apart.max())
+
+
+def _on_edge(ply, places):
+    """Whether places (n, 2) of the flat ply lie on its edge."""
+    edge = _sheet(ply).boundary
+    return shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
+
+
+def _below(ply, points, reach):
+    """Places (n, 2) on the flat ply of what is at `points` (n, 2) in plan on the formed one, and a
+    distance of 0."""
+    corners = ply.formed[ply.triangles]
+    tree = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
+    found, cells = tree.query(shapely.points(points), predicate="dwithin", distance=BESIDE * reach)
+    missing = np.setdiff1d(np.arange(len(points)), found)
+    if len(missing):
+        raise _leaves(points[missing[0]])
+    shares = _shares(corners[cells][:, :, :2], points[found])
+    height = (shares * corners[cells][:, :, 2]).sum(1)
+    low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
+    np.minimum.at(low, found, height)
+    np.maximum.at(high, found, height)
+    if (high - low).max() > reach:
+        k = (high - low).argmax()
+        raise InputError(
+            f"the ply lies {rounded((high - low)[k])} mm above itself at {coordinates(points[k])} "
+            "mm; allowed for it is a trim line with z"
+        )
+    _, first = np.unique(found, return_index=True)
+    return (shares[first, :, None] * ply.x[ply.triangles[cells[first]], :2]).sum(1), 0.0
+
+
+def _leaves(place):
+    return InputError(
+        f"the trim line leaves the ply at {coordinates(place)} mm; allowed is a line on the ply"
+    )
+
+
+def _flat(ply, cells, points):
+    """Places (n, 2) on the flat ply of `points` (n, 3) that lie in formed triangles `cells`
+    (n,)."""
+    shares = _shares(ply.formed[ply.triangles[cells]], points)
+    return (shares[:, :, None] * ply.x[ply.triangles[cells], :2]).sum(1)
+
+
+def _shares(corners, points):
+    """Barycentric coordinates (n, 3) of `points` (n, d) in the planes of triangles (n, 3, d)."""
+    p, q, r = corners.swapaxes(0, 1)
+    a, b, c = q - p, r - p, points - p
+    aa, ab, bb, ac, bc = ((s * t).sum(1) for s, t in ((a, a), (a, b), (b, b), (a, c), (b, c)))
+    second, third = (bb * ac - ab * bc) / (aa * bb - ab**2), (aa * bc - ab * ac) / (aa * bb - ab**2)
+    return np.column_stack([1 - second - third, second, third])
+
+
+def _inside(ply, net):
+    """The part of a ply inside its pattern: cells that the net cuts become triangles of their
+    pieces."""
+    shapes = shapely.polygons(ply.x[ply.triangles, :2])
+    shapely.prepare(net)
+    inner = shapely.covers(net, shapes)
+    cut = np.flatnonzero(~inner & shapely.intersects(net, shapes))
+    pieces = shapely.constrained_delaunay_triangles(shapely.intersection(shapes[cut], net))
+    pieces, owner = shapely.get_parts(pieces, return_index=True)
+    corners = shapely.get_coordinates(pieces).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    owner = cut[owner]
+    cells = ply.triangles[np.repeat(owner, 3)]
+    shares = _shares(ply.x[cells, :2], corners)[:, :, None]
+    x, u = (np.vstack([v, (shares * v[cells]).sum(1)]) for v in (ply.x, ply.u))
+    added = len(ply.x) + np.arange(len(corners)).reshape(-1, 3)
+    parents = np.concatenate([np.flatnonzero(inner), owner])
+    fields = {name: values[parents] for name, values in ply.fields.items()}
+    return _cleaned(x, u, np.vstack([ply.triangles[inner], added]), fields)
+
+
+def _cleaned(x, u, triangles, fields):
+    """The ply of these triangles but those with a side that is rounding."""
+    sides = x[triangles] - x[np.roll(triangles, -1, 1)]
+    real = np.linalg.norm(sides, axis=2).min(1) > 2 * SAME
+    grid = _grid(x, triangles[real], {name: values[real] for name, values in fields.items()})
+    grid.point_data["u"] = u
+    return ply_of(grid)
+
+
+# -- files
+
+
+def write_pattern(
+    stem: Path | str, pattern: FlatPattern, units: dict[str, str] | None = None
+) -> list[Path]:
+    """Write STEM.dxf, a drawing in mm with closed polylines on the layers OUTLINE and HOLES,
+    STEM.csv, a table of x and y [mm] with the number of the `ring`, and STEM.vtu, the formed part
+    with the fields of its cells, `u` and the places `flat` on the flat ply. units: of fields.
+    Returns their paths."""
+    from .fields import save
+
+    stem = Path(stem)
+    files = [stem.with_name(stem.name + ending) for ending in (".dxf", ".csv", ".vtu")]
+    rings = _rings(pattern.net)
+    replace_file(files[0], _drawing(rings))
+    rows = [f"{x:.6f},{y:.6f},{k}\n" for k, (_, ring) in enumerate(rings) for x, y in ring]
+    replace_file(files[1], "".join(["x [mm],y [mm],ring\n", *rows]))
+    part = _grid(pattern.part.formed, pattern.part.triangles, pattern.part.fields)
+    part.point_data["u"], part.point_data["flat"] = pattern.part.u, pattern.part.x
+    save(files[2], part, {"u": "mm", "flat": "mm"} | (units or {}))
+    return files
+
+
+def _rings(net):
+    """(layer, points (n, 2) without the first again) of each ring."""
+    return [
+        (layer, shapely.get_coordinates(ring)[:-1])
+        for each in shapely.get_parts(net)
+        for layer, rings in ((OUTLINE, [each.exterior]), (HOLES, each.interiors))
+        for ring in rings
+    ]
+
+
+def _drawing(rings):
+    """The text of a drawing."""
+    import io
+
+    import ezdxf
+    from ezdxf import units
+
+    drawing = ezdxf.new()
+    drawing.units = units.MM
+    drawing.layers.add(OUTLINE)
+    drawing.layers.add(HOLES, color=1)
+    for layer, points in rings:
+        drawing.modelspace().add_lwpolyline(points, close=True, dxfattribs={"layer": layer})
+    text = io.StringIO()
+    drawing.write(text)
+    return text.getvalue()

@@ -1,0 +1,226 @@
+"""The flat pattern of trimmed plies whose flat shapes are known."""
+
+import ezdxf
+import numpy as np
+import pytest
+import pyvista
+import shapely
+
+from fabric_fenicsx.command_line import main
+from fabric_fenicsx.meshes.outline_files import read_outline, read_trim_line
+from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.results.fields import save
+from fabric_fenicsx.results.pattern import Plane, flat_pattern, write_pattern
+from fabric_fenicsx.runtime.errors import InputError
+
+RADIUS = 50.0
+SQUARE = np.array([[-20.0, -10, 0], [20, -10, 0], [20, 10, 0], [-20, 10, 0], [-20, -10, 0]])
+
+
+def rolled(x):
+    """Places (n, 3) of a ply, flat in (n, 3), that is rolled on a cylinder along y."""
+    angle = x[:, 0] / RADIUS
+    return np.column_stack([RADIUS * np.sin(angle), x[:, 1], RADIUS * (np.cos(angle) - 1)])
+
+
+def dense(line):
+    """A line with points each 0.5 mm, so that it can follow a ply."""
+    return shapely.get_coordinates(
+        shapely.segmentize(shapely.LineString(line), 0.5), include_z=True
+    )
+
+
+def ply(form=np.array, low=(-60.0, -40.0), nx=40):
+    """A ply from `low` to (60, 40), formed by a function of flat places."""
+    size = np.array([60.0, 40.0]) - low
+    points, cells, _ = specimen(*size, nx, nx, "crossed")
+    x = np.pad(points[:, :2] - points[:, :2].min(0) + low, ((0, 0), (0, 1)))
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: cells}, x)
+    grid.point_data["u"] = form(x) - x
+    grid.cell_data["number"] = np.arange(float(len(cells)))
+    return grid
+
+
+def test_the_pattern_of_a_flat_ply_is_the_trim_line():
+    pattern = flat_pattern(ply(), [SQUARE], 0.1)
+    assert pattern.net.equals_exact(pattern.net.envelope, 1e-9, normalize=True)
+    assert (pattern.area, pattern.perimeter) == pytest.approx((800, 120), rel=1e-12)
+    assert pattern.formed_area == pytest.approx(800, rel=1e-12)
+
+
+def test_cells_are_split_along_the_line_and_keep_their_fields():
+    grid, line = ply(), SQUARE + [0.3, 0.2, 0]
+    part = flat_pattern(grid, [line], 0.1).part
+    centres = part.x[part.triangles].mean(1)
+    assert np.array_equal(grid.find_containing_cell(centres), part.fields["number"])
+    assert part.x.min(0) == pytest.approx(line.min(0)) and len(part.x) > 400
+
+
+def test_rings_inside_are_holes():
+    pattern = flat_pattern(ply(), [SQUARE, SQUARE / 2], 0.1)
+    assert len(pattern.net.interiors) == 1 and pattern.area == pytest.approx(600)
+    assert pattern.perimeter == pytest.approx(180)
+
+
+def test_a_hole_of_the_ply_stays():
+    grid = ply(nx=24)
+    grid = grid.extract_cells(np.linalg.norm(grid.cell_centers().points, axis=1) > 6)
+    pattern = flat_pattern(grid, [SQUARE], 0.1)
+    assert len(pattern.net.interiors) == 1
+    assert pattern.area == pytest.approx(pattern.formed_area) and pattern.area == pytest.approx(700)
+
+
+@pytest.mark.parametrize("half, error", [(30.0, 1e-9), (30.7, 5e-4)])  # at nodes, between them
+def test_a_plane_cuts_a_rolled_ply_to_a_rectangle(half, error):
+    depth = RADIUS * (np.cos(half / RADIUS) - 1)
+    pattern = flat_pattern(ply(rolled), Plane((0, 0, depth), (0, 0, 1)), 0.1)
+    assert pattern.net.bounds == pytest.approx((-half, -40, half, 40), rel=error)
+    assert pattern.area == pytest.approx(2 * half * 80, rel=error)
+    assert pattern.perimeter == pytest.approx(4 * half + 160, rel=error)
+    assert pattern.formed_area == pytest.approx(pattern.area, rel=1e-3)
+
+
+def test_an_oblique_plane_cuts_a_rolled_ply_along_a_cosine():
+    """On z = m y - 20: R (cos(x / R) - 1) = m y - 20."""
+    m = 0.2
+    pattern = flat_pattern(ply(rolled), Plane((0, 0, -20), (0, -m, 1)), 0.1)
+    x, y = np.array(pattern.net.exterior.coords).T
+    inside = (abs(x) < 59.9) & (abs(y) < 39.9)
+    assert inside.sum() > 40
+    assert y[inside] == pytest.approx((RADIUS * (np.cos(x[inside] / RADIUS) - 1) + 20) / m, abs=0.3)
+
+
+def test_a_line_on_a_rolled_ply_unrolls():
+    t = np.linspace(0, 2 * np.pi, 721)
+    flat = np.column_stack([40 * np.cos(t), 30 * np.sin(t), 0 * t])
+    pattern = flat_pattern(ply(rolled, nx=60), [rolled(flat)], 0.1)
+    assert pattern.area == pytest.approx(np.pi * 1200, rel=2e-4)
+    x, y = np.array(pattern.net.exterior.coords).T
+    assert np.hypot(x / 40, y / 30) == pytest.approx(1, abs=1e-3)
+    assert 0.001 < pattern.off < 0.01  # the ply's facets are below the cylinder
+
+
+def test_a_line_without_z_is_projected():
+    line = rolled(SQUARE)[:, :2]
+    pattern = flat_pattern(ply(rolled), [line], 0.1)
+    assert pattern.net.bounds == pytest.approx((-20, -10, 20, 10), abs=0.01)
+
+
+@pytest.mark.parametrize("trim", [Plane((0, 0, -10), (0, 0, 1)), [rolled(dense(SQUARE))]])
+def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
+    quarter = flat_pattern(ply(rolled, low=(0.0, 0.0), nx=20), trim, 0.2)
+    full = flat_pattern(ply(rolled), trim, 0.2)
+    assert quarter.net.bounds == pytest.approx(full.net.bounds, abs=1e-6)
+    assert quarter.area == pytest.approx(full.area, rel=1e-5)
+    assert quarter.formed_area == pytest.approx(full.formed_area, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "line, words",
+    [
+        (SQUARE + [0, 0, 3], r"3 mm away from the ply at \(-20, -10, 3\) mm; allowed is up to 0.5"),
+        (SQUARE * 3.01, r"leaves the ply at \(-60.2, .*\) mm"),
+        (2.5 * SQUARE[:, :2] + [20, 0], r"leaves the ply at"),
+        (SQUARE[[0, 2, 1, 3, 0]], r"on the flat ply, crosses or touches itself at \(0, 0\) mm"),
+        (SQUARE[:4], r"on the flat ply, is open at \(-20, "),
+    ],
+)
+def test_other_lines_are_not_allowed(line, words):
+    with pytest.raises(InputError, match=words):
+        flat_pattern(ply(), [line], 0.5)
+
+
+def test_a_line_without_z_needs_one_ply_below_it():
+    def folded(x):
+        return np.column_stack([abs(x[:, 0]), x[:, 1], 0.2 * x[:, 0]])
+
+    with pytest.raises(
+        InputError, match=r"above itself at .*; allowed there is a trim line with z"
+    ):
+        flat_pattern(ply(folded), [SQUARE[:, :2] + [25, 0]], 0.5)
+
+
+def test_a_plane_must_cut_the_ply():
+    with pytest.raises(
+        InputError, match="does not cut the ply, which lies from -5 to -5 mm before"
+    ):
+        flat_pattern(ply(), Plane((0, 0, 5), (0, 0, 1)), 0.5)
+
+
+def test_files_are_blanks_again(tmp_path):
+    pattern = flat_pattern(ply(rolled), [rolled(dense(SQUARE)), rolled(dense(SQUARE / 2))], 0.5)
+    drawing, table, part = write_pattern(tmp_path / "net", pattern, {"number": "-"})
+    for file in (drawing, table):
+        sheet, told = read_outline(file)
+        assert sheet.equals_exact(pattern.net, 1e-5, normalize=True) and not told
+    layers = {each.dxf.layer: each.closed for each in ezdxf.readfile(drawing).modelspace()}
+    assert layers == {"OUTLINE": True, "HOLES": True}
+    formed = pyvista.read(part)
+    assert formed.points - formed["u"] == pytest.approx(formed["flat"])
+    assert formed.area == pytest.approx(pattern.formed_area) and "number" in formed.cell_data
+
+
+@pytest.mark.parametrize("spaces", ["x,y,z\n", "", "z [cm],y [cm],x [cm]\n"])
+def test_trim_lines_of_tables(tmp_path, spaces):
+    ring = SQUARE[:4] + [0, 0, 7]
+    rows = ring[:, ::-1] / 10 if "cm" in spaces else ring
+    (tmp_path / "trim.csv").write_text(spaces + "\n".join(f"{a},{b},{c}" for a, b, c in rows))
+    (line,), told = read_trim_line(tmp_path / "trim.csv")
+    assert line == pytest.approx(SQUARE + [0, 0, 7]) and not told
+
+
+def test_trim_lines_of_drawings(tmp_path):
+    drawing = ezdxf.new()
+    drawing.units = 4
+    drawing.modelspace().add_polyline3d(SQUARE[:4] + np.outer([0, 1, 2, 3], [0, 0, 1]), close=True)
+    drawing.modelspace().add_spline(rolled(SQUARE))
+    drawing.saveas(tmp_path / "trim.dxf")
+    lines, told = read_trim_line(tmp_path / "trim.dxf")
+    assert [line.shape[1] for line in lines] == [3, 3] and not told
+    assert lines[0][3] == pytest.approx([-20, 10, 3])
+
+
+def test_a_flat_drawing_has_no_z(tmp_path):
+    drawing = ezdxf.new()
+    drawing.units = 4
+    drawing.modelspace().add_lwpolyline(SQUARE[:, :2])
+    drawing.saveas(tmp_path / "trim.dxf")
+    (line,), (words,) = read_trim_line(tmp_path / "trim.dxf")
+    assert line == pytest.approx(SQUARE[:, :2]) and "is projected along z" in words
+
+
+@pytest.fixture
+def run(tmp_path):
+    """The folder of a run whose last state is a rolled ply."""
+    (tmp_path / "fields").mkdir()
+    save(tmp_path / "fields/0000_0.vtu", ply(rolled), {"u": "mm"})
+    (tmp_path / "fields.pvd").write_text(
+        '<VTKFile type="Collection"><Collection>'
+        '<DataSet timestep="1" part="0" file="fields/0000_0.vtu"/></Collection></VTKFile>'
+    )
+    return tmp_path
+
+
+def test_the_command_writes_files_and_tells_sizes(run, capsys):
+    assert main.main(["pattern", str(run), "--plane", "z=-10"]) == 0
+    out = capsys.readouterr().out
+    assert "pattern.dxf, .csv, .vtu: area 5146" in out and "perimeter 288." in out
+    assert {"pattern.dxf", "pattern.csv", "pattern.vtu"} <= {each.name for each in run.iterdir()}
+
+
+@pytest.mark.parametrize(
+    "words, error",
+    [
+        ([], "nothing says where to trim; allowed is --line FILE or --plane PLANE"),
+        (["--plane", "q=3"], "--plane is q=3; allowed is"),
+        (["--plane", "0,0,0,0,0,0"], "--plane is 0,0,0,0,0,0; allowed is"),
+        (["--plane", "z=9"], "does not cut the ply"),
+        (["--line", "no.csv"], "trim line no.csv does not exist"),
+        (["--plane", "z=-10", "--sheet", "up"], "--sheet up is unknown"),
+        (["--plane", "z=-10", "--reach", "0"], "--reach is 0; allowed is a number above 0"),
+        (["--plane", "z=-10", "--out", "no/where"], "--out is no/where, but no is no folder"),
+    ],
+)
+def test_the_command_refuses(run, words, error, capsys):
+    assert main.main(["pattern", str(run), *words]) == 2
+    assert error in capsys.readouterr().err and not list(run.glob("pattern*"))
