@@ -135,7 +135,7 @@ def test_a_line_without_z_needs_one_ply_below_it():
         return np.column_stack([abs(x[:, 0]), x[:, 1], 0.2 * x[:, 0]])
 
     with pytest.raises(
-        InputError, match=r"above itself at .*; allowed there is a trim line with z"
+        InputError, match=r"above itself at .*; allowed for it is a trim line with z"
     ):
         flat_pattern(ply(folded), [SQUARE[:, :2] + [25, 0]], 0.5)
 
