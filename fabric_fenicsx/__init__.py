@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from .mechanics.shell.bending import Bending
     from .mechanics.shell.membrane import Membrane
     from .mechanics.shell.metal import SheetMetal
+    from .mechanics.springs import Springs
     from .mechanics.term import Term
     from .runtime.errors import InputError, Interrupted, SolverFailure
     from .scenarios.bias_extension import BiasExtension
@@ -77,6 +78,7 @@ _HOMES = {
     "mechanics.contact.holder_pressure": ("BlankHolderPressure",),
     "mechanics.contact.sheet_contact": ("SheetContact",),
     "mechanics.reports": ("Value", "largest", "least", "total"),
+    "mechanics.springs": ("Springs",),
     "mechanics.term": ("Term",),
     "scenarios.bias_extension": ("BiasExtension",),
     "scenarios.forming": ("Forming",),

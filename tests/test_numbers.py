@@ -26,6 +26,8 @@ TAKERS = {
     "radius of a ball": (ff.Sphere, 30),
     "centre of a ball": (lambda v: ff.Sphere(30, (0, 0, v)), 1),
     "corner of a plate": (lambda v: ff.Plate(10, 5, v), 1),
+    "radius of a block": (lambda v: ff.Block(10, 5, 4, v), 1),
+    "angle of a turned ball": (lambda v: ff.Turned(ff.Sphere(3), (0, 0, v)), 1),
     "path of a tool": (lambda v: ff.Tool(ff.Sphere(3), (0, 0, v)), 1),
     "path as a function": (lambda v: ff.Tool(ff.Sphere(3), lambda load: (0, 0, v)), 1),
     "penalty of a contact": (lambda v: ff.Contact(BALL, penalty=v), 50),
@@ -34,6 +36,8 @@ TAKERS = {
     "in_plane of bending": (lambda v: ff.Bending(1.0, in_plane=v), 1),
     "dead pressure": (lambda v: ff.DeadPressure(v, (0, 0, 1)), 1),
     "edge tension": (lambda v: ff.EdgeTension(v, (1, 0, 0), lambda x: x[0] < 1), 1),
+    "stiffness of springs": (lambda v: ff.Springs(lambda x: x[0] < 1, v, arm=(1, 0, 0)), 1),
+    "preload of springs": (lambda v: ff.Springs(lambda x: x[0] < 1, 1, v, arm=(1, 0, 0)), 1),
     "holder's pressure": (lambda v: ff.BlankHolderPressure(v, (0, 0, -1), lambda x: x[0]), 1),
     "holder's lag": (
         lambda v: ff.BlankHolderPressure(1, (0, 0, -1), lambda x: x[0], lag=v),

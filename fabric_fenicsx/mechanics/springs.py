@@ -1,0 +1,189 @@
+"""Springs from nodes of a sheet to fixed anchors, as those of clamps around a blank."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import ufl
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from numpy.typing import ArrayLike
+from petsc4py import PETSc
+
+from .. import dolfinx_compat as compat
+from ..runtime.errors import InputError
+from ..runtime.rules import FROM_ZERO, shown
+from ..tools.values import checked_vector, length_of
+from .contact.nodes import values_at
+from .reports import Value, joined, total
+from .term import SceneFacts, Term, Triplets
+
+LEAST = 1e-9  # length of a spring, over its first, from which it has a direction
+
+
+class Springs(Term):
+    """Springs that pull nodes of the sheet to fixed anchors, each along the line between them, by
+    preload + stiffness * elongation. A spring never pushes: where that is below 0 it is slack.
+
+    - where: function of undeformed points (3, n) [mm] to a mask (n,): which nodes. If it marks
+      sides of the sheet's outer edge, at both of their ends, each node on them counts by its share
+      of their length; otherwise all nodes count alike
+    - stiffness [N/mm], preload [N]: of all these springs together, 0 or more, not both 0. So they
+      do not depend on the mesh. Of a quarter they are those of the modelled part
+    - anchor: the point (gdim,) [mm] to which all go, or `arm`: the vector (gdim,) [mm] from each
+      undeformed node to its own, so that all are parallel
+    - name: what history and summary call them, and errors
+
+    With the preload alone the pull is constant, as of a weight over a roller. Stored energies are
+    counted from where the sheet lies undeformed; so they are below 0 where springs have helped to
+    move it. history.csv has the sum of the pulls, summary.json their force on the sheet, too.
+
+    Raises InputError for numbers out of their range, unless one of `anchor` and `arm` is given, for
+    a `where` that marks no node, and for an anchor at a node.
+    """
+
+    name, energy_kind = "springs", "springs"
+
+    def __init__(
+        self,
+        where: Callable[[np.ndarray], np.ndarray],
+        stiffness: float,
+        preload: float = 0.0,
+        *,
+        anchor: ArrayLike | None = None,
+        arm: ArrayLike | None = None,
+        name: str = "springs",
+    ) -> None:
+        self.name = name
+        self._stiffness = FROM_ZERO.check(f"stiffness of {name} [N/mm]", stiffness)
+        self._preload = FROM_ZERO.check(f"preload of {name} [N]", preload)
+        if not (self._stiffness or self._preload):
+            raise InputError(
+                f"stiffness and preload of {name} are both 0; allowed is one above 0, or both"
+            )
+        if not callable(where):
+            raise InputError(
+                f"`where` of {name} is {shown(where)}; allowed is a function of points (3, n) to "
+                "a mask (n,)"
+            )
+        if (anchor is None) == (arm is None):
+            given = "neither" if anchor is None else "both"
+            raise InputError(f"{name} have {given} of `anchor` and `arm`; allowed is one of them")
+        self._where, self._anchor, self._arm = where, anchor, arm
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        blank, gdim = scene.blank, scene.blank.mesh.geometry.dim
+        shares = self._shares()
+        nodes = np.flatnonzero(shares)
+        self._share, x = shares[nodes], blank.along(blank.coordinates()[nodes].T).T
+        if self._arm is not None:
+            arm = self._vector("arm", self._arm)
+            self._from_anchor = -np.tile(arm, (len(x), 1))
+        else:
+            self._from_anchor = x - self._vector("anchor", self._anchor)
+        self._lengths = np.linalg.norm(self._from_anchor, axis=1)
+        size = np.ptp(blank.extent(), axis=0).max()
+        if blank.mesh.comm.allreduce(self._lengths.min(initial=np.inf), MPI.MIN) < 1e-6 * size:
+            raise InputError(
+                f"{self.name} have an anchor at a node that they hold, so no direction; allowed is "
+                "one that is off all nodes"
+            )
+        self._dofs = gdim * nodes[:, None] + np.arange(gdim)
+        dofs = self._dofs + gdim * blank.V.dofmap.index_map.local_range[0]
+        self._rows = np.repeat(dofs, gdim, axis=1).ravel().astype(PETSc.IntType)
+        self._cols = np.tile(dofs, gdim).ravel().astype(PETSc.IntType)
+
+    def _vector(self, told, given):
+        """`arm` or `anchor` along the frame's axes, (gdim,)."""
+        gdim = self.blank.mesh.geometry.dim
+        plane = gdim == 2 and length_of(given) == 3
+        hint = ", or three on a blank made with `spatial=True`" if plane else ""
+        name = f"{told} of {self.name} [mm]"
+        vector = checked_vector(name, given, size=gdim, hint=hint)
+        if told == "arm":
+            checked_vector(name, given, unit=True, size=gdim)  # so not all 0
+        return self.blank.frame @ vector
+
+    def _shares(self):
+        """Of each owned node, 0 where it has no spring, (owned nodes,); 1 in all."""
+        blank = self.blank
+        owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
+
+        def where(points):
+            return values_at(self._where, points, f"`where` of {self.name}")
+
+        found = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
+        try:
+            side = ufl.TestFunction(blank.V)[0] * self.part.ds(where)
+        except InputError:  # none is marked, on any rank
+            pass
+        else:
+            lengths = fem_petsc.assemble_vector(compat.form(side))
+            lengths.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+            found = lengths.array[::gdim].copy()
+        whole = blank.mesh.comm.allreduce(float(found.sum()))
+        if not whole:
+            raise InputError(
+                f"`where` of {self.name} marks no node of {self.part.name or blank.name}; allowed "
+                "are 1 or more"
+            )
+        return found / whole
+
+    def _now(self):
+        """Direction from the anchor (n, gdim), length [mm] and pull of each whole spring [N]."""
+        away = self._from_anchor + self.blank.u.x.array[self._dofs]
+        length = np.maximum(np.linalg.norm(away, axis=1), LEAST * self._lengths)
+        pull = self._preload + self._stiffness * (length - self._lengths)
+        return away / length[:, None], length, np.maximum(pull, 0.0)
+
+    def stored(self) -> float:
+        """As in `Term`."""
+        pull, k = self._now()[2], self._stiffness
+        if not k:
+            return float(self._preload * self._share @ (self._now()[1] - self._lengths))
+        return float(self._share @ (pull**2 - self._preload**2)) / (2 * k)
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """As in `Term`."""
+        away, _, pull = self._now()
+        f[self._dofs] += (self._share * pull)[:, None] * away
+
+    def tangent(self) -> Triplets:
+        """As in `Term`: a block (gdim, gdim) for each node [N/mm]."""
+        away, length, pull = self._now()
+        along = away[:, :, None] * away[:, None, :]
+        stiff = np.where(pull > 0, self._stiffness, 0.0)[:, None, None] * along
+        stiff += (pull / length)[:, None, None] * (np.eye(away.shape[1]) - along)
+        return self._rows, self._cols, (self._share[:, None, None] * stiff).ravel()
+
+    def applied_forces(self) -> np.ndarray:
+        """As in `Loaded`."""
+        f = np.zeros(self.blank.u.x.array.size)
+        self.add_forces(f)
+        return -f[: self.blank.V.dofmap.index_map.size_local * self.blank.mesh.geometry.dim]
+
+    def pull(self) -> float:
+        """Sum of what the springs pull, whatever their directions, of all ranks [N]."""
+        return self.blank.mesh.comm.allreduce(float(self._share @ self._now()[2]), MPI.SUM)
+
+    def force(self) -> np.ndarray:
+        """Force of all springs on the sheet along x, y, z, (gdim,) [N]."""
+        away, _, pull = self._now()
+        on_frame = -(self._share * pull) @ away
+        return self.blank.mesh.comm.allreduce(on_frame, MPI.SUM) @ self.blank.frame
+
+    def history(self) -> dict[str, Value]:
+        """The sum of the pulls, NAME_pull_N."""
+        return {f"{'_'.join(self.name.split())}_pull_N": total(self.pull())}
+
+    def summary(self) -> dict[str, Value]:
+        """By the name of these springs: their pull, their force, and the longest elongation."""
+        longer = (self._now()[1] - self._lengths).max(initial=-np.inf)
+        facts = {
+            "pull_N": self.pull(),
+            "force_N": self.force().tolist(),
+            "largest_elongation_mm": self.blank.mesh.comm.allreduce(float(longer), MPI.MAX),
+        }
+        return {"springs": joined({self.name: facts})}
