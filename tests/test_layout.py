@@ -23,6 +23,7 @@ ORDER = (
     "job",
     "verification",
     "scenarios",
+    "sweep",
     "command_line",
     "studies",
 )

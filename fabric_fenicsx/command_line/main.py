@@ -19,6 +19,7 @@ COMMANDS = {
     "list": "the studies, and where their example data are",
     "export": "DIR FILE: formed plies and yarn directions of results, to a .vtu or .inp (Abaqus)",
     "pattern": "DIR: the flat pattern of a trimmed part (fabric pattern --help tells more)",
+    "sweep": "runs of a press file with several values, side by side; see its --help",
 }
 PARSED = ("pattern",)  # those with options, each a module here with `run(words)`
 
@@ -34,6 +35,10 @@ def main(argv: list[str] | None = None) -> int:
         sys.argv[:] = [script, *map(_found, argv[1:])]
         runpy.run_path(script, run_name="__main__")
         return 0
+    if argv and argv[0] == "sweep":  # before MPI begins, which its runs do by themselves
+        from . import sweep
+
+        return sweep.main([*map(_found, argv[1:])] or ["--help"])
     comm = info.world()
     speaks = comm is None or comm.rank == 0
     if not speaks and {"-h", "--help"} & set(argv):

@@ -63,3 +63,18 @@ def test_another_command_is_not_allowed(capsys):
         "command tensil is unknown (did you mean tensile?); allowed are info, list, export, pattern"
         in capsys.readouterr().err
     )
+
+
+def test_a_sweep_is_a_command(capsys):
+    assert main.main(["sweep", "press.toml"]) == 2
+    assert capsys.readouterr().err.startswith("fabric sweep: error: nothing is varied; allowed is")
+
+
+def test_dolfinx_is_not_imported_before_a_sweep_draws():
+    code = (
+        "import sys\nfrom fabric_fenicsx.command_line.main import main\n"
+        "main(['sweep', 'press.toml'])\n"
+        "print([m for m in ('dolfinx', 'mpi4py', 'matplotlib', 'scipy') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr

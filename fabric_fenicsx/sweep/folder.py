@@ -1,0 +1,225 @@
+"""The folder of a sweep: its press and runs, in sweep.json, and what each run has come to."""
+
+import dataclasses
+import hashlib
+import json
+import shutil
+import tomllib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from ..runtime.errors import InputError
+from ..runtime.files import lock_folder, replace_file
+from ..runtime.rules import did_you_mean
+from .varied import Values, folder_name, label
+
+STATE = "sweep.json"
+FORMAT = 1
+OWN = STATE, "table.csv", "report.html", "curves.png", "maps.png", "trends.png"
+
+
+@dataclasses.dataclass
+class Run:
+    """A run with its values, in `folder`. status: of its process when it ended by itself, None
+    before; options: behind `--` when it was started; reason: why it is not believed, or ""."""
+
+    values: Values
+    folder: Path
+    status: int | None = None
+    options: list[str] = dataclasses.field(default_factory=list)
+    reason: str = ""
+
+    @property
+    def label(self) -> str:
+        """Its values, as a reader would write them."""
+        return label(self.values)
+
+    def summary(self) -> dict[str, Any]:
+        """What it says of itself, {} if nothing yet."""
+        try:
+            found = json.loads((self.folder / "summary.json").read_text())
+        except (OSError, ValueError):
+            return {}
+        return found if isinstance(found, dict) else {}
+
+    def is_believed(self) -> bool:
+        """Whether it reached the load and is believed."""
+        return bool(self.summary().get("converged"))
+
+    def is_at_full_load(self) -> bool:
+        """Whether it reached the load, believed or not."""
+        return self.summary().get("stroke_reached", 0) >= 1
+
+    def is_done(self, options: Sequence[str]) -> bool:
+        """Whether nothing is left to do for it: it is at full load, or gave up by itself with
+        these options."""
+        if self.is_believed() or self.is_at_full_load():
+            return True
+        return self.status not in (None, 0) and self.options == list(options)
+
+    def numbers(self) -> dict[str, float]:
+        """Its quantities that are one number {name with dots: number}, force and time first."""
+        summary = self.summary()
+        first = {name: summary.get(name) for name in ("reaction_N", "stroke_reached")}
+        first["wall_s"] = summary.get("wall_s", {}).get("total")
+        return dict(_flat(first)) | dict(_flat(summary.get("quantities", {})))
+
+    def number(self, name: str) -> float:
+        """The quantity `name`; InputError, which names the nearest, if it is not there."""
+        numbers = self.numbers()
+        if name not in numbers:
+            raise InputError(
+                f"quantity {name} is not in the summary of {self.folder}"
+                f"{did_you_mean(name, numbers)}; allowed is one of {', '.join(numbers)}"
+            )
+        return numbers[name]
+
+
+def _flat(values, before=""):
+    """Pairs of dotted name and number of what is one number in nested dicts."""
+    for name, value in values.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{before}{name}.")
+        elif isinstance(value, (int, float)) and not isinstance(value, bool):
+            yield f"{before}{name}", value
+
+
+class SweepFolder:
+    """The folder `path` of a sweep of the press file `press` over `keys`, locked while it is open.
+
+    runs: {folder's name: Run}, with those of earlier calls; facts: what else sweep.json keeps.
+    Raises InputError, before anything is written, if it is another sweep's or press's
+    (`overwrite` loses that), or if it holds what no sweep wrote, or is in use.
+    """
+
+    def __init__(
+        self, path: Path, press: Path, keys: Sequence[str], overwrite: bool = False
+    ) -> None:
+        self.path, self.keys = path, list(keys)
+        self.press: dict[str, Any] = {"text": press.read_text(), "files": files_of(press)}
+        self.facts: dict[str, Any] = {}
+        self.runs: dict[str, Run] = {}
+        known = self._known()
+        if known and not overwrite:
+            self._refuse_another(known, press)
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            self._lock: IO | None = lock_folder(path)
+        except OSError as error:
+            raise InputError(
+                f"--out {path} can't be written to ({error.strerror}); allowed is a folder that is "
+                "there or can be made"
+            ) from None
+        if not self._lock:
+            raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
+        if overwrite:
+            self._forget(known)
+        elif known:
+            self.runs = {
+                each["folder"]: Run(**{**each, "folder": path / each["folder"]})
+                for each in known["runs"]
+            }
+
+    def _known(self):
+        """What sweep.json has, {} where the folder is empty."""
+        file = self.path / STATE
+        if not file.exists():
+            if self.path.is_dir() and any(not each.name.startswith(".") for each in _in(self.path)):
+                raise InputError(
+                    f"--out {self.path} holds files that no sweep wrote; allowed is a folder of a "
+                    "sweep, an empty or a new one"
+                )
+            return {}
+        try:
+            known = json.loads(file.read_text())
+            names = [each["folder"] for each in known["runs"]]
+            if known["format"] != FORMAT or any(Path(name).name != name for name in names):
+                raise ValueError("another format")
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            reason = f"{type(error).__name__}: {error}"
+            raise InputError(
+                f"{file} can't be read ({reason}); allowed is one that a sweep wrote"
+            ) from None
+        return known
+
+    def _refuse_another(self, known, press):
+        """InputError if what is known is of another press or varies other keys."""
+        allowed = "allowed is another --out, or --overwrite, which loses the runs there"
+        if known["press"] != self.press:
+            files, now = (
+                {"": each["text"], **each["files"]} for each in (known["press"], self.press)
+            )
+            changed = next(name for name in {**files, **now} if files.get(name) != now.get(name))
+            raise InputError(
+                f"--out {self.path} has runs of another press ({changed or press} has changed "
+                f"since); {allowed}"
+            )
+        if known["keys"] != self.keys:
+            raise InputError(
+                f"--out {self.path} has a sweep over {', '.join(known['keys'])}, now it is "
+                f"{', '.join(self.keys)}; {allowed}"
+            )
+
+    def _forget(self, known):
+        """Remove what the sweep before left."""
+        for each in known.get("runs", ()):
+            shutil.rmtree(self.path / each["folder"], ignore_errors=True)
+        for name in OWN:
+            (self.path / name).unlink(missing_ok=True)
+
+    def run(self, values: Values) -> Run:
+        """The run with these values, one of before or new."""
+        name = folder_name(values)
+        return self.runs.setdefault(name, Run(dict(values), self.path / name))
+
+    def save(self) -> None:
+        """Write sweep.json."""
+        runs = [dataclasses.asdict(run) | {"folder": run.folder.name} for run in self.runs.values()]
+        state = {"format": FORMAT, "keys": self.keys, "runs": runs, **self.facts}
+        text = json.dumps(state | {"press": self.press}, indent=2) + "\n"
+        replace_file(self.path / STATE, text)
+
+    def close(self) -> None:
+        """Let others use the folder."""
+        if self._lock:
+            self._lock.close()
+        self._lock = None
+
+
+def _in(folder):
+    return list(folder.iterdir())
+
+
+def read_press(file: Path) -> dict[str, Any]:
+    """The tables of a press file; InputError if it can't be read."""
+    try:
+        return tomllib.loads(file.read_text())
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())
+        raise InputError(
+            f"{file} can't be read ({reason}); allowed is a press file in TOML"
+        ) from None
+
+
+def files_of(press: Path) -> dict[str, str]:
+    """The files {name in the press file: checksum} that it names, as of tools and materials, beside
+    it or in the present folder."""
+    found = {}
+    for text in _texts(read_press(press)):
+        for file in (press.parent / text, Path(text)):
+            try:
+                found[text] = hashlib.sha256(file.read_bytes()).hexdigest()
+                break
+            except (OSError, ValueError):  # no file, or nothing that could be the name of one
+                pass
+    return found
+
+
+def _texts(value):
+    """All texts in nested dicts and lists."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, (dict, list)):
+        for each in value.values() if isinstance(value, dict) else value:
+            yield from _texts(each)

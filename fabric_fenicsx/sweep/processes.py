@@ -1,0 +1,243 @@
+"""Runs as processes, side by side."""
+
+import csv
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import FrameType
+
+from tqdm import tqdm
+
+from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
+from ..runtime.ranks import RANKS_ENVIRONMENT
+from ..runtime.words import rounded
+from .folder import Run, SweepFolder
+from .varied import Values
+
+CONSOLE = "console.txt"  # in a run's folder: what it printed
+LOOK = 0.05  # s between looks at whether a run has ended
+READ = 1.0  # s between looks at how far runs have come
+Command = Callable[[Values, Path], list[str]]
+STOPS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+
+
+def form(press: Path, options: Sequence[str] = ()) -> Command:
+    """The command of a run of `fabric form`, but for how it goes on: function of its values and
+    folder."""
+
+    def command(values: Values, folder: Path) -> list[str]:
+        settings = [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
+        start = [sys.executable, "-m", "fabric_fenicsx", "form", str(press)]
+        return [*start, *settings, "--out", str(folder), *options]
+
+    return command
+
+
+class Runner:
+    """Runs of a sweep's `folder` by the processes of `command`, so many `jobs` at a time; options:
+    those behind `--`; say: prints a line for each run that ends."""
+
+    def __init__(
+        self,
+        folder: SweepFolder,
+        command: Command,
+        options: Sequence[str] = (),
+        jobs: int | None = None,
+        say: Callable[[str], None] = tqdm.write,
+    ) -> None:
+        self.folder, self.command, self.options = folder, command, list(options)
+        self.jobs = jobs or len(os.sched_getaffinity(0))
+        self.say = say
+
+    def all(self, values: Iterable[Values], bar: bool = True) -> list[Run]:
+        """Have the runs with these values all done; returns them.
+
+        Raises InputError with the sentence of a run that met bad input, and Interrupted on SIGINT,
+        SIGTERM or SIGHUP, after all processes have ended.
+        """
+        runs = [self.folder.run(each) for each in values]
+        todo = [run for run in runs if not run.is_done(self.options)]
+        for run in todo:  # before any starts, so that a run that another one ends is known, too
+            run.status, run.reason = None, ""
+        self.folder.save()
+        with _stopped_by() as stop, _Bar(len(todo), not bar) as progress:
+            _Together(self, todo, stop, progress).work()
+        return runs
+
+
+class _Together:
+    """Processes of the runs `todo` under way."""
+
+    def __init__(self, runner, todo, stop, progress):
+        self.runner, self.todo, self.stop, self.progress = runner, list(todo), stop, progress
+        self.under_way: list[tuple[Run, subprocess.Popen, float]] = []
+
+    def work(self):
+        """Run all; whatever happens, no process is left."""
+        try:
+            while self.todo or self.under_way:
+                if self.stop:
+                    raise Interrupted(
+                        f"stopped by {signal.Signals(self.stop[0]).name}; the same command goes on "
+                        "from there"
+                    )
+                while self.todo and len(self.under_way) < self.runner.jobs:
+                    self._start(self.todo.pop(0))
+                time.sleep(LOOK)
+                self._look()
+                self.progress.show(run for run, *_ in self.under_way)
+        finally:
+            self._end()
+
+    def _start(self, run):
+        words = self.runner.command(run.values, run.folder)
+        if (run.folder / "checkpoint.npz").exists():
+            words.append("--resume")
+        elif run.folder.exists():
+            words.append("--overwrite")
+        run.folder.mkdir(exist_ok=True)
+        run.options = self.runner.options
+        with open(run.folder / CONSOLE, "w") as console:
+            process = subprocess.Popen(
+                words,
+                stdin=subprocess.DEVNULL,
+                stdout=console,
+                stderr=subprocess.STDOUT,
+                env=os.environ | RANKS_ENVIRONMENT,
+                # Ctrl-C is for the sweep, which then asks its runs to end
+                start_new_session=True,
+            )
+        self.under_way.append((run, process, time.monotonic()))
+
+    def _look(self):
+        """Note what has ended; raises InputError for a run that met bad input."""
+        for each in self.under_way[:]:
+            run, process, began = each
+            if process.poll() is None:
+                continue
+            self.under_way.remove(each)
+            words = _last_words(run.folder / CONSOLE)
+            if process.returncode == 2:
+                raise InputError(f"run {run.label}: {words}")
+            run.status = process.returncode
+            run.reason = "" if run.is_believed() else _reason(run, words)
+            if run.summary().get("reason", "").startswith("stopped by"):
+                run.status = None  # by somebody else: the next call goes on with it
+            self.runner.folder.save()
+            self.progress.ended()
+            self.runner.say(_line(run, time.monotonic() - began))
+
+    def _end(self):
+        """Ask what is under way to end, which it does after its step; a further signal ends it at
+        once."""
+        for _, process, _ in self.under_way:
+            _send(process, signal.SIGTERM)
+        if self.under_way:
+            self.runner.say(
+                f"{len(self.under_way)} runs end after their step; Ctrl-C again ends them at once"
+            )
+        asked, killed = len(self.stop), False
+        while any(process.poll() is None for _, process, _ in self.under_way):
+            if len(self.stop) > asked and not killed:
+                killed = True
+                for _, process, _ in self.under_way:
+                    _send(process, signal.SIGKILL)
+            time.sleep(LOOK)
+
+
+def _send(process, number):
+    """Send a signal to all of a run's session."""
+    if process.poll() is None:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, number)
+
+
+@contextmanager
+def _stopped_by() -> Iterator[list[int]]:
+    """The signals to stop that came while this is open."""
+    came: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        came.append(number)
+
+    before = {each: signal.signal(each, note) for each in STOPS}
+    try:
+        yield came
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+
+
+class _Bar:
+    """A progress bar in runs, with the loads that those under way have reached."""
+
+    def __init__(self, count, disable):
+        layout = "{l_bar}{bar}| {n:.1f} of {total} runs [{elapsed}<{remaining}]"
+        disable = True if disable or not count else None  # None: where there is no terminal
+        self._bar = tqdm(total=count, desc="sweep", bar_format=layout, disable=disable)
+        self._count, self._read = 0, 0.0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._bar.close()
+
+    def ended(self):
+        """One more has."""
+        self._count += 1
+
+    def show(self, runs):
+        """Show how far all have come, looked up now and then."""
+        if self._bar.disable or time.monotonic() < self._read + READ:
+            return
+        self._read = time.monotonic()
+        loads = [_load(run.folder / "history.csv") for run in runs]
+        self._bar.update(self._count + sum(loads) - self._bar.n)
+
+
+def _load(history):
+    """The load factor in the last whole row of history.csv, 0 if there is none."""
+    try:
+        with open(history, newline="") as file:
+            rows = list(csv.DictReader(file))
+        return float(rows[-1]["load"])
+    except (OSError, ValueError, IndexError, KeyError, TypeError):
+        return 0.0
+
+
+def _last_words(console):
+    """The last line that a run printed, without the name of its program."""
+    text = re.split(r"[\r\n]+", console.read_text(errors="replace").strip())[-1]
+    return re.sub(r"^\S*fabric\S*(?: \w+)?: (?:error: |stopped: )?", "", text) or "no words"
+
+
+def _reason(run, words):
+    """Why a run that ended is not believed."""
+    if run.status < 0:
+        name = signal.Signals(-run.status).name
+        memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""
+        return f"ended by {name}{memory}"
+    known = run.summary()
+    if run.status == 3 and not known.get("converged", True):
+        return str(known.get("reason", words))
+    return words
+
+
+def _line(run, seconds):
+    """What is told of a run that ended."""
+    known = run.summary()
+    if not run.is_believed():
+        reached = known.get("stroke_reached", 0)
+        how = "not believed" if run.reason.startswith(NOT_BELIEVED) else "gave up"
+        at = f" at load {rounded(reached)}" if reached < 1 else ""
+        return f"{run.label}: {how}{at}: {run.reason.removeprefix(NOT_BELIEVED)}"
+    force = known.get("reaction_N")
+    told = "" if force is None else f", {known.get('reaction_is', 'force')} {force:.5g} N"
+    return f"{run.label}: done in {seconds:.0f} s{told}"

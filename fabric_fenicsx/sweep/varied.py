@@ -1,0 +1,176 @@
+"""What a sweep varies: values or ranges of keys of a press file, and the names of their runs."""
+
+import hashlib
+import itertools
+import math
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..runtime.errors import InputError
+from ..runtime.rules import unknown_key
+
+DIGITS = 6  # of a number that an optimiser asks for, so that a folder's name can be read
+WIDE = 10.0  # highest over lowest of numbers from which on they are shown and sought by logarithm
+LONGEST = 120  # characters of a folder's name
+Values = Mapping[str, str]  # of a run {key: value as the press file would have it}
+
+
+class Range(NamedTuple):
+    """The numbers of `key` from `low` to `high`."""
+
+    key: str
+    low: float
+    high: float
+
+    @property
+    def by_logarithm(self) -> bool:
+        """Whether factors count, not differences."""
+        return is_wide([self.low, self.high])
+
+    def at(self, share: float) -> float:
+        """The number at a share, 0 to 1, of the range, to `DIGITS` digits."""
+        low, high = self.low, self.high
+        found = low * (high / low) ** share if self.by_logarithm else low + share * (high - low)
+        return min(max(float(f"{found:.{DIGITS}g}"), low), high)
+
+
+def is_wide(numbers: Sequence[float]) -> bool:
+    """Whether numbers are shown and sought by logarithm: above 0, and `WIDE` apart."""
+    return min(numbers) > 0 and max(numbers) / min(numbers) >= WIDE * (1 - 1e-9)
+
+
+def number(text: str) -> float | None:
+    """The number that a value is, or None."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def spelled(value: float) -> str:
+    """A number as runs are known by: 0.05 for 0.050 and 5e-2."""
+    return f"{value:.12g}"
+
+
+def lists(words: Sequence[str]) -> dict[str, list[str]]:
+    """The values {key: values} of words "KEY=VALUE,VALUE..."; values may be TOML's texts, lists
+    and tables. InputError for words of another form and a key given twice."""
+    found: dict[str, list[str]] = {}
+    for word in words:
+        key, text = _split(word, found, "KEY=VALUE,VALUE...")
+        values = [part if number(part) is None else spelled(float(part)) for part in _parts(text)]
+        if not all(values):
+            raise InputError(f"--vary {word} has an empty value; allowed is KEY=VALUE,VALUE...")
+        if any(_is_range(value) for value in values):
+            raise InputError(
+                f"--vary {word} is a range; allowed is one with --minimise, else KEY=VALUE,VALUE..."
+            )
+        found[key] = list(dict.fromkeys(values))
+    return found
+
+
+def ranges(words: Sequence[str]) -> list[Range]:
+    """The one or two ranges of words "KEY=LOW..HIGH"; InputError for words of another form."""
+    found: dict[str, Range] = {}
+    for word in words:
+        key, text = _split(word, found, "KEY=LOW..HIGH")
+        low, _, high = (number(part) for part in text.partition(".."))
+        if low is None or high is None or not -math.inf < low < high < math.inf:
+            raise InputError(
+                f"--vary {word} is no range; allowed with --minimise is KEY=LOW..HIGH "
+                "with numbers, LOW below HIGH"
+            )
+        found[key] = Range(key, low, high)
+    if not 1 <= len(found) <= 2:
+        raise InputError(f"--minimise varies {len(found)} numbers; allowed is one or two --vary")
+    return list(found.values())
+
+
+def _split(word, taken, form):
+    key, equals, text = word.partition("=")
+    if not (equals and re.fullmatch(r"[\w-]+(\.[\w-]+)*", key)):
+        raise InputError(f"--vary {word} is no key with values; allowed is {form}")
+    if key in taken:
+        raise InputError(f"--vary {key} is given twice; allowed is all of its values behind one")
+    return key, text
+
+
+def _parts(text):
+    """The parts of a text between commas that stand in no quotes or brackets."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "\"'":
+            quote = letter
+        else:
+            depth += (letter in "[{") - (letter in "]}")
+        if letter == "," and not (depth or quote):
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return [part.strip() for part in parts]
+
+
+def _is_range(value):
+    low, dots, high = value.partition("..")
+    return bool(dots) and number(low) is not None and number(high) is not None
+
+
+def combinations(varied: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
+    """The values {key: value} of each run: all combinations, the last key's changing first."""
+    return [dict(zip(varied, values)) for values in itertools.product(*varied.values())]
+
+
+def check_keys(keys: Sequence[str], press: Mapping[str, Any], file: str) -> None:
+    """InputError if a press of these tables has no place for one of the keys: all but its last
+    word must be there. `holder` is the one of `holders`."""
+    for key in keys:
+        table: Any = press
+        *places, _ = key.split(".")
+        for place in places:
+            if place == "holder" and "holder" not in table and len(table.get("holders", {})) == 1:
+                (table,) = table["holders"].values()
+                continue
+            inside = {str(n): each for n, each in enumerate(table)} if _is_list(table) else table
+            if place not in inside:
+                tables = [name for name, each in inside.items() if isinstance(each, (dict, list))]
+                raise unknown_key(place, tables, f"--vary {key}: {place} of {file}")
+            table = inside[place]
+            if not isinstance(table, (dict, list)):
+                raise InputError(
+                    f"--vary {key}: {place} of {file} is {table}; allowed is a place in a table"
+                )
+
+
+def _is_list(table):
+    return isinstance(table, list)
+
+
+def label(values: Values) -> str:
+    """The values as a reader would write them, by as little of each key as tells them apart."""
+    return ", ".join(f"{name}={values[key]}" for key, name in short_names(values).items())
+
+
+def short_names(keys: Sequence[str] | Values) -> dict[str, str]:
+    """{key: the last words of it that no other key ends in}."""
+    names = {}
+    for key in keys:
+        words = key.split(".")
+        ends = (".".join(words[-n:]) for n in range(1, len(words) + 1))
+        others = [f".{other}" for other in keys if other != key]
+        names[key] = next(
+            (end for end in ends if not any(other.endswith(f".{end}") for other in others)), key
+        )
+    return names
+
+
+def folder_name(values: Values) -> str:
+    """The name of a run's folder: its values, in letters that all file systems take."""
+    plain = label(values).replace(", ", "_")
+    name = re.sub(r"[^\w.=+-]+", "-", plain, flags=re.ASCII)
+    if name == plain and len(name) <= LONGEST:
+        return name
+    mark = hashlib.sha256(plain.encode()).hexdigest()[:6]  # as two values may look alike now
+    return f"{name[:LONGEST]}-{mark}"

@@ -1,0 +1,308 @@
+"""Sweeps over a press file, with a stand-in for the runs."""
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fabric_fenicsx.command_line import sweep
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.sweep import varied
+
+FAKE = Path(__file__).with_name("fake_form.py")
+PRESS = """
+[tools.punch]
+file = "punch.stl"
+friction = 0.2
+[holders.ring]
+pressure = 0.05
+[ring]
+pressure = 0.1
+"""
+
+
+def fake(press, options):
+    def command(values, folder):
+        settings = [word for k, v in values.items() for word in ("--set", f"{k}={v}")]
+        return [sys.executable, str(FAKE), *settings, "--out", str(folder), *options]
+
+    return command
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys):
+    """Run a sweep with these words: status, output, errors; `out` is its folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "press.toml").write_text(PRESS)
+    (tmp_path / "punch.stl").write_text("a punch")
+
+    def run(*words):
+        own = [] if "--pictures" in words else ["--no-pictures"]
+        words = [word for word in words if word != "--pictures"]
+        status = sweep.main(["press.toml", "--out", "out", *own, *words], fake)
+        return status, *capsys.readouterr()
+
+    return run
+
+
+def table():
+    with open("out/table.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def starts():
+    return {path.parent.name: path.read_text().split() for path in Path("out").glob("*/starts.txt")}
+
+
+def test_all_combinations_are_run_and_in_the_table(run):
+    status, *_ = run("--vary", "ring.pressure=0.1,0.4", "--vary", "tools.punch.friction=0.1,0.3")
+    rows = table()
+    assert status == 0
+    assert [(row["ring.pressure"], row["tools.punch.friction"]) for row in rows] == [
+        ("0.1", "0.1"), ("0.1", "0.3"), ("0.4", "0.1"), ("0.4", "0.3")
+    ]  # fmt: skip
+    assert rows[3]["run"] == "pressure=0.4_friction=0.3" and rows[3]["converged"] == "True"
+    assert float(rows[3]["wrinkles.shortening"]) == pytest.approx(0.02 * 0.4**-0.5 + 0.048 - 0.04)
+    assert float(rows[3]["reaction_N"]) == 400 and "wrinkles.at_mm" not in rows[3]
+
+
+def test_what_is_done_is_not_run_again(run):
+    run("--vary", "ring.pressure=0.1,0.2")
+    status, out, _ = run("--vary", "ring.pressure=0.20,0.3")
+    assert status == 0 and "2 runs, 1 done before" in out
+    assert starts() == {f"pressure={p}": ["begin"] for p in ("0.1", "0.2", "0.3")}
+    assert len(table()) == 3
+
+
+def test_a_run_that_gave_up_stays_with_its_reason_until_options_change(run):
+    status, out, err = run("--vary", "ring.pressure=0.1,2")
+    assert status == 3 and "1 of 2 runs are not believed" in err
+    assert "pressure=2: gave up at load 0.5: no step is small enough" in out
+    assert table()[1]["reason"] == "no step is small enough"
+    run("--vary", "ring.pressure=0.1,2")
+    assert starts()["pressure=2"] == ["begin"]
+    _, _, err = run("--vary", "ring.pressure=0.1,2", "--", "--slow", "0.01")
+    assert starts() == {"pressure=2": ["begin", "resume"], "pressure=0.1": ["begin"]}
+    assert "warning: some were made with other options: none" in err
+
+
+def test_bad_input_of_a_run_ends_the_sweep_with_its_sentence(run):
+    began = time.monotonic()
+    status, out, err = run("--vary", "ring.pressure=0.1,-1", "--", "--slow", "60")
+    assert status == 2 and time.monotonic() - began < 30
+    assert err.endswith(
+        "fabric sweep: error: run pressure=-1: ring.pressure is -1; allowed is a number from 0\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "nothing is varied; allowed is one --vary or more"),
+        (["--vary", "ring"], "--vary ring is no key with values; allowed is KEY=VALUE,VALUE..."),
+        (["--vary", "ring.pressure=1,"], "has an empty value"),
+        (["--vary", "ring.pressure=1..2"], "is a range; allowed is one with --minimise"),
+        (["--vary", "rong.pressure=1"], "rong of press.toml is unknown (did you mean ring?)"),
+        (["--vary", "ring.pressure.x=1"], "pressure of press.toml is 0.1; allowed is a place"),
+        (["--vary", "a=1", "--vary", "a=2"], "--vary a is given twice"),
+        (["--vary", "a=1", "--below", "x"], "--below x is no quantity with a number"),
+        (["--vary", "a=b", "--below", "x=1"], "a is b; allowed are numbers"),
+        (["--vary", "a=1", "--evaluations", "5"], "--evaluations is given; allowed is it with"),
+        (["--vary", "a=1,2", "--minimise", "x"], "is no range; allowed with --minimise is KEY"),
+        (["--vary", "a=2..1", "--minimise", "x"], "is no range; allowed with --minimise is KEY"),
+        (["--vary", "a=1", "--", "--out", "x"], "option --out is behind --; allowed are options"),
+        (["--vary", "a=1", "--job", "2"], "option --job is unknown (did you mean --jobs?)"),
+        (["--vary", "a=1", "--jobs", "0"], "--jobs is 0; allowed is a whole number of 1 or more"),
+    ],
+)
+def test_bad_words_are_told_before_anything_is_written(run, words, message):
+    status, _, err = run(*words)
+    assert status == 2 and message in err
+    assert not Path("out").exists()
+
+
+def test_a_press_file_that_is_not_there(run):
+    Path("press.toml").unlink()
+    status, _, err = run("--vary", "a=1")
+    assert status == 2 and "press.toml can't be read (No such file or directory)" in err
+
+
+@pytest.mark.parametrize("file", ["press.toml", "punch.stl"])
+def test_a_folder_of_another_press_is_refused_or_lost(run, file):
+    run("--vary", "ring.pressure=0.1")
+    with open(file, "a") as more:
+        more.write("\n")
+    status, _, err = run("--vary", "ring.pressure=0.2")
+    assert status == 2 and f"another press ({file} has changed since); allowed is" in err
+    assert run("--vary", "ring.pressure=0.2", "--overwrite")[0] == 0
+    assert [row["run"] for row in table()] == ["pressure=0.2"] and list(starts()) == [
+        "pressure=0.2"
+    ]
+
+
+def test_a_folder_of_other_keys_or_of_no_sweep_is_refused(run):
+    run("--vary", "ring.pressure=0.1")
+    _, _, err = run("--vary", "ring.pressure=0.1", "--vary", "tools.punch.friction=0.2")
+    assert "has a sweep over ring.pressure, now it is ring.pressure, tools.punch.friction" in err
+    Path("out/sweep.json").rename("out/other.json")
+    status, _, err = run("--vary", "ring.pressure=0.1", "--overwrite")
+    assert status == 2 and "out holds files that no sweep wrote" in err
+
+
+def test_a_damaged_state_is_told(run):
+    run("--vary", "ring.pressure=0.1")
+    Path("out/sweep.json").write_text("{")
+    assert "out/sweep.json can't be read (JSONDecodeError" in run("--vary", "ring.pressure=0.1")[2]
+
+
+SCRIPT = f"""
+import sys
+sys.path.insert(0, {str(FAKE.parent)!r})
+from test_sweep import fake, sweep
+sys.exit(sweep.main(sys.argv[1:], fake))
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_all_runs_which_then_go_on(run, number):
+    varied = ["--vary", "ring.pressure=0.1,0.2,0.3", "--jobs", "2"]
+    words = ["press.toml", "--out", "out", *varied, "--no-pictures", "--", "--slow", "60"]
+    path = {"PYTHONPATH": str(Path(__file__).parents[2])}
+    process = subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, *words],
+        env=os.environ | path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    while len(starts()) < 2:
+        time.sleep(0.02)
+    process.send_signal(number)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == 3
+    assert f"fabric sweep: stopped by {number.name}; the same command goes on" in err
+    assert run(*varied)[0] == 0
+    twice = ["begin", "resume"]
+    assert starts() == {"pressure=0.1": twice, "pressure=0.2": twice, "pressure=0.3": ["begin"]}
+
+
+def test_two_sweeps_in_one_folder_are_refused(run, tmp_path):
+    run("--vary", "ring.pressure=0.1")
+    from fabric_fenicsx.runtime.files import lock_folder
+
+    with lock_folder(Path("out")):
+        status, _, err = run("--vary", "ring.pressure=0.1")
+    assert status == 2 and "out is in use by another sweep" in err
+
+
+def test_a_killed_run_is_told_and_others_go_on(run, monkeypatch):
+    text = FAKE.read_text().replace("pressure > 1 else 1.0", "pressure > 1 else 1.0\nimport os")
+    text = text.replace("import os", "import os\nif pressure == 0.2: os.kill(os.getpid(), 9)")
+    Path("killed.py").write_text(text)
+    monkeypatch.setattr(sys.modules[__name__], "FAKE", Path("killed.py"))
+    status, out, _ = run("--vary", "ring.pressure=0.1,0.2,0.3")
+    assert status == 3 and "pressure=0.2: gave up at load 0: ended by SIGKILL (as the sys" in out
+    assert [row["converged"] for row in table()] == ["True", "False", "True"]
+
+
+def test_where_a_quantity_is_below_a_limit_is_interpolated(run):
+    _, out, _ = run("--vary", "ring.pressure=0.1,0.15,0.2", "--below", "wrinkles.shortening=0.02")
+    y = {p: 0.02 * p**-0.5 + 0.2 * p**2 - 0.04 for p in (0.1, 0.15)}
+    at = 0.1 + 0.05 * (y[0.1] - 0.02) / (y[0.1] - y[0.15])
+    (found,) = re.findall(r"wrinkles.shortening below 0.02: from pressure = ([\d.]+) on", out)
+    assert float(found) == pytest.approx(at, abs=1e-4)
+    assert "interpolated" in out and "throughout" not in out
+
+
+def test_a_quantity_that_falls_and_rises_is_told_so(run):
+    _, out, _ = run("--vary", "ring.pressure=0.1,0.4,1", "--below", "wrinkles.shortening=0.024")
+    assert "from pressure = " in out and " and up to pressure = " in out
+    assert "it neither falls nor rises throughout" in out
+
+
+@pytest.mark.parametrize(
+    ("limit", "told"),
+    [
+        ("shear_angle_max_deg=40.15", "up to pressure = 0.15 (between"),
+        ("shear_angle_max_deg=41", "in all runs, from pressure = 0.1 on"),
+        ("shear_angle_max_deg=3", "in no run; the least is 40.1 at pressure = 0.1"),
+    ],
+)
+def test_a_quantity_that_rises_is_below_up_to_a_value(run, limit, told):
+    _, out, _ = run("--vary", "ring.pressure=0.1,0.2,0.3,2", "--below", limit)
+    assert told in out and "left out, as not at full load: pressure = 2" in out
+
+
+def test_a_quantity_that_is_not_there_is_told_with_the_nearest(run):
+    status, _, err = run("--vary", "ring.pressure=0.1", "--below", "wrinkle.shortening=1")
+    assert status == 2 and "did you mean wrinkles.shortening?); allowed is one of reaction_N" in err
+
+
+def test_the_least_value_over_one_number(run):
+    words = "--vary", "ring.pressure=0.01..1", "--minimise", "wrinkles.shortening"
+    status, out, _ = run(*words, "--evaluations", "10")
+    best = json.loads(Path("out/sweep.json").read_text())["best"]
+    exact = (0.01 / 0.4) ** 0.4  # where the derivative of the stand-in's formula is 0
+    assert status == 0 and "least wrinkles.shortening: " in out and "of its range" not in out
+    assert float(best["values"]["ring.pressure"]) == pytest.approx(exact, rel=0.03)
+    before = starts()
+    assert len(before) <= 10
+    run(*words, "--evaluations", "10")
+    assert starts() == before
+
+
+def test_the_least_value_at_an_end_of_the_range_is_told(run):
+    _, out, _ = run("--vary", "ring.pressure=0.01..0.1", "--minimise", "wrinkles.shortening")
+    assert "ring.pressure = 0.1 is the upper end of its range: the least may lie beyond" in out
+
+
+def test_the_least_value_over_two_numbers(run):
+    vary = "--vary", "ring.pressure=0.01..1", "--vary", "tools.punch.friction=0.1..0.3"
+    status, out, _ = run(*vary, "--minimise", "wrinkles.shortening", "--evaluations", "40")
+    best = json.loads(Path("out/sweep.json").read_text())["best"]
+    assert status == 0 and len(starts()) <= 40
+    assert float(best["values"]["tools.punch.friction"]) == pytest.approx(0.1, abs=0.01)
+    assert float(best["values"]["ring.pressure"]) == pytest.approx(0.05**0.4, rel=0.1)
+
+
+def test_runs_that_are_not_believed_are_never_the_best(run):
+    words = "--vary", "ring.pressure=0.5..3", "--minimise", "wrinkles.shortening"
+    status, out, _ = run(*words, "--evaluations", "6")
+    assert status == 0 and "not believed, left out)" in out
+    assert "ring.pressure = 0.5 is the lower end" in out
+
+
+def test_pictures_and_a_page_with_links(run):
+    run("--pictures", "--vary", "ring.pressure=0.01,0.1,0.4,2")
+    page = Path("out/report.html").read_text()
+    assert Path("out/curves.png").exists() and Path("out/trends.png").exists()
+    assert page.count("data:image/png") == 2 and not Path("out/maps.png").exists()
+    assert "4 runs, 3 of them believed" in page
+    assert "ended at load 0.5: no step is small enough" in page
+
+
+def test_folders_have_readable_names_that_file_systems_take():
+    assert varied.folder_name({"holder.pressure": "0.05"}) == "pressure=0.05"
+    both = varied.folder_name({"tools.punch.friction": "0.1", "tools.die.friction": "0.2"})
+    assert both == "punch.friction=0.1_die.friction=0.2"
+    files = [varied.folder_name({"tools.punch.file": f"'{f}'"}) for f in ("a/b.stl", "a b.stl")]
+    assert files[0] != files[1] and not any(set("/' ") & set(name) for name in files)
+
+
+def test_values_may_be_texts_lists_and_tables():
+    found = varied.lists(["a.b=komeili,[1, 2],{punch = 40, die = 1},'x,y',5e-2"])
+    assert found == {"a.b": ["komeili", "[1, 2]", "{punch = 40, die = 1}", "'x,y'", "0.05"]}
+
+
+def test_holder_is_the_only_one_of_holders():
+    press = {"holders": {"ring": {"pressure": 1}}, "stage": [{"steps": 3}]}
+    varied.check_keys(["holder.pressure", "stage.0.steps"], press, "p")
+    with pytest.raises(InputError, match="stage.1.steps: 1 of p is unknown; allowed are 0"):
+        varied.check_keys(["stage.1.steps"], press, "p")
