@@ -20,6 +20,7 @@ from ..runtime.files import replace_file
 from ..scene import reports
 from ..scene.scene import Scene
 from ..sheets.blank import Blank
+from ..tools.tool import Tool
 
 # of the arrays that are there with any terms
 UNITS = {
@@ -100,7 +101,7 @@ class FieldSeries:
         self._parts = list(self.blank.parts.values()) or [self.blank.whole]
         extent = self.blank.extent()
         self._surfaces = (
-            [_triangulated(tool, *extent) for tool in self._tools] if self.comm.rank == 0 else []
+            [triangulated(tool, *extent) for tool in self._tools] if self.comm.rank == 0 else []
         )
         cells, types, points = compat.vtk_mesh(self.blank.V)
         self._points = self._at_vtk_nodes(points)
@@ -253,8 +254,8 @@ def _list_of(kind, version, entries):
     )
 
 
-def _triangulated(tool, low, high):
-    """Surface [pyvista.PolyData] of `tool`, before it is moved, around a blank from `low` to `high`
+def triangulated(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyData:
+    """Surface of `tool`, before it is moved, around a blank from `low` to `high`
     (3,) [mm]."""
     margin = np.maximum(
         0.1 * (high - low), 0.5 * (high - low).max() * (high - low < 1e-6 * (high - low).max())
@@ -321,10 +322,15 @@ def save(path: Path, data: pyvista.DataSet, known: Mapping[str, str]) -> None:
 
 
 def read_last(directory: Path) -> pyvista.UnstructuredGrid:
-    """Last state of `DIR/fields.pvd`: one grid [pyvista.UnstructuredGrid] of all ranks' parts. A
-    cell field that only some sheets have is NaN on the others."""
+    """Last state of `DIR/fields.pvd`, as of `read_state`."""
+    return read_state(directory, pyvista.PVDReader(directory / "fields.pvd").time_values[-1])
+
+
+def read_state(directory: Path, load: float) -> pyvista.UnstructuredGrid:
+    """The state at `load` in `DIR/fields.pvd`: one grid of all ranks' parts. A cell field that only
+    some sheets have is NaN on the others."""
     reader = pyvista.PVDReader(directory / "fields.pvd")
-    reader.set_active_time_value(reader.time_values[-1])
+    reader.set_active_time_value(load)
     blocks = pyvista.MultiBlock([block for block in reader.read() if block.n_cells])
     shapes = {name: np.shape(values)[1:] for b in blocks for name, values in b.cell_data.items()}
     for block in blocks:

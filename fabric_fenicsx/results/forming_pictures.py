@@ -15,6 +15,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.patches import Patch
+from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import vtkLogger
 
 from ..runtime.errors import InputError
@@ -31,6 +32,7 @@ STATES = {  # strain_state -> what it is, colour
 SCREEN = (2400, 1500)  # pixels drawn
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
 STEEL = "#8f9aa8"
+YARN = "yarn_coordinate"  # how fields at points begin that tell the distance across yarns
 
 
 def paths_picture(
@@ -204,29 +206,66 @@ def screen() -> Iterator[None]:
         server.wait()
 
 
-def _surface(ply, full):
-    """The formed ply [pyvista.PolyData] with the nodes' `place` on the flat one and `shear_angle`
-    [deg], its magnitude, 0 of metal; full: with the images in the planes of symmetry."""
+@contextmanager
+def drawing() -> Iterator[pyvista.Plotter]:
+    """A plotter without a window, on white. Raises InputError where VTK finds nothing to draw
+    on."""
+    with screen():
+        verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+        # VTK warns of no screen before it does without
+        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+        plotter = pyvista.Plotter(off_screen=True, window_size=SCREEN)
+        try:
+            plotter.set_background("white")
+            yield plotter
+        finally:
+            plotter.close()
+            vtkLogger.SetStderrVerbosity(verbosity)
+
+
+def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.PolyData:
+    """The ply, formed or flat, with the nodes' `place` on the flat one and `shear_angle` [deg], its
+    magnitude, 0 of metal; `yarn_a` and `yarn_b`, the distance across the yarns [mm], if the grid
+    has them; full: with the images in the planes of symmetry, whose axes are in the field data
+    `planes`."""
+    ply = ply_of(grid)
+    planes = ply.planes if full else []
     ply = whole(ply) if full else ply
     shear = abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(ply.triangles)))))
-    surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
+    points = ply.formed if formed else ply.x
+    surface = pyvista.PolyData.from_regular_faces(points, ply.triangles)
     surface.point_data["place"] = ply.x
     surface.point_data["shear_angle"] = ply.at_nodes(shear)
+    surface.field_data["planes"] = np.array(planes, dtype=int)
+    if f"{YARN}_a" in grid.point_data and "shear_angle" in grid.cell_data:
+        place = np.where(np.isin(np.arange(3), planes), abs(ply.x), ply.x)
+        nearest = cKDTree(grid.points).query(place)[1]
+        for family in "ab":
+            surface.point_data[f"yarn_{family}"] = grid.point_data[f"{YARN}_{family}"][nearest]
     return surface
 
 
-def _cut_away(surface, share):
-    """The formed ply without that share of its length, seen from its lower end."""
-    if not share:
-        return surface
+def cut_away(surface: pyvista.PolyData, share: float, end: float = 1.0) -> pyvista.PolyData:
+    """A ply, as of `surface_of`, without that share of its length, seen from its lower end, and
+    without what is beyond the share `end`."""
     x = surface["place"][:, 0]
     surface["along"] = x
-    place = float(x.min() + share * np.ptp(x))
-    return surface.clip_scalar(scalars="along", invert=False, value=place)
+    for part, beyond in ((share, False), (end, True)):
+        if 0 < part < 1:
+            place = float(x.min() + part * np.ptp(x))
+            surface = surface.clip_scalar(scalars="along", invert=beyond, value=place)
+    return surface
 
 
-def _draw_ply(plotter, surface, angles, spacing, limit):
-    """Add a formed ply with its yarns, or without any one of metal."""
+def draw_ply(
+    plotter: pyvista.Plotter,
+    surface: pyvista.PolyData,
+    limit: float,
+    angles: Sequence[float] | None = (),
+    spacing: float = 10.0,
+) -> None:
+    """Add a ply, as of `surface_of`, coloured by its shear angle up to `limit` [deg], with yarns at
+    these angles to x on the flat ply [deg]; angles: None of metal, which is grey."""
     coloured = {
         "scalars": "shear_angle",
         "cmap": COLOURS,
@@ -235,20 +274,28 @@ def _draw_ply(plotter, surface, angles, spacing, limit):
     }
     plotter.add_mesh(
         surface,
-        **(coloured if len(angles) else {"color": STEEL}),
+        **(coloured if angles is not None else {"color": STEEL}),
         smooth_shading=True,
         ambient=0.25,
         diffuse=0.8,
         specular=0.15,
     )
-    for angle in np.radians(angles):
+    for angle in np.radians([] if angles is None else angles):
         across = surface["place"] @ [-np.sin(angle), np.cos(angle), 0]
-        low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
-        places = spacing * np.arange(low, high + 1)
-        yarns = surface.contour(places, scalars=across).strip(max_length=100000)
-        plotter.add_mesh(
-            yarns.tube(radius=spacing / 28, n_sides=8), color="#30343b", smooth_shading=True
-        )
+        draw_yarns(plotter, surface, across, spacing)
+
+
+def draw_yarns(
+    plotter: pyvista.Plotter, surface: pyvista.PolyData, across: np.ndarray, spacing: float
+) -> None:
+    """Add a line each `spacing` [mm] of `across`, the distance (n,) of the nodes of a ply across
+    its yarns on the flat ply [mm]."""
+    low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
+    places = spacing * np.arange(low, high + 1)
+    yarns = surface.contour(places, scalars=across).strip(max_length=100000)
+    plotter.add_mesh(
+        yarns.tube(radius=spacing / 28, n_sides=8), color="#30343b", smooth_shading=True
+    )
 
 
 def formed_picture(
@@ -271,21 +318,16 @@ def formed_picture(
     each node). view: direction from the ply to the camera. Raises InputError where VTK finds
     nothing to draw on.
     """
-    found = [ply_of(grid) for grid, _ in plies]
-    fabrics = [ply.fields["shear_angle"] for ply in found if "shear_angle" in ply.fields]
+    fabrics = [grid["shear_angle"] for grid, _ in plies if "shear_angle" in grid.cell_data]
     largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
-    surfaces = [_surface(ply, full) for ply in found]
+    surfaces = [surface_of(grid, full) for grid, _ in plies]
     highest = max(surface["shear_angle"].max() for surface in surfaces)
     limit = limit or max(5.0, 5 * np.ceil(highest / 5))
     towards = np.array(view) / np.linalg.norm(view)
-    with screen():
-        verbosity = vtkLogger.GetCurrentVerbosityCutoff()
-        # VTK warns of no screen before it does without
-        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-        plotter = pyvista.Plotter(off_screen=True, window_size=SCREEN)
-        plotter.set_background("white")
+    with drawing() as plotter:
         for k, (surface, (_, angles)) in enumerate(zip(surfaces, plies)):
-            _draw_ply(plotter, _cut_away(surface, k / len(plies)), angles, spacing, limit)
+            shown = cut_away(surface, k / len(plies))
+            draw_ply(plotter, shown, limit, angles if len(angles) else None, spacing)
         if tool is not None:
             # away from the camera, so that it looks the same but does not show through the ply
             plotter.add_mesh(
@@ -297,8 +339,6 @@ def formed_picture(
             )
         plotter.view_vector(towards, viewup=(0, 0, 1))
         image = plotter.screenshot(None, return_img=True)
-        plotter.close()
-        vtkLogger.SetStderrVerbosity(verbosity)
     rows, columns = (np.flatnonzero((image < 255).any((axis, 2))) for axis in (1, 0))
     figure = plt.figure(figsize=(16, 10))
     ax = figure.add_axes((0.02, 0.13, 0.96, 0.85))

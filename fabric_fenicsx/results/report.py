@@ -14,8 +14,11 @@ from ..runtime.words import percent, rounded
 
 # picture -> what it shows, in the order of a report
 CAPTIONS = {
+    "setup": "The tools and the flat blank before anything moves, in space and in sections through "
+    "the centre; arrows are as long as the motions",
     "curve": "Reaction, or force of the punch, over displacement; a band is its estimated error, "
     "squares are measured, if they are there",
+    "filmstrip": "The stroke: magnitude of the shear angle, yarns and tools in states on the way",
     "maps": "Logarithmic strains along both yarns and shear angle, with its sign (negative where "
     "the angle from yarns a to b grows), on the deformed sheet",
     "axis": "Magnitude of the shear angle along the strip's axis",
@@ -25,6 +28,7 @@ CAPTIONS = {
     "formed": "The formed ply: magnitude of the shear angle, and yarns",
     "states": "Strain states: which yarns are in tension, which in compression",
     "shortening": "Shortening of yarns by compression, where a real ply wrinkles",
+    "thickness": "Thickness of the plies under the pressure on them",
     "paths": "Strains and shear angle along paths from the centre",
     "outline": "Outline of the formed ply over the flat one",
     "error": "Estimated errors of strains and shear angle, from a mesh twice as coarse",

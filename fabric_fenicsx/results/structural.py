@@ -12,7 +12,7 @@ import pyvista
 
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from .fields import read_last, save, sheets_of
+from .fields import read_state, save, sheets_of
 
 SAME = 1e-6  # mm within which nodes of different ranks are one
 CORNERS = {5: 3, 69: 3, 9: 4, 70: 4}  # of VTK's cells, which begin with them
@@ -76,15 +76,47 @@ def _unit(vectors):
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
+class State(NamedTuple):
+    """A written state of a run: its load, and what it reads from the results `folder`."""
+
+    folder: Path
+    load: float
+
+    def plies(self) -> dict[str, pyvista.UnstructuredGrid]:
+        """Each ply {name: grid}, or the one {"": grid}."""
+        names = [name for name in _names(self.folder / "fields.pvd") if name]
+        return sheets_of(read_state(self.folder, self.load), names)
+
+    def tools(self) -> dict[str, pyvista.PolyData]:
+        """Surfaces of the tools, where they are then {name: surface}; empty without tools."""
+        listed = self.folder / "tools.pvd"
+        if not listed.is_file():
+            return {}
+        reader = pyvista.PVDReader(listed)
+        reader.set_active_time_value(self.load)
+        (blocks,) = reader.read()
+        return dict(zip(blocks.keys(), blocks))
+
+
+def states(folder: Path | str) -> list[State]:
+    """All states in the results `folder`. Raises InputError where there are none."""
+    folder = Path(folder)
+    if not (folder / "fields.pvd").is_file():
+        raise InputError(f"{folder} has no fields.pvd; allowed is the folder of a run's results")
+    loads = pyvista.PVDReader(folder / "fields.pvd").time_values
+    return [State(folder, float(load)) for load in loads]
+
+
 def read_grids(folder: Path | str) -> dict[str, pyvista.UnstructuredGrid]:
     """The last state of each ply {name: grid}, or of the one {"": grid}, in the results `folder`.
     Raises InputError where there are none."""
-    listed = Path(folder) / "fields.pvd"
-    if not listed.is_file():
-        raise InputError(f"{folder} has no fields.pvd; allowed is the folder of a run's results")
+    return states(folder)[-1].plies()
+
+
+def _names(listed):
+    """Names of the sets that a .pvd file lists."""
     sets = ElementTree.parse(listed).getroot().iter("DataSet")
-    names = list(dict.fromkeys(entry.get("name", "") for entry in sets))
-    return sheets_of(read_last(Path(folder)), [name for name in names if name])
+    return list(dict.fromkeys(entry.get("name", "") for entry in sets))
 
 
 def units(folder: Path | str) -> dict[str, str]:
