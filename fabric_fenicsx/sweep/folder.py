@@ -56,7 +56,7 @@ class Run:
         these options."""
         if self.is_believed() or self.is_at_full_load():
             return True
-        return self.status not in (None, 0) and self.options == list(options)
+        return self.status == 3 and self.options == list(options)
 
     def numbers(self) -> dict[str, float]:
         """Its quantities that are one number {name with dots: number}, force and time first."""

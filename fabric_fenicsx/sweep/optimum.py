@@ -50,13 +50,14 @@ class _Search:
 
 
 class Optimum(NamedTuple):
-    """The run in which `quantity` is least; at_end: words on each number that lies at an end of its
-    range; of the `evaluations` `unbelieved` are not believed."""
+    """The run in which `quantity` is least, of several that with the lowest first number; notes:
+    words on numbers at an end of their range, and on the others; of the `evaluations` `unbelieved`
+    are not believed."""
 
     quantity: str
     run: Run
     value: float
-    at_end: list[str]
+    notes: list[str]
     evaluations: int
     unbelieved: int
 
@@ -66,7 +67,7 @@ class Optimum(NamedTuple):
         text += f"{self.evaluations} runs"
         if self.unbelieved:
             text += f" ({self.unbelieved} not believed, left out)"
-        return "; ".join([text, *self.at_end])
+        return "; ".join([text, *self.notes])
 
     def facts(self) -> dict[str, Any]:
         """What sweep.json keeps."""
@@ -74,7 +75,7 @@ class Optimum(NamedTuple):
             "quantity": self.quantity,
             "value": self.value,
             "values": dict(self.run.values),
-            "at_end": self.at_end,
+            "notes": self.notes,
         }
 
 
@@ -100,7 +101,7 @@ def minimise(
                 optimize.minimize_scalar(search, bounds=(0, 1), method="bounded", options=fine)
             else:
                 search.together(FIRST)
-                simplex = {"initial_simplex": FIRST, "xatol": FINE, "fatol": 0.0}
+                simplex = {"initial_simplex": FIRST, "xatol": FINE, "fatol": math.inf}
                 bounds = [(0.0, 1.0)] * 2
                 optimize.minimize(
                     search, FIRST[0], method="Nelder-Mead", bounds=bounds, options=simplex
@@ -108,12 +109,17 @@ def minimise(
     except _Enough:
         pass
     found = list(search.found.values())
-    run, value = min(found, key=lambda each: each[1])
+    value = min(each for _, each in found)
+    key = ranges[0].key
+    best = [run for run, each in found if each <= value + 1e-12 * abs(value)]
+    run, *flat = sorted(best, key=lambda run: float(run.values[key]))
     if not math.isfinite(value):
         raise SolverFailure(f"none of {len(found)} runs is believed; table.csv has their reasons")
     unbelieved = sum(not math.isfinite(each) for _, each in found)
-    at_end = [text for each in ranges if (text := _end(each, float(run.values[each.key])))]
-    return Optimum(quantity, run, value, at_end, len(found), unbelieved)
+    notes = [text for each in ranges if (text := _end(each, float(run.values[each.key])))]
+    if flat:
+        notes.append(f"as little in {len(flat)} more, up to {flat[-1].label}")
+    return Optimum(quantity, run, value, notes, len(found), unbelieved)
 
 
 def _end(range_, value):

@@ -49,11 +49,11 @@ class Runner:
         command: Command,
         options: Sequence[str] = (),
         jobs: int | None = None,
-        say: Callable[[str], None] = tqdm.write,
+        say: Callable[[str], None] | None = None,
     ) -> None:
         self.folder, self.command, self.options = folder, command, list(options)
         self.jobs = jobs or len(os.sched_getaffinity(0))
-        self.say = say
+        self.say = say or _said
 
     def all(self, values: Iterable[Values], bar: bool = True) -> list[Run]:
         """Have the runs with these values all done; returns them.
@@ -69,6 +69,12 @@ class Runner:
         with _stopped_by() as stop, _Bar(len(todo), not bar) as progress:
             _Together(self, todo, stop, progress).work()
         return runs
+
+
+def _said(text):
+    """Print a line above the bar, at once."""
+    tqdm.write(text)
+    sys.stdout.flush()
 
 
 class _Together:
@@ -137,25 +143,23 @@ class _Together:
         """Ask what is under way to end, which it does after its step; a further signal ends it at
         once."""
         for _, process, _ in self.under_way:
-            _send(process, signal.SIGTERM)
-        if self.under_way:
-            self.runner.say(
-                f"{len(self.under_way)} runs end after their step; Ctrl-C again ends them at once"
-            )
+            process.terminate()  # alone: it ends by itself what it has started
+        if count := len(self.under_way):
+            self.runner.say(f"ending after their step: {count}; Ctrl-C again ends them at once")
         asked, killed = len(self.stop), False
         while any(process.poll() is None for _, process, _ in self.under_way):
             if len(self.stop) > asked and not killed:
                 killed = True
                 for _, process, _ in self.under_way:
-                    _send(process, signal.SIGKILL)
+                    _kill(process)
             time.sleep(LOOK)
 
 
-def _send(process, number):
-    """Send a signal to all of a run's session."""
+def _kill(process):
+    """End a run and all that it has started."""
     if process.poll() is None:
         with suppress(ProcessLookupError):
-            os.killpg(process.pid, number)
+            os.killpg(process.pid, signal.SIGKILL)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ Numbers are read from the runs' files. Maps read their fields, which needs DOLFI
 import base64
 import csv
 import io
+import textwrap
 from collections.abc import Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
@@ -35,7 +36,7 @@ CAPTIONS = {
     "that is not believed",
     "curves": "Force over displacement of all runs; dashed is one that is not believed",
     "maps": "Magnitude of the shear angle, and shortening of yarns (the larger of both), seen from "
-    "above, on one scale",
+    "above [mm], on one scale",
 }
 COLUMNS = 6  # of maps side by side
 
@@ -131,7 +132,7 @@ def _draw_trends(path, runs, names):
     figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
     for ax, (name, title) in zip(axes.flat, names.items()):
         _draw_trend(ax, runs, name)
-        ax.set(ylabel=title, xlabel=keys[0])
+        ax.set(ylabel=textwrap.fill(title, 26), xlabel=keys[0])
         ax.grid(alpha=0.3)
     for ax in axes.flat[len(names) :]:
         ax.remove()
@@ -164,7 +165,7 @@ def _draw_trend(ax, runs, name):
 
 
 def _sheets(runs):
-    """{folder: polygons and fields {name: values} of the run's last state}, the uppermost last."""
+    """{folder: polygons and fields {label: values} of the run's last state}, the uppermost last."""
     import numpy as np
 
     from ..results.fields import read_last
@@ -175,29 +176,20 @@ def _sheets(runs):
         if not (run.folder / "fields.pvd").is_file():
             continue
         grid = read_last(run.folder)
-        kinds = [grid.extract_cells(grid.celltypes == kind) for kind in np.unique(grid.celltypes)]
-        polygons, heights = [], []
-        fields: dict[str, list] = {"shear angle / deg": [], "shortening of yarns / %": []}
-        for each in kinds:
-            polygons += list(cell_polygons(each))
-            heights.append((each.cell_centers().points + _means(each))[:, 2])
-            data = each.cell_data
-            shear = np.asarray(data.get("shear_angle", np.full(each.n_cells, np.nan)))
-            lost = [np.asarray(data[n]) for n in ("shortening_a", "shortening_b") if n in data]
-            fields["shear angle / deg"].append(abs(np.degrees(shear)))
-            worst = np.max(lost, axis=0) if lost else np.full(each.n_cells, np.nan)
-            fields["shortening of yarns / %"].append(100 * worst)
-        order = np.argsort(np.concatenate(heights), kind="stable")  # the uppermost is drawn last
-        values = {name: np.concatenate(parts)[order] for name, parts in fields.items()}
-        found[run.folder.name] = [polygons[k] for k in order], values
+        cells = grid.cells.reshape(grid.n_cells, -1)[:, 1:]
+        heights = (grid.points[:, 2] + grid.point_data["u"][:, 2])[cells].mean(1)
+        order = np.argsort(heights, kind="stable")
+        unknown = np.full(grid.n_cells, np.nan)  # as of metal
+        shear, a, b = (
+            np.asarray(grid.cell_data[name]) if name in grid.cell_data else unknown
+            for name in ("shear_angle", "shortening_a", "shortening_b")
+        )
+        values = {
+            "shear angle / deg": abs(np.degrees(shear))[order],
+            "shortening of yarns / %": 100 * np.maximum(a, b)[order],
+        }
+        found[run.folder.name] = cell_polygons(grid)[order], values
     return found
-
-
-def _means(grid):
-    """Mean displacement (cells, 3) of each cell's nodes [mm]."""
-    import numpy as np
-
-    return np.asarray(grid.point_data_to_cell_data().cell_data["u"])
 
 
 def _draw_maps(path, runs):
@@ -217,7 +209,7 @@ def _draw_maps(path, runs):
     ]
     columns = _columns(runs) if len(sheets) == len(runs) else min(COLUMNS, len(sheets))
     rows = -(-len(sheets) // columns)
-    points = [np.concatenate(polygons) for polygons, _ in sheets.values()]
+    points = [polygons.reshape(-1, 2) for polygons, _ in sheets.values()]
     length, width = np.max([np.ptp(each, axis=0) for each in points], axis=0)
     size = 2.6 * columns + 1.0, (2.5 * width / length + 0.45) * rows * len(names) + 0.5
     how = {"squeeze": False, "sharex": True, "sharey": True, "layout": "constrained"}
