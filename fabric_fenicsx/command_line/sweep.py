@@ -3,14 +3,14 @@
 import os
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
 from ..sweep.folder import SweepFolder, read_press
-from ..sweep.processes import Command, Runner, form
+from ..sweep.processes import Form, Runner
 from .options import HelpFormatter, Parser, exit_status, option_type
 
 NAME = "fabric sweep"
@@ -68,12 +68,12 @@ def parser() -> Parser:
     return p
 
 
-def main(argv: Sequence[str], command: Callable[[Path, Sequence[str]], Command] = form) -> int:
+def main(argv: Sequence[str], program: type[Form] = Form) -> int:
     """Run the sweep of these words; returns its exit status: 0 if all runs are believed, 2 for bad
-    input, 3 if one is not believed or the sweep was stopped. command: of a run."""
+    input, 3 if one is not believed or the sweep was stopped. program: of the runs."""
     try:
         words, passed = _parted(argv)
-        unbelieved = _sweep(parser().parse_args(words), passed, command)
+        unbelieved = _sweep(parser().parse_args(words), passed, program)
         if unbelieved:
             raise SolverFailure(unbelieved)
     except (InputError, SolverFailure, Interrupted) as error:
@@ -104,7 +104,7 @@ def _parted(argv):
     return words[:cut], passed
 
 
-def _sweep(args, passed, command):
+def _sweep(args, passed, program):
     """Run it and write what it found; why not all runs are believed, or ""."""
     from ..sweep import optimum, results
 
@@ -118,27 +118,28 @@ def _sweep(args, passed, command):
     lists = {} if args.minimise else varied.lists(args.vary)
     keys = [each.key for each in ranges] or list(lists)
     _check_limits(args, lists)
-    varied.check_keys(keys, read_press(args.press), str(args.press))
+    title = read_press(args.press).get("title", args.press.name)
     out = args.out or Path("results") / f"sweep_{args.press.stem}"
+    form = program(args.press, passed)
+    values = varied.combinations(lists or {each.key: each.ends for each in ranges})
+    form.check(values)
     sweep = SweepFolder(out, args.press, keys, args.overwrite)
     sweep.facts["asked"] = [*filter(None, [args.minimise]), *(name for name, _ in limits)]
-    runner = Runner(sweep, command(args.press, passed), passed, args.jobs)
+    runner = Runner(sweep, form, args.jobs)
     answers: list[str] = []
     try:
         if args.minimise:
             runs, found = _minimise(args, ranges, runner)
             answers.append(found)
         else:
-            values = varied.combinations(lists)
-            _announce(values, runner, passed)
+            _announce(values, runner)
             runs = runner.all(values)
             answers += [optimum.below(runs, *limit) for limit in limits]
         for answer in answers:
             print(answer)
     finally:
         if any(run.summary() for run in sweep.runs.values()):
-            title = f"Sweep of {args.press.name}"
-            results.write(sweep, title, answers, not args.no_pictures)
+            results.write(sweep, f"Sweep: {title}", answers, not args.no_pictures)
             print(f"table, pictures and report are in {out}")
         sweep.close()
     doubted = [run for run in runs if not run.is_believed()]
@@ -160,9 +161,10 @@ def _check_limits(args, lists):
         raise InputError(f"--below is given, but {key} is {values[0]}; allowed are numbers")
 
 
-def _announce(values, runner, passed):
+def _announce(values, runner):
     """Say what is to be done, and what is there already."""
     runs = [runner.folder.run(each) for each in values]
+    passed = runner.program.options
     done = [run for run in runs if run.is_done(passed)]
     print(
         f"{len(runs)} runs, {len(done)} done before, {min(runner.jobs, len(runs))} at a time; "

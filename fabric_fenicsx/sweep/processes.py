@@ -17,41 +17,47 @@ from tqdm import tqdm
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.ranks import RANKS_ENVIRONMENT
 from ..runtime.words import rounded
+from .check import check
 from .folder import Run, SweepFolder
-from .varied import Values
+from .varied import Values, changes
 
 CONSOLE = "console.txt"  # in a run's folder: what it printed
 LOOK = 0.05  # s between looks at whether a run has ended
 READ = 1.0  # s between looks at how far runs have come
-Command = Callable[[Values, Path], list[str]]
 STOPS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 
 
-def form(press: Path, options: Sequence[str] = ()) -> Command:
-    """The command of a run of `fabric form`, but for how it goes on: function of its values and
-    folder."""
+class Form:
+    """`fabric form` of a press file with these options."""
 
-    def command(values: Values, folder: Path) -> list[str]:
-        settings = [word for key, value in values.items() for word in ("--set", f"{key}={value}")]
-        start = [sys.executable, "-m", "fabric_fenicsx", "form", str(press)]
-        return [*start, *settings, "--out", str(folder), *options]
+    def __init__(self, press: Path, options: Sequence[str] = ()) -> None:
+        self.press, self.options = press, list(options)
 
-    return command
+    def command(self, values: Values, folder: Path) -> list[str]:
+        """The command of the run with these values into its folder, but for how it goes on."""
+        settings = [word for each in changes(values) for word in ("--set", each)]
+        start = [sys.executable, "-m", "fabric_fenicsx", "form", str(self.press)]
+        return [*start, *settings, "--out", str(folder), *self.options]
+
+    def check(self, values: Sequence[Values]) -> None:
+        """InputError for the first values that the press file cannot have."""
+        words = [part for word in self.options for part in word.split("=", 1)]
+        law = words.index("--law-file") + 1 if "--law-file" in words else len(words)
+        check(self.press, values, words[law] if law < len(words) else None)
 
 
 class Runner:
-    """Runs of a sweep's `folder` by the processes of `command`, so many `jobs` at a time; options:
-    those behind `--`; say: prints a line for each run that ends."""
+    """Runs of a sweep's `folder` by the processes of a `program`, so many `jobs` at a time; say:
+    prints a line for each run that ends."""
 
     def __init__(
         self,
         folder: SweepFolder,
-        command: Command,
-        options: Sequence[str] = (),
+        program: Form,
         jobs: int | None = None,
         say: Callable[[str], None] | None = None,
     ) -> None:
-        self.folder, self.command, self.options = folder, command, list(options)
+        self.folder, self.program = folder, program
         self.jobs = jobs or len(os.sched_getaffinity(0))
         self.say = say or _said
 
@@ -62,7 +68,7 @@ class Runner:
         SIGTERM or SIGHUP, after all processes have ended.
         """
         runs = [self.folder.run(each) for each in values]
-        todo = [run for run in runs if not run.is_done(self.options)]
+        todo = [run for run in runs if not run.is_done(self.program.options)]
         for run in todo:  # before any starts, so that a run that another one ends is known, too
             run.status, run.reason = None, ""
         self.folder.save()
@@ -102,13 +108,13 @@ class _Together:
             self._end()
 
     def _start(self, run):
-        words = self.runner.command(run.values, run.folder)
+        words = self.runner.program.command(run.values, run.folder)
         if (run.folder / "checkpoint.npz").exists():
             words.append("--resume")
         elif run.folder.exists():
             words.append("--overwrite")
         run.folder.mkdir(exist_ok=True)
-        run.options = self.runner.options
+        run.options = list(self.runner.program.options)
         with open(run.folder / CONSOLE, "w") as console:
             process = subprocess.Popen(
                 words,

@@ -24,11 +24,12 @@ from .varied import is_wide, label, number, short_names
 HEADLINES = {
     "reaction_N": "force [N]",
     "shear_angle_max_deg": "largest shear angle [deg]",
-    "shear_angle_99_percent_deg": "shear angle, 99 % of the area below [deg]",
+    "wrinkles.shortening": "mean shortening of yarns [-]",
     "shortening_max": "largest shortening of yarns [-]",
     "excess_length_mm": "length lost by a yarn [mm]",
-    "wrinkles.slope_largest_deg": "largest slope of wrinkles [deg]",
     "draw_in.largest_mm": "largest draw-in [mm]",
+    "wrinkles.slope_largest_deg": "largest slope of wrinkles [deg]",
+    "shear_angle_99_percent_deg": "shear angle, 99 % of the area below [deg]",
 }
 PANELS = 6
 CAPTIONS = {

@@ -5,10 +5,9 @@ import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..runtime.errors import InputError
-from ..runtime.rules import unknown_key
 
 DIGITS = 6  # of a number that an optimiser asks for, so that a folder's name can be read
 WIDE = 10.0  # highest over lowest of numbers from which on they are shown and sought by logarithm
@@ -27,6 +26,11 @@ class Range(NamedTuple):
     def by_logarithm(self) -> bool:
         """Whether factors count, not differences."""
         return is_wide([self.low, self.high])
+
+    @property
+    def ends(self) -> list[str]:
+        """Both ends, as values."""
+        return [spelled(self.low), spelled(self.high)]
 
     def at(self, share: float) -> float:
         """The number at a share, 0 to 1, of the range, to `DIGITS` digits."""
@@ -123,29 +127,9 @@ def combinations(varied: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
     return [dict(zip(varied, values)) for values in itertools.product(*varied.values())]
 
 
-def check_keys(keys: Sequence[str], press: Mapping[str, Any], file: str) -> None:
-    """InputError if a press of these tables has no place for one of the keys: all but its last
-    word must be there. `holder` is the one of `holders`."""
-    for key in keys:
-        table: Any = press
-        *places, _ = key.split(".")
-        for place in places:
-            if place == "holder" and "holder" not in table and len(table.get("holders", {})) == 1:
-                (table,) = table["holders"].values()
-                continue
-            inside = {str(n): each for n, each in enumerate(table)} if _is_list(table) else table
-            if place not in inside:
-                tables = [name for name, each in inside.items() if isinstance(each, (dict, list))]
-                raise unknown_key(place, tables, f"--vary {key}: {place} of {file}")
-            table = inside[place]
-            if not isinstance(table, (dict, list)):
-                raise InputError(
-                    f"--vary {key}: {place} of {file} is {table}; allowed is a place in a table"
-                )
-
-
-def _is_list(table):
-    return isinstance(table, list)
+def changes(values: Values) -> list[str]:
+    """The values of a run as `fabric form --set` takes them."""
+    return [f"{key}={value}" for key, value in values.items()]
 
 
 def label(values: Values) -> str:
