@@ -40,10 +40,21 @@ if TYPE_CHECKING:
     from .runtime.errors import InputError, Interrupted, SolverFailure
     from .scenarios.bias_extension import BiasExtension
     from .scenarios.forming import Forming
-    from .scenarios.holding import ForceHolder, GapHolder, Grippers, Holder, PressureHolder, Rim
+    from .scenarios.holding import (
+        ForceHolder,
+        GapHolder,
+        Grippers,
+        Holder,
+        PressureHolder,
+        Rim,
+        SpringHolder,
+    )
     from .scenarios.laminate import Laminate
     from .scenarios.picture_frame import PictureFrame
     from .scenarios.plies import Ply
+    from .scenarios.press import Press
+    from .scenarios.press_tools import PressTool
+    from .scenarios.stages import Stage
     from .scenarios.tensile import Tensile
     from .scene.scene import Scene
     from .scene.supports import Support, clamped_ends, frame, rolling_ends
@@ -89,10 +100,14 @@ _HOMES = {
         "Holder",
         "PressureHolder",
         "Rim",
+        "SpringHolder",
     ),
     "scenarios.laminate": ("Laminate",),
     "scenarios.picture_frame": ("PictureFrame",),
     "scenarios.plies": ("Ply",),
+    "scenarios.press": ("Press",),
+    "scenarios.press_tools": ("PressTool",),
+    "scenarios.stages": ("Stage",),
     "scenarios.tensile": ("Tensile",),
     "scene.scene": ("Scene",),
     "sheets.blank": ("Blank",),

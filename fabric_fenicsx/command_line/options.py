@@ -100,6 +100,10 @@ class Parser(argparse.ArgumentParser):
         if free:
             self.free.add(action.dest)
 
+    def change(self, name: str, **settings: Any) -> None:
+        """Give an option that is there other settings, as its help."""
+        vars(self._option_string_actions[name]).update(settings)
+
     def translated(self, text: str) -> str:
         """A message of the library with its parameters, `resume=True`, as options, --resume; other
         words in backquotes stay."""

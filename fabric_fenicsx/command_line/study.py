@@ -61,6 +61,16 @@ def parser(
     )
     add_fields(p, scenario, scenario)
     _add_material(p)
+    add_solver(p, scenario)
+    add_output(p, name)
+    weave = {"yarn_angle": 90.0, "weave_angle": None}
+    sizes = {False: scenario.FULL, True: scenario.QUICK}
+    p.set_defaults(_sizes=sizes, **weave | dict(scenario.SOLVER) | defaults)
+    return p
+
+
+def add_solver(p: Parser, scenario: type[Scenario]) -> None:
+    """Add the options of solver, errors and limits."""
     add_fields(p, Settings, scenario, free=True)
     p.group("solver")
     unasked = f" (yes from {scenario.CHEAP_FROM} cells on)" if scenario.CHEAP_FROM else ""
@@ -72,11 +82,6 @@ def parser(
         free=True,
     )
     add_fields(p, Limits, scenario, prefix="max_", free=True)
-    _add_output(p, name)
-    weave = {"yarn_angle": 90.0, "weave_angle": None}
-    sizes = {False: scenario.FULL, True: scenario.QUICK}
-    p.set_defaults(_sizes=sizes, **weave | dict(scenario.SOLVER) | defaults)
-    return p
 
 
 def add_fields(
@@ -158,7 +163,8 @@ def _add_material(p):
     )
 
 
-def _add_output(p, name):
+def add_output(p: Parser, name: str) -> None:
+    """Add the options of the results' folder; name: of the study."""
     p.group("output")
     usual = Path("results") / name
     p.option(
@@ -188,28 +194,18 @@ class Study(Output):
             sys.exit(0)
         self.args = args = options.parse_args(argv)
         for option, value in vars(args).pop("_sizes")[args.quick].items():
-            idle = option == "nx" and (args.mesh or args.size)
+            idle = option == "nx" and "mesh" in args and (args.mesh or args.size)
             if getattr(args, option, value) is None and not idle:
                 setattr(args, option, value)
         for option, allowed in SHEET_FILES.items():
-            file = getattr(args, option)
+            file = getattr(args, option, None)
             if file and not Path(file).is_file():
                 raise InputError(
                     f"--{option} {file} is not there or not a file; allowed is {allowed}"
                 )
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
-        if args.law_file:
-            read_laws(args.law_file)
-        fabric = load(args.material)
-        if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
-            raise InputError(
-                f"--law-file {args.law_file} is given, but the material {args.material} is of the "
-                f"law {fabric.law}; allowed is --material with a file of the law in it"
-            )
-        self.fabric = (fabric.decoupled() if args.model == "fabric" else fabric).without(
-            *args.without
-        )
+        self.fabric = fabric = self.read_fabric()
         self._options, self._about = options, ("", "")
         log.handlers.clear()
         log.setLevel(logging.DEBUG)
@@ -224,8 +220,22 @@ class Study(Output):
             overwrite=args.overwrite,
             command=restart_command(comm.size),
         )
-        for doubt in fabric.plausibility_warnings():
+        for doubt in fabric.plausibility_warnings() if fabric else ():
             self.warn(doubt)
+
+    def read_fabric(self) -> Any:
+        """The fabric of the options."""
+        args = self.args
+        if args.law_file:
+            read_laws(args.law_file)
+        fabric = load(args.material)
+        if args.law_file and type(fabric).__module__.startswith("fabric_fenicsx."):
+            raise InputError(
+                f"--law-file {args.law_file} is given, but the material {args.material} is of the "
+                f"law {fabric.law}; allowed is --material with a file of the law in it"
+            )
+        whole = fabric.decoupled() if args.model == "fabric" else fabric
+        return whole.without(*args.without)
 
     def write_report(self, description: str, ending: str) -> None:
         """As `Output.report`, by what the scenario says of itself, else this description."""
@@ -244,9 +254,12 @@ class Study(Output):
             for f in declared(kind)
             if hasattr(args, f.name)
         }
-        made = kind(fabric or self.fabric, **given, comm=self.comm)
-        for name in ("nx", "ny", "size", "pattern", "element", "integration", *kind.SIZES):
-            setattr(args, name, getattr(made, name))  # as an own mesh's length
+        return self.take(kind(fabric or self.fabric, **given, comm=self.comm))
+
+    def take(self, made: Any) -> Any:
+        """The scenario itself, whose own sizes, warnings and words the study then has."""
+        for name in ("nx", "ny", "size", "pattern", "element", "integration", *made.SIZES):
+            setattr(self.args, name, getattr(made, name))  # as an own mesh's length
         for doubt in made.warnings:
             self.warn(doubt)
         self._about = made.about()
@@ -299,9 +312,9 @@ def _end(number, frame):
     raise KeyboardInterrupt
 
 
-def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
-    """Run main(Study) and leave with the contract's exit status: 0 done, 2 bad input, 3 the solver
-    gave up.
+def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study] = Study) -> None:
+    """Run main(study of that kind) and leave with the contract's exit status: 0 done, 2 bad input,
+    3 the solver gave up.
 
     All ranks leave together, rank 0 speaks; a rank that fails alone ends the others.
     """
@@ -309,7 +322,7 @@ def run(name: str, options: Parser, main: Callable[[Study], Any]) -> None:
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
     signal.signal(signal.SIGTERM, _end)
     try:
-        study = Study(name, options)
+        study = kind(name, options)
         main(study)
         study.write_report(description, "done")
         return

@@ -27,6 +27,7 @@ class JobFields(Settings):
     quantities: Callable[[Result], dict[str, Any]] | None = None
     tables: Callable[[Result, Path], None] | None = None
     pictures: Callable[[Result, Path], None] | None = None
+    first_picture: Callable[[Path], None] | None = None
     warnings: Iterable[str] = ()
     beside: Curves = field(default_factory=dict)
     name: str = "job"

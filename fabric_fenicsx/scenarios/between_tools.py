@@ -38,8 +38,8 @@ PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry o
 class BetweenTools(Scenario):
     """A ply of `fabric`, or a stack, that rigid tools form; a quarter of it unless `full`.
 
-    A subclass makes the `tools` that touch it, among them the `die` on which holders press it, and
-    the terms that hold its rim (`held`).
+    A subclass makes the tools that touch it (`rigid`), among them the `die` on which holders press
+    it, and the terms that hold its rim (`held`).
     """
 
     SOLVER = {"path_tolerance": 1e-6, "every": 10}
@@ -100,7 +100,7 @@ class BetweenTools(Scenario):
         "tools",
     )
 
-    tools: Sequence[Tool] = field(init=False, default=(), repr=False)
+    rigid: Sequence[Tool] = field(init=False, default=(), repr=False)
     die: Tool = field(init=False, repr=False, compare=False)
 
     def lay_blank(self) -> None:
@@ -226,7 +226,7 @@ class BetweenTools(Scenario):
 
     def terms(self) -> list[Term]:
         """Bending, contact with the tools, what holds the rim, contact between the plies."""
-        terms = [*self._bending(), *map(self.contact, self.tools)]
+        terms = [*self._bending(), *map(self.contact, self.rigid)]
         between: list[Term] = []
         if isinstance(self.blank, Stack):
             planes = () if self.full else PLANES

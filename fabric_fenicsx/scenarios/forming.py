@@ -108,8 +108,8 @@ class Forming(BetweenTools):
         self.die = Tool(
             Reversed(Offset(surface, self.clearance)), lambda load: (0.0, 0.0, lift), name="die"
         )
-        self.tools = [self.die, self.punch_tool]
-        check_motion(self.tools, self.flat_nodes(), t, self.comm)
+        self.rigid = [self.die, self.punch_tool]
+        check_motion(self.rigid, self.flat_nodes(), t, self.comm)
 
     def _check_centre(self):
         """Warn of a whole sheet that does not lie under the punch."""

@@ -14,16 +14,19 @@ from ..mechanics.contact.nodes import values_at
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.load import EdgeTension
+from ..mechanics.springs import Springs
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, declared, number
 from ..runtime.rules import FROM_ZERO, POSITIVE
-from ..runtime.words import rounded
+from ..runtime.words import coordinates, rounded
 from ..sheets.blank import Blank, Part
 from ..sheets.stack import Stack
 from ..tools.primitives import Plane
 from ..tools.tool import Tool
+from ..tools.values import checked_vector
 from .flange import Flange
+from .regions import EDGES
 from .stacking import least_corner
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -125,7 +128,8 @@ class PressureHolder(_Declared):
     """A pressure [MPa] on what lies under the die's flange; on a stack where all sheets lie on one
     another. pressure: a number, or a function of the load factor, the share of the stroke.
     where: function of present positions (3, n) [mm] to a mask (n,), for a segment of a holder.
-    Where segments overlap, their pressures add up."""
+    Where segments overlap, their pressures add up. against: in a `Press`, the name of the tool on
+    which it presses the blank."""
 
     OPTION: ClassVar[str] = "holder_pressure"
 
@@ -133,6 +137,7 @@ class PressureHolder(_Declared):
         2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", GROUP, PRESSURE
     )
     where: Where | None = None
+    against: str = ""
 
     def _check(self):
         return [] if callable(self.pressure) else super()._check()
@@ -152,6 +157,11 @@ class PressureHolder(_Declared):
         )
         if not isinstance(rim.blank, Stack):
             return [pressure]
+        if rim.up[2] < 0:
+            raise InputError(
+                f"`PressureHolder` presses a stack downwards on {rim.die.name}; allowed is a die "
+                "above the stack, so the press upside down, or a holder that is a tool with a force"
+            )
         # what reaches beyond the lowest ply can't sink below the holder's face
         face = Tool(Plane(-rim.thickness / 2 * rim.up, rim.up), name=f"{rim.name}'s face")
         below = [rim.contact(face, where).on(name) for name in rim.rims[:1]]
@@ -162,12 +172,13 @@ class PressureHolder(_Declared):
 class ForceHolder(_Declared):
     """A plate that pushes the blank to the die by a force on the whole ply [N]. where: function of
     points (3, n) [mm] of the flat blank to a mask (n,), the nodes that a segment touches. A node
-    that several segments touch bears the forces of all."""
+    that several segments touch bears the forces of all. against: as in `PressureHolder`."""
 
     OPTION: ClassVar[str] = "holder_force"
 
     force: float = number(1e5, POSITIVE, "force on the whole ply [N]", GROUP)
     where: Where | None = None
+    against: str = ""
 
     def terms(self, rim: Rim) -> list[Term]:
         """As in `Holder`."""
@@ -180,7 +191,7 @@ class ForceHolder(_Declared):
 @dataclass(frozen=True)
 class GapHolder(_Declared):
     """A plate on the blank's other side, at a fixed distance from the die [mm], by default 1.1
-    thicknesses. where: as in `ForceHolder`."""
+    thicknesses. where: as in `ForceHolder`; against: as in `PressureHolder`."""
 
     OPTION: ClassVar[str] = "holder_gap"
 
@@ -188,6 +199,7 @@ class GapHolder(_Declared):
         None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]", GROUP
     )
     where: Where | None = None
+    against: str = ""
 
     def terms(self, rim: Rim) -> list[Term]:
         """As in `Holder`; InputError for a gap below half a thickness."""
@@ -205,23 +217,24 @@ class GapHolder(_Declared):
 
 @dataclass(frozen=True)
 class Grippers(_Declared):
-    """A pull [N/mm] at the edges of a rectangular blank, outwards and within its plane. where: as
-    in `ForceHolder`, edges that are gripped."""
+    """A pull [N/mm] at the edges of a rectangular blank, outwards and within its plane. edges:
+    those that are gripped (`regions.EDGES`), by default all; where: as in `ForceHolder`, parts of
+    them."""
 
     OPTION: ClassVar[str] = "gripper_tension"
 
     tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]", GROUP)
     where: Where | None = None
+    edges: Sequence[str] = tuple(EDGES)
 
     def terms(self, rim: Rim) -> list[Term]:
         """As in `Holder`; InputError if no edge is gripped."""
-        low, high = rim.blank.extent()
-        where = self._checked_where(rim)
+        where, ends = self._checked_where(rim), rim.blank.extent()
+        named = [EDGES[name] for name in self.edges]
         edges = [
-            (_edge(axis, place, where), sign * np.eye(3)[axis])
-            for axis in (0, 1)
-            for place, sign in ((low[axis], -1.0), (high[axis], 1.0))
-            if sign > 0 or rim.whole
+            (_edge(axis, ends[end][axis], where), (2 * end - 1) * np.eye(3)[axis])
+            for axis, end in named
+            if end or rim.whole
         ]
         owned = rim.blank.V.dofmap.index_map.size_local
         x, comm = rim.blank.coordinates()[:owned].T, rim.blank.mesh.comm
@@ -234,6 +247,58 @@ class Grippers(_Declared):
             )
         return [EdgeTension(self.tension, direction, edge) for edge, direction in gripped]
 
+
+@dataclass(frozen=True)
+class SpringHolder:
+    """Springs, each of a `stiffness` [N/mm] and `preload` [N], that pull the blank outwards to
+    fixed anchors `length` [mm] from it: along each of the `edges` (`regions.EDGES`) parallel ones,
+    which count as one together, and one at each of the points `at` (x, y) [mm] of the flat blank,
+    away from the origin. All are of the whole blank. On a stack the sheets share each spring."""
+
+    stiffness: float = number(None, FROM_ZERO, "of each spring [N/mm]")
+    preload: float = number(0.0, FROM_ZERO, "pull of each at the start [N]")
+    length: float = number(100.0, POSITIVE, "of each at the start [mm]")
+    edges: Sequence[str] = ()
+    at: Sequence[Sequence[float]] = ()
+
+    def __post_init__(self) -> None:
+        check_fields(self, "{} of `SpringHolder`".format)
+        points = [checked_vector("at of `SpringHolder`", each, True, 2) for each in self.at]
+        if not (points or self.edges):
+            raise InputError("`SpringHolder` holds nothing; allowed are `edges` or points `at`")
+
+    def terms(self, rim: Rim) -> list[Term]:
+        """As in `Holder`; InputError for a point that a quarter does not have."""
+        ends, parts = rim.blank.extent(), list(rim.blank.parts.values()) or [rim.blank.whole]
+        half = 1.0 if rim.whole else 0.5  # of what a plane of symmetry cuts
+        found = [
+            (_edge(axis, ends[end][axis], None), (2 * end - 1) * np.eye(3)[axis], half, name)
+            for name, (axis, end) in ((name, EDGES[name]) for name in self.edges)
+            if end or rim.whole
+        ]
+        for k, place in enumerate(self.at, 1):
+            x = np.append(np.asarray(place, dtype=float), 0.0)
+            if not rim.whole and (x < 0).any():
+                raise InputError(
+                    f"at of `SpringHolder` has the point {coordinates(x[:2])} mm, which is not in "
+                    "the quarter; allowed are x and y from 0"
+                )
+            share = half ** int((x[:2] == 0).sum())
+            near = nearest_nodes(parts, (x[0], x[1]))
+            found.append((near, x / np.linalg.norm(x), share, f"point {k}"))
+        return [
+            Springs(
+                where,
+                share * self.stiffness,
+                share * self.preload,
+                arm=self.length * direction,
+                name=f"{rim.name}, {name}",
+            )
+            for where, direction, share, name in found
+        ]
+
+
+PULLING = Grippers, SpringHolder  # which press the blank on nothing
 
 # by their names on the command line
 HOLDERS: dict[str, type] = {

@@ -9,6 +9,7 @@ import numpy as np
 from ..job.job import Result
 from ..scene import reports
 from ..sheets.blank import Part
+from ..tools.tool import Tool
 
 STRETCHING = "strain", "metal", "plastic"  # energies that regularisation is measured by
 
@@ -17,16 +18,25 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
     """Forces, penetrations, shear, strains, draw-in and, once the tools are closed, wrinkles; of
     metal thinning, plastic strain and stress. Those of a stack are over all its plies, and each
     one's are in `plies`."""
-    rows, scene = result.rows, forming.scene
-    total = sum((reports.tool_force(scene, term.tool) for term in forming.pressing), np.zeros(3))
-    kept = sum(rows[-1].get(f"{kind}_energy_Nmm", 0.0) for kind in STRETCHING)
-    force = rows[-1]["reaction_N"]
+    force = result.rows[-1]["reaction_N"]
     found = {
         "punch_force_N": force,
         "punch_force_of_whole_ply_N": force / forming.modelled(),
         "contact_forces_N": {
             term.tool.name: float(np.linalg.norm(term.force())) for term in forming.pressing
         },
+    }
+    closed = forming.closes and result.rows[-1]["load"] == 1
+    plies = of_plies(forming, result, forming.punch_tool, closed)
+    return found | of_contact(forming, result) | plies
+
+
+def of_contact(forming: Any, result: Result) -> dict[str, Any]:
+    """What speaks for or against the contact with tools in a run of a `BetweenTools`."""
+    rows, scene = result.rows, forming.scene
+    total = sum((reports.tool_force(scene, term.tool) for term in forming.pressing), np.zeros(3))
+    kept = sum(rows[-1].get(f"{kind}_energy_Nmm", 0.0) for kind in STRETCHING)
+    return {
         "unbalanced_force_N": float(abs(total[2])),
         "penalty_N_per_mm3": forming.penalty,
         "penetration_mm": max(contact.penetration() for contact in forming.contacts),
@@ -35,15 +45,14 @@ def quantities(forming: Any, result: Result) -> dict[str, Any]:
         "sticking_slip_mm": forming.slip if forming.friction else None,
         "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,
     }
-    return found | _of_plies(forming, result)
 
 
-def _of_plies(forming, result):
-    """Of the one ply, or of a stack over all plies and of each."""
+def of_plies(forming: Any, result: Result, tool: Tool, closed: bool) -> dict[str, Any]:
+    """Of the one ply, or of a stack over all plies and of each. tool: which wrinkles are measured
+    from, if it is `closed`."""
     from ..results import formed
 
     parts = forming.blank.parts or {"": forming.blank.whole}
-    closed = forming.closes and result.rows[-1]["load"] == 1
     plies, below = {}, 0.0
     fabrics: list[Part] = []
     metals: list[Part] = []
@@ -53,7 +62,7 @@ def _of_plies(forming, result):
         of_cells = formed.metal_quantities if ply.metal else formed.fabric_quantities
         middle = below + thickness / 2
         plies[name] = of_cells(result, [part])
-        plies[name] |= formed.shape(result, part, forming.punch_tool, middle, closed)
+        plies[name] |= formed.shape(result, part, tool, middle, closed)
         below += thickness
     if not forming.stack:
         return plies[""]

@@ -180,10 +180,11 @@ def read_plies(path: str | os.PathLike[str]) -> list[Ply]:
             "with a table [[ply]] for each ply"
         )
     folder = Path(path).parent
-    return read_toml(path, lambda document: _plies(document, folder))
+    return read_toml(path, lambda document: plies_of(document, folder))
 
 
-def _plies(document: Mapping[str, Any], folder: Path) -> list[Ply]:
+def plies_of(document: Mapping[str, Any], folder: Path) -> list[Ply]:
+    """The plies of a stack file's `document`, whose other files may lie in the `folder`."""
     for key in document:
         if key not in ("ply", "unit"):
             raise unknown_key(key, ("ply", "unit"), f"key {shown(key)}")

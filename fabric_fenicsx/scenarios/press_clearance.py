@@ -1,0 +1,70 @@
+"""Whether the tools of a press leave the blank room between them."""
+
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from ..runtime.errors import InputError
+from ..runtime.words import coordinates, rounded
+from .punch import PRESSED
+
+ACROSS = 60  # points across the blank, at which the distance of two tools is asked
+
+
+def check_clearances(press: Any) -> None:
+    """Raise InputError on all ranks if two tools of a `Press`, on either side of its blank, go
+    through one another at the end of a stage; warn if they leave it less room than it needs.
+
+    Of tools that a force moves the place is not known.
+    """
+    course, comm = press.course, press.comm
+    tools = [tool for tool in press.rigid if not tool.force]
+    low, high = press.extent
+    pressed = sum(ply.thickness_under(PRESSED) for ply in press.plies)
+    wrong = ""
+    if comm.rank == 0:
+        for one, two in combinations(tools, 2):
+            below, above = (press.tools[each.name].side for each in (one, two))
+            if below == above or wrong:
+                continue
+            for k, load in enumerate(course.joints):
+                found = _least_distance(one, two, low, high, load)
+                if not found or wrong:
+                    break
+                distance, place = found
+                when = f"at the end of {course.stages[k - 1].name or f'stage {k}'}"
+                when = when if k else "before anything moves"
+                if distance < 0:
+                    wrong = (
+                        f"tools {one.name} and {two.name} go {rounded(-distance, 4)} mm through "
+                        f"one another {when}, at {coordinates(place)} mm; allowed is a distance "
+                        f"from {rounded(pressed, 4)} mm, the blank's thickness under {PRESSED:g} "
+                        "MPa: less travel, or another place (`at`)"
+                    )
+                elif k and distance < (1 - 1e-6) * pressed:
+                    press.warnings.append(
+                        f"tools {one.name} and {two.name} are {rounded(distance, 4)} mm apart "
+                        f"{when}, at {coordinates(place)} mm, less than the blank's thickness "
+                        f"under {PRESSED:g} MPa, {rounded(pressed, 4)} mm: they crush it there"
+                    )
+    wrong, press.warnings[:] = comm.bcast((wrong, press.warnings))
+    if wrong:
+        raise InputError(wrong)
+
+
+def _least_distance(one, two, low, high, load):
+    """The least distance [mm] of two tools over the blank at a load factor, and its place; None if
+    the first has no point there."""
+    size = float((high - low).max())
+    place, other = np.asarray(one.path(load)), np.asarray(two.path(load))
+    room = np.array([0.0, 0.0, 2 * size])
+    points, _, _ = one.surface.mesh(low - room - place, high + room - place, size / ACROSS)
+    x = points + place
+    x = x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
+    if not len(x):
+        return None
+    gap = two.surface.evaluate(x - other).gap
+    gap = np.where(np.isfinite(gap), gap, np.inf)
+    worst = int(gap.argmin())
+    return float(gap[worst]), x[worst]

@@ -1,0 +1,66 @@
+"""What a run of a press tells: its numbers, and its pictures."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..job.job import Result
+from ..results import measures
+from ..results.shortening import shortening
+from ..scene import reports
+from . import measuring
+
+
+def quantities(press: Any, result: Result) -> dict[str, Any]:
+    """Of a `Press`: the force of the leading tool and of each tool along z, on what is modelled and
+    on the whole blank [N]; contact, shear, strains, draw-in; and `wrinkles`: how much compression
+    shortens yarns in the mean over the fabric's area, and the length that a yarn loses so."""
+    rows, share = result.rows, press.modelled()
+    force = rows[-1]["reaction_N"]
+    found = {
+        "force_N": force,
+        "force_of_whole_blank_N": force / share,
+        "tool_forces_of_whole_blank_N": {
+            term.tool.name: float(reports.tool_force(press.scene, term.tool)[2]) / share
+            for term in press.pressing
+        },
+    }
+    tool = press.leader(1.0)
+    plies = measuring.of_plies(press, result, tool, False)
+    found |= measuring.of_contact(press, result) | plies
+    return found | {"wrinkles": _wrinkles(press, result, plies)}
+
+
+def _wrinkles(press, result, found):
+    blank = press.blank
+    parts = list(blank.parts.values()) or [blank.whole]
+    of_fabric = [part.cells for part, ply in zip(parts, press.plies) if ply.fabric]
+    if not of_fabric:
+        return None
+    cells = np.concatenate(of_fabric)
+    short, areas = shortening(result.fields)[cells], measures.areas(blank)[cells]
+    return {
+        "shortening": measures.mean(press.comm, short, areas),
+        "excess_length_mm": found.get("excess_length_mm"),
+    }
+
+
+def draw_setup(press: Any, folder: Path) -> None:
+    """setup.png: the tools of a `Press` and its flat blank before anything moves."""
+
+
+def draw(press: Any, result: Result, folder: Path) -> None:
+    """The stroke, the formed plies, thickness and shortening of a `Press`."""
+    from ..results import formed
+
+    angles = [
+        (ply.fibre_angle, ply.fibre_angle + ply.yarn_angle) if ply.fabric else ()
+        for ply in press.plies
+    ]
+    tool = press.leader(1.0)
+    low, high = press.extent
+    room = np.array([0.0, 0.0, float((high - low).max())])
+    mesh = formed.tool_mesh(tool, low - room - tool.displacement, high + room - tool.displacement)
+    formed.draw_plies(folder, result.grids, angles, mesh)
+    formed.draw_compared(folder, result.grids, tool)

@@ -1,0 +1,23 @@
+"""Forming in a press of your own: blank, tools, holders and stages from a file."""
+
+from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
+from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.runtime.words import percent
+
+
+def main(study: PressStudy):
+    press = study.press()
+    result = study.run(press)
+    found = result.summary["quantities"]
+    study.say(
+        f"{study.args.out}: {press.force_name()} {result.told('force_N', '.5g')} N"
+        f"{press.of_whole(found)}, largest shear angle "
+        f"{result.told('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
+        f"{result.told('shear_angle_99_percent_deg', '.2f')}), draw-in "
+        f"{result.told('draw_in.largest_mm', '.2f')} mm, yarns shortened by "
+        f"{percent(found['wrinkles']['shortening'], 3)} in the mean"
+    )
+
+
+if __name__ == "__main__":
+    run("form", press_parser(__doc__), main, PressStudy)
