@@ -1,0 +1,180 @@
+"""Presses of a user's own tools: from files, in stages, with all that may be wrong with them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fabric_fenicsx as ff
+
+PRESSES = Path(ff.__file__).parent / "studies/presses"
+HEMISPHERE = PRESSES / "hemisphere.toml"
+
+
+def hemisphere(*changes, **fields):
+    return ff.Press.read(HEMISPHERE, changes, **fields)
+
+
+def changed(tmp_path, *pairs, file=HEMISPHERE):
+    """A press file with other text in it."""
+    text = file.read_text()
+    for before, after in pairs:
+        assert before in text
+        text = text.replace(before, after)
+    path = tmp_path / "press.toml"
+    path.write_text(text)
+    return path
+
+
+def formed(press, folder, **settings):
+    return press.job(**settings).run(folder, pictures=False)
+
+
+def test_tools_touch_the_blank_at_first_and_move_towards_it():
+    press = hemisphere("blank.nx=4")
+    half = press.thickness / 2
+    punch, ring = press.rigid
+    assert punch.path(0)[2] == pytest.approx(-50 - half)
+    assert punch.path(1)[2] == pytest.approx(-10 - half)
+    assert ring.path(0)[2] == ring.path(1)[2] == pytest.approx(half)
+
+
+def test_a_press_may_be_upside_down(tmp_path):
+    """A punch from above through a ring below: same forces, other signs."""
+    below = formed(hemisphere("blank.nx=4"), tmp_path / "below", steps=4)
+    over = changed(
+        tmp_path, ('side = "above"', 'side = "below"'), ("radius = 50", 'radius = 50\nside="above"')
+    )
+    above = formed(ff.Press.read(over, ["blank.nx=4"]), tmp_path / "above", steps=4)
+    force = below.number("force_N")
+    assert above.number("force_N") == pytest.approx(force, rel=1e-9)
+    names = "punch", "ring", "holder"
+    one, two = (
+        [r.summary["quantities"]["tool_forces_of_whole_blank_N"][n] for n in names]
+        for r in (below, above)
+    )
+    assert one == pytest.approx([-each for each in two], rel=1e-9)
+    assert sum(one) == pytest.approx(0, abs=1e-6 * abs(one[1]))
+
+
+def test_a_matched_die_is_that_of_forming(tmp_path):
+    """The double dome from its file and from `Forming`."""
+    press = ff.Press.read(PRESSES / "double_dome.toml", ["blank.nx=6"])
+    forming = ff.Forming(nx=6)
+    one = formed(press, tmp_path / "press", steps=6, balance=None)
+    two = formed(forming, tmp_path / "forming", steps=6, balance=None)
+    assert one.number("force_N") == pytest.approx(two.number("punch_force_N"), rel=1e-4)
+    angle = "shear_angle_max_deg"
+    assert one.number(angle) == pytest.approx(two.number(angle), abs=1e-3)
+
+
+def test_the_net_of_stiff_yarns_over_an_open_ring(tmp_path):
+    """As exact as over the closed dome: within 0.25 deg r.m.s. on 6 quadratic cells a side."""
+    from nets import spherical_net
+
+    yarn = ff.Yarn(b=2e4, d=20.0)
+    stiff = ff.WovenFabric(yarn, yarn, s1=0.01, thickness=0.4)
+    changes = ["blank.nx=6", "blank.element=P2", "holder.pressure=0.05", "contact.friction=0.02"]
+    press = hemisphere(*changes, fabric=stiff, bending_modulus=20.0)
+    grid = formed(press, tmp_path, steps=12, balance=None, path_tolerance=1e-3).grid
+    radius = 50 + press.thickness / 2
+    u, v, _ = grid.cell_centers().points.T
+    on = np.hypot(u, v) < 0.9 * radius
+    exact = spherical_net.shear_angle(u[on], v[on], radius)
+    off = np.degrees(abs(grid["shear_angle"][on]) - exact)
+    assert np.degrees(exact.max()) > 20
+    assert np.sqrt((off**2).mean()) < 0.25
+
+
+def test_a_tool_comes_holds_and_leaves():
+    stages = [
+        ff.Stage("up", moves={"punch": 10}, steps=2),
+        ff.Stage("hold", pressures={"holder": 0.1}, steps=1),
+        ff.Stage("back", leave=["punch"], steps=1),
+    ]
+    press = hemisphere("blank.nx=4", stages=stages)
+    path, z = press.rigid[0].path, press.rigid[0].path(0)[2]
+    heights = [path(load)[2] - z for load in (0, 0.25, 0.5, 0.75, 1)]
+    assert heights == pytest.approx([0, 5, 10, 10, 0])
+    assert [press.course.pressure("holder")(k) for k in (0, 0.5, 0.75, 1)] == pytest.approx(
+        [0.02, 0.02, 0.1, 0.1]
+    )
+    assert press.job().milestones == (0.5, 0.75)
+    assert [press.course.travel(load) for load in (0.5, 0.75, 1)] == pytest.approx([10, 10, 20])
+
+
+def test_segments_of_a_holder_press_as_one_does(tmp_path):
+    segments = '[holders.{}]\npressure = 0.02\nwhere = {{ angle = [{}, {}] }}\n'
+    two = segments.format("left", 45, 180) + segments.format("right", -180, 44.999)
+    path = changed(
+        tmp_path,
+        ("[holders.holder]\npressure = 0.02       # on what lies on the ring [MPa]\n", two),
+    )
+    forces = [
+        formed(press, None, steps=2).number("force_N")
+        for press in (
+            hemisphere("blank.nx=4", "stage.forming.moves.punch=10"),
+            ff.Press.read(path, ["blank.nx=4", "stage.forming.moves.punch=10"]),
+        )
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-2)
+
+
+def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
+    """The force of a tool is that on the whole blank."""
+    ring = '[tools.lower]\nshape = "plate"\nlength = 108\nentry = 8\nforce = 450\n'
+    held = "[holders.holder]\npressure = 0.02       # on what lies on the ring [MPa]\n"
+    path = changed(tmp_path, (held, ring))
+    changes = ["blank.nx=6", "stage.forming.moves.punch=15"]
+    by_force = formed(ff.Press.read(path, changes), None, steps=3, balance=None)
+    by_pressure = formed(hemisphere(*changes), None, steps=3, balance=None)
+    forces = by_force.summary["quantities"]["tool_forces_of_whole_blank_N"]
+    assert forces["lower"] == pytest.approx(450, rel=1e-6)
+    assert by_force.number("force_N") == pytest.approx(by_pressure.number("force_N"), rel=0.2)
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        (["tools.punch.at=[300, 0]"], "punch does not meet the blank .*allowed is `at`"),
+        (
+            ["tools.punch.at=[0, 0, -40]"],
+            r"cuts into the blank by 10.54 mm .*allowed is z of `at` up to -50.5371",
+        ),
+        (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*or turn = \[180, 0, 0\]"),
+        (["tools.ring.length=60"], "punch and ring go 13.* mm through one another at the end of f"),
+        (["tools.punch.radios=3"], r"tools.punch.radios is unknown \(did you mean radius\?\)"),
+        (["tool.punch.radius=3"], r"tool of the file is unknown \(did you mean tools\?\)"),
+        (["tools.punch.side=up"], r"\[tools.punch\] side of a tool is 'up'; allowed is below or"),
+        (["tools.punch.shape=ball"], "shape ball is unknown; allowed are sphere, "),
+        (["stage.forming.moves.pnch=3"], r"tool pnch of forming is unknown \(did you mean punch"),
+        (["stage.forming.steps=three"], "steps of forming is 'three'; allowed is a whole number"),
+        (["stage.forming.forces={punch=3}"], "names nothing that has a force from the start"),
+        (["stage.forming.leave=['punch']"], "moves and leaves; allowed is one of them"),
+        (["holder.force=3"], "has pressure and force; allowed is one of pressure, force, gap"),
+        (["holder.pressure=-1"], "pressure of `PressureHolder` is -1; allowed is a number from 0"),
+        (["holder.against=punch"], "is against tool punch, which moves; allowed is one that stand"),
+        (["holder.where={z=[0, 1]}"], "where.z is unknown; allowed are x, y, r, angle"),
+        (["holder.where={x=[2, 1]}"], "allowed is the smaller number first"),
+        (["blank.fabric=none.toml"], "material 'none.toml' is unknown"),
+        (["blank.outline=none.dxf"], "no file; allowed is one beside the press file"),
+        (["unit=m"], "unit is 'm'; allowed is a line `unit = "),
+        (["tools.punch"], "is no KEY=VALUE; allowed is a dotted key"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_file_and_key(changes, words):
+    with pytest.raises(ff.InputError, match=rf"hemisphere.toml: .*{words}"):
+        hemisphere(*changes)
+
+
+def test_a_punch_from_cad_stands_by_itself(tmp_path):
+    """An STL whose triangles face away is turned round, a flat back is told of."""
+    import pyvista
+
+    ball = pyvista.Sphere(radius=50, theta_resolution=120, phi_resolution=120)
+    cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=False).extract_surface()
+    cap = cap.triangulate().flip_faces()
+    cap.save(tmp_path / "cap.stl")
+    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "cap.stl"'))
+    press = ff.Press.read(path, ["blank.nx=4"])
+    assert press.rigid[0].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
