@@ -44,7 +44,7 @@ def test_nothing_is_imported_before_it_is_used():
 
 
 def test_a_strip_is_pulled_without_compiled_loops(tmp_path):
-    """That numba itself is not imported cannot be asked: dolfinx 0.9 does so where it is installed."""
+    """Numba itself can't be asked for: dolfinx 0.9 imports it where it is installed."""
     code = (
         "import sys, fabric_fenicsx as ff\n"
         "test = ff.BiasExtension(ff.load('komeili'), nx=4, element='P1', strain=0.01)\n"

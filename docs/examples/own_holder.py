@@ -10,7 +10,7 @@ import fabric_fenicsx as ff
 
 
 class Cushion:
-    """A holder of your own: its method `terms` is told of the blank's rim, and makes what it likes."""
+    """A holder of your own: its method `terms` is told of the rim, and makes what it likes."""
 
     def terms(self, rim):
         flange = rim.on_flange()

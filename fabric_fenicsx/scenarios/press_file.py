@@ -84,6 +84,8 @@ def _change(document, change):
         names[:1] = ["holders", next(iter(document["holders"]))]
     if not equals or not all(names):
         raise InputError(f"change {shown(change)} is no KEY=VALUE; allowed is a dotted key")
+    if names[0] in TABLES:
+        document.setdefault(names[0], {})
     table: Any = document
     for depth, name in enumerate(names[:-1]):
         if isinstance(table, list):
