@@ -19,9 +19,10 @@ COMMANDS = {
     "list": "the studies, and where their example data are",
     "export": "DIR FILE: formed plies and yarn directions of results, to a .vtu or .inp (Abaqus)",
     "pattern": "DIR: the flat pattern of a trimmed part (fabric pattern --help tells more)",
+    "view": "DIR: formed plies and tools in a window, or a page for a browser (--help)",
     "sweep": "runs of a press file with several values, side by side; see its --help",
 }
-PARSED = ("pattern",)  # those with options, each a module here with `run(words)`
+PARSED = ("pattern", "view")  # those with options, each a module here with `run(words)`
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -55,6 +56,8 @@ def main(argv: list[str] | None = None) -> int:
         if argv and argv[0] in PARSED:
             if speaks:
                 import_module(f"{__package__}.{argv[0]}").run(argv[1:])
+            if comm is not None:
+                comm.Barrier()  # as where the first meets an error
             return 0
         given = parser.parse_args(argv or ["--help"])
         command = given.command

@@ -2,7 +2,7 @@
 formed plies. Quarters are mirrored, but in maps."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -164,7 +164,7 @@ def _scene(plies, tools):
         if isinstance(tool, Tool):
             start = np.where(np.isin(np.arange(3), planes), -room / 2, low)
             tool = triangulated(tool, start, high).translate(tool.displacement)
-        surfaces[name] = _mirrored(tool, planes)
+        surfaces[name] = mirrored(tool, planes)
     middle = np.mean([surface.points[:, 2].mean() for surface in plies.values()])
     above = {name: surface.center[2] > middle for name, surface in surfaces.items()}
     return _Scene(plies, surfaces, above, _bounds([*plies.values(), *surfaces.values()]))
@@ -175,7 +175,7 @@ def _bounds(surfaces):
     return tuple(np.column_stack([ends[:, :, 0].min(0), ends[:, :, 1].max(0)]).ravel())
 
 
-def _mirrored(surface, planes):
+def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyData:
     """What of a surface is in x >= 0 or y >= 0, where these are `planes` of symmetry, and its
     images."""
     for axis in planes:
@@ -186,7 +186,8 @@ def _mirrored(surface, planes):
         points = np.vstack([points, points * (1 - 2 * normal)])
         faces = np.vstack([faces, faces[:, ::-1] + half.n_points])
         surface = pyvista.PolyData.from_regular_faces(points, faces)
-    return surface.clean() if len(planes) else surface
+        surface = surface.clean()
+    return surface
 
 
 # -- in space

@@ -48,6 +48,7 @@ def test_the_pattern_of_a_flat_ply_is_the_trim_line():
     assert pattern.formed_area == pytest.approx(800, rel=1e-12)
 
 
+@pytest.mark.versions
 def test_cells_are_split_along_the_line_and_keep_their_fields():
     grid, line = ply(), SQUARE + [0.3, 0.2, 0]
     part = flat_pattern(grid, [line], 0.1).part
@@ -70,6 +71,7 @@ def test_a_hole_of_the_ply_stays():
     assert pattern.area == pytest.approx(pattern.formed_area) and pattern.area == pytest.approx(700)
 
 
+@pytest.mark.versions
 @pytest.mark.parametrize("half, error", [(30.0, 1e-9), (30.7, 5e-4)])  # at nodes, between them
 def test_a_plane_cuts_a_rolled_ply_to_a_rectangle(half, error):
     depth = RADIUS * (np.cos(half / RADIUS) - 1)
@@ -90,6 +92,7 @@ def test_an_oblique_plane_cuts_a_rolled_ply_along_a_cosine():
     assert y[inside] == pytest.approx((RADIUS * (np.cos(x[inside] / RADIUS) - 1) + 20) / m, abs=0.3)
 
 
+@pytest.mark.versions
 def test_a_line_on_a_rolled_ply_unrolls():
     t = np.linspace(0, 2 * np.pi, 721)
     flat = np.column_stack([40 * np.cos(t), 30 * np.sin(t), 0 * t])
@@ -110,7 +113,7 @@ def test_a_line_without_z_is_projected():
 def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
     quarter = flat_pattern(ply(rolled, low=(0.0, 0.0), nx=20), trim, 0.2)
     full = flat_pattern(ply(rolled), trim, 0.2)
-    assert quarter.net.bounds == pytest.approx(full.net.bounds, abs=1e-6)
+    assert quarter.net.bounds == pytest.approx(full.net.bounds, abs=1e-4)
     assert quarter.area == pytest.approx(full.area, rel=1e-5)
     assert quarter.formed_area == pytest.approx(full.formed_area, rel=1e-5)
 
@@ -147,6 +150,7 @@ def test_a_plane_must_cut_the_ply():
         flat_pattern(ply(), Plane((0, 0, 5), (0, 0, 1)), 0.5)
 
 
+@pytest.mark.versions
 def test_files_are_blanks_again(tmp_path):
     pattern = flat_pattern(ply(rolled), [rolled(dense(SQUARE)), rolled(dense(SQUARE / 2))], 0.5)
     drawing, table, part = write_pattern(tmp_path / "net", pattern, {"number": "-"})

@@ -76,6 +76,7 @@ def test_the_setup_shows_each_tool_in_its_colour(tmp_path):
     assert ball > 2000 and lid > 2000 and none < 1000
 
 
+@pytest.mark.versions
 def test_a_setup_is_drawn_from_a_folder(tmp_path, run, capfd):
     first = structural.states(run)[0]
     press_pictures.setup_picture(tmp_path / "setup.png", first.plies(), first.tools())
@@ -126,6 +127,7 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
     assert 0.02 < changed < 0.9
 
 
+@pytest.mark.versions
 def test_a_filmstrip_is_drawn(tmp_path, run, capfd):
     press_pictures.filmstrip(tmp_path / "filmstrip.png", run, captions={1.0: "done"})
     assert matplotlib.image.imread(tmp_path / "filmstrip.png").shape[1] == 1600
@@ -152,5 +154,5 @@ def test_a_report_shows_the_setup_first():
 
 def test_a_surface_on_both_sides_of_a_mirror_is_cut_there():
     plane = pyvista.Plane(i_size=30, j_size=10, i_resolution=3, j_resolution=3).triangulate()
-    plane = press_pictures._mirrored(plane.translate((5.0, 0, 0)), [0])
+    plane = press_pictures.mirrored(plane.translate((5.0, 0, 0)), [0])
     assert plane.bounds[:2] == pytest.approx((-20, 20)) and plane.area == pytest.approx(400)
