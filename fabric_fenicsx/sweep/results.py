@@ -83,7 +83,14 @@ def headlines(runs: Sequence[Run], asked: Sequence[str] = ()) -> dict[str, str]:
     """Headline quantities {name: label} that any of the runs has, those `asked` for first."""
     known = {name for run in runs for name in run.numbers()}
     names = dict.fromkeys(asked) | HEADLINES
-    return {name: HEADLINES.get(name) or name for name in names if name in known}
+    told = HEADLINES | {"reaction_N": f"{_force_name(runs)} [N]"}
+    return {name: told.get(name) or name for name in names if name in known}
+
+
+def _force_name(runs):
+    """What the force is of, if it is the same in all runs."""
+    names = {run.summary().get("reaction_is", "force") for run in runs if run.summary()}
+    return names.pop() if len(names) == 1 else "force"
 
 
 def draw(folder: Path, runs: Sequence[Run], asked: Sequence[str] = ()) -> None:
@@ -115,9 +122,7 @@ def _draw_curves(path, runs):
     series = {run.label: (*_history(run), styles[run.is_believed()]) for run in runs}
     series = {name: curve for name, curve in series.items() if curve[0]}
     if series:
-        what = {run.summary().get("reaction_is", "force") for run in runs}
-        force = what.pop() if len(what) == 1 else "force"
-        curves(path, series, "displacement / mm", f"{force} / N")
+        curves(path, series, "displacement / mm", f"{_force_name(runs)} / N")
 
 
 def _draw_trends(path, runs, names):

@@ -296,7 +296,7 @@ def test_pictures_and_a_page_with_links(run):
     page = Path("out/report.html").read_text()
     assert Path("out/curves.png").exists() and Path("out/trends.png").exists()
     assert page.count("data:image/png") == 2 and not Path("out/maps.png").exists()
-    assert "4 runs, 3 of them believed" in page
+    assert "4 runs, 3 of them believed" in page and "<th>punch force [N]</th>" in page
     assert "ended at load 0.5: no step is small enough" in page
 
 
