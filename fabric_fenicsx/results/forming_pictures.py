@@ -207,14 +207,14 @@ def screen() -> Iterator[None]:
 
 
 @contextmanager
-def drawing() -> Iterator[pyvista.Plotter]:
-    """A plotter without a window, on white. Raises InputError where VTK finds nothing to draw
-    on."""
+def drawing(size: tuple[int, int] = SCREEN) -> Iterator[pyvista.Plotter]:
+    """A plotter of `size` [pixels] without a window, on white. Raises InputError where VTK finds
+    nothing to draw on."""
     with screen():
         verbosity = vtkLogger.GetCurrentVerbosityCutoff()
         # VTK warns of no screen before it does without
         vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-        plotter = pyvista.Plotter(off_screen=True, window_size=SCREEN)
+        plotter = pyvista.Plotter(off_screen=True, window_size=size)
         try:
             plotter.set_background("white")
             yield plotter

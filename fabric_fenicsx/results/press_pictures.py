@@ -20,7 +20,7 @@ from ..tools.tool import Tool
 from . import forming_pictures, pictures
 from .fields import triangulated
 from .forming import File
-from .forming_pictures import COLOURS, cut_away, draw_ply, draw_yarns, drawing, surface_of
+from .forming_pictures import COLOURS, SCREEN, cut_away, draw_ply, draw_yarns, drawing, surface_of
 from .pictures import plt
 from .ply import SAME, Grid
 from .result import OUTLIERS, of_fabric
@@ -30,7 +30,8 @@ TOOLS = ("#3b6fb6", "#d9822b", "#5aa469", "#8e5ea2", "#b83a3a", "#6b7a8f")
 BLANK = "#e6d8a8"
 VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
 MARGIN = 0.25  # of a tool's surface around the blank, over the blank's size
-LINES = 30  # along a blank, about, in a filmstrip
+PANEL = 1200, 750  # pixels drawn of a state
+LINES = 24  # along a blank, about, in a filmstrip
 THICKNESS = "thickness_under_pressure"
 
 
@@ -130,7 +131,10 @@ def filmstrip(
     )
     towards = np.array(view, float) / np.linalg.norm(view)
     images = _cropped(
-        [_image(lambda p, s=s: _draw_state(p, s, limit, spacing, towards), s, view) for s in scenes]
+        [
+            _image(lambda p, s=s: _draw_state(p, s, limit, spacing, towards), s, view, PANEL)
+            for s in scenes
+        ]
     )
     _strip(
         path, images, [words.get(state.load, f"load {state.load:.3g}") for state in shown], limit
@@ -193,15 +197,16 @@ def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyDa
 # -- in space
 
 
-def _image(draw, scene, view=VIEW):
+def _image(draw, scene, view=VIEW, size=SCREEN):
     """What `draw` adds to a plotter, as an image."""
     towards = np.array(view, float) / np.linalg.norm(view)
-    with drawing() as plotter:
+    with drawing(size) as plotter:
         plotter.disable_anti_aliasing()  # with it depth peeling loses what is translucent
         plotter.enable_depth_peeling(8)
         draw(plotter)
         plotter.view_vector(towards, viewup=(0, 0, 1))
         plotter.reset_camera(bounds=scene.bounds)
+        plotter.renderer.ResetCameraClippingRange()  # what is beyond the bounds is drawn, too
         return plotter.screenshot(None, return_img=True)
 
 
@@ -275,7 +280,7 @@ def _draw_state(plotter, scene, limit, spacing, towards):
         if rear.n_cells:
             plotter.add_mesh(rear, color="#8f9aa8", opacity=0.25, **SOLID)
             cut = surface.slice(normal=(0, 1, 0), origin=(0, 1e-3, 0))
-            plotter.add_mesh(cut, color="#4a5360", line_width=4)
+            plotter.add_mesh(cut, color="#4a5360", line_width=2)
 
 
 # -- around these images
