@@ -89,7 +89,8 @@ def test_another_field_is_not_there(run):
 
 
 def test_without_its_package_there_is_no_page(run, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "trame_vtk", None)
+    for name in ("trame_vtk", "trame_vtk.modules.vtk", "trame_vtk.tools.vtksz2html"):
+        monkeypatch.setitem(sys.modules, name, None)
     assert main.main(["view", str(run), "--html", str(run / "page.html")]) == 2
     assert "allowed is `pip install 'fabric_fenicsx[view]'` first" in capsys.readouterr().err
     assert not (run / "page.html").exists()
