@@ -2,7 +2,7 @@
 DOLFINx and starts MPI, which a process that starts others should not.
 
 As a program it takes on standard input a dict in JSON with `press`, `law_file` and `changes`, a
-list for each run; it prints the first sentence of bad input and ends with status 2.
+list for each run; it prints, behind `MARK`, the first sentence of bad input and ends with status 2.
 """
 
 import json
@@ -16,6 +16,8 @@ from ..runtime.errors import InputError
 from ..runtime.ranks import RANKS_ENVIRONMENT
 from .varied import Values, changes, label
 
+MARK = "refused: run "
+
 
 def check(press: Path, values: Sequence[Values], law_file: str | None = None) -> None:
     """Raise InputError, with its sentence, for the first of the runs' values that the press file
@@ -28,8 +30,10 @@ def check(press: Path, values: Sequence[Values], law_file: str | None = None) ->
         text=True,
         env=os.environ | RANKS_ENVIRONMENT,
     )
-    if done.returncode == 2:
-        number, words = done.stdout.rstrip("\n").split(" ", 1)
+    # libraries of MPI may print before and after
+    told = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
+    if done.returncode == 2 and told:
+        number, words = told[0].removeprefix(MARK).split(" ", 1)
         raise InputError(f"run {label(values[int(number)])}: {words}")
 
 
@@ -44,7 +48,7 @@ def _main():
         try:
             read_press(asked["press"], each)
         except InputError as error:
-            print(number, error)
+            print(f"\n{MARK}{number} {error}", flush=True)
             return 2
     return 0
 

@@ -21,6 +21,7 @@ from .check import check
 from .folder import Run, SweepFolder
 from .varied import Values, changes
 
+ENDS = "fabric form: "  # how the line begins that tells why a run ended
 CONSOLE = "console.txt"  # in a run's folder: what it printed
 LOOK = 0.05  # s between looks at whether a run has ended
 READ = 1.0  # s between looks at how far runs have come
@@ -223,9 +224,11 @@ def _load(history):
 
 
 def _last_words(console):
-    """The last line that a run printed, without the name of its program."""
-    text = re.split(r"[\r\n]+", console.read_text(errors="replace").strip())[-1]
-    return re.sub(r"^\S*fabric\S*(?: \w+)?: (?:error: |stopped: )?", "", text) or "no words"
+    """How a run says that it ended, else the last line that it printed; libraries of MPI may print
+    after it."""
+    lines = re.split(r"[\r\n]+", console.read_text(errors="replace").strip())
+    own = [line for line in lines if line.startswith(ENDS)]
+    return re.sub(rf"^{ENDS}(error: |stopped: )?", "", (own or lines)[-1]) or "no words"
 
 
 def _reason(run, words):

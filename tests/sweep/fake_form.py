@@ -19,6 +19,7 @@ pressure = float(values["ring.pressure"])
 friction = float(values.get("tools.punch.friction", 0.2))
 if pressure < 0:
     print("a first line\nfabric form: error: ring.pressure is -1; allowed is a number from 0")
+    print("a library of MPI ends")
     sys.exit(2)
 stopped = []
 signal.signal(signal.SIGTERM, lambda *_: stopped.append("stopped by SIGTERM"))
