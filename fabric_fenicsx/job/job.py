@@ -43,8 +43,8 @@ class Job(JobFields):
       modelled: share of a sheet that symmetry leaves, so that the history tells the whole one's
       force, too
     - quantities: function of a `Result` to what the summary says beside the rest; tables, pictures:
-      what to write and draw of it besides; first_picture: what to draw into the folder before the
-      run
+      what to write and draw of it besides; first_picture: function that draws into the folder
+      before the run, on all ranks
     - warnings: sentences that the run begins with
     - beside: curves drawn into curve.png besides the run's, {label: (displacements [mm], forces
       [N])}
@@ -120,7 +120,7 @@ class Job(JobFields):
                     before = Result(known, notes["rows"], Fields({}), folder, scene)
                     return self._finished_before(output, before, start, notes, problem, pictures)
         run = Run(self, output, folder, newton, checkpoint, start, notes)
-        if self.first_picture and scene.comm.rank == 0 and pictures:
+        if self.first_picture and pictures:
             self.first_picture(folder)
         result = run.to_full_load()
         if run.stopped:

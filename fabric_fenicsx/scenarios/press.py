@@ -49,6 +49,7 @@ class Press(BetweenTools):
     )
     FULL = {"nx": 24, "balance": 0.02}
     QUICK = {"nx": 12, "balance": None}
+    SOLVER = {"path_tolerance": 1e-6, "every": 5}
     DEFAULT_SIZES = (200.0, 200.0)
 
     full: bool = True
@@ -223,7 +224,7 @@ class Press(BetweenTools):
         return press_results.quantities(self, result)
 
     def first_picture(self, folder: Path) -> None:
-        """The tools and the flat blank before anything moves; called on rank 0."""
+        """The tools and the flat blank before anything moves; called on all ranks."""
         from . import press_results
 
         press_results.draw_setup(self, folder)

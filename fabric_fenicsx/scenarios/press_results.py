@@ -1,5 +1,7 @@
 """What a run of a press tells: its numbers, and its pictures."""
 
+import logging
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -7,9 +9,13 @@ import numpy as np
 
 from ..job.job import Result
 from ..results import measures
+from ..results.output import MARKED
 from ..results.shortening import shortening
+from ..runtime.errors import InputError
 from ..scene import reports
 from . import measuring
+
+log = logging.getLogger("fabric_fenicsx")
 
 
 def quantities(press: Any, result: Result) -> dict[str, Any]:
@@ -47,13 +53,26 @@ def _wrinkles(press, result, found):
 
 
 def draw_setup(press: Any, folder: Path) -> None:
-    """setup.png: the tools of a `Press` and its flat blank before anything moves."""
+    """setup.png: the tools of a `Press` and its flat blank before anything moves; called on all
+    ranks."""
+    from ..results import press_pictures
+
+    moves = {name: press.course.first_move(name) for name in press.tools}
+    motions = {name: move for name, move in moves.items() if move.any()}
+    plies = press_pictures.flat_grids(press.blank)
+    if press.comm.rank:
+        return
+    with _told("setup.png"):
+        press_pictures.setup_picture(folder / "setup.png", plies, press.rigid, motions)
 
 
 def draw(press: Any, result: Result, folder: Path) -> None:
-    """The stroke, the formed plies, thickness and shortening of a `Press`."""
-    from ..results import formed
+    """The stroke, the formed plies, thickness and shortening of a `Press`; called on rank 0."""
+    from ..results import formed, press_pictures
 
+    with _told("filmstrip.png"):
+        press_pictures.filmstrip(folder / "filmstrip.png", folder)
+    press_pictures.draw_formed(folder, result.grids)
     angles = [
         (ply.fibre_angle, ply.fibre_angle + ply.yarn_angle) if ply.fabric else ()
         for ply in press.plies
@@ -63,4 +82,12 @@ def draw(press: Any, result: Result, folder: Path) -> None:
     room = np.array([0.0, 0.0, float((high - low).max())])
     mesh = formed.tool_mesh(tool, low - room - tool.displacement, high + room - tool.displacement)
     formed.draw_plies(folder, result.grids, angles, mesh)
-    formed.draw_compared(folder, result.grids, tool)
+
+
+@contextmanager
+def _told(picture):
+    """Where nothing can be drawn on, that is said and no reason to lose a run."""
+    try:
+        yield
+    except InputError as error:
+        log.warning("%s was not drawn: %s", picture, error, extra=MARKED)

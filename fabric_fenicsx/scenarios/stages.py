@@ -141,6 +141,12 @@ class Course:
         """Whether any stage moves the tool, or a force does."""
         return name in self._forces or bool(np.ptp(self._places[name], axis=0).any())
 
+    def first_move(self, name: str) -> np.ndarray:
+        """How far the tool goes in the first stage that moves it (3,) [mm]."""
+        steps = np.diff(self._places[name], axis=0)
+        moved = steps[steps.any(1)]
+        return moved[0] if len(moved) else np.zeros(3)
+
     def leaders(self) -> list[str]:
         """Of each stage the tool whose force and travel its curve shows: the one that goes
         farthest, or "" where none moves."""
