@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from .scenarios.press_tools import PressTool
     from .scenarios.stages import Stage
     from .scenarios.tensile import Tensile
+    from .scenarios.unloading import unloading
     from .scene.scene import Scene
     from .scene.supports import Support, clamped_ends, frame, rolling_ends
     from .sheets.blank import Blank
@@ -109,6 +110,7 @@ _HOMES = {
     "scenarios.press_tools": ("PressTool",),
     "scenarios.stages": ("Stage",),
     "scenarios.tensile": ("Tensile",),
+    "scenarios.unloading": ("unloading",),
     "scene.scene": ("Scene",),
     "sheets.blank": ("Blank",),
     "sheets.stack": ("Stack",),

@@ -148,6 +148,8 @@ class Job(JobFields):
             log.warning("%s: full load was reached before, nothing is left to do", folder)
         scene.set(start.x)
         scene.set_load(1.0)
+        scene.recall(start.memory)
+        scene.accept()
         result.fields = reports.cell_fields(scene)
         drawn = scene.comm.bcast((folder / LAST_PICTURE).exists())
         if self.error and "error" not in result.summary:

@@ -55,6 +55,7 @@ class Term:
       `blank.V.dofmap.index_map` numbers the nodes; part: what of it the term is on; part_name: its
       name, see `on`
     - given: what the attributes were before `set_up`, as plain data; a checkpoint must agree in it
+    - unbound: the term as it was then, of which another scene may take a copy
     """
 
     name = "term"
@@ -66,6 +67,7 @@ class Term:
     part: Part
     part_name = ""
     given: dict[str, Any]
+    unbound: Self
     # weak, as circles of solver objects end at another time on each rank
     bound_to: weakref.ref[SceneFacts] | None = None
 

@@ -3,6 +3,7 @@ name the term."""
 
 import inspect
 import weakref
+from copy import copy
 from difflib import get_close_matches
 from numbers import Real
 from reprlib import repr as shown
@@ -57,7 +58,9 @@ def bind(term: Term, scene: SceneFacts) -> None:
         raise InputError(
             f"term {term.name} has `{has}` but no `{lacks}`; allowed are both, or none"
         )
+    unbound = copy(term)
     term.given = of_attributes(term)
+    term.unbound = unbound
     term.bound_to, term.blank = weakref.ref(scene), scene.blank
     term.part = scene.blank.part(term.part_name)
     try:

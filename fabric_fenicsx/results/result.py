@@ -236,6 +236,8 @@ def draw_state(name: str, result: Result, folder: Path, beside: Curves, force_na
     run = {"simulated" if beside else "": result}
     pictures.reactions(folder / "curve.png", run, ylabel=f"{force_name} / N", beside=beside)
     maps = {part or name.replace("_", " "): grid for part, grid in of_fabric(result.grids).items()}
+    if not maps:  # sheets of metal alone
+        return
     pictures.maps(folder / LAST_PICTURE, maps, MAPS, outliers=OUTLIERS)
     errors = tuple(f"error_{field}" for field in MAPS)
     if all(name in grid.cell_data for grid in maps.values() for name in errors):

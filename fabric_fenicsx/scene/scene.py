@@ -130,10 +130,7 @@ class Scene:
     def memory(self) -> dict[str, np.ndarray]:
         """What accepted states left in terms and supports, {name: array (owned nodes, k)}, or
         (owned cells, k) where the name begins with `OF_CELLS`."""
-        memory: dict[str, np.ndarray] = {}
-        for i, term in enumerate(self.terms):
-            memory |= {f"{place}{i} {key}": v for (place, key), v in _memory(term).items()}
-        return memory | {"supports": self.supports.memory()}
+        return memory_of(self.terms) | {"supports": self.supports.memory()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Give terms and supports back their `memory`, of the present displacement and load."""
@@ -283,6 +280,14 @@ class Scene:
 
 def _largest(values):
     return np.abs(values).max(initial=0.0, where=np.isfinite(values))
+
+
+def memory_of(terms: Iterable[Term]) -> dict[str, np.ndarray]:
+    """What accepted states left in `terms`, by their numbers; see `Scene.memory`."""
+    memory: dict[str, np.ndarray] = {}
+    for i, term in enumerate(terms):
+        memory |= {f"{place}{i} {key}": v for (place, key), v in _memory(term).items()}
+    return memory
 
 
 def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:

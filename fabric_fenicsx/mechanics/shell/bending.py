@@ -72,7 +72,7 @@ class Bending(Term):
     ) -> None:
         self.in_plane = FROM_ZERO.check("`in_plane` of the bending", in_plane)
         self._edges = symmetric, clamped
-        self.resists = ("turn",) if clamped else ()
+        self.resists = ("turn",) if symmetric or clamped else ()
         if modulus is not None and D_a is None:
             given = {"modulus": modulus, "twist_modulus": twist_modulus}
         elif modulus is None and D_a is not None:

@@ -1,0 +1,129 @@
+"""Supports that hold what is left of a sheet's rigid motions, and bear nothing in equilibrium."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from ..sheets.blank import Blank, Part
+from .supports import Support
+
+PLANE = 1e-6  # of a blank's size, within which nodes lie in one plane
+FIRM, HELD = 0.05, 1e-6  # share of a motion left by those held before, from which a node holds it
+
+
+def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, Support]:
+    """Of the `supports` those that are planes of symmetry, by the axis across them: they hold nodes
+    of one plane, of the blank's length or width, along that axis alone, where they were."""
+    found, near = {}, PLANE * _size(blank)
+    x, comm = blank.coordinates(), blank.mesh.comm
+    for support in supports:
+        fixed = not callable(support.value) and not any(support.value)
+        if support.components not in ((0,), (1,)) or not fixed or support.locates:
+            continue
+        (axis,) = support.components
+        across = np.concatenate(comm.allgather(blank.along(x[support.where(x.T)].T)[axis]))
+        if np.ptp(across) <= near:
+            found[axis] = support
+    return found
+
+
+def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
+    """Supports of few nodes of each sheet of `blank`, where these are now, that hold the rigid
+    motions that the `kept` ones leave: of the node that those hold most, or nearest to the sheet's
+    centre, of the one farthest from it, and of the one farthest from the line between them."""
+    parts = [part for part in blank.parts.values() if part.thickness] or [blank.whole]
+    return [support for part in parts for support in _of_sheet(blank, part, kept)]
+
+
+def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support]:
+    places, moved, held = _nodes(blank, part, kept)
+    now = (places + moved - (places + moved).mean(0)) / _size(blank)
+    gdim = places.shape[1]
+    basis = np.empty((0, len(_row(now[0], 0))))
+    for axis in planes_of_symmetry(blank, kept):  # and no turn but about the axis
+        turns = np.eye(basis.shape[1])[gdim:]
+        across = turns[[2]] if gdim == 2 else np.delete(turns, axis, 0)
+        basis = _with(basis, np.vstack([_row(now[0], axis), across]), HELD)
+    rows = [_row(now[k], axis) for k, axis in zip(*np.nonzero(held))]
+    basis = _with(basis, rows, HELD)
+    found: dict[int, list[int]] = {}
+    corners = _corners(places, held)
+    for least in (FIRM, HELD):
+        for place, k in enumerate(corners):
+            for axis in range(gdim) if place == 0 else reversed(range(gdim)):
+                more = _with(basis, [_row(now[k], axis)], least)
+                if len(more) > len(basis):
+                    basis = more
+                    found.setdefault(k, []).append(axis)
+    name = part.name or blank.name
+    return [
+        _support(blank, f"point {i} of {name}", places[k], sorted(axes), moved[k])
+        for i, (k, axes) in enumerate(found.items(), 1)
+    ]
+
+
+def _nodes(blank, part, kept):
+    """Of the sheet's nodes of all ranks, in the order of their places: these and the displacements
+    (n, gdim) along the frame's axes [mm], and which components `kept` supports hold."""
+    owned, gdim = len(part.nodes), blank.mesh.geometry.dim
+    x, held = blank.coordinates()[:owned], np.zeros((owned, gdim))
+    for support in kept:
+        held[np.ix_(np.flatnonzero(support.where(x.T)), support.components)] = 1
+    u = blank.u.x.array[: owned * gdim].reshape(-1, gdim)
+    mine = np.hstack([blank.along(x.T).T, u, held])[part.nodes]
+    rows = np.concatenate(blank.mesh.comm.allgather(mine))
+    rows = rows[np.lexsort((rows[:, :gdim] / _size(blank)).round(9).T[::-1])]
+    places, moved, held = np.split(rows, [gdim, 2 * gdim], axis=1)
+    return places, moved, held > 0
+
+
+def _corners(places, held):
+    """Three nodes far from each other, the first one held most or in the middle."""
+    middle = np.linalg.norm(places - places.mean(0), axis=1)
+    counts = held.sum(1)
+    first = _largest(-middle - 1e3 * middle.max() * (counts.max() - counts))
+    arms = places - places[first]
+    second = _largest(np.linalg.norm(arms, axis=1))
+    along = arms[second] / max(np.linalg.norm(arms[second]), 1e-300)
+    third = _largest(np.linalg.norm(arms - np.outer(arms @ along, along), axis=1))
+    return [first, second, third]
+
+
+def _largest(values):
+    """The last of those that are largest, but for rounding: the same on any ranks."""
+    return int(np.flatnonzero(values >= values.max() - 1e-9 * abs(values).max())[-1])
+
+
+def _row(place, axis):
+    """How a displacement of a place along an axis follows rigid moves and turns."""
+    gdim = len(place)
+    along = np.eye(gdim)[axis]
+    turns = [(0, 1)] if gdim == 2 else [(1, 2), (2, 0), (0, 1)]
+    return np.append(along, [place[i] * along[j] - place[j] * along[i] for i, j in turns])
+
+
+def _with(basis, rows, least):
+    """Orthonormal rows: `basis`, and what more than the share `least` of further rows adds."""
+    for row in rows:
+        row = row / np.linalg.norm(row)
+        rest = row - basis.T @ (basis @ row)
+        rest -= basis.T @ (basis @ rest)
+        if len(basis) < len(row) and np.linalg.norm(rest) > least:
+            basis = np.vstack([basis, rest / np.linalg.norm(rest)])
+    return basis
+
+
+def _support(blank, name, place, axes, moved):
+    near, values = PLANE * _size(blank), np.append(moved, [0.0])[: len(moved)]
+
+    def where(x):
+        return np.linalg.norm(blank.along(x).T - place, axis=1) < near
+
+    return Support(
+        name, where, tuple(axes), lambda x, load: np.tile(values[:, None], (1, x.shape[1]))
+    )
+
+
+def _size(blank):
+    low, high = blank.extent()
+    return float((high - low).max())

@@ -1,0 +1,147 @@
+"""Unloading: springback of metal against closed forms, of fabric to the flat sheet."""
+
+import builders
+import numpy as np
+import pytest
+from builders import everywhere, near
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.isostatic import isostatic
+
+LENGTH, WIDTH, CELLS = 10.0, 5.0, 10
+# ideally plastic and incompressible, 1 mm thick; curvature [1/mm] at which its faces yield
+IDEAL = ff.Metal(186600.0, 0.5, ff.Swift(159.0, 1.0, 0.0), thickness=1.0)
+YIELDS = 2 / np.sqrt(3) * 159.0 / (186600.0 / 0.75) * 2
+
+
+def over_a_bar(times, steps=8, **options):
+    """`Result` of half of a wide strip of metal that is laid on a bar of `times` that curvature."""
+    step = LENGTH / CELLS
+
+    def on_bar(x, load):
+        half, k = step * load * times * YIELDS / 2, np.arange(CELLS)
+        s = np.round(x[0] / step).astype(int)
+        # chords as long as the cells
+        along, up = (
+            np.concatenate([[0], step * f((2 * k + 1) * half).cumsum()]) for f in (np.cos, np.sin)
+        )
+        return np.array([along[s] - x[0], 0 * x[0], up[s]])
+
+    blank = builders.sheet(LENGTH, WIDTH, CELLS, 2, "left", spatial=True)
+    sides = [near(0, 0.0), near(1, 0.0), near(1, WIDTH)]
+    held = [ff.Support("plane of symmetry", near(0, 0.0), (0,))]
+    held += [ff.Support("wide", everywhere, (1,)), ff.Support("bar", everywhere, (0, 2), on_bar)]
+    scene = ff.Scene(blank, [ff.SheetMetal(IDEAL, symmetric=sides)], held)
+    return ff.Job(scene, steps=steps, viscosity="off").run(**options)
+
+
+def curvatures(blank):
+    """Of the polygon through the nodes along y = 0 [1/mm], on one rank."""
+    x, u = blank.coordinates(), blank.u.x.array.reshape(-1, 3)
+    line = [i for i in np.argsort(x[:, 0]) if abs(x[i, 1]) < 1e-6]
+    along, _, up = np.diff((x + u)[line], axis=0).T
+    return np.diff(np.arctan2(up, along)) / (LENGTH / CELLS)
+
+
+@pytest.mark.parametrize(
+    "times, within", [(0.9, 1e-4), pytest.param(9, 5e-3, marks=pytest.mark.mpi), (16, 2e-3)]
+)
+def test_a_strip_bent_over_a_bar_springs_back_by_its_moment(times, within):
+    """Elastic from there: by M / D, with M = M_p (1 - (k_y / k)^2 / 3) of an ideally plastic
+    plate; so what yielded nowhere is straight again."""
+    formed = over_a_bar(times)
+    unloaded = ff.unloading(formed, keep=["wide"]).run()
+    D = 186600.0 / 0.75 / 12
+    plastic = 2 / np.sqrt(3) * 159.0 / 4 * (1 - 1 / times**2 / 3)
+    back = times * YIELDS if times < 1 else plastic / D
+    half = LENGTH**2 / 2 * back  # of a flat arc's end
+    q = unloaded.summary["quantities"]
+    assert q["springback_largest_mm"] == pytest.approx(half, rel=max(within, 0.02))
+    assert q["supports_bear_N"] < 1e-4
+    assert unloaded.summary["energy_imbalance"] < 1e-3
+    assert unloaded.summary["energy"]["plastic"] == formed.summary["energy"]["plastic"]
+    if formed.scene.comm.size == 1:
+        left = times * YIELDS - curvatures(formed.scene.blank)
+        assert left == pytest.approx(np.full(CELLS - 1, back), rel=within)
+
+
+@pytest.mark.mpi
+def test_a_run_that_was_finished_before_is_unloaded_as_at_once(tmp_path):
+    """Metal then still knows what it yielded; and so may the unloading be gone on from."""
+    first = ff.unloading(over_a_bar(9, out=tmp_path), keep=["wide"]).run(tmp_path / "unloaded")
+    again = over_a_bar(9, out=tmp_path, resume=True)
+    other = ff.unloading(again, keep=["wide"]).run(tmp_path / "other")
+    known = ff.unloading(again, keep=["wide"]).run(tmp_path / "unloaded", resume=True)
+    names = "springback_largest_mm", "energy_left_Nmm"
+    told = [[each.number(name) for name in names] for each in (first, other, known)]
+    assert told[1] == pytest.approx(told[0], rel=1e-9) and told[2] == told[0]
+
+
+@pytest.mark.parametrize("full", [pytest.param(False, marks=pytest.mark.mpi), True])
+def test_fabric_gives_back_what_it_stored(full):
+    formed = ff.Forming(nx=6, stroke=10.0, full=full).job(steps=4, balance=None).run()
+    stored = sum(formed.summary["energy"][kind] for kind in ("strain", "bending"))
+    job = ff.unloading(formed)
+    unloaded = job.run()
+    assert unloaded.rows[0]["iterations"] == 0  # in equilibrium as it was formed
+    q = unloaded.summary["quantities"]
+    assert q["energy_left_Nmm"] < 1e-6 * stored
+    assert q["energy_released_Nmm"] == pytest.approx(stored, rel=0.01)
+    owned = formed.scene.blank.V.dofmap.index_map.size_local
+    z = formed.scene.blank.u.x.array.reshape(-1, 3)[:owned, 2]
+    heights = formed.scene.comm.allgather((z.min(initial=1e9), z.max(initial=-1e9)))
+    low, high = np.transpose(heights)
+    assert full or high.max() - low.min() < 0.02  # a whole ply lies as its three nodes did
+    held = {"point 1 of blank": (0, 1, 2), "point 2 of blank": (1, 2), "point 3 of blank": (2,)}
+    given = {s.name: s.components for s in job.scene.supports.given}
+    assert given.items() >= (held if full else {"point 1 of blank": (2,)}).items()
+
+
+@pytest.mark.parametrize("together", [pytest.param(True, marks=pytest.mark.mpi), False])
+def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
+    plies = [ff.Ply(metal=ff.load_metal("dc04"), name="metal"), ff.Ply(name="fabric")]
+    gentle = {"entry_radius": 45.0, "wall_angle": 20.0}
+    forming = ff.Forming(stack=plies, nx=4, stroke=4.0, dome=gentle)
+    formed = forming.job(steps=2, balance=None).run()
+    unloaded = ff.unloading(formed, together=together).run()
+    q, energy = unloaded.summary["quantities"], unloaded.summary["energy"]
+    sheets = [each["springback_largest_mm"] for each in q["sheets"].values()]
+    assert len(sheets) == 2 and max(sheets) == q["springback_largest_mm"]
+    assert all(1.0 < each < 2.0 for each in sheets)  # of 4 mm
+    assert energy["metal"] < 1e-6 * formed.summary["energy"]["metal"]  # nothing yielded
+    assert q["supports_bear_N"] < 0.1 and unloaded.summary["energy_imbalance"] < 5e-3
+    assert ("contact of metal and fabric" in unloaded.summary["terms"]) == together
+
+
+def test_metal_that_yielded_all_over_is_not_driven_on_by_what_formed_it():
+    """As dead forces drove it, 12 mm far, until it had yielded by a quarter more."""
+    plies = [ff.Ply(metal=ff.load_metal("dc04"), name="metal"), ff.Ply(name="fabric")]
+    gentle = {"entry_radius": 45.0, "wall_angle": 20.0}
+    forming = ff.Forming(stack=plies, nx=6, stroke=15.0, dome=gentle)
+    formed = forming.job(steps=6, balance=None).run()
+    unloaded = ff.unloading(formed, together=False).run()
+    before, after = formed.summary["energy"], unloaded.summary["energy"]
+    assert 1 < after["plastic"] / before["plastic"] < 1.01
+    assert 0.1 < after["metal"] / before["metal"] < 0.2
+    assert unloaded.number("sheets.metal.springback_largest_mm") == pytest.approx(3.97, rel=0.02)
+
+
+def test_what_cannot_be_unloaded():
+    formed = over_a_bar(0.5)
+    with pytest.raises(
+        InputError, match="`keep` names 'grip'; allowed are supports of the scene: "
+    ):
+        ff.unloading(formed, keep=["grip"])
+    formed.summary["stroke_reached"] = 0.4
+    with pytest.raises(InputError, match="a run that reached 0.4 of its load; allowed is one that"):
+        ff.unloading(formed)
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+def test_few_nodes_hold_all_rigid_motions(spatial):
+    blank = builders.sheet(LENGTH, WIDTH, 4, 2, spatial=spatial)
+    held = isostatic(blank, [])
+    assert sum(len(each.components) for each in held) == (6 if spatial else 3)
+    bed = builders.Elastic()
+    assert not ff.Scene(blank, [bed], held).check_held()
