@@ -36,7 +36,9 @@ def run(words: list[str]) -> None:
         help=f"distance of the line from the ply that is allowed (default: {LAYERS:g} times the "
         "thickness of all plies)",
     )
-    given = parser.parse_args(words)
+    # a plane may begin with a minus, which argparse takes for an option
+    joined = "\n".join(words).replace("--plane\n", "--plane=")
+    given = parser.parse_args(joined.split("\n") if words else [])
     if not (given.line or given.plane):
         raise InputError("nothing says where to trim; allowed is --line FILE or --plane PLANE")
     _write(given)

@@ -212,6 +212,11 @@ def test_the_command_writes_files_and_tells_sizes(run, capsys):
     assert {"pattern.dxf", "pattern.csv", "pattern.vtu"} <= {each.name for each in run.iterdir()}
 
 
+def test_a_plane_may_begin_with_a_minus(run, capsys):
+    assert main.main(["pattern", str(run), "--plane", "-10,0,0,1,0,0"]) == 0
+    assert "area 5605" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     "words, error",
     [

@@ -104,7 +104,7 @@ def test_a_tool_comes_holds_and_leaves():
 
 
 def test_segments_of_a_holder_press_as_one_does(tmp_path):
-    segments = '[holders.{}]\npressure = 0.02\nwhere = {{ angle = [{}, {}] }}\n'
+    segments = "[holders.{}]\npressure = 0.02\nwhere = {{ angle = [{}, {}] }}\n"
     two = segments.format("left", 45, 180) + segments.format("right", -180, 44.999)
     path = changed(
         tmp_path,
