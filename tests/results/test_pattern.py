@@ -113,9 +113,9 @@ def test_a_line_without_z_is_projected():
 def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
     quarter = flat_pattern(ply(rolled, low=(0.0, 0.0), nx=20), trim, 0.2)
     full = flat_pattern(ply(rolled), trim, 0.2)
-    assert quarter.net.bounds == pytest.approx(full.net.bounds, abs=1e-4)
-    assert quarter.area == pytest.approx(full.area, rel=1e-5)
-    assert quarter.formed_area == pytest.approx(full.formed_area, rel=1e-5)
+    assert quarter.net.bounds == pytest.approx(full.net.bounds, abs=1e-3)
+    assert quarter.area == pytest.approx(full.area, rel=1e-4)
+    assert quarter.formed_area == pytest.approx(full.formed_area, rel=1e-4)
 
 
 @pytest.mark.parametrize(
