@@ -26,7 +26,7 @@ USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6, "name": NAME}  # o
 
 
 def unloading(
-    result: Result, *, together: bool = True, keep: Sequence[str] = (), **changes: Any
+    result: Result, *, together: bool = False, keep: Sequence[str] = (), **changes: Any
 ) -> Job:
     """Job that unloads the sheets of a `result`, of any run that reached its full load:
 
@@ -39,9 +39,10 @@ def unloading(
     `keep`. What rigid motions these leave is held by few nodes of each sheet, see `isostatic`:
     these stay where they are and bear nothing in the end.
 
-    together: sheets of a stack press and rub on each other; each is held at its own nodes, as if
-    they were pinned together there. If not, each one is unloaded alone. changes: in the fields of
-    the `Job`.
+    Each sheet of a stack is unloaded alone, and what its neighbours did to it fades, too. together:
+    they go on pressing and rubbing on each other, and are held as if pinned together at their
+    nodes; of deeply drawn stacks contact may not settle as it opens. changes: in the fields of the
+    `Job`.
 
     Quantities: the largest `springback` [mm], with the energies left in the sheets and those
     released [N mm], the sizes of what the nodes bear, added up [N]; of a stack by sheet, too. The
