@@ -34,9 +34,9 @@ def unloading(
         unloaded = ff.unloading(formed).run("dome/unloaded")
 
     In it there are neither tools nor holders nor loads. The forces that these, and supports,
-    exerted on the nodes in the formed state fade, see `FadingForces`. The sheets go on with what they
-    remember, as metal does of its plastic strains. Planes of symmetry stay, and supports named in
-    `keep`. What rigid motions these leave is held by few nodes of each sheet, see `isostatic`:
+    exerted on the nodes in the formed state fade, see `FadingForces`. The sheets go on with what
+    they remember, as metal does of its plastic strains. Planes of symmetry stay, and supports named
+    in `keep`. What rigid motions these leave is held by few nodes of each sheet, see `isostatic`:
     these stay where they are and bear nothing in the end.
 
     Each sheet of a stack is unloaded alone, and what its neighbours did to it fades, too. together:
