@@ -15,12 +15,13 @@ IDEAL = ff.Metal(186600.0, 0.5, ff.Swift(159.0, 1.0, 0.0), thickness=1.0)
 YIELDS = 2 / np.sqrt(3) * 159.0 / (186600.0 / 0.75) * 2
 
 
-def over_a_bar(times, steps=8, **options):
-    """`Result` of half of a wide strip of metal that is laid on a bar of `times` that curvature."""
+def over_a_bar(times, steps=8, path=lambda load: load, **options):
+    """`Result` of half of a wide strip of metal that is laid on a bar of `times` that curvature;
+    path: by how much of it at a load factor."""
     step = LENGTH / CELLS
 
     def on_bar(x, load):
-        half, k = step * load * times * YIELDS / 2, np.arange(CELLS)
+        half, k = step * path(load) * times * YIELDS / 2, np.arange(CELLS)
         s = np.round(x[0] / step).astype(int)
         # chords as long as the cells
         along, up = (
@@ -69,8 +70,9 @@ def test_a_strip_bent_over_a_bar_springs_back_by_its_moment(times, within):
 @pytest.mark.mpi
 def test_a_run_that_was_finished_before_is_unloaded_as_at_once(tmp_path):
     """Metal then still knows what it yielded; and so may the unloading be gone on from."""
-    first = ff.unloading(over_a_bar(9, out=tmp_path), keep=["wide"]).run(tmp_path / "unloaded")
-    again = over_a_bar(9, out=tmp_path, resume=True)
+    given = {"out": tmp_path, "path": lambda load: min(1.6 * load, 2 - load)}  # and back
+    first = ff.unloading(over_a_bar(9, **given), keep=["wide"]).run(tmp_path / "unloaded")
+    again = over_a_bar(9, **given, resume=True)
     other = ff.unloading(again, keep=["wide"]).run(tmp_path / "other")
     known = ff.unloading(again, keep=["wide"]).run(tmp_path / "unloaded", resume=True)
     names = "springback_largest_mm", "energy_left_Nmm"
