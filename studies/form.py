@@ -3,6 +3,7 @@
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.runtime.words import percent
+from fabric_fenicsx.scenarios.unloading import unloading
 
 
 def main(study: PressStudy):
@@ -17,6 +18,12 @@ def main(study: PressStudy):
         f"{result.told('draw_in.largest_mm', '.2f')} mm, yarns shortened by "
         f"{percent(found['wrinkles']['shortening'], 3)} in the mean"
     )
+    if press.course.unloads:
+        unloaded = study.run_job(unloading(result), "unloaded")
+        study.say(
+            f"{study.args.out}/unloaded: without tools the blank springs back by up to "
+            f"{unloaded.told('springback_largest_mm', '.3g')} mm"
+        )
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from ..job.job import Result
+from ..job.job import Job, Result
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import PRESETS, load, read_laws
 from ..mechanics.shell.membrane import Membrane
@@ -272,8 +272,12 @@ class Study(Output):
         limits = Limits(**{each.name: given[f"max_{each.name}"] for each in declared(Limits)})
         error = scenario.has_cheap_error() if self.args.error is None else self.args.error
         job = scenario.job(**asked, limits=limits, error=error)
-        problem = {**self.problem(scenario.fabric), **scenario.problem()}
-        return job.run(self, part, problem=problem, pictures=not self.args.no_pictures)
+        self._problem = {**self.problem(scenario.fabric), **scenario.problem()}
+        return self.run_job(job, part)
+
+    def run_job(self, job: Job, part: str) -> Result:
+        """The `Result` of a job of the last scenario that ran, into the subfolder `part`."""
+        return job.run(self, part, problem=self._problem, pictures=not self.args.no_pictures)
 
     def once(self, key: str, make: Callable[[], Any], problem: Any = None) -> Any:
         """As `Output.once`, for the problem of the options."""

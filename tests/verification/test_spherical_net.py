@@ -32,6 +32,14 @@ def test_shear_angle_to_ten_digits(s):
     assert found == pytest.approx(float(exact_angle(s)), rel=1e-10, abs=1e-14)
 
 
+def test_the_net_is_that_of_a_published_draping_code():
+    """KinDrape's hemisphere, with pieces of 0.075 R (Krogh et al. 2021, doi 10.1007/s00158-021-
+    02925-z; run at its commit ae9f14e)."""
+    place = np.array([0.225, 0.375, 0.525, 0.675, 0.75])
+    found = np.degrees(spherical_net.shear_angle(place, place, 1.0))
+    assert found == pytest.approx([2.90, 8.05, 15.72, 25.81, 31.66], abs=0.02)
+
+
 def net_of_pieces(n, length):
     """Nodes (n + 1, n + 1, 3) of a quarter of a net of great-circle pieces of `length` on the unit
     sphere, as kinematic draping makes it: each node has its distance from two others."""
