@@ -178,3 +178,12 @@ def test_a_punch_from_cad_stands_by_itself(tmp_path):
     path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "cap.stl"'))
     press = ff.Press.read(path, ["blank.nx=4"])
     assert press.rigid[0].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
+
+
+def test_a_laminate_is_bent_and_springs_back(tmp_path):
+    """By half of the stroke; twice the cells give 7.24 mm."""
+    press = ff.Press.read(PRESSES / "springback.toml", ["blank.nx=8", "stage.bending.steps=10"])
+    assert press.course.unloads
+    result = formed(press, tmp_path, balance=None)
+    unloaded = ff.unloading(result).run(tmp_path / "unloaded", pictures=False)
+    assert unloaded.number("springback_largest_mm") == pytest.approx(7.22, abs=0.1)
