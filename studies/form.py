@@ -2,7 +2,7 @@
 
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
-from fabric_fenicsx.runtime.words import percent
+from fabric_fenicsx.runtime.words import percent, rounded
 from fabric_fenicsx.scenarios.unloading import unloading
 
 
@@ -20,10 +20,13 @@ def main(study: PressStudy):
     )
     if press.course.unloads:
         unloaded = study.run_job(unloading(result), "unloaded")
-        study.say(
-            f"{study.args.out}/unloaded: without tools the blank springs back by up to "
-            f"{unloaded.told('springback_largest_mm', '.3g')} mm"
-        )
+        found = unloaded.summary["quantities"]
+        sheets = found.get("sheets") or {"the blank": found}
+        back = [
+            f"{name} by up to {rounded(each['springback_largest_mm'])} mm"
+            for name, each in sheets.items()
+        ]
+        study.say(f"{study.args.out}/unloaded: without tools springs back {', '.join(back)}")
 
 
 if __name__ == "__main__":

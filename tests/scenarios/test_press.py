@@ -181,9 +181,10 @@ def test_a_punch_from_cad_stands_by_itself(tmp_path):
 
 
 def test_a_laminate_is_bent_and_springs_back(tmp_path):
-    """By half of the stroke; twice the cells give 7.24 mm."""
+    """By half of the stroke; twice the cells give 7.12 mm."""
     press = ff.Press.read(PRESSES / "springback.toml", ["blank.nx=8", "stage.bending.steps=10"])
     assert press.course.unloads
     result = formed(press, tmp_path, balance=None)
     unloaded = ff.unloading(result).run(tmp_path / "unloaded", pictures=False)
-    assert unloaded.number("springback_largest_mm") == pytest.approx(7.22, abs=0.1)
+    upper = unloaded.summary["quantities"]["sheets"]["upper metal"]
+    assert upper["springback_largest_mm"] == pytest.approx(7.10, abs=0.1)
