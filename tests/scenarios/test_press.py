@@ -188,3 +188,26 @@ def test_a_laminate_is_bent_and_springs_back(tmp_path):
     unloaded = ff.unloading(result).run(tmp_path / "unloaded", pictures=False)
     upper = unloaded.summary["quantities"]["sheets"]["upper metal"]
     assert upper["springback_largest_mm"] == pytest.approx(7.10, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "name, changes, force",
+    [
+        ("hemisphere", ["blank.nx=8", "stage.1.steps=10"], 25.84),
+        ("box", ["blank.nx=8", "stage.1.steps=10"], 142.8),
+        ("two_steps", ["blank.nx=13", "stage.1.steps=8", "stage.2.steps=8"], 30.36),
+    ],
+)
+def test_examples_run_from_their_files(name, changes, force, tmp_path):
+    press = ff.Press.read(PRESSES / f"{name}.toml", changes)
+    result = formed(press, tmp_path, balance=None, limits=ff.Limits(shortening=1.0))
+    assert result.number("force_N") == pytest.approx(force, rel=0.01)
+
+
+@pytest.mark.mpi
+def test_a_press_on_two_ranks_is_that_on_one():
+    """Tools are placed, and forces found, as on one rank (its force, to 6 digits)."""
+    press = hemisphere("blank.nx=6", "stage.1.steps=6")
+    result = formed(press, None, balance=None)
+    assert press.rigid[0].path(0)[2] == pytest.approx(-50 - press.thickness / 2, rel=1e-9)
+    assert result.number("force_N") == pytest.approx(28.568377, rel=1e-6)
