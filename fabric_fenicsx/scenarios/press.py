@@ -23,7 +23,7 @@ from . import holding
 from .between_tools import BetweenTools
 from .flange import Flange
 from .holding import Holder, PressureHolder
-from .press_clearance import check_clearances
+from .press_checks import check_clearances, symmetry_warnings
 from .press_tools import DieOf, Placement, PressTool
 from .punch import PRESSED, clearance_of
 from .stages import Course, Stage
@@ -95,6 +95,7 @@ class Press(BetweenTools):
         for tool in self.rigid:
             check_equation(tool, self.flat_nodes(), self.comm)
         check_clearances(self)
+        self.warnings += symmetry_warnings(self)
 
     def _tool(self, name, given, place):
         surface, start = place.stand(name, given)

@@ -167,6 +167,18 @@ def test_what_is_wrong_is_said_with_its_file_and_key(changes, words):
         hemisphere(*changes)
 
 
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ("tools.punch.at=[5, 0]", "tool punch is not its own mirror image in x = 0"),
+        ("stage.1.moves.punch=[0, 3, 20]", "tool punch is not its own mirror image in y = 0"),
+    ],
+)
+def test_a_quarter_with_a_tool_beside_its_middle_is_told_of(change, words):
+    assert words in hemisphere("blank.nx=4", change).warnings[0]
+    assert not hemisphere("blank.nx=4").warnings
+
+
 def test_a_punch_from_cad_stands_by_itself(tmp_path):
     """An STL whose triangles face away is turned round, a flat back is told of."""
     import pyvista

@@ -1,4 +1,5 @@
-"""Whether the tools of a press leave the blank room between them."""
+"""Whether the tools of a press leave the blank room between them, and are as symmetric as a quarter
+takes them to be."""
 
 from itertools import combinations
 from typing import Any
@@ -7,6 +8,7 @@ import numpy as np
 
 from ..runtime.errors import InputError
 from ..runtime.words import coordinates, rounded
+from ..tools.checks import MIRRORED
 from .punch import PRESSED
 
 ACROSS = 60  # points across the blank, at which the distance of two tools is asked
@@ -56,15 +58,42 @@ def check_clearances(press: Any) -> None:
 def _least_distance(one, two, low, high, load):
     """The least distance [mm] of two tools over the blank at a load factor, and its place; None if
     the first has no point there."""
-    size = float((high - low).max())
-    place, other = np.asarray(one.path(load)), np.asarray(two.path(load))
-    room = np.array([0.0, 0.0, 2 * size])
-    points, _, _ = one.surface.mesh(low - room - place, high + room - place, size / ACROSS)
-    x = points + place
-    x = x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
+    x, other = _points(one, low, high, load), np.asarray(two.path(load))
     if not len(x):
         return None
     gap = two.surface.evaluate(x - other).gap
     gap = np.where(np.isfinite(gap), gap, np.inf)
     worst = int(gap.argmin())
     return float(gap[worst]), x[worst]
+
+
+def _points(tool, low, high, load):
+    """Points (n, 3) [mm] of a tool's surface over or under the blank at a load factor."""
+    size, place = float((high - low).max()), np.asarray(tool.path(load))
+    room = np.array([0.0, 0.0, 2 * size])
+    points, _, _ = tool.surface.mesh(low - room - place, high + room - place, size / ACROSS)
+    x = points + place
+    return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
+
+
+def symmetry_warnings(press: Any) -> list[str]:
+    """A sentence for each tool of a quarter that is not its own mirror image in x = 0 and y = 0, to
+    `MIRRORED` of the thickness, where it stands at the start and at the end; on all ranks."""
+    found: list[str] = []
+    for tool in press.rigid if press.comm.rank == 0 and not press.full else ():
+        for load in (0.0, 1.0):
+            x, place = _points(tool, *press.extent, load), np.asarray(tool.path(load))
+            if not len(x) or any(words.startswith(f"tool {tool.name} ") for words in found):
+                continue
+            for axis, mirror in enumerate(((-1, 1, 1), (1, -1, 1))):
+                off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - place).gap))
+                worst = int(off.argmax())
+                if off[worst] > MIRRORED * press.thickness:
+                    found.append(
+                        f"tool {tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is "
+                        f"at {coordinates(x[worst])}, but {rounded(off[worst])} mm off "
+                        f"{coordinates(x[worst] * mirror)}; so the quarter stands for four "
+                        "mirrored ones; take the whole blank (`quarter = false`)"
+                    )
+                    break
+    return press.comm.bcast(found)
