@@ -132,7 +132,8 @@ class Run:
 
     def _is_written(self):
         """Whether the last accepted state is one of those written for ParaView."""
-        return (len(self.history.rows) - 1) % self.job.every == 0
+        rows = self.history.rows
+        return (len(rows) - 1) % self.job.every == 0 or rows[-1]["load"] in self.job.milestones
 
     def _result(self, outcome: Outcome) -> Result:
         scene, output, rows = self.scene, self.output, self.history.rows

@@ -31,6 +31,7 @@ BLANK = "#e6d8a8"
 VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
 MARGIN = 0.25  # of a tool's surface around the blank, over the blank's size
 PANEL = 1200, 750  # pixels drawn of a state
+SHOWN = 0.0, 0.2, 0.4, 0.6, 0.8, 1.0  # in a filmstrip, of the load
 LINES = 24  # along a blank, about, in a filmstrip
 THICKNESS = "thickness_under_pressure"
 
@@ -96,22 +97,22 @@ def setup_picture(
 def filmstrip(
     path: File,
     folder: Path | str,
-    count: int = 6,
+    loads: Sequence[float] = SHOWN,
     captions: Mapping[float, str] | None = None,
     view: Sequence[float] = VIEW,
 ) -> None:
-    """The stroke of the run in `folder` as up to `count` states side by side, coloured by the
-    magnitude of the shear angle on one scale: the plies, of several each cut away further than the
-    one below, the tools below them, and the rear half of those above, translucent.
+    """The stroke of the run in `folder` as states side by side, coloured by the magnitude of the
+    shear angle on one scale: the plies, of several each cut away further than the one below, the
+    tools below them, and the rear half of those above, translucent.
 
-    captions: {load: words} under a state, by default stroke and force of history.csv; view:
-    direction from the plies to the camera. Raises InputError for a folder without states, and where
-    VTK finds nothing to draw on.
+    loads: shares of the load that was reached, near which states are shown; captions: {load: words}
+    under a state, by default stroke and force of history.csv; view: direction from the plies to the
+    camera. Raises InputError for a folder without states, and where VTK finds nothing to draw on.
     """
     found = [state for state in states(folder)]
     at = np.array([state.load for state in found])
-    ends = np.linspace(at[0], at[-1], count)
-    shown = [found[k] for k in np.unique(abs(at[:, None] - ends).argmin(0))]
+    wanted = at[-1] * np.asarray(loads, dtype=float)
+    shown = [found[k] for k in np.unique(abs(at[:, None] - wanted).argmin(0))]
     first = found[0]
     words = captions or _captions(Path(folder) / "history.csv")
     scenes = []
@@ -202,7 +203,10 @@ def _image(draw, scene, view=VIEW, size=SCREEN):
     towards = np.array(view, float) / np.linalg.norm(view)
     with drawing(size) as plotter:
         plotter.disable_anti_aliasing()  # with it depth peeling loses what is translucent
-        plotter.enable_depth_peeling(8)
+        # not by PyVista, whose check opens a window of its own: that ended the process on Debian 13
+        plotter.ren_win.AlphaBitPlanesOn()
+        plotter.renderer.SetUseDepthPeeling(True)
+        plotter.renderer.SetMaximumNumberOfPeels(8)
         draw(plotter)
         plotter.view_vector(towards, viewup=(0, 0, 1))
         plotter.reset_camera(bounds=scene.bounds)

@@ -71,7 +71,7 @@ def draw(press: Any, result: Result, folder: Path) -> None:
     from ..results import formed, press_pictures
 
     with _told("filmstrip.png"):
-        press_pictures.filmstrip(folder / "filmstrip.png", folder)
+        press_pictures.filmstrip(folder / "filmstrip.png", folder, press.course.shown())
     press_pictures.draw_formed(folder, result.grids)
     angles = [
         (ply.fibre_angle, ply.fibre_angle + ply.yarn_angle) if ply.fabric else ()

@@ -10,6 +10,8 @@ from ..runtime.fields import check_fields, number
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..tools.values import checked_vector
 
+PICTURES = 6  # of a filmstrip
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -146,6 +148,13 @@ class Course:
         steps = np.diff(self._places[name], axis=0)
         moved = steps[steps.any(1)]
         return moved[0] if len(moved) else np.zeros(3)
+
+    def shown(self) -> np.ndarray:
+        """Load factors of about `PICTURES` pictures: the stages' ends, and between them as many in
+        each."""
+        each = max(1, round((PICTURES - 1) / len(self.stages)))
+        ends = np.arange(len(self.joints))
+        return np.interp(np.arange(each * ends[-1] + 1) / each, ends, self.joints)
 
     def leaders(self) -> list[str]:
         """Of each stage the tool whose force and travel its curve shows: the one that goes

@@ -119,7 +119,7 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
     monkeypatch.setattr(
         press_pictures, "_strip", lambda path, images, words, limit: seen.append((images, words))
     )
-    press_pictures.filmstrip(tmp_path / "filmstrip.png", run, count=3)
+    press_pictures.filmstrip(tmp_path / "filmstrip.png", run, loads=(0, 0.5, 1))
     ((images, words),) = seen
     assert words == ["stroke 0 mm, 0 N", "stroke 6 mm, 296 N", "stroke 10 mm, 494 N"]
     assert len({image.shape for image in images}) == 1
