@@ -55,6 +55,13 @@ def test_a_strip_is_pulled_without_compiled_loops(tmp_path):
     assert done.stdout.endswith("False\n"), done.stdout + done.stderr
 
 
+def test_numbers_of_forming_need_nothing_that_draws_in_space():
+    """It takes 30 MB and half a second."""
+    code = "import sys, fabric_fenicsx.results.formed; print('pyvista.plotting' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "False\n", done.stderr
+
+
 def test_types_are_known_of_each_name():
     """What is imported for type checkers alone is all that the facade offers."""
     tree = ast.parse(Path(ff.__file__).read_text())

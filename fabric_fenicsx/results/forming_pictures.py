@@ -207,7 +207,7 @@ def screen() -> Iterator[None]:
 
 
 @contextmanager
-def drawing(size: tuple[int, int] = SCREEN) -> Iterator[pyvista.Plotter]:
+def drawing(size: tuple[int, int] = SCREEN) -> Iterator["pyvista.Plotter"]:
     """A plotter of `size` [pixels] without a window, on white. Raises InputError where VTK finds
     nothing to draw on."""
     with screen():
@@ -258,7 +258,7 @@ def cut_away(surface: pyvista.PolyData, share: float, end: float = 1.0) -> pyvis
 
 
 def draw_ply(
-    plotter: pyvista.Plotter,
+    plotter: "pyvista.Plotter",
     surface: pyvista.PolyData,
     limit: float,
     angles: Sequence[float] | None = (),
@@ -286,7 +286,7 @@ def draw_ply(
 
 
 def draw_yarns(
-    plotter: pyvista.Plotter, surface: pyvista.PolyData, across: np.ndarray, spacing: float
+    plotter: "pyvista.Plotter", surface: pyvista.PolyData, across: np.ndarray, spacing: float
 ) -> None:
     """Add a line each `spacing` [mm] of `across`, the distance (n,) of the nodes of a ply across
     its yarns on the flat ply [mm]."""
