@@ -121,6 +121,8 @@ class Parser(argparse.ArgumentParser):
         """Raise InputError with what argparse says, in the form of all messages."""
         if match := re.fullmatch(r"unrecognized arguments: (.*)", message):
             raise self._unknown(match[1].split()[0].split("=")[0])
+        if match := re.fullmatch(r"the following arguments are required: (.*)", message):
+            raise InputError(f"{match[1]} is missing; allowed is to name it, see --help")
         if match := re.match(r"argument (\S+): ignored explicit argument", message):
             raise InputError(f"{match[1]} is given a value; allowed is {match[1]} alone")
         wrong = re.match(r"argument (\S+): (invalid (.*?)(?: value)?: |expected)(\S*)", message)

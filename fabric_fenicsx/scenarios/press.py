@@ -75,6 +75,12 @@ class Press(BetweenTools):
         """Make the blank, and put the tools in their places."""
         if not self.tools:
             raise InputError("there is no tool; allowed are one or more")
+        sides = {tool.side for tool in self.tools.values()}
+        if len(sides) == 1 and not self.holders:
+            raise InputError(
+                f"all tools stand {sides.pop()} the blank, and nothing resists them; allowed is a "
+                "tool on the other side, or a holder, as springs at the edges"
+            )
         self.lay_blank()
         place = Placement(self.flat_nodes(), self.thickness, self.comm, self.warnings)
         forces = {n: float(t.force) for n, t in self.tools.items() if t.force is not None}

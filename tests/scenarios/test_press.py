@@ -159,6 +159,7 @@ def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
         (["blank.fabric=none.toml"], "material 'none.toml' is unknown"),
         (["blank.outline=none.dxf"], "no file; allowed is one beside the press file"),
         (["unit=m"], "unit is 'm'; allowed is a line `unit = "),
+        (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
         (["tools.punch"], "is no KEY=VALUE; allowed is a dotted key"),
     ],
 )
