@@ -103,7 +103,7 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
         from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
-    found = [untouched, crossing_warning(scene.blank), *fabric_warnings(result)]
+    found = [untouched, _crossing(scene), *fabric_warnings(result)]
     if not (untouched or any(energy.values()) or scene.u.norm()):
         found.append(
             "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
@@ -121,6 +121,19 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
             f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
         )
     return [words for words in [*found, *reports.warnings(scene)] if words]
+
+
+def _crossing(scene):
+    """`crossing_warning`, but of sheets that are unloaded one by one."""
+    if not scene.blank.parts:
+        return ""
+    from ..mechanics.contact.sheet_contact import SheetContact
+    from ..mechanics.fading import FadingForces
+
+    fading, touching = (
+        any(isinstance(term, kind) for term in scene.terms) for kind in (FadingForces, SheetContact)
+    )
+    return "" if fading and not touching else crossing_warning(scene.blank)
 
 
 def _cause(energy):
