@@ -80,9 +80,10 @@ def symmetry_warnings(press: Any) -> list[str]:
     """A sentence for each tool of a quarter that is not its own mirror image in x = 0 and y = 0, to
     `MIRRORED` of the thickness, where it stands at the start and at the end; on all ranks."""
     found: list[str] = []
+    low, high = press.extent
     for tool in press.rigid if press.comm.rank == 0 and not press.full else ():
         for load in (0.0, 1.0):
-            x, place = _points(tool, *press.extent, load), np.asarray(tool.path(load))
+            x, place = _points(tool, low, high, load), np.asarray(tool.path(load))
             if not len(x) or any(words.startswith(f"tool {tool.name} ") for words in found):
                 continue
             for axis, mirror in enumerate(((-1, 1, 1), (1, -1, 1))):
