@@ -2,22 +2,22 @@
 
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.runtime.words import percent, rounded
 from fabric_fenicsx.scenarios.unloading import unloading
 
 
 def main(study: PressStudy):
     press = study.press()
-    result = study.run(press)
-    found = result.summary["quantities"]
-    study.say(
-        f"{study.args.out}: {press.force_name()} {result.told('force_N', '.5g')} N"
-        f"{press.of_whole(found)}, largest shear angle "
-        f"{result.told('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
-        f"{result.told('shear_angle_99_percent_deg', '.2f')}), draw-in "
-        f"{result.told('draw_in.largest_mm', '.2f')} mm, yarns shortened by "
-        f"{percent(found['wrinkles']['shortening'], 3)} in the mean"
-    )
+    try:
+        result = study.run(press)
+    except SolverFailure as failure:
+        if failure.result:
+            tell(study, press, failure.result)
+        if press.course.unloads:
+            study.say("the blank is not unloaded, as the forming is not believed")
+        raise
+    tell(study, press, result)
     if press.course.unloads:
         unloaded = study.run_job(unloading(result), "unloaded")
         found = unloaded.summary["quantities"]
@@ -27,6 +27,19 @@ def main(study: PressStudy):
             for name, each in sheets.items()
         ]
         study.say(f"{study.args.out}/unloaded: without tools springs back {', '.join(back)}")
+
+
+def tell(study, press, result):
+    found = result.summary["quantities"]
+    wrinkles = found["wrinkles"] or {"shortening": 0.0}
+    study.say(
+        f"{study.args.out}: {press.force_name()} {result.told('force_N', '.5g')} N"
+        f"{press.of_whole(found)}, largest shear angle "
+        f"{result.told('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
+        f"{result.told('shear_angle_99_percent_deg', '.2f')}), draw-in "
+        f"{result.told('draw_in.largest_mm', '.2f')} mm, yarns shortened by "
+        f"{percent(wrinkles['shortening'], 3)} in the mean"
+    )
 
 
 if __name__ == "__main__":

@@ -39,7 +39,8 @@ class Job(JobFields):
       cells, as observed in problems of this kind; headlines: which quantities get errors, those of
       nested ones as "draw_in.largest_mm"
     - measure: function of scene and load factor to displacement [mm] and force [N] for the history;
-      by default those of the first tool or moving support; force_name: what that force is called;
+      by default those of the first tool or moving support; columns: function of the scene to more
+      of them, {name: value}, on all ranks; force_name: what that force is called;
       modelled: share of a sheet that symmetry leaves, so that the history tells the whole one's
       force, too
     - quantities: function of a `Result` to what the summary says beside the rest; tables, pictures:

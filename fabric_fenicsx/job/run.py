@@ -123,6 +123,8 @@ class Run:
         """Columns of the history beside those `taken`: of the terms, and the whole sheet's force
         where symmetry leaves a share of it."""
         share, found = self.job.modelled, reports.history(self.scene, taken)
+        if self.job.columns:
+            found |= self.job.columns(self.scene)
         return found if share == 1 else {"reaction_of_whole_N": force / share} | found
 
     def _reject(self, load: float, report: Report) -> None:

@@ -172,8 +172,10 @@ def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, Any]:
     flat ply. Where the grid has two such sides, also at the middle of each: `middle_at_low_x_mm`
     and so on. planes: as in `outline`."""
     edges = outline(grid, planes)
+    # without the last point of a closed one, which is its first
+    closed = [np.array_equal(edge.formed[0], edge.formed[-1]) for edge in edges]
     place, inwards = (
-        np.concatenate([getattr(edge, name) for edge in edges])
+        np.concatenate([getattr(e, name)[: len(e.inwards) - c] for e, c in zip(edges, closed)])
         for name in ("undeformed", "inwards")
     )
     undeformed = place[:, :2].round(6) + 0.0
@@ -183,7 +185,9 @@ def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, Any]:
     sides = place - centre
     place = abs(sides)
     half = place.max(0)
-    long, short = half * np.eye(2)[[1, 0]] if half[0] >= half[1] else half * np.eye(2)
+    # of a square sheet x is the long side, whatever rounding says
+    is_along_x = half[0] > half[1] - SAME
+    long, short = half * np.eye(2)[[1, 0]] if is_along_x else half * np.eye(2)
     spots = {"middle_of_long_side": long, "middle_of_short_side": short, "corner": half}
     asked = [(name, place, at) for name, at in spots.items()]
     for axis, side in enumerate(half * np.eye(2)):

@@ -284,7 +284,8 @@ def _draw_state(plotter, scene, limit, spacing, towards):
         if rear.n_cells:
             plotter.add_mesh(rear, color="#8f9aa8", opacity=0.25, **SOLID)
             cut = surface.slice(normal=(0, 1, 0), origin=(0, 1e-3, 0))
-            plotter.add_mesh(cut, color="#4a5360", line_width=2)
+            if cut.n_points:
+                plotter.add_mesh(cut, color="#4a5360", line_width=2)
 
 
 # -- around these images

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
+import numpy as np
+
 from ..job.job import Job, Result
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.tool_contact import Contact
@@ -22,7 +24,7 @@ from ..tools.tool import Tool
 from . import holding
 from .between_tools import BetweenTools
 from .flange import Flange
-from .holding import Holder, PressureHolder
+from .holding import ForceHolder, GapHolder, Holder, PressureHolder
 from .press_checks import check_clearances, symmetry_warnings
 from .press_tools import DieOf, Placement, PressTool
 from .punch import PRESSED, clearance_of
@@ -95,7 +97,14 @@ class Press(BetweenTools):
         made = {n: self._tool(n, t, place) for n, t in self.tools.items() if n not in dies}
         for name, of in dies.items():
             die = dataclasses.replace(self.tools[name], surface=self._die(name, of, made))
-            made[name] = self._tool(name, die, place)
+            try:
+                made[name] = self._tool(name, die, place)
+            except InputError as error:
+                raise InputError(
+                    f"tool {name} can't be the die of {of.tool}, if that is closed all round as a "
+                    f"ball is: allowed is the die of an open surface, as double_dome or a file "
+                    f"without a back ({error})"
+                ) from None
         self._named = {name: made[name] for name in self.tools}
         self.rigid = list(self._named.values())
         for tool in self.rigid:
@@ -142,6 +151,8 @@ class Press(BetweenTools):
             if isinstance(holder, PressureHolder) and name in self._pressures:
                 holder = dataclasses.replace(holder, pressure=self.course.pressure(name))
             die = self._against(name, holder)
+            if isinstance(holder, (ForceHolder, GapHolder)):
+                holder = dataclasses.replace(holder, where=self._on_flat(die, holder.where))
             up = -self.tools[die.name].towards[2]
             self.die = die
             terms += holding.terms_of(holder, self.rim(die, name, between, up))
@@ -175,15 +186,23 @@ class Press(BetweenTools):
         return self._named[flat[0]]
 
     def _is_flat(self, name):
-        tool, up = self._named[name], -self.tools[name].towards[2]
-        share = Flange(tool, self.thickness, up)(self.flat_nodes().T)
+        share = self._flange(self._named[name])(self.flat_nodes().T)
         return bool(self.comm.allreduce(int((share > 0).sum())))
+
+    def _flange(self, die):
+        return Flange(die, self.thickness, -self.tools[die.name].towards[2])
+
+    def _on_flat(self, die, where):
+        """Function of points of the flat blank to whether they lie at the die's flat face, and
+        where a segment is: a plate has the die's opening."""
+        flange = self._flange(die)
+        return lambda x: (flange(x) > 0) & (where(x) if where else True)
 
     def job(self, **changes: Any) -> Job:
         """As in `Scenario`, with the steps of the stages, whose ends are hit exactly."""
         steps = changes.pop("steps", None) or self.course.steps
         ends = tuple(float(each) for each in self.course.joints[1:-1])
-        usual = {"first_picture": self.first_picture}
+        usual: dict[str, Any] = {"first_picture": self.first_picture, "columns": self.columns}
         return super().job(**usual | {"milestones": ends} | changes, steps=steps)
 
     def problem(self) -> dict[str, Any]:
@@ -202,6 +221,16 @@ class Press(BetweenTools):
         tool = self.leader(load)
         force = reports.tool_force(scene, tool) @ self.tools[tool.name].towards
         return self.course.travel(load), float(force)
+
+    def columns(self, scene: Scene) -> dict[str, float]:
+        """Of each tool its way from where it stood and its force, both along z, the force of what
+        is modelled {name: value} [mm], [N]."""
+        found = {}
+        for name, tool in self._named.items():
+            way = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
+            found[f"{name}_way_mm"] = float(way)
+            found[f"{name}_force_N"] = float(reports.tool_force(scene, tool)[2])
+        return found
 
     def force_name(self) -> str:
         """As in `Scenario`."""

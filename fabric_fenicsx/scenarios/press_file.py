@@ -29,6 +29,7 @@ BLANK = (
     *("bending_modulus", "twist_modulus", "in_plane_bending"),
 )
 FILES = "mesh", "outline"  # of a blank
+OF_PLIES = *FILES, "layer", "centred", "size", "fibre_angle", "yarn_angle"  # said of each
 CONTACT = "friction", "metal_friction", "slip", "lag", "penalty", "permitted"
 TOOL = tuple(each.name for each in dataclasses.fields(PressTool) if each.name != "surface")
 # shape -> what makes it of its numbers, and their names; face up, its origin as `PressTool.at` says
@@ -120,7 +121,9 @@ def _fields(document, folder):
         found = shown(document["unit"]) if "unit" in document else "missing"
         raise InputError(f'unit is {found}; allowed is a line `unit = "mm"`, as all lengths are')
     tables = {name: _table(document.get(name, {}), name, f"[{name}]") for name in TABLES}
-    fields = _blank(tables["blank"], folder, bool(document.get("ply")))
+    if "ply" in document:
+        _hand_down(tables["blank"], document["ply"])
+    fields = _blank(tables["blank"], folder, "ply" in document)
     fields |= _known(tables["contact"], CONTACT, "contact")
     if "ply" in document:
         fields["stack"] = plies_of({"unit": "mm", "ply": document["ply"]}, folder)
@@ -143,6 +146,15 @@ def _fields(document, folder):
     if not isinstance(title, str):
         raise InputError(f"title is {shown(title)}; allowed is a text")
     return fields | {"title": title}
+
+
+def _hand_down(blank, plies):
+    """Give plies what the blank says and they do not."""
+    for key in [key for key in OF_PLIES if key in blank]:
+        value = blank.pop(key)
+        for ply in plies if isinstance(plies, list) else ():
+            if isinstance(ply, dict):
+                ply.setdefault(key, value)
 
 
 def _table(value, name, label):

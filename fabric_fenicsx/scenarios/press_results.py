@@ -11,7 +11,6 @@ from ..job.job import Result
 from ..results import measures
 from ..results.output import MARKED
 from ..results.shortening import shortening
-from ..runtime.errors import InputError
 from ..scene import reports
 from . import measuring
 
@@ -72,7 +71,8 @@ def draw(press: Any, result: Result, folder: Path) -> None:
 
     with _told("filmstrip.png"):
         press_pictures.filmstrip(folder / "filmstrip.png", folder, press.course.shown())
-    press_pictures.draw_formed(folder, result.grids)
+    with _told("thickness.png"):
+        press_pictures.draw_formed(folder, result.grids)
     angles = [
         (ply.fibre_angle, ply.fibre_angle + ply.yarn_angle) if ply.fabric else ()
         for ply in press.plies
@@ -80,14 +80,15 @@ def draw(press: Any, result: Result, folder: Path) -> None:
     tool = press.leader(1.0)
     low, high = press.extent
     room = np.array([0.0, 0.0, float((high - low).max())])
-    mesh = formed.tool_mesh(tool, low - room - tool.displacement, high + room - tool.displacement)
-    formed.draw_plies(folder, result.grids, angles, mesh)
+    low, high = low - room - tool.displacement, high + room - tool.displacement
+    with _told("formed.png"):
+        formed.draw_plies(folder, result.grids, angles, formed.tool_mesh(tool, low, high))
 
 
 @contextmanager
 def _told(picture):
-    """Where nothing can be drawn on, that is said and no reason to lose a run."""
+    """Where nothing can be drawn, that is said and no reason to lose a run."""
     try:
         yield
-    except InputError as error:
+    except Exception as error:  # whatever VTK finds
         log.warning("%s was not drawn: %s", picture, error, extra=MARKED)

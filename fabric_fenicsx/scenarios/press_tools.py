@@ -153,29 +153,35 @@ class Placement:
     def _touching(self, name, tool, surface, start):
         """The height (z) of the tool's origin at which it touches the blank, None if its body is on
         the wrong side. It is brought nearer by its least distance each time, so never too far."""
-        up = tool.towards[2]
-        away = self._size
-        while self._least(surface, start, -up * away)[0] <= 0:
+        up, away, between = tool.towards[2], self._size, np.empty((0, 3))
+        while self._least(surface, start, -up * away, between)[0] <= 0:
             away *= 2
             if away > FAR * self._size:
                 return None
         for _ in range(TRIES):
-            gap, place = self._least(surface, start, -up * away)
+            gap, place, foot = self._least(surface, start, -up * away, between)
             if gap < TOUCHES * self._t:
                 return -up * away
             away -= gap
+            # the tool's nearest point, seen from where it was nearest, may lie between nodes
+            if ((foot[:2] >= self._low) & (foot[:2] <= self._high)).all():
+                between = np.array([[*foot[:2], 0.0]])
             if away < -FAR * self._size:
                 break
         raise InputError(self._beside(name, tool, surface, place))
 
-    def _least(self, surface, start, height):
-        """The least gap [mm] of all ranks between the blank's face and a tool whose origin is at
-        that height, and where it is."""
-        x = self._x - (start + [0, 0, height])
-        gap = surface.evaluate(x).gap - self._t / 2
-        gap = np.where(np.isfinite(gap), gap, np.inf)
-        i = int(gap.argmin()) if len(gap) else None
-        mine = (np.inf, []) if i is None else (float(gap[i]), self._x[i].tolist())
+    def _least(self, surface, start, height, between):
+        """The least gap [mm] of all ranks between the blank's face, at its nodes and points
+        `between` them (k, 3), and a tool whose origin is at that height; where it is, and the
+        nearest point of the tool."""
+        places = np.vstack([self._x, between])
+        found = surface.evaluate(places - (start + [0, 0, height]))
+        gap = np.where(np.isfinite(found.gap), found.gap - self._t / 2, np.inf)
+        mine: tuple[float, list[float], list[float]] = (np.inf, [], [])
+        if len(gap):
+            i = int(gap.argmin())
+            foot = places[i] - found.gap[i] * found.normal[i]
+            mine = float(gap[i]), places[i].tolist(), foot.tolist()
         return min(self._comm.allgather(mine))
 
     def _beside(self, name, tool, surface, place):

@@ -88,10 +88,18 @@ class Course:
         self._places = {name: [np.zeros(3)] for name in towards}
         self._forces = {name: [value] for name, value in forces.items()}
         self._pressures = {name: [value] for name, value in pressures.items()}
+        names = [stage.name for stage in self.stages if stage.name]
+        if twice := next((name for name in names if names.count(name) > 1), ""):
+            raise InputError(f"two stages are called {twice}; allowed are different names")
         for k, stage in enumerate(self.stages):
             self._add(stage, stage.name or f"stage {k + 1}", towards)
 
     def _add(self, stage, label, towards):
+        if not (stage.moves or stage.forces or stage.pressures or stage.leave):
+            raise InputError(
+                f"{label} changes nothing; allowed is one that has moves, forces, pressures or "
+                "leave"
+            )
         for kind, known in (("forces", self._forces), ("pressures", self._pressures)):
             for name in getattr(stage, kind):
                 if name not in known:
@@ -115,6 +123,11 @@ class Course:
                 if name in stage.moves:
                     raise InputError(
                         f"tool {name} of {label} moves and leaves; allowed is one of them"
+                    )
+                if not places[-1].any():
+                    raise InputError(
+                        f"tool {name} of {label} leaves, but stands where it began; allowed is one "
+                        "that has moved"
                     )
                 places.append(np.zeros(3))
                 continue
