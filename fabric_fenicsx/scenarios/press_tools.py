@@ -21,6 +21,7 @@ SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the way along z from th
 FAR = 1e6  # sizes of the blank, within which a tool's face is sought
 TOUCHES = 1e-9  # of the thickness, to which a tool is brought to the blank
 TRIES = 500  # at most, to bring it there
+KEPT = 10  # points beside the nodes, at which it was nearest before
 
 
 @dataclass(frozen=True)
@@ -159,29 +160,30 @@ class Placement:
             if away > FAR * self._size:
                 return None
         for _ in range(TRIES):
-            gap, place, foot = self._least(surface, start, -up * away, between)
-            if gap < TOUCHES * self._t:
+            gap, place, top = self._least(surface, start, -up * away, between)
+            if abs(gap) < TOUCHES * self._t:
                 return -up * away
             away -= gap
-            # the tool's nearest point, seen from where it was nearest, may lie between nodes
-            if ((foot[:2] >= self._low) & (foot[:2] <= self._high)).all():
-                between = np.array([[*foot[:2], 0.0]])
+            # the tool's top may lie between nodes
+            if (self._low <= top).all() and (top <= self._high).all():
+                between = np.vstack([between, [*top, 0.0]])[-KEPT:]
             if away < -FAR * self._size:
                 break
         raise InputError(self._beside(name, tool, surface, place))
 
     def _least(self, surface, start, height, between):
         """The least gap [mm] of all ranks between the blank's face, at its nodes and points
-        `between` them (k, 3), and a tool whose origin is at that height; where it is, and the
-        nearest point of the tool."""
+        `between` them (k, 3), and a tool whose origin is at that height; where it is, and over or
+        under which place (x, y) the tool's top is, by its curvature there."""
         places = np.vstack([self._x, between])
         found = surface.evaluate(places - (start + [0, 0, height]))
         gap = np.where(np.isfinite(found.gap), found.gap - self._t / 2, np.inf)
         mine: tuple[float, list[float], list[float]] = (np.inf, [], [])
         if len(gap):
             i = int(gap.argmin())
-            foot = places[i] - found.gap[i] * found.normal[i]
-            mine = float(gap[i]), places[i].tolist(), foot.tolist()
+            bend, slope = found.curvature[i][:2, :2], found.normal[i][:2]
+            top = places[i][:2] - np.linalg.lstsq(bend, slope, rcond=1e-9)[0]
+            mine = float(gap[i]), places[i].tolist(), top.tolist()
         return min(self._comm.allgather(mine))
 
     def _beside(self, name, tool, surface, place):
