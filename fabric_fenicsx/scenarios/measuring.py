@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..job.job import Result
+from ..mechanics.springs import Springs
 from ..scene import reports
 from ..sheets.blank import Part
 from ..tools.tool import Tool
@@ -35,6 +36,7 @@ def of_contact(forming: Any, result: Result) -> dict[str, Any]:
     """What speaks for or against the contact with tools in a run of a `BetweenTools`."""
     rows, scene = result.rows, forming.scene
     total = sum((reports.tool_force(scene, term.tool) for term in forming.pressing), np.zeros(3))
+    total += sum((term.force() for term in scene.terms if isinstance(term, Springs)), np.zeros(3))
     kept = sum(rows[-1].get(f"{kind}_energy_Nmm", 0.0) for kind in STRETCHING)
     return {
         "unbalanced_force_N": float(abs(total[2])),

@@ -93,7 +93,7 @@ def ranges(words: Sequence[str]) -> list[Range]:
 
 def _split(word, taken, form):
     key, equals, text = word.partition("=")
-    if not (equals and re.fullmatch(r"[\w-]+(\.[\w-]+)*", key)):
+    if not (equals and re.fullmatch(r"[^.=]+(\.[^.=]+)*", key)):
         raise InputError(f"--vary {word} is no key with values; allowed is {form}")
     if key in taken:
         raise InputError(f"--vary {key} is given twice; allowed is all of its values behind one")
