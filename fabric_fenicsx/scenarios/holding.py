@@ -33,7 +33,7 @@ UP = np.array([0.0, 0.0, 1.0])
 FAR = 200  # mm, over which the flange is sought
 GROUP = "blank holder"  # of options
 # above which a run warns
-PRESSURE = 100.0, "pressures are in MPa (Pa over 1e6)"
+PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"
 
 Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to a mask (n,)
 

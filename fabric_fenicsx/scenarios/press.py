@@ -14,6 +14,7 @@ from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
+from ..runtime.fields import check_fields
 from ..runtime.rules import unknown_key
 from ..runtime.words import rounded
 from ..scene import reports
@@ -83,6 +84,11 @@ class Press(BetweenTools):
                 f"all tools stand {sides.pop()} the blank, and nothing resists them; allowed is a "
                 "tool on the other side, or a holder, as springs at the edges"
             )
+        if len(sides) == 1 and len(self.tools) > 1:
+            self.warnings.append(
+                f"{' and '.join(self.tools)} all stand {next(iter(sides))} the blank, and only "
+                "holders resist them: `side` says where a tool stands"
+            )
         self.lay_blank()
         place = Placement(self.flat_nodes(), self.thickness, self.comm, self.warnings)
         forces = {n: float(t.force) for n, t in self.tools.items() if t.force is not None}
@@ -149,6 +155,7 @@ class Press(BetweenTools):
         for name, given in self.holders.items():
             holder: Holder = holding.holders_of(given)[0]
             if isinstance(holder, PressureHolder) and name in self._pressures:
+                self.warnings += check_fields(holder, "{} of `PressureHolder`".format)
                 holder = dataclasses.replace(holder, pressure=self.course.pressure(name))
             die = self._against(name, holder)
             if isinstance(holder, (ForceHolder, GapHolder)):

@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -13,12 +14,14 @@ from ..runtime.fields import check_fields, number
 from ..runtime.rules import FROM_ZERO, POSITIVE
 from ..runtime.words import coordinates, rounded
 from ..tools.checks import FLANGE, UNITS, check_triangles
+from ..tools.files import CAD
 from ..tools.surfaces import Surface, Turned
 from ..tools.triangulated import TriangulatedSurface
 from ..tools.values import checked_vector, length_of
 
 SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the way along z from there to it
-FAR = 1e6  # sizes of the blank, within which a tool's face is sought
+FAR = 1e3  # sizes of the blank, within which a tool's face is sought
+FINER = 1, 2, 5  # by which a CAD model's chord is divided in turn
 TOUCHES = 1e-9  # of the thickness, to which a tool is brought to the blank
 TRIES = 500  # at most, to bring it there
 KEPT = 10  # points beside the nodes, at which it was nearest before
@@ -101,17 +104,31 @@ class Placement:
         surface, file = tool.surface, f"surface of tool {name}"
         if isinstance(surface, (str, os.PathLike)):
             file = f"tool {name}, {surface}"
-            surface = TriangulatedSurface.read(str(surface), tool.chord, comm=self._comm)
+            surface = self._read(file, str(surface), tool.chord)
         elif not isinstance(surface, Surface):
             raise InputError(
                 f"{file} is {surface!r}; allowed is a surface, as `Sphere(50)`, or a file's name"
             )
-        if isinstance(surface, TriangulatedSurface):
+        elif isinstance(surface, TriangulatedSurface):
             self._check_units(file, surface)
             check_triangles(surface, file, self._t, self._warnings.append)
         if any(tool.turn):
             surface = Turned(surface, tool.turn)
         return surface
+
+    def _read(self, name, path, chord):
+        """The surface in a file; of a CAD model with a smaller `chord` where its facets are off."""
+        tries = FINER if path.lower().endswith(CAD) else FINER[:1]
+        for finer in tries:
+            surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
+            self._check_units(name, surface)
+            try:
+                check_triangles(surface, name, self._t, self._warnings.append)
+                return surface
+            except InputError as error:
+                wrong = error
+        hint = ", or a smaller `chord`" if tries[1:] else ""
+        raise InputError(f"{wrong}{hint}")
 
     def _check_units(self, name, surface):
         size = float(np.ptp(surface.points, axis=0).max())
@@ -155,9 +172,11 @@ class Placement:
         """The height (z) of the tool's origin at which it touches the blank, None if its body is on
         the wrong side. It is brought nearer by its least distance each time, so never too far."""
         up, away, between = tool.towards[2], self._size, np.empty((0, 3))
+        points = _of_triangles(surface)
+        far = FAR * self._size if points is None else 4 * (abs(points).max() + self._size)
         while self._least(surface, start, -up * away, between)[0] <= 0:
             away *= 2
-            if away > FAR * self._size:
+            if away > far:
                 return None
         for _ in range(TRIES):
             gap, place, top = self._least(surface, start, -up * away, between)
@@ -167,7 +186,7 @@ class Placement:
             # the tool's top may lie between nodes
             if (self._low <= top).all() and (top <= self._high).all():
                 between = np.vstack([between, [*top, 0.0]])[-KEPT:]
-            if away < -FAR * self._size:
+            if away < -far:
                 break
         raise InputError(self._beside(name, tool, surface, place))
 
@@ -196,7 +215,9 @@ class Placement:
                 f": it reaches from {coordinates(low)} to {coordinates(high)} mm, the blank from "
                 f"{coordinates(self._low)} to {coordinates(self._high)} mm"
             )
-            return f"{words}; allowed is a tool over it, as with at = [{_listed(shift)}]"
+            if np.linalg.norm(shift - tool.at[:2]) > 1e-3 * self._size:
+                return f"{words}; allowed is a tool over it, as with at = [{_listed(shift)}]"
+            return f"{words}; allowed is one in mm that is over the blank (is it in cm or inches?)"
         return f"{words}, nearest to {coordinates(place)}; allowed is `at` that puts it there"
 
     def _check_height(self, name, tool, z, touching):
@@ -212,7 +233,8 @@ class Placement:
     def _doubt_hollow(self, name, tool, surface, start):
         """Warn of a CAD tool that shows the blank its flat back."""
         found = _of_triangles(surface)
-        if found is None:
+        inner: Any = surface.surface if isinstance(surface, Turned) else surface
+        if found is None or len(inner.rim):  # what is open has no back
             return
         z = tool.towards[2] * found[:, 2]
         size = float(np.ptp(found, axis=0).max())

@@ -93,6 +93,13 @@ class Course:
             raise InputError(f"two stages are called {twice}; allowed are different names")
         for k, stage in enumerate(self.stages):
             self._add(stage, stage.name or f"stage {k + 1}", towards)
+        for name, places in self._places.items():
+            ways = [float(place @ towards[name]) for place in places]
+            if min(ways) < 0 and max(ways) <= 0:
+                raise InputError(
+                    f"tool {name} only goes away from the blank; allowed is one that comes nearer: "
+                    "more than 0 in `moves` is towards the blank"
+                )
 
     def _add(self, stage, label, towards):
         if not (stage.moves or stage.forces or stage.pressures or stage.leave):

@@ -96,7 +96,7 @@ def untouched_warning(scene: Scene) -> str:
         moved = float(np.linalg.norm(np.subtract(tool.path(1.0), tool.path(0.0))))
         if its and moved and not any([contact.touched() for contact in its]):
             gap = min(float(contact.gap().min(initial=math.inf)) for contact in its)
-            gap = scene.comm.allreduce(gap, MPI.MIN)
+            gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
             told.append(
                 f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"
             )

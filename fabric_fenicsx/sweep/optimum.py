@@ -157,6 +157,7 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
     slopes = np.sign(np.diff(y))
     if (slopes > 0).any() and (slopes < 0).any():
         notes.append("it neither falls nor rises throughout: look at trends.png")
+    notes.append(_how_good(whole, quantity))
     under = y < limit
     if not under.any():
         least = int(y.argmin())
@@ -175,6 +176,15 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
     where = " and ".join(filter(None, (begin, end))) or f"in all runs, from {name} = {x[0]:g} on"
     interpolated = " (between runs, interpolated)" if begin or end else ""
     return "; ".join([f"{asked}: {where}{interpolated}", *notes])
+
+
+def _how_good(runs, quantity):
+    """How far the cells may be off, in words."""
+    errors = [run.summary().get("error", {}).get(quantity) for run in runs]
+    known = [abs(error) for error in errors if error is not None]
+    if not known:
+        return "all on these cells: `-- --error` tells how far they may be off, finer ones show it"
+    return f"the cells' estimated error is up to {rounded(max(known), 2)}"
 
 
 def limit_of(word: str) -> tuple[str, float]:

@@ -266,3 +266,16 @@ def test_plies_have_what_the_blank_says(tmp_path):
     path = changed(tmp_path, ("[contact]", plies))
     press = ff.Press.read(path, ["blank.nx=4", "blank.fibre_angle=10", "blank.quarter=false"])
     assert [ply.fibre_angle for ply in press.plies] == [10, 45]
+
+
+def test_a_tool_that_only_goes_away_is_refused():
+    with pytest.raises(ff.InputError, match="tool punch only goes away from the blank"):
+        hemisphere("stage.1.moves.punch=-30")
+
+
+def test_a_pressure_in_pascal_and_a_forgotten_side_are_told_of(tmp_path):
+    press = hemisphere("blank.nx=4", "holder.pressure=20000")
+    assert any("pressure of `PressureHolder` is 20000, which is much" in w for w in press.warnings)
+    path = changed(tmp_path, ('side = "above"', ""))
+    press = ff.Press.read(path, ["blank.nx=4"])
+    assert any("punch and ring all stand below the blank" in w for w in press.warnings)
