@@ -1,6 +1,5 @@
 """A study whose scenario is a press in a file."""
 
-from pathlib import Path
 from typing import Any
 
 from ..material.presets import read_laws
@@ -58,5 +57,4 @@ class PressStudy(Study):
         self.fabric = press.fabric
         for doubt in press.fabric.plausibility_warnings():
             self.warn(doubt)
-        press.title = press.title or Path(args.file).stem.replace("_", " ")
         return self.take(press)

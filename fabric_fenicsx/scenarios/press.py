@@ -68,7 +68,7 @@ class Press(BetweenTools):
         the press besides. Raises InputError that names file, table and key."""
         from .press_file import read_press
 
-        given = read_press(path, changes) | fields
+        given = {"title": Path(path).stem.replace("_", " ")} | read_press(path, changes) | fields
         try:
             return cls(**given)
         except InputError as error:
@@ -152,8 +152,12 @@ class Press(BetweenTools):
     def held(self, between: Sequence[Term]) -> list[Term]:
         """As in `BetweenTools`: of each holder."""
         terms: list[Term] = []
-        for name, given in self.holders.items():
-            holder: Holder = holding.holders_of(given)[0]
+        named = [
+            (name if k == 1 else f"{name} {k}", holder)
+            for name, given in self.holders.items()
+            for k, holder in enumerate(holding.holders_of(given), 1)
+        ]
+        for name, holder in named:
             if isinstance(holder, PressureHolder) and name in self._pressures:
                 self.warnings += check_fields(holder, "{} of `PressureHolder`".format)
                 holder = dataclasses.replace(holder, pressure=self.course.pressure(name))
@@ -161,7 +165,8 @@ class Press(BetweenTools):
             if isinstance(holder, (ForceHolder, GapHolder)):
                 holder = dataclasses.replace(holder, where=self._on_flat(die, holder.where))
             up = -self.tools[die.name].towards[2]
-            self.die = die
+            if not isinstance(holder, holding.PULLING):
+                self.die = die
             terms += holding.terms_of(holder, self.rim(die, name, between, up))
         return terms
 
@@ -254,9 +259,7 @@ class Press(BetweenTools):
         """As in `Scenario`."""
         count = len(self.plies)
         plies = "a ply" if count == 1 else f"{count} plies"
-        stages = ", then ".join(
-            stage.name or f"stage {k + 1}" for k, stage in enumerate(self.course.stages)
-        )
+        stages = ", then ".join(stage.name for stage in self.course.stages)
         of = f"Forming of {plies} by {', '.join(self.tools)}: {stages}."
         return self.title or "A press", of
 

@@ -20,55 +20,51 @@ def check_clearances(press: Any) -> None:
 
     Of tools that a force moves the place is not known.
     """
-    course, comm = press.course, press.comm
+    wrong, comm = "", press.comm
     tools = [tool for tool in press.rigid if not tool.force]
-    low, high = press.extent
-    pressed = sum(ply.thickness_under(PRESSED) for ply in press.plies)
-    wrong = ""
-    if comm.rank == 0:
-        for one, two in combinations(tools, 2):
-            below, above = (press.tools[each.name].side for each in (one, two))
-            if wrong:
-                continue
-            for k, load in enumerate(course.joints):
-                found = _least_distance(one, two, low, high, load)
-                if not found or wrong:
-                    break
-                distance, place = found
-                when = f"at the end of {course.stages[k - 1].name or f'stage {k}'}"
-                when = when if k else "before anything moves"
-                if below == above:
-                    if distance < 0 and k:
-                        press.warnings.append(
-                            f"tools {one.name} and {two.name} go {rounded(-distance, 4)} mm "
-                            f"through one another {when}, at {coordinates(place)} mm: real ones "
-                            "can't"
-                        )
-                        break
-                elif distance < 0:
-                    wrong = (
-                        f"tools {one.name} and {two.name} go {rounded(-distance, 4)} mm through "
-                        f"one another {when}, at {coordinates(place)} mm; allowed is a distance "
-                        f"from {rounded(pressed, 4)} mm, the blank's thickness under {PRESSED:g} "
-                        "MPa: less travel, or another place (`at`)"
-                    )
-                elif k and distance < (1 - 1e-6) * pressed:
-                    press.warnings.append(
-                        f"tools {one.name} and {two.name} are {rounded(distance, 4)} mm apart "
-                        f"{when}, at {coordinates(place)} mm, less than the blank's thickness "
-                        f"under {PRESSED:g} MPa, {rounded(pressed, 4)} mm: they crush it there"
-                    )
+    try:
+        for one, two in combinations(tools, 2) if comm.rank == 0 else ():
+            press.warnings += _doubts(press, one, two)
+    except InputError as error:
+        wrong = str(error)
     wrong, press.warnings[:] = comm.bcast((wrong, press.warnings))
     if wrong:
         raise InputError(wrong)
 
 
+def _doubts(press, one, two):
+    """Sentences on two tools that come too near at the ends of stages; InputError as
+    `check_clearances`."""
+    same_side = press.tools[one.name].side == press.tools[two.name].side
+    pressed = sum(ply.thickness_under(PRESSED) for ply in press.plies)
+    whens = ["before anything moves", *(f"at the end of {s.name}" for s in press.course.stages)]
+    low, high = press.extent
+    found: list[str] = []
+    for load, when in zip(press.course.joints, whens):
+        distance, place = _least_distance(one, two, low, high, load)
+        tools, at = f"tools {one.name} and {two.name}", f"{when}, at {coordinates(place)} mm"
+        through = f"{tools} go {rounded(-distance, 4)} mm through one another {at}"
+        if distance < 0 and not same_side:
+            raise InputError(
+                f"{through}; allowed is a distance from {rounded(pressed, 4)} mm, the blank's "
+                f"thickness under {PRESSED:g} MPa: less travel, or another place (`at`)"
+            )
+        if distance < 0 and load:
+            return [*found, f"{through}: real ones can't"]
+        if load and not same_side and distance < (1 - 1e-6) * pressed:
+            found.append(
+                f"{tools} are {rounded(distance, 4)} mm apart {at}, less than the blank's "
+                f"thickness under {PRESSED:g} MPa, {rounded(pressed, 4)} mm: they crush it there"
+            )
+    return found
+
+
 def _least_distance(one, two, low, high, load):
-    """The least distance [mm] of two tools over the blank at a load factor, and its place; None if
-    the first has no point there."""
+    """The least distance [mm] of two tools over the blank at a load factor, and its place; it is
+    infinite if the first has no point there."""
     x, other = _points(one, low, high, load), np.asarray(two.path(load))
     if not len(x):
-        return None
+        return np.inf, np.zeros(3)
     gap = two.surface.evaluate(x - other).gap
     gap = np.where(np.isfinite(gap), gap, np.inf)
     worst = int(gap.argmin())

@@ -139,13 +139,14 @@ def _fields(document, folder):
     if not isinstance(stages, list) or not all(isinstance(each, dict) for each in stages):
         raise InputError("stage is no list; allowed is a table [[stage]] for each")
     fields["stages"] = [
-        Stage(**_known({"name": f"stage {k + 1}"} | each, STAGE, f"stage {k + 1}"))
-        for k, each in enumerate(stages)
+        Stage(**{"name": f"stage {k}"} | _known(each, STAGE, f"stage {k}"))
+        for k, each in enumerate(stages, 1)
     ]
-    title = document.get("title", "")
-    if not isinstance(title, str):
-        raise InputError(f"title is {shown(title)}; allowed is a text")
-    return fields | {"title": title}
+    if "title" in document:
+        fields["title"] = document["title"]
+        if not isinstance(document["title"], str):
+            raise InputError(f"title is {shown(document['title'])}; allowed is a text")
+    return fields
 
 
 def _hand_down(blank, plies):

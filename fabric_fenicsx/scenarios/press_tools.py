@@ -122,11 +122,14 @@ class Placement:
         for finer in tries:
             surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
             self._check_units(name, surface)
+            doubts: list[str] = []
             try:
-                check_triangles(surface, name, self._t, self._warnings.append)
-                return surface
+                check_triangles(surface, name, self._t, doubts.append)
             except InputError as error:
                 wrong = error
+            else:
+                self._warnings += doubts
+                return surface
         hint = ", or a smaller `chord`" if tries[1:] else ""
         raise InputError(f"{wrong}{hint}")
 
@@ -146,8 +149,7 @@ class Placement:
         start = np.append(np.asarray(tool.at, dtype=float)[:2], 0.0)
         touching = self._touching(name, tool, surface, start)
         if touching is None and _of_triangles(surface) is not None:
-            base = tool.surface if isinstance(tool.surface, Surface) else None
-            turned = _turned_round(base or self.surface(name, _unturned(tool)), tool)
+            turned = _turned_round(surface)
             touching = self._touching(name, tool, turned, start)
             if touching is not None:
                 surface = turned
@@ -165,7 +167,7 @@ class Placement:
             self._check_height(name, tool, z, touching)
         else:
             z = touching - tool.off * tool.towards[2]
-        self._doubt_hollow(name, tool, surface, start + [0, 0, touching])
+        self._doubt_back(name, tool, surface)
         return surface, start + [0, 0, z]
 
     def _touching(self, name, tool, surface, start):
@@ -230,7 +232,7 @@ class Placement:
                 f"{rounded(touching, 6)}, where it touches, or `at` without z"
             )
 
-    def _doubt_hollow(self, name, tool, surface, start):
+    def _doubt_back(self, name, tool, surface):
         """Warn of a CAD tool that shows the blank its flat back."""
         found = _of_triangles(surface)
         inner: Any = surface.surface if isinstance(surface, Turned) else surface
@@ -261,13 +263,11 @@ def _listed(values):
     return ", ".join(rounded(float(each), 6) for each in values)
 
 
-def _unturned(tool):
-    return PressTool(tool.surface, chord=tool.chord)
-
-
-def _turned_round(surface, tool):
-    turned = surface.turned_round()
-    return Turned(turned, tool.turn) if any(tool.turn) else turned
+def _turned_round(surface: Any) -> Surface:
+    """A surface of triangles with its body on the other side."""
+    if isinstance(surface, Turned):
+        return Turned(_turned_round(surface.surface), surface.angles)
+    return surface.turned_round()
 
 
 def _of_triangles(surface: Surface) -> np.ndarray | None:

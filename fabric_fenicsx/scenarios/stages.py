@@ -1,5 +1,6 @@
 """The stages of a press: which tools move, and how, one stage after the other."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -77,7 +78,11 @@ class Course:
         forces: Mapping[str, float],
         pressures: Mapping[str, float],
     ) -> None:
-        self.stages = [stage for stage in stages if not stage.unload]
+        self.stages = [
+            dataclasses.replace(stage, name=stage.name or f"stage {k}")
+            for k, stage in enumerate(stages, 1)
+            if not stage.unload
+        ]
         if not self.stages:
             raise InputError("there is no stage that forms; allowed are one or more, as [[stage]]")
         if any(stage.unload for stage in list(stages)[:-1]):
@@ -88,11 +93,11 @@ class Course:
         self._places = {name: [np.zeros(3)] for name in towards}
         self._forces = {name: [value] for name, value in forces.items()}
         self._pressures = {name: [value] for name, value in pressures.items()}
-        names = [stage.name for stage in self.stages if stage.name]
+        names = [stage.name for stage in self.stages]
         if twice := next((name for name in names if names.count(name) > 1), ""):
             raise InputError(f"two stages are called {twice}; allowed are different names")
-        for k, stage in enumerate(self.stages):
-            self._add(stage, stage.name or f"stage {k + 1}", towards)
+        for stage in self.stages:
+            self._add(stage, stage.name, towards)
         for name, places in self._places.items():
             ways = [float(place @ towards[name]) for place in places]
             if min(ways) < 0 and max(ways) <= 0:

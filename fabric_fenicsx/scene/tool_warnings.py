@@ -93,7 +93,8 @@ def untouched_warning(scene: Scene) -> str:
     told = []
     for tool in reports.tools(scene):
         its = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
-        moved = float(np.linalg.norm(np.subtract(tool.path(1.0), tool.path(0.0))))
+        along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
+        moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
         if its and moved and not any([contact.touched() for contact in its]):
             gap = min(float(contact.gap().min(initial=math.inf)) for contact in its)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
