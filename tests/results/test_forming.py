@@ -216,6 +216,18 @@ def test_draw_in_of_two_sides_that_differ():
     assert found["middle_at_low_x_mm"] - found["middle_at_high_x_mm"] == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize("rounding", [-1e-12, 1e-12])
+def test_draw_in_of_a_square_ply_does_not_depend_on_rounding(rounding):
+    """x is its long side; each corner counts once, also that at which the edge begins."""
+    grid = formed(plane((0.98, 0), (0, 0.9)), nx=8, ny=8, length=80.0, width=80.0, full=True)
+    grid.points[:, 0] *= 1 + rounding
+    grid.point_data["u"][:, 0] += 1.0
+    grid.point_data["u"][:, 0] += 0.5 * ((grid.points > 39) @ [1, 1, 0] > 1)
+    found = forming.draw_in(grid)
+    assert found["middle_of_long_side_mm"] == pytest.approx(4.0)
+    assert found["corner_mm"] == pytest.approx((4.0 + 0.8 - 0.5 / 4) / np.sqrt(2))
+
+
 @pytest.mark.parametrize("cells, error", [(1, 0.04), (2, 0.01)])
 def test_wrinkles_of_a_sine(cells, error):
     def ripple(x, y):

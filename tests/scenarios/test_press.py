@@ -220,6 +220,7 @@ def test_examples_run_from_their_files(name, changes, force, tmp_path):
     press = ff.Press.read(PRESSES / f"{name}.toml", changes)
     result = formed(press, tmp_path, balance=None, limits=ff.Limits(shortening=1.0))
     assert result.number("force_N") == pytest.approx(force, rel=0.01)
+    assert result.number("unbalanced_force_N") < 1e-6 * force
 
 
 @pytest.mark.mpi
@@ -266,6 +267,55 @@ def test_plies_have_what_the_blank_says(tmp_path):
     path = changed(tmp_path, ("[contact]", plies))
     press = ff.Press.read(path, ["blank.nx=4", "blank.fibre_angle=10", "blank.quarter=false"])
     assert [ply.fibre_angle for ply in press.plies] == [10, 45]
+
+
+@pytest.mark.parametrize("turn, upside_down", [([0, 0, 0], False), ([180, 0, 0], True)])
+def test_a_surface_that_faces_away_is_turned_round(tmp_path, turn, upside_down):
+    import pyvista
+
+    ball = pyvista.Sphere(radius=50, theta_resolution=90, phi_resolution=90)
+    cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=upside_down)
+    cap = cap.extract_surface().triangulate().flip_faces()
+    cap.save(tmp_path / "cap.stl")
+    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "cap.stl"'))
+    press = ff.Press.read(path, ["blank.nx=4", f"tools.punch.turn={turn}"])
+    assert any("tool punch: the normals of its surface point away" in w for w in press.warnings)
+    assert press.rigid[0].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
+
+
+def test_tools_on_one_side_that_overlap_are_told_of():
+    other = "tools.other={shape='sphere', radius=20, at=[0, 0, -60]}"
+    press = hemisphere("blank.nx=4", other)
+    assert any("tools punch and other go" in w and "real ones can't" in w for w in press.warnings)
+
+
+def test_a_cad_model_is_read_with_a_finer_chord_where_it_is_too_coarse(tmp_path, monkeypatch):
+    from fabric_fenicsx.scenarios import press_tools
+
+    chords = []
+
+    def read(path, chord, comm):
+        chords.append(chord)
+        return ff.TriangulatedSurface([(-99, -99, 0), (99, -99, 0), (0, 99, 0)], [(0, 1, 2)])
+
+    def check(surface, *_):
+        if chords[-1] > 0.05:
+            raise ff.InputError("facets are off")
+
+    monkeypatch.setattr(press_tools.TriangulatedSurface, "read", read)
+    monkeypatch.setattr(press_tools, "check_triangles", check)
+    (tmp_path / "x.step").write_text("")
+    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "x.step"'))
+    ff.Press.read(path, ["blank.nx=4", "stage.1.moves.punch=0.1"])
+    assert chords == [0.1, 0.05]
+
+
+def test_the_end_of_a_stage_is_written_for_paraview(tmp_path):
+    from fabric_fenicsx.results import structural
+
+    stages = [ff.Stage(moves={"punch": 2}, steps=1), ff.Stage(moves={"punch": 1}, steps=2)]
+    formed(hemisphere("blank.nx=4", stages=stages), tmp_path, every=100, balance=None)
+    assert [round(s.load, 6) for s in structural.states(tmp_path)] == [0, 0.333333, 1]
 
 
 def test_a_tool_that_only_goes_away_is_refused():

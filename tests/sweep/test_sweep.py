@@ -229,6 +229,7 @@ def test_a_quantity_that_falls_and_rises_is_told_so(run):
     _, out, _ = run("--vary", "ring.pressure=0.1,0.4,1", "--below", "wrinkles.shortening=0.024")
     assert "from pressure = " in out and " and up to pressure = " in out
     assert "it neither falls nor rises throughout" in out
+    assert "all on these cells: `-- --error` tells how far they may be off" in out
 
 
 @pytest.mark.parametrize(
