@@ -222,10 +222,10 @@ def test_draw_in_of_a_square_ply_does_not_depend_on_rounding(rounding):
     grid = formed(plane((0.98, 0), (0, 0.9)), nx=8, ny=8, length=80.0, width=80.0, full=True)
     grid.points[:, 0] *= 1 + rounding
     grid.point_data["u"][:, 0] += 1.0
-    grid.point_data["u"][:, 0] += 0.5 * ((grid.points > 39) @ [1, 1, 0] > 1)
+    grid.point_data["u"][:, 0] += 0.5 * ((grid.points < -39) @ [1, 1, 0] > 1)
     found = forming.draw_in(grid)
     assert found["middle_of_long_side_mm"] == pytest.approx(4.0)
-    assert found["corner_mm"] == pytest.approx((4.0 + 0.8 - 0.5 / 4) / np.sqrt(2))
+    assert found["corner_mm"] == pytest.approx((4.0 + 0.8 + 0.5 / 4) / np.sqrt(2))
 
 
 @pytest.mark.parametrize("cells, error", [(1, 0.04), (2, 0.01)])
