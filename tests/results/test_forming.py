@@ -217,15 +217,18 @@ def test_draw_in_of_two_sides_that_differ():
 
 
 @pytest.mark.parametrize("rounding", [-1e-12, 1e-12])
-def test_draw_in_of_a_square_ply_does_not_depend_on_rounding(rounding):
-    """x is its long side; each corner counts once, also that at which the edge begins."""
+def test_the_long_side_of_a_square_ply_does_not_depend_on_rounding(rounding):
+    """It is along x."""
     grid = formed(plane((0.98, 0), (0, 0.9)), nx=8, ny=8, length=80.0, width=80.0, full=True)
     grid.points[:, 0] *= 1 + rounding
+    assert forming.draw_in(grid)["middle_of_long_side_mm"] == pytest.approx(4.0)
+
+
+def test_each_corner_counts_once():
+    """Also that at which the edge begins and ends: of one rectangle all nodes of it are corners."""
+    grid = formed(plane((0.98, 0), (0, 0.9)), nx=1, ny=1, length=80.0, width=80.0, full=True)
     grid.point_data["u"][:, 0] += 1.0
-    grid.point_data["u"][:, 0] += 0.5 * ((grid.points < -39) @ [1, 1, 0] > 1)
-    found = forming.draw_in(grid)
-    assert found["middle_of_long_side_mm"] == pytest.approx(4.0)
-    assert found["corner_mm"] == pytest.approx((4.0 + 0.8 + 0.5 / 4) / np.sqrt(2))
+    assert forming.draw_in(grid)["corner_mm"] == pytest.approx(4.8 / np.sqrt(2))
 
 
 @pytest.mark.parametrize("cells, error", [(1, 0.04), (2, 0.01)])
