@@ -9,10 +9,10 @@ from bench.reference import read_references
 from tqdm import tqdm
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.scenarios.bias_extension import BiasExtension
-from fabric_fenicsx.scenarios.forming import Forming
-from fabric_fenicsx.scenarios.scenario import Scenario
-from fabric_fenicsx.scenarios.tensile import Tensile
+from fabric_fenicsx.coupons.bias_extension import BiasExtension
+from fabric_fenicsx.coupons.scenario import Scenario
+from fabric_fenicsx.coupons.tensile import Tensile
+from fabric_fenicsx.forming.forming import Forming
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference"
 TESTS = {

@@ -6,8 +6,8 @@ import textwrap
 from bench.hard_cases import CASES, Setting, run_case
 
 from fabric_fenicsx.command_line.study import parser, run
+from fabric_fenicsx.coupons.scenario import Scenario
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
-from fabric_fenicsx.scenarios.scenario import Scenario
 
 
 def options():
@@ -50,7 +50,7 @@ def main(study):
     study.summarise(folder, converged=not failed, stroke_reached=1.0, quantities=quantities)
     study.write_table(folder / "cases.csv", rows)
     if study.comm.rank == 0 and not args.no_pictures:
-        from fabric_fenicsx.results.pictures import bars
+        from fabric_fenicsx.plot.pictures import bars
 
         label = "Newton iterations (green: holds)"
         bars(folder / "cases.png", dict(bar(row) for row in rows), label)

@@ -6,7 +6,7 @@ from pathlib import Path
 from bench import explicit_code
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.scenarios.forming import Forming
+from fabric_fenicsx.forming.forming import Forming
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference" / "openradioss"
 SAME = {  # as in OpenRadioss, which has rigid contact, and no bending: ours is small

@@ -8,7 +8,7 @@ from bench.reference import convergence, make_reference, solve_member
 from bench.strips import STRIPS
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.scenarios.scenario import Scenario
+from fabric_fenicsx.coupons.scenario import Scenario
 
 
 def options():
@@ -42,7 +42,7 @@ def main(study):
     quantities = {name: reference.quantities for name, reference in found.items()}
     study.summarise(folder, converged=True, stroke_reached=1.0, quantities=quantities)
     if study.comm.rank == 0 and not args.no_pictures:
-        from fabric_fenicsx.results.pictures import curves
+        from fabric_fenicsx.plot.pictures import curves
 
         labels = "unknowns", "error of the reaction, relative", "log"
         curves(folder / "convergence.png", convergence(found.values()), *labels)

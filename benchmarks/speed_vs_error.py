@@ -19,9 +19,9 @@ from tqdm import tqdm
 
 from fabric_fenicsx.command_line.options import option_type
 from fabric_fenicsx.command_line.study import parser, run
+from fabric_fenicsx.coupons.scenario import Scenario
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.rules import FINITE, POSITIVE
-from fabric_fenicsx.scenarios.scenario import Scenario
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference"
 SCENES = "of benchmarks/reference.py (all, with --quick the first two)"

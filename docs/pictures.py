@@ -17,9 +17,9 @@ import numpy as np
 from PIL import Image
 
 from fabric_fenicsx import Sphere, Tool
+from fabric_fenicsx.plot.forming_pictures import formed_picture
 from fabric_fenicsx.results.fields import read_last
 from fabric_fenicsx.results.formed import tool_mesh
-from fabric_fenicsx.results.forming_pictures import formed_picture
 
 DOCS = Path(__file__).parent
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))

@@ -8,7 +8,7 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .runtime.home import ensure_cache
+from .runtime.cache_folders import ensure_cache
 from .runtime.version import __version__
 
 ensure_cache()  # before DOLFINx is imported
@@ -18,6 +18,25 @@ with suppress(ModuleNotFoundError):
     import_module("dolfinx_solver")
 
 if TYPE_CHECKING:
+    from .coupons.bias_extension import BiasExtension
+    from .coupons.picture_frame import PictureFrame
+    from .coupons.tensile import Tensile
+    from .forming.forming import Forming
+    from .forming.holding import (
+        ForceHolder,
+        GapHolder,
+        Grippers,
+        Holder,
+        PressureHolder,
+        Rim,
+        SpringHolder,
+    )
+    from .forming.laminate import Laminate
+    from .forming.plies import Ply
+    from .forming.press import Press
+    from .forming.press_tools import PressTool
+    from .forming.stages import Stage
+    from .forming.unloading import unloading
     from .job.job import Job, Result
     from .material.compaction import Compaction
     from .material.hardening import HardeningTable, Swift, Voce
@@ -31,41 +50,46 @@ if TYPE_CHECKING:
     from .mechanics.contact.sheet_contact import SheetContact
     from .mechanics.contact.tool_contact import Contact
     from .mechanics.load import DeadPressure, EdgeTension
-    from .mechanics.reports import Value, largest, least, total
+    from .mechanics.output import (
+        Value,
+        largest,
+        least,
+        total,
+    )
     from .mechanics.shell.bending import Bending
     from .mechanics.shell.membrane import Membrane
     from .mechanics.shell.metal import SheetMetal
     from .mechanics.springs import Springs
     from .mechanics.term import Term
     from .runtime.errors import InputError, Interrupted, SolverFailure
-    from .scenarios.bias_extension import BiasExtension
-    from .scenarios.forming import Forming
-    from .scenarios.holding import (
-        ForceHolder,
-        GapHolder,
-        Grippers,
-        Holder,
-        PressureHolder,
-        Rim,
-        SpringHolder,
-    )
-    from .scenarios.laminate import Laminate
-    from .scenarios.picture_frame import PictureFrame
-    from .scenarios.plies import Ply
-    from .scenarios.press import Press
-    from .scenarios.press_tools import PressTool
-    from .scenarios.stages import Stage
-    from .scenarios.tensile import Tensile
-    from .scenarios.unloading import unloading
     from .scene.scene import Scene
-    from .scene.supports import Support, clamped_ends, frame, rolling_ends
+    from .scene.supports import (
+        Support,
+        clamped_ends,
+        frame,
+        rolling_ends,
+    )
     from .sheets.blank import Blank
     from .sheets.stack import Stack
     from .solve.limits import Limits
     from .tools.double_dome import DoubleDome
     from .tools.implicit import ImplicitSurface
-    from .tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
-    from .tools.surfaces import Flipped, Nearest, Offset, Reversed, Surface, Turned
+    from .tools.primitives import (
+        Block,
+        Cylinder,
+        Plane,
+        Plate,
+        Sphere,
+        Torus,
+    )
+    from .tools.surfaces import (
+        Flipped,
+        Nearest,
+        Offset,
+        Reversed,
+        Surface,
+        Turned,
+    )
     from .tools.tool import Tool
     from .tools.triangulated import TriangulatedSurface
     from .verification.derivatives import check_derivatives
@@ -89,12 +113,12 @@ _HOMES = {
     "mechanics.shell.metal": ("SheetMetal",),
     "mechanics.contact.holder_pressure": ("BlankHolderPressure",),
     "mechanics.contact.sheet_contact": ("SheetContact",),
-    "mechanics.reports": ("Value", "largest", "least", "total"),
+    "mechanics.output": ("Value", "largest", "least", "total"),
     "mechanics.springs": ("Springs",),
     "mechanics.term": ("Term",),
-    "scenarios.bias_extension": ("BiasExtension",),
-    "scenarios.forming": ("Forming",),
-    "scenarios.holding": (
+    "coupons.bias_extension": ("BiasExtension",),
+    "forming.forming": ("Forming",),
+    "forming.holding": (
         "ForceHolder",
         "GapHolder",
         "Grippers",
@@ -103,14 +127,14 @@ _HOMES = {
         "Rim",
         "SpringHolder",
     ),
-    "scenarios.laminate": ("Laminate",),
-    "scenarios.picture_frame": ("PictureFrame",),
-    "scenarios.plies": ("Ply",),
-    "scenarios.press": ("Press",),
-    "scenarios.press_tools": ("PressTool",),
-    "scenarios.stages": ("Stage",),
-    "scenarios.tensile": ("Tensile",),
-    "scenarios.unloading": ("unloading",),
+    "forming.laminate": ("Laminate",),
+    "coupons.picture_frame": ("PictureFrame",),
+    "forming.plies": ("Ply",),
+    "forming.press": ("Press",),
+    "forming.press_tools": ("PressTool",),
+    "forming.stages": ("Stage",),
+    "coupons.tensile": ("Tensile",),
+    "forming.unloading": ("unloading",),
     "scene.scene": ("Scene",),
     "sheets.blank": ("Blank",),
     "sheets.stack": ("Stack",),

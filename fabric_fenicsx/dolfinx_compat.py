@@ -18,7 +18,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from .runtime import home
+from .runtime import cache_folders as home
 from .runtime.jit_cache import TIMEOUT, compiled
 from .runtime.signals import end_with_reader
 

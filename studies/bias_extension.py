@@ -2,9 +2,9 @@
 Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.runtime.words import percent, rounded
-from fabric_fenicsx.scenarios.bias_extension import BiasExtension
-from fabric_fenicsx.scenarios.strip import measured_lines
+from fabric_fenicsx.coupons.bias_extension import BiasExtension
+from fabric_fenicsx.coupons.strip import measured_lines
+from fabric_fenicsx.runtime.formatting import percent, rounded
 
 
 def options():

@@ -2,8 +2,8 @@
 each varied alone."""
 
 from fabric_fenicsx.command_line.study import parser, run
+from fabric_fenicsx.forming.forming import Forming
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.scenarios.forming import Forming
 from fabric_fenicsx.verification import compression_parameters as parameters
 
 
@@ -56,7 +56,7 @@ def main(study):
         )
     study.write_table(folder / "parameters.csv", rows)
     if study.comm.rank == 0 and not study.args.no_pictures:
-        from fabric_fenicsx.results import pictures
+        from fabric_fenicsx.plot import pictures
 
         fields = "shear_angle", "log_eps_11", "ellipticity_lost"
         for name, plies in grids.items():

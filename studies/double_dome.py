@@ -2,9 +2,9 @@
 ply between rigid tools."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
+from fabric_fenicsx.forming.forming import Forming
 from fabric_fenicsx.material.laws import coupling_variants
-from fabric_fenicsx.runtime.words import percent
-from fabric_fenicsx.scenarios.forming import Forming
+from fabric_fenicsx.runtime.formatting import percent
 
 
 def options():
@@ -25,7 +25,7 @@ def main(study: Study):
     if args.compare:
         folder = study.folder()
         if study.comm.rank == 0 and not args.no_pictures:
-            from fabric_fenicsx.results import pictures
+            from fabric_fenicsx.plot import pictures
 
             forming.compare(results, folder)
             labels = "stroke / mm", f"{forming.force_name()} / N"

@@ -2,9 +2,9 @@
 
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
+from fabric_fenicsx.forming.unloading import unloading
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.runtime.words import percent, rounded
-from fabric_fenicsx.scenarios.unloading import unloading
+from fabric_fenicsx.runtime.formatting import percent, rounded
 
 
 def main(study: PressStudy):

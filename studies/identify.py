@@ -9,14 +9,14 @@ import time
 import numpy as np
 import scipy
 
-from fabric_fenicsx import __version__
+from fabric_fenicsx import __version__, identification
 from fabric_fenicsx.command_line.identification import check, options
 from fabric_fenicsx.command_line.options import exit_status, program, restart_command
-from fabric_fenicsx.material import curves, identification
+from fabric_fenicsx.identification import curves
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.results import report as html
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
-from fabric_fenicsx.runtime.words import percent
+from fabric_fenicsx.runtime.formatting import percent
 
 
 def write_report(args, path, report, started):

@@ -2,10 +2,10 @@
 metal, three plies at 0/90, metal."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
+from fabric_fenicsx.forming.laminate import MIDDLE, Laminate
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
-from fabric_fenicsx.runtime.words import percent, rounded
-from fabric_fenicsx.scenarios.laminate import MIDDLE, Laminate
+from fabric_fenicsx.runtime.formatting import percent, rounded
 from fabric_fenicsx.verification import compression_parameters as parameters
 
 

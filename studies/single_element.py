@@ -2,9 +2,9 @@
 Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import parser, run
+from fabric_fenicsx.coupons.scenario import Scenario
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.scenarios.scenario import Scenario
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.verification.single_element import LABELS, MODELS, compare
 
@@ -48,7 +48,7 @@ def main(study):
     )
     study.write_table(folder / "curves.csv", list(found.rows()))
     if study.comm.rank == 0 and not args.no_pictures:
-        from fabric_fenicsx.results.pictures import panels
+        from fabric_fenicsx.plot.pictures import panels
 
         panels(folder / "fig7.png", found.panels(), LABELS)
     study.say(

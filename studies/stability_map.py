@@ -4,8 +4,8 @@ p_min, c, d, s_C, and thresholds."""
 import numpy as np
 
 from fabric_fenicsx.command_line.study import parser, run
+from fabric_fenicsx.coupons.scenario import Scenario
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.scenarios.scenario import Scenario
 from fabric_fenicsx.verification.stability_maps import kernel_difference, stability_maps
 from fabric_fenicsx.verification.stability_thresholds import HIGH, LOW, thresholds
 
@@ -51,7 +51,7 @@ def main(study):
     )
     study.write_table(folder / "thresholds.csv", rows)
     if study.comm.rank == 0 and not args.no_pictures:
-        from fabric_fenicsx.results.pictures import regions
+        from fabric_fenicsx.plot.pictures import regions
 
         labels = r"$\varepsilon_a$ / %", r"$\varepsilon_b$ / %"
         for name, panels in maps.items():

@@ -2,9 +2,9 @@
 al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
+from fabric_fenicsx.coupons.strip import measured_lines
+from fabric_fenicsx.coupons.tensile import Tensile, strains_across
 from fabric_fenicsx.material.laws import coupling_variants
-from fabric_fenicsx.scenarios.strip import measured_lines
-from fabric_fenicsx.scenarios.tensile import Tensile, strains_across
 
 
 def options():
@@ -38,7 +38,7 @@ def main(study: Study):
     facts = {"quantities": found, "variants": sorted(found)}
     study.summarise(folder, converged=True, stroke_reached=1.0, **facts)
     if study.comm.rank == 0 and not study.args.no_pictures:
-        from fabric_fenicsx.results import pictures
+        from fabric_fenicsx.plot import pictures
 
         names = "log_eps_11", "log_eps_22", "shear_angle"
         pictures.maps(folder / "compare.png", {k: r.grid for k, r in results.items()}, names)

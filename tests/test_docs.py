@@ -16,14 +16,13 @@ import ezdxf
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material import curves
-from fabric_fenicsx.material.curves.model import COLUMNS, KEYS
-from fabric_fenicsx.material.curves.model import units as units_of
-from fabric_fenicsx.material.identification import identify, result_lines
+from fabric_fenicsx.identification import curves, identify, result_lines
+from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
+from fabric_fenicsx.identification.curves.model import units as units_of
 from fabric_fenicsx.material.laws.base import LAWS
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.material.units import UNITS
 from fabric_fenicsx.meshes.specimen import specimen, write
+from fabric_fenicsx.readers.units import UNITS
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT
 
 ROOT = Path(__file__).parents[1]

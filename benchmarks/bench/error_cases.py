@@ -182,7 +182,7 @@ def line(row: Row) -> str:
 def draw(path: Path, rows: Sequence[Row]) -> None:
     """Estimated errors over true ones, both relative to the largest true one of the quantity and
     test; above the line estimates cover the truth."""
-    from fabric_fenicsx.results.pictures import curves
+    from fabric_fenicsx.plot.pictures import curves
 
     largest: dict[tuple[str, str], float] = {}
     for row in rows:

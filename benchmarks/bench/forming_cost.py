@@ -6,9 +6,9 @@ from typing import Any
 
 from mpi4py import MPI
 
+from fabric_fenicsx.forming.forming import Forming
 from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.scenarios.forming import Forming
 
 from .cost import resident_mib
 from .cost_plan import Configuration

@@ -9,7 +9,8 @@ from importlib.resources import files
 import numpy as np
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material import curves, identification
+from fabric_fenicsx import identification
+from fabric_fenicsx.identification import curves
 
 data = files("fabric_fenicsx") / "studies/data"
 for width, length, strain in ((115, 230, 0.1535), (150, 450, 0.2195)):

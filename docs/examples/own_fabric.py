@@ -6,7 +6,8 @@ yarns [MPa], and the reaction of a strip with the fitted fabric [N].
 """
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.material import curves, identification
+from fabric_fenicsx import identification
+from fabric_fenicsx.identification import curves
 
 known = ff.load("komeili")
 sheet, tests = identification.synthesise(known, "paper", noise=0.02, seed=1)

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from ..material import identification
+from .. import identification
 from ..runtime.errors import InputError
 from .options import HelpFormatter, Parser, program
 

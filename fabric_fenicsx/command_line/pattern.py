@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
 from ..runtime.rules import POSITIVE, unknown_key
-from ..runtime.words import rounded
 from .options import Parser, option_type
 
 LAYERS = 2.0  # thicknesses of all plies, by which a trim line may be off the formed ply

@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from ..forming.press import Press
 from ..material.presets import read_laws
-from ..scenarios.press import Press
 from .options import HelpFormatter, Parser, program
 from .study import Study, add_output, add_solver
 

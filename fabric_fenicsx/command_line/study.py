@@ -13,15 +13,15 @@ from typing import Any
 
 from mpi4py import MPI
 
+from ..coupons.scenario import Scenario
 from ..job.job import Job, Result
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import PRESETS, load, read_laws
 from ..mechanics.shell.membrane import Membrane
 from ..results.output import Output
+from ..runtime.collective_errors import is_alone
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.fields import declared
-from ..runtime.together import is_alone
-from ..scenarios.scenario import Scenario
 from ..solve.limits import Limits
 from ..solve.settings import Settings
 from .console import Console

@@ -23,7 +23,8 @@ def run(words: list[str]) -> None:
         "--field", metavar="NAME", help="field of the cells to show (default: shear_angle)"
     )
     given = parser.parse_args(words)
-    from ..results import structural, view
+    from ..plot import view
+    from ..results import structural
 
     structural.states(given.folder)
     if given.html is None and os.environ.get("DISPLAY"):

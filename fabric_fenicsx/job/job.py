@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..mechanics.given import entries
+from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
-from ..mechanics.reports import Fields
+from ..mechanics.output import Fields
 from ..results.output import Output, read_summary
 from ..results.result import LAST_PICTURE, Result, draw_state
+from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
-from ..runtime.together import all_or_none
-from ..runtime.words import rounded
-from ..scene import reports
-from ..scene.given import of_scene
+from ..runtime.formatting import rounded
+from ..scene import output as reports
+from ..scene.fingerprint import of_scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
 from .error_run import estimated

@@ -10,20 +10,25 @@ from petsc4py import PETSc
 from tqdm import tqdm
 
 from .. import dolfinx_compat as compat
-from ..mechanics.roles import Prestressed
+from ..mechanics.protocols import Prestressed
 from ..results.curve import default_measure
-from ..results.history import ENERGIES, History, energy_balance, viscous_words
+from ..results.history import (
+    ENERGIES,
+    History,
+    energy_balance,
+    viscous_words,
+)
 from ..results.output import Output
 from ..results.result import Result
 from ..runtime import timing
 from ..runtime.signals import StopSignals
-from ..scene import reports
+from ..scene import output as reports
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
 from ..solve.progress import Accepted, Outcome, Progress
 from ..solve.report import Report
 from ..solve.stepping import LoadStepping
-from . import belief
+from . import validity as belief
 from .fields import JobFields
 
 log = logging.getLogger("fabric_fenicsx")
@@ -47,7 +52,7 @@ class Run:
         start: Progress | None,
         notes: Mapping[str, Any],
     ) -> None:
-        from ..results.fields import FieldSeries  # imports pyvista: longer than a coarse run
+        from ..results.fields import FieldSeries
 
         self.job, self.output, self.folder, self.scene = job, output, folder, job.scene
         self._newton, self._checkpoint, self._start = newton, checkpoint, start

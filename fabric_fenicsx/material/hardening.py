@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from ..readers.units import power_of_key
 from ..runtime.errors import InputError
 from ..runtime.rules import (
     FINITE,
@@ -23,7 +24,6 @@ from ..runtime.rules import (
 )
 from .files import read_numbers
 from .parameters import Parameters
-from .units import power_of_key
 
 CURVES: "dict[str, type[Hardening]]" = {}  # by their names in material files
 WHERE = "hardening."

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .units import DEG
+from ..readers.units import DEG
 
 # name -> function of s in [0, 1] (n,) to eps_a, eps_b [-], gamma [rad]; panel of Fig. 7
 PATHS: dict[str, Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]] = {

@@ -15,7 +15,7 @@ from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
-from .roles import Loaded, StoresKinds, Varied
+from .protocols import Loaded, StoresKinds, Varied
 from .term import Term, Triplets
 from .term_checks import kinds_of
 
@@ -122,7 +122,7 @@ class Assembly:
         self._pattern, self._extra = self._patterns(), None
         rows, cols, values = triplets(self._terms)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
-            from .triplets import TripletPlaces  # with numba, which other scenes start without
+            from .triplets import TripletPlaces
 
             names, numbers = A.getLGMap()
             self._extra = TripletPlaces(A, rows, cols)

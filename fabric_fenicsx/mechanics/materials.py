@@ -7,7 +7,7 @@ import numpy as np
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..sheets.blank import Part
-from .roles import MadeOf
+from .protocols import MadeOf
 from .term import SceneFacts
 
 

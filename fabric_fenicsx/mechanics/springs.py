@@ -16,7 +16,7 @@ from ..runtime.errors import InputError
 from ..runtime.rules import FROM_ZERO, shown
 from ..tools.values import checked_vector, length_of
 from .contact.nodes import values_at
-from .reports import Value, joined, total
+from .output import Value, joined, total
 from .term import SceneFacts, Term, Triplets
 
 LEAST = 1e-9  # length of a spring, over its first, from which it has a direction

@@ -17,10 +17,10 @@ from ufl.constantvalue import ScalarValue, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from ..runtime.errors import InputError
-from . import roles
-from .given import of_attributes
-from .reports import asked
-from .roles import StoresKinds
+from . import protocols as roles
+from .fingerprint import of_attributes
+from .output import asked
+from .protocols import StoresKinds
 from .term import SceneFacts, Term
 
 OF_A_RUN = "viscous", "external_work"  # energies that a run has beside those of terms

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..scene import reports
+from ..scene import output as reports
 from ..scene.scene import Scene
 
 # of a scene and its load factor: displacement [mm] and force [N]

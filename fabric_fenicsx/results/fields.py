@@ -15,9 +15,9 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 from .. import dolfinx_compat as compat
-from ..mechanics.reports import Fields
+from ..mechanics.output import Fields
 from ..runtime.files import replace_file
-from ..scene import reports
+from ..scene import output as reports
 from ..scene.scene import Scene
 from ..sheets.blank import Blank
 from ..tools.tool import Tool

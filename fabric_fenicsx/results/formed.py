@@ -12,12 +12,13 @@ import pyvista
 from scipy.optimize import brentq
 
 from ..material.strains import SHORTENED
+from ..plot import forming_pictures, pictures
 from ..runtime.errors import InputError
 from ..sheets.blank import Part
 from ..tools.double_dome import DoubleDome
 from ..tools.tool import Tool
 from ..tools.triangulated import TriangulatedSurface
-from . import forming, forming_pictures, measures, pictures
+from . import forming, measures
 from .output import MARKED
 from .result import OUTLIERS, Result, of_fabric
 from .shear import shear_quantities

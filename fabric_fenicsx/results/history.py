@@ -8,7 +8,7 @@ from typing import Any
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
-from ..runtime.words import percent, rounded
+from ..runtime.formatting import percent, rounded
 from ..solve.progress import Accepted
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")  # whose columns are always there

@@ -7,9 +7,10 @@ import numpy as np
 from matplotlib.path import Path as Polygon
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 
+from ..plot import forming_pictures, pictures
 from ..tools.double_dome import DoubleDome
 from ..tools.tool import Tool
-from . import forming, forming_pictures, measures, pictures
+from . import forming, measures
 from .formed import ANGLES
 from .ply import Grid, ply_of
 from .result import OUTLIERS, Result

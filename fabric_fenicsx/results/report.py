@@ -10,7 +10,7 @@ from pathlib import Path
 import jinja2
 
 from ..material.strains import share_name
-from ..runtime.words import percent, rounded
+from ..runtime.formatting import percent, rounded
 
 # picture -> what it shows, in the order of a report
 CAPTIONS = {

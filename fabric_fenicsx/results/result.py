@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..mechanics.reports import Fields
-from ..mechanics.roles import Pressing
+from ..mechanics.output import Fields
+from ..mechanics.protocols import Pressing
 from ..runtime.errors import InputError
-from ..runtime.words import rounded
-from ..scene import reports
+from ..runtime.formatting import rounded
+from ..scene import output as reports
 from ..scene.scene import Scene
 from . import measures
 from .curve import Curves
@@ -196,7 +196,7 @@ class Result:
                 f"{', '.join(each for each in drawn if each in kept)}"
             )
         if self.scene.comm.rank == 0:
-            from . import pictures
+            from ..plot import pictures
 
             grids, units = self.grids, self.fields.units | nodal.units
             if name in nodal:
@@ -231,7 +231,7 @@ def of_fabric(
 def draw_state(name: str, result: Result, folder: Path, beside: Curves, force_name: str) -> None:
     """maps.png and curve.png, what one looks at first; beside: other curves to draw in that,
     force_name: what its force is called."""
-    from . import pictures
+    from ..plot import pictures
 
     run = {"simulated" if beside else "": result}
     pictures.reactions(folder / "curve.png", run, ylabel=f"{force_name} / N", beside=beside)

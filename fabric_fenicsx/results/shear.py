@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.words import of_sheet, percent, rounded
+from ..runtime.formatting import of_sheet, percent, rounded
 from ..sheets.blank import Part
 from . import measures
 from .result import Result

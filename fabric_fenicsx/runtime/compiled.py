@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 import numba
 
-from .home import cache
+from .cache_folders import cache
 
 F = TypeVar("F", bound=Callable)
 

@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
-from .home import cache
+from .cache_folders import cache
 from .timing import phase
 
 T = TypeVar("T")

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.roles import Rubbing, Touching
+from ..mechanics.protocols import Rubbing, Touching
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..sheets.blank import Blank
-from .held import HeldDofs
+from .dirichlet import HeldDofs
 
 FLAT = 0.05  # height over length, up to which a smooth tool does not hold a blank within its plane
 BROAD = 1e-3  # stiffness against turning of friction that holds more than one place

@@ -8,8 +8,8 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
-from ..mechanics.reports import arrays, asked
-from ..mechanics.roles import (
+from ..mechanics.output import arrays, asked
+from ..mechanics.protocols import (
     Anticipates,
     DrivenByForce,
     KeepsGaps,
@@ -23,7 +23,7 @@ from ..mechanics.term_checks import bind, check_answers, check_number
 from ..runtime.errors import InputError
 from ..runtime.timing import phase
 from ..sheets.blank import Blank
-from .held import HeldDofs
+from .dirichlet import HeldDofs
 from .rigid_motions import check_held, is_held_by_friction
 from .supports import Supports
 

@@ -7,8 +7,8 @@ import numpy as np
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
 from ..runtime.rules import FINITE, Rule, shown
-from ..runtime.words import rounded
 from ..sheets.blank import Blank
 from ..tools.values import checked_vector, length_of
 

@@ -9,11 +9,11 @@ from mpi4py import MPI
 
 from ..mechanics.contact.pressing_term import PressingTerm
 from ..mechanics.contact.tool_contact import Contact
-from ..runtime.words import rounded
+from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..tools.surface_warnings import hole_warning, radii_warning, size_warning
 from ..tools.tool import Tool
-from . import reports
+from . import output as reports
 from .scene import Scene
 
 FEW = 50  # nodes of a rank that tell on which side of the sheet a tool is

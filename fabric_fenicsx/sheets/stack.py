@@ -7,8 +7,8 @@ import numpy as np
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
 from ..runtime.rules import FINITE, POSITIVE, shown
-from ..runtime.words import rounded
 from .blank import Blank, Part
 
 FLAT = 1e-9  # distance from its plane of a sheet that is flat, over its size

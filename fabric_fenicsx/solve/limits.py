@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from ..material.strains import SHORTENED
 from ..runtime.fields import check_fields, number
+from ..runtime.formatting import percent
 from ..runtime.rules import POSITIVE
-from ..runtime.words import percent
 
 GROUP = "limits, beyond which a result is not believed (exit status 3)"  # of options
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further

@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numpy as np
 from petsc4py import PETSc
 
-from .ending import End, SolveFailed
 from .objective import Objective
 from .report import Report
+from .termination import End, SolveFailed
 
 FLAT = 0.7  # slope left at the end, of the one at the start
 ROUNDING = 1e-12  # of the energy, below which its differences are noise

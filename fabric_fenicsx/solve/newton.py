@@ -8,12 +8,12 @@ from petsc4py import PETSc
 
 from ..scene.scene import Scene
 from .directions import Directions
-from .ending import End, SolveFailed
 from .line_search import LineSearch
 from .objective import Objective
 from .report import Report
 from .saddles import Saddles
 from .tangent import Tangent
+from .termination import End, SolveFailed
 
 log = logging.getLogger(__name__)
 

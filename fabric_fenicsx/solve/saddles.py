@@ -3,11 +3,11 @@
 import numpy as np
 from petsc4py import PETSc
 
-from .ending import End, SolveFailed
 from .line_search import ROUNDING
 from .objective import Objective
 from .report import Report
 from .tangent import Tangent
+from .termination import End, SolveFailed
 
 
 class Saddles:

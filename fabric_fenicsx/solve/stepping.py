@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.words import rounded
-from .judges import EnergyBalance, StraightPath
-from .lagged import solve_lagged
+from ..runtime.formatting import rounded
 from .newton import Newton
 from .progress import Accepted, Outcome, Progress
 from .report import Report
 from .settings import Settings
+from .staggered import solve_lagged
+from .step_criteria import EnergyBalance, StraightPath
 from .viscosity import Viscosity
 
 GROWTH, CUT = 1.5, 0.5

@@ -5,7 +5,6 @@ from petsc4py import PETSc
 
 from ..runtime.timing import phase
 from ..scene.scene import Scene
-from .ending import End, SolveFailed
 from .linear import (
     KSP_WORDS,
     NOT_DEFINITE,
@@ -17,6 +16,7 @@ from .linear import (
     subtract_compliances,
 )
 from .report import Report
+from .termination import End, SolveFailed
 
 
 class Tangent:

@@ -38,8 +38,8 @@ def check(press: Path, values: Sequence[Values], law_file: str | None = None) ->
 
 
 def _main():
+    from ..forming.press_file import read_press
     from ..material.presets import read_laws
-    from ..scenarios.press_file import read_press
 
     asked = json.load(sys.stdin)
     if asked["law_file"]:

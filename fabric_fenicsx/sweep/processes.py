@@ -15,8 +15,8 @@ from types import FrameType
 from tqdm import tqdm
 
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
+from ..runtime.formatting import rounded
 from ..runtime.ranks import RANKS_ENVIRONMENT
-from ..runtime.words import rounded
 from .check import check
 from .folder import Run, SweepFolder
 from .varied import Values, changes

@@ -16,9 +16,14 @@ import jinja2
 
 from ..runtime.errors import NOT_BELIEVED
 from ..runtime.files import replace_file
-from ..runtime.words import rounded
+from ..runtime.formatting import rounded
 from .folder import Run, SweepFolder
-from .varied import is_wide, label, number, short_names
+from .varied import (
+    is_wide,
+    label,
+    number,
+    short_names,
+)
 
 # what a person looks at first, where a run has it
 HEADLINES = {
@@ -116,7 +121,7 @@ def _history(run):
 
 
 def _draw_curves(path, runs):
-    from ..results.pictures import curves
+    from ..plot.pictures import curves
 
     styles = {True: "-", False: "--"}
     series = {run.label: (*_history(run), styles[run.is_believed()]) for run in runs}
@@ -129,7 +134,7 @@ def _draw_trends(path, runs, names):
     keys = list(runs[0].values)
     if len(keys) > 2 or any(number(run.values[key]) is None for run in runs for key in keys[:1]):
         return
-    from ..results.pictures import plt
+    from ..plot.pictures import plt
 
     names = dict(list(names.items())[:PANELS])
     columns = min(3, len(names))
@@ -174,8 +179,8 @@ def _sheets(runs):
     """{folder: polygons and fields {label: values} of the run's last state}, the uppermost last."""
     import numpy as np
 
+    from ..plot.pictures import cell_polygons
     from ..results.fields import read_last
-    from ..results.pictures import cell_polygons
 
     found = {}
     for run in runs:
@@ -205,7 +210,7 @@ def _draw_maps(path, runs):
     import numpy as np
     from matplotlib.collections import PolyCollection
 
-    from ..results.pictures import colour_scale, plt
+    from ..plot.pictures import colour_scale, plt
 
     titles = {run.folder.name: run for run in runs}
     names = [

@@ -7,9 +7,15 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-from ..runtime.words import coordinates, rounded
+from ..runtime.formatting import coordinates, rounded
 from .implicit import ImplicitSurface
-from .surfaces import Flipped, Offset, Reversed, Surface, Turned
+from .surfaces import (
+    Flipped,
+    Offset,
+    Reversed,
+    Surface,
+    Turned,
+)
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 

@@ -5,9 +5,15 @@ from mpi4py import MPI
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from ..runtime.words import coordinates, rounded
+from ..runtime.formatting import coordinates, rounded
 from .checks import UNITS
-from .surfaces import Flipped, Offset, Reversed, Surface, Turned
+from .surfaces import (
+    Flipped,
+    Offset,
+    Reversed,
+    Surface,
+    Turned,
+)
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 

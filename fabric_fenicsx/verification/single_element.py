@@ -14,7 +14,7 @@ from ..material.laws.base import stresses_of_energy
 from ..material.paths import PATHS, conjugate, gradient
 from ..mechanics.shell.membrane import Membrane
 from ..runtime.errors import SolverFailure
-from ..scene import reports
+from ..scene import output as reports
 from ..scene.scene import Scene
 from ..scene.supports import rolling_ends
 from ..sheets.blank import Blank

@@ -12,7 +12,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx.job.error_run import FOLDER, coarsened
 from fabric_fenicsx.meshes.specimen import specimen, write
 from fabric_fenicsx.results.error import SAFETY, curve_errors, factor
-from fabric_fenicsx.runtime.words import rounded
+from fabric_fenicsx.runtime.formatting import rounded
 
 
 @pytest.mark.versions

@@ -10,7 +10,7 @@ from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.stack import Stack

@@ -6,7 +6,7 @@ from builders import Elastic, alone, near, off_differences, rotation, run, sheet
 
 from fabric_fenicsx.mechanics.springs import Springs
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.stack import Stack

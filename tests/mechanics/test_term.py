@@ -16,14 +16,14 @@ from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.pressure_law import face_of
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.materials import fabric_of
-from fabric_fenicsx.mechanics.reports import Value, largest, last, least, on_part, size_of, total
+from fabric_fenicsx.mechanics.output import Value, largest, last, least, on_part, size_of, total
 from fabric_fenicsx.mechanics.shell.bending import Bending, plate_stiffness
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.shell.metal import SheetMetal
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.results.history import COLUMNS
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.tools.primitives import Plane, Sphere

@@ -8,9 +8,9 @@ from dolfinx import fem
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.job.belief import warnings_at_start
+from fabric_fenicsx.job.validity import warnings_at_start
 from fabric_fenicsx.mechanics.term_checks import misspelt
-from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene import output as reports
 
 COMM = MPI.COMM_WORLD
 KOMEILI = ff.load("komeili")

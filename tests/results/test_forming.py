@@ -9,7 +9,8 @@ import pyvista
 
 from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.results import forming, forming_pictures
+from fabric_fenicsx.plot import forming_pictures
+from fabric_fenicsx.results import forming
 from fabric_fenicsx.results.formed import draw_plies
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome

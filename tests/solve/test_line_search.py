@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from fabric_fenicsx.solve.ending import SolveFailed
 from fabric_fenicsx.solve.line_search import FLAT, LineSearch
 from fabric_fenicsx.solve.report import Report
+from fabric_fenicsx.solve.termination import SolveFailed
 
 
 class Along:

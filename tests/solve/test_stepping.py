@@ -11,10 +11,10 @@ from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.solve import lagged
-from fabric_fenicsx.solve.judges import FINEST
-from fabric_fenicsx.solve.lagged import FIRST, LOOSE
+from fabric_fenicsx.solve import staggered as lagged
 from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.staggered import FIRST, LOOSE
+from fabric_fenicsx.solve.step_criteria import FINEST
 
 
 class Losing(Term):

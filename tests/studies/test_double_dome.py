@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from fabric_fenicsx.results import pictures
+from fabric_fenicsx.forming.forming import Forming
+from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.results.fields import read_last
-from fabric_fenicsx.scenarios.forming import Forming
 from fabric_fenicsx.verification import compression_parameters
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"

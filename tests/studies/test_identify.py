@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fabric_fenicsx.identification import problem
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
-from fabric_fenicsx.material.identification import problem
 from fabric_fenicsx.material.presets import load
 
 DATA = Path(__file__).parents[2] / "studies" / "data"

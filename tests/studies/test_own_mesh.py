@@ -11,11 +11,11 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.command_line.study import Study
+from fabric_fenicsx.coupons.picture_frame import PictureFrame
+from fabric_fenicsx.coupons.tensile import Tensile
+from fabric_fenicsx.forming.forming import Forming
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.scenarios.forming import Forming
-from fabric_fenicsx.scenarios.picture_frame import PictureFrame
-from fabric_fenicsx.scenarios.tensile import Tensile
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import double_dome  # noqa: E402

@@ -8,9 +8,9 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import Study
-from fabric_fenicsx.scenarios.forming import Forming
-from fabric_fenicsx.scenarios.plies import read_plies
-from fabric_fenicsx.scenarios.tensile import Tensile
+from fabric_fenicsx.coupons.tensile import Tensile
+from fabric_fenicsx.forming.forming import Forming
+from fabric_fenicsx.forming.plies import read_plies
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import tensile  # noqa: E402

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from fabric_fenicsx.command_line.study import parser
-from fabric_fenicsx.scenarios.forming import Forming
-from fabric_fenicsx.scenarios.plies import read_plies
+from fabric_fenicsx.forming.forming import Forming
+from fabric_fenicsx.forming.plies import read_plies
 
 ROOT = Path(__file__).parents[2]
 FOLDER = "studies/stacks"

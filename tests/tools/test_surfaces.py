@@ -14,14 +14,7 @@ from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.implicit import ImplicitSurface
 from fabric_fenicsx.tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
-from fabric_fenicsx.tools.surfaces import (
-    Flipped,
-    Nearest,
-    Offset,
-    Reversed,
-    Surface,
-    Turned,
-)
+from fabric_fenicsx.tools.surfaces import Flipped, Nearest, Offset, Reversed, Surface, Turned
 from fabric_fenicsx.tools.tool import Tool
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 

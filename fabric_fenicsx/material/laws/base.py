@@ -11,14 +11,26 @@ import numpy as np
 import tomli_w
 from numpy.typing import ArrayLike
 
+from ...readers.units import UNITS
 from ...runtime.errors import InputError
-from ...runtime.rules import Rule, check_complete, shown, unknown_key
-from ...runtime.words import rounded
+from ...runtime.formatting import rounded
+from ...runtime.rules import (
+    Rule,
+    check_complete,
+    shown,
+    unknown_key,
+)
 from ..compaction import Compaction, compaction_of, table_of
-from ..files import FIBRES, SHEET, read_sheet_numbers, read_toml, take_units, write_whole
+from ..files import (
+    FIBRES,
+    SHEET,
+    read_sheet_numbers,
+    read_toml,
+    take_units,
+    write_whole,
+)
 from ..hyperdual import HyperDual
 from ..parameters import Parameters
-from ..units import UNITS
 
 COUPLINGS = ("biaxial", "tension_shear", "compression_shear")
 LAWS: "dict[str, type[Law]]" = {}  # by their names in material files

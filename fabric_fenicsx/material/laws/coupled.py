@@ -7,6 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ...readers.units import UNITS
 from ...runtime.errors import InputError
 from ...runtime.rules import (
     Rule,
@@ -21,8 +22,13 @@ from ...runtime.rules import (
 from ..files import read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
 from ..parameters import Parameters
-from ..units import UNITS
-from .base import COUPLINGS, Derivatives, Law, check_couplings, sheet_fields
+from .base import (
+    COUPLINGS,
+    Derivatives,
+    Law,
+    check_couplings,
+    sheet_fields,
+)
 
 YARN: dict[str, Rule] = {
     "a": not_negative("stress"),

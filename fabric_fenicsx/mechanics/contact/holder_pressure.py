@@ -13,7 +13,7 @@ from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
 from ..load import at_load, check_over_load
-from ..reports import Value
+from ..output import Value
 from ..term import SceneFacts
 from ..term_checks import bind
 from .coulomb import Coulomb

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
-from ...runtime.words import rounded
+from ...runtime.formatting import rounded
 from ...sheets.blank import Blank, Part
 
 CORNERS = (0, 1), (1, 2), (2, 0)

@@ -6,11 +6,16 @@ import numpy as np
 from mpi4py import MPI
 
 from ...runtime.errors import InputError
+from ...runtime.formatting import rounded
 from ...runtime.rules import POSITIVE, Rule
-from ...runtime.words import rounded
 from ..materials import material_of
-from ..reports import Value, joined, largest, size_of
-from ..roles import Touching
+from ..output import (
+    Value,
+    joined,
+    largest,
+    size_of,
+)
+from ..protocols import Touching
 from ..shell.morley import Where
 from ..term import SceneFacts, Term, Triplets
 from .coulomb import Coulomb, as_coulomb
@@ -18,7 +23,13 @@ from .face_sliding import FaceSliding
 from .friction import Friction
 from .held_faces import HeldFaces
 from .pressing import Pressed, anticipate, press
-from .pressure_law import PERMITTED, SMOOTHING, Rigid, between_faces, face_of
+from .pressure_law import (
+    PERMITTED,
+    SMOOTHING,
+    Rigid,
+    between_faces,
+    face_of,
+)
 from .sheet_points import POINTS, Facing, SheetPoints
 from .thickness import PlyThickness
 

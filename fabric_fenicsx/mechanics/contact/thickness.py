@@ -4,7 +4,7 @@ import numpy as np
 
 from ...material.laws.base import Law
 from ..materials import fabric_of
-from ..reports import Value, last, total
+from ..output import Value, last, total
 from ..term import SceneFacts
 
 

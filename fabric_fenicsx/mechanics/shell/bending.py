@@ -202,7 +202,7 @@ class Bending(Term):
 
     def _bent(self, U):
         """Energy, moments and forces, see `bend`, without what turning normals add."""
-        from .bending_cells import bend  # with numba, which scenes that do not bend start without
+        from .bending_cells import bend
 
         given = self._operator, self._stencil.columns, U, self._offset, self._directions
         return bend(*given, self._weights, self._shares)

@@ -7,7 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ...material.laws import Law, Range
-from ...runtime.words import percent, rounded
+from ...runtime.formatting import percent, rounded
 from ...sheets.blank import Blank, Part
 
 STRAINS = "eps_a", "eps_b", "gamma"

@@ -13,7 +13,7 @@ from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
 from fabric_fenicsx.mechanics.contact.holder_pressure import BlankHolderPressure
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.load import EdgeTension
-from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.solve.checkpoint import Checkpoint

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, Rigid, face_of
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene import output as reports
 
 FABRIC = ff.load("komeili")
 T, PRESSURE, RADIUS = FABRIC.thickness_under(0.0), 2.0, 30.0

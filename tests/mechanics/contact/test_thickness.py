@@ -7,7 +7,7 @@ import pytest
 from builders import COMM, displacement, everywhere, run, sheet
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene import output as reports
 
 FABRIC = ff.load("komeili").replace(fibre_density=2.5)
 T = FABRIC.thickness_under(0.0)

@@ -14,7 +14,7 @@ import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.mechanics.shell.metal import SheetMetal, through_thickness
 from fabric_fenicsx.mechanics.term import Term
-from fabric_fenicsx.scene import reports
+from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.blank import Blank

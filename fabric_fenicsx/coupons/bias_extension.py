@@ -1,0 +1,286 @@
+"""Bias extension of a woven strip, its yarns at +-45 deg to the load (Fig. 9 of Schäfer et al.)."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from mpi4py import MPI
+
+from ..identification.curves import (
+    Curve,
+    bias_displacement,
+    bias_force,
+    bias_normalised,
+)
+from ..job.job import Result
+from ..mechanics.shell.bending import Bending
+from ..meshes.specimen import PATTERNS, can_be_graded
+from ..results import measures
+from ..runtime.errors import InputError
+from ..runtime.fields import choice, number
+from ..runtime.formatting import rounded
+from ..runtime.rules import FINITE, FROM_ZERO
+from ..scene.supports import Supports, clamped_ends
+from ..verification.pin_jointed import PinJointedStrip
+from .scenario import ELEMENTS
+from .strip import INNER_ORDER, StripTest
+from .transition import transition_width
+
+GRADED = 0.2  # nominal strain up to which the mesh is graded by default
+
+
+@dataclass(kw_only=True)
+class BiasExtension(StripTest):
+    """A strip of `fabric` with its yarns across the load, gripped at its ends. `fabric
+    bias_extension --help` tells what each field is, and its unit."""
+
+    NAME: ClassVar[str] = "bias_extension"
+    CHEAP_FROM = 1000
+    HEADLINES = (
+        "centre_shear_angle_deg",
+        "half_zone_shear_angle_deg",
+        "normalised_shear_force_N_per_mm",
+    )
+    COMPARED = "bias_extension, or shear without strain along the yarns"
+
+    fibre_angle: float = number(45.0, FINITE, "from the length to yarns a [deg]", "mesh")
+    pattern: str = choice(
+        None,
+        PATTERNS,
+        "how rectangles are divided into cells (graded up to 20 % strain, else crossed)",
+        "mesh",
+    )
+    element: str = choice(
+        None,
+        ELEMENTS,
+        "triangles (P) or quadrilaterals (Q), and their degree (P2; P1 with in-plane bending)",
+        "mesh",
+    )
+    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
+    in_plane_bending: float = number(
+        0.0,
+        FROM_ZERO,
+        "stiffness of yarns against bending within the sheet, over that out of it",
+    )
+
+    def prepare(self) -> None:
+        """Make blank, membrane and the theory to compare with."""
+        self._choose()
+        self.blank = self.sheet()
+        self.grip()
+        length, width = self.high - self.low
+        if length < 2 * width * (1 - 1e-9):
+            raise InputError(
+                f"the strip is {rounded(length, 6)} mm long and {rounded(width, 6)} mm wide; "
+                "allowed is a length of 2 widths or more, for a zone of full shear"
+            )
+        self.membrane = self.fabric_membrane()
+        self._compare_with_theory(length, width)
+        self.take_measured()
+        self.has_centre = measures.covers(self.blank, ((self.low + self.high) / 2)[:2])
+        if not self.has_centre:
+            self.warnings.append(
+                "the sheet has a hole at its centre, so there is no shear angle at the centre"
+            )
+
+    def _choose(self):
+        """Element and pattern, where they were not asked for."""
+        if self.in_plane_bending and self.fibre_angle == 45:
+            self.element = self.element or "P1"
+        if self.pattern is None and not self.sheet_file:  # thin cells would fold in deep shear
+            graded = self.strain <= GRADED and can_be_graded(self.length, self.width)
+            straight = self.fibre_angle == 45 and self.yarn_angle == 90
+            self.pattern = "graded" if graded and straight else "crossed"
+
+    def _compare_with_theory(self, length, width):
+        """Set `strip`, of inextensible yarns, and `no_theory`: why it says nothing of this test."""
+        blank = self.blank
+        area = self.comm.allreduce(measures.areas(blank).sum())
+        a, self.rest = math.radians(self.fibre_angle), self.membrane.weave_angle
+        self.strip = PinJointedStrip(length, width, a, a + math.radians(self.yarn_angle))
+        whole = abs(area / (length * width) - 1) < 1e-6
+        self.no_theory = self.strip.locked if whole else "the sheet is not the whole rectangle"
+        at_45 = self.yarn_angle == 90 and self.fibre_angle % 90 == 45 and self.rest is None
+        self.at_45 = at_45 and not self.no_theory
+
+    def is_compared(self, curve: Curve) -> bool:
+        """As in `StripTest`: a bias test, or one of pure shear."""
+        if not self.at_45:
+            raise InputError(
+                f"`measured` {self.measured} is compared by shear angle and normalised shear "
+                "force, which are known of a whole rectangle with yarns at +-45 deg; allowed is "
+                "`fibre_angle` 45 with neither `yarn_angle` nor `weave_angle` nor a hole in `mesh`"
+            )
+        sheared = curve.test == "shear" and not curve.strains[:, :2].any()
+        return curve.test == "bias_extension" or sheared
+
+    def as_measured(
+        self, curve: Curve, thickness: float, length: float, width: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """As in `StripTest`: of the strip with the same normalised shear force."""
+        gamma, (response, *_) = curve.strains[:, 2], curve.responses
+        if curve.test == "bias_extension":
+            sizes = curve.keys["height"], curve.keys["width"]
+            force = bias_normalised(gamma, response.values, *sizes)
+        else:  # gain: from the stress tau to what was measured
+            force = response.values / response.gain * thickness / np.cos(gamma)
+        displacement = bias_displacement(gamma, length, width)
+        return displacement, bias_force(gamma, force, length, width)
+
+    def terms(self) -> Sequence[Bending]:
+        """In-plane bending of yarns that the grips hold straight, if asked for."""
+        if not (self.in_plane_bending and self.bending_modulus):
+            return []
+        blank, near = self.blank, 1e-6 * (self.high - self.low)[0]
+        ends = [
+            lambda x, at=at: abs(blank.along(x)[0] - at) < near
+            for at in (self.low[0], self.high[0])
+        ]
+        return [Bending(modulus=self.bending_modulus, in_plane=self.in_plane_bending, clamped=ends)]
+
+    def supports(self) -> Supports:
+        """Grips at both ends."""
+        return clamped_ends(self.stroke)
+
+    def order(self) -> float:
+        """As in `Scenario`: before cells resolve the jumps of shear, a few tenths of a millimetre
+        wide, they gain little if linear, and less than they could if not."""
+        if self.integration == "inner":
+            return INNER_ORDER
+        graded = self.pattern == "graded"
+        if self.element in ("P1", "Q1"):
+            return 0.5 if graded else 0.15
+        return 3.0 if graded else 1.0
+
+    def shear_forces(self, rows: Sequence[dict[str, Any]]) -> tuple[np.ndarray, np.ndarray]:
+        """Magnitude of theory's shear angle [rad] and normalised shear force [N/mm] at the rows of
+        a history, as an experiment derives them."""
+        strokes = [row["displacement_mm"] for row in rows]
+        gamma = np.array([abs(self.strip.shear_angle(s, self.rest)) for s in strokes])
+        reach = np.isfinite(gamma)
+        reaction = np.array([row["reaction_N"] for row in rows])[reach]
+        strip = self.strip
+        return gamma[reach], bias_normalised(gamma[reach], reaction, strip.length, strip.width)
+
+    def against_measured(
+        self, rows: Sequence[dict[str, Any]]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Shear angles [rad] of the first measured curve, its normalised shear forces and the
+        predicted ones [N/mm] there, within the simulated range."""
+        gamma, force = self.shear_forces(rows)
+        angles, measured = self.shear_forces(self.laid[0].rows())
+        there = angles <= gamma.max() + 1e-9
+        return angles[there], measured[there], np.interp(angles[there], gamma, force)
+
+    def quantities(self, result: Result) -> dict[str, Any]:
+        """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
+        blank, comm, fields, rows = self.blank, self.comm, result.fields, result.rows
+        area, signed = measures.areas(blank), fields["shear_angle"]
+        gamma, degrees = np.abs(signed), np.degrees(signed)
+        stroke = rows[-1]["displacement_mm"]
+        theory = math.nan
+        if not self.no_theory:
+            theory = abs(float(self.strip.shear_angle(stroke, self.rest)))
+        found = {} if self.no_theory else self._by_zones(gamma, signed)
+        if self.at_45 and math.isfinite(theory) and theory > 0:
+            force = float(self.shear_forces(rows[-1:])[1][0])
+            found["normalised_shear_force_N_per_mm"] = force
+        if self.laid and (near := self.against_measured(rows))[1].any():
+            _, mine, predicted = near
+            found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
+            off = predicted[mine != 0] / mine[mine != 0] - 1
+            found["measured_rms_relative"] = float(np.sqrt(np.mean(off**2)))
+        found |= self.against_curves(result)
+        middle = ((self.low + self.high) / 2)[:2]
+        centre = measures.near(comm, blank.midpoints(), middle, (self.high - self.low)[1] / 8)
+        at_centre = measures.mean(comm, gamma, 1.0 * centre)
+        found |= {
+            "centre_shear_angle_deg": _degrees(at_centre if self.has_centre else None),
+            "theory_shear_angle_deg": math.degrees(theory) if math.isfinite(theory) else None,
+        }
+        if not math.isfinite(theory):
+            apart = "the clamps are further apart than inextensible yarns let them"
+            found["no_theory_because"] = self.no_theory or apart
+        return found | {
+            "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
+            "eps_a_98_percent": measures.bulk(comm, fields["eps_a"], area),
+            "eps_b_98_percent": measures.bulk(comm, fields["eps_b"], area),
+            "log_eps_11": measures.extremes(comm, fields["log_eps_11"]),
+            "log_eps_22": measures.extremes(comm, fields["log_eps_22"]),
+            "shear_angle_deg": measures.extremes(comm, degrees),
+            "shear_angle_max_deg": math.degrees(measures.extremes(comm, gamma)[1]),
+            "eps_a": measures.extremes(comm, fields["eps_a"]),
+            "eps_b": measures.extremes(comm, fields["eps_b"]),
+        }
+
+    def _by_zones(self, gamma, signed):
+        """Mean shear angle of each zone of the theory [deg], and the width of their borders."""
+        (x, y), width = self.blank.midpoints() - self.low[:, None], (self.high - self.low)[1]
+        (a, b), distance = self.strip.held(x, y)
+        zones = {"free": ~a & ~b, "half": a != b, "clamped": a & b}
+        if self.fibre_angle % 90 != 45 or self.yarn_angle != 90:
+            del zones["half"]  # the two yarns turn by different angles
+            zones |= {"only_a_held": a & ~b, "only_b_held": b & ~a}
+        found: dict[str, Any] = {}
+        for name, zone in zones.items():
+            inside = zone & (distance > width / 10)
+            mean = measures.mean(self.comm, gamma, 1.0 * inside)
+            if mean is not None:
+                found[f"{name}_zone_shear_angle_deg"] = math.degrees(mean)
+        found["transition_width_mm"] = transition_width(self.comm, self.strip, x, y, signed)
+        return found
+
+    def along_the_axis(self, result: Result) -> np.ndarray | None:
+        """Position [mm] and magnitude of the shear angle [deg] of the cells along the strip's axis,
+        (n, 2) on rank 0: those with their middle within a twentieth of the width, or, of a mesh
+        too coarse for that, those nearest to it."""
+        width = (self.high - self.low)[1]
+        x, y = self.blank.midpoints() - self.low[:, None]
+        off = np.abs(y - width / 2)
+        nearest = self.comm.allreduce(off.min(initial=np.inf), MPI.MIN)
+        near = off <= max(width / 20, nearest * (1 + 1e-6))
+        gamma = np.degrees(np.abs(result.fields["shear_angle"]))
+        parts = self.comm.gather(np.column_stack([x, y, gamma])[near])
+        if parts is None:
+            return None
+        profile = np.concatenate(parts)
+        return profile[np.lexsort(np.round(profile[:, 1::-1].T, 6))][:, ::2]
+
+    def tables(self, result: Result, folder: Path) -> None:
+        """axis.csv: the shear angle along the axis."""
+        profile = self.along_the_axis(result)
+        if profile is not None:
+            header = "position_mm,shear_angle_deg"
+            file = folder / "axis.csv"
+            np.savetxt(file, profile, fmt="%.9g", delimiter=",", header=header, comments="")
+
+    def pictures(self, result: Result, folder: Path) -> None:
+        """axis.png, beside theory, and measured.png, on rank 0."""
+        from ..plot import pictures
+
+        profile = np.loadtxt(folder / "axis.csv", delimiter=",", skiprows=1, ndmin=2)
+        series = {"simulated": (*profile.T, ".")}
+        if not self.no_theory:
+            length, width = self.high - self.low
+            x, stroke = np.linspace(0, length, 2001), result.rows[-1]["displacement_mm"]
+            theory = self.strip.shear_angles(x, np.full_like(x, width / 2), stroke, self.rest)
+            if np.isfinite(theory).any():
+                series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
+        labels = "position along the axis / mm", "magnitude of the shear angle / deg"
+        pictures.curves(folder / "axis.png", series, *labels)
+        if self.laid:
+            gamma, force = self.shear_forces(result.rows)
+            angles, mine, _ = self.against_measured(result.rows)
+            series = {
+                "measured": (np.degrees(angles), mine, "s"),
+                "simulated": (np.degrees(gamma), force, "-"),
+            }
+            labels = "shear angle from the crosshead / deg", "normalised shear force / (N/mm)"
+            pictures.curves(folder / "measured.png", series, *labels)
+
+
+def _degrees(angle):
+    return None if angle is None else math.degrees(angle)

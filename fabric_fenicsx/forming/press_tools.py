@@ -1,0 +1,280 @@
+"""The tools of a press: what each is, and where it stands before anything moves."""
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from ..runtime.errors import InputError
+from ..runtime.fields import check_fields, number
+from ..runtime.formatting import coordinates, rounded
+from ..runtime.rules import FROM_ZERO, POSITIVE
+from ..tools.checks import FLANGE, UNITS, check_triangles
+from ..tools.files import CAD
+from ..tools.surfaces import Surface, Turned
+from ..tools.triangulated import TriangulatedSurface
+from ..tools.values import checked_vector, length_of
+
+SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the way along z from there to it
+FAR = 1e3  # sizes of the blank, within which a tool's face is sought
+FINER = 1, 2, 5  # by which a CAD model's chord is divided in turn
+TOUCHES = 1e-9  # of the thickness, to which a tool is brought to the blank
+TRIES = 500  # at most, to bring it there
+KEPT = 10  # points beside the nodes, at which it was nearest before
+
+
+@dataclass(frozen=True)
+class DieOf:
+    """The die of another tool, in place of a surface: that tool's surface at a `clearance` [mm]
+    (1.2 thicknesses of the blank), seen from the blank's other side."""
+
+    tool: str
+    clearance: float | None = number(None, POSITIVE, "distance from the tool [mm]")
+
+    def __post_init__(self) -> None:
+        check_fields(self, "{} of a die".format)
+
+
+@dataclass(frozen=True)
+class PressTool:
+    """A tool of a press.
+
+    - surface: what bounds it, as it stands, a file of triangles or a CAD model [mm], or `DieOf`
+      another tool
+    - side: "below" or "above" the blank; towards the blank is then up or down
+    - at: where the origin of its surface stands, (x, y, z) or (x, y) [mm]. Without z it is brought
+      along z to touch the blank, less the distance `off` [mm]
+    - turn: angles (3,) about x, then y, then z [deg], by which it is turned about its origin
+    - force: of the whole blank [N], by which it is pushed towards the blank from the start;
+      by default it stands or moves as the stages say
+    - friction: coefficient, by default the press's
+    - chord: as in `TriangulatedSurface.read` [mm]
+
+    Raises InputError for other values.
+    """
+
+    surface: Surface | str | DieOf
+    side: str = "below"
+    at: Sequence[float] = (0.0, 0.0)
+    off: float = number(0.0, FROM_ZERO, "distance from the blank at the start [mm]")
+    turn: Sequence[float] = (0.0, 0.0, 0.0)
+    force: float | None = number(None, POSITIVE, "towards the whole blank [N]")
+    friction: float | None = number(None, FROM_ZERO, "coefficient to the blank")
+    chord: float = number(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
+
+    def __post_init__(self) -> None:
+        check_fields(self, "{} of a tool".format)
+        if self.side not in SIDES:
+            raise InputError(f"side of a tool is {self.side!r}; allowed is below or above")
+        checked_vector("turn of a tool", self.turn)
+        checked_vector("at of a tool", self.at, size=2 if length_of(self.at) == 2 else 3)
+        if self.off and length_of(self.at) == 3:
+            raise InputError("off of a tool is given beside z of `at`; allowed is one of them")
+
+    @property
+    def towards(self) -> np.ndarray:
+        """The way from it to the blank (3,)."""
+        return np.array([0.0, 0.0, SIDES[self.side]])
+
+
+class Placement:
+    """Brings tools to a flat blank, whose nodes of this rank are at x (n, 3) [mm] in z = 0.
+
+    thickness: of the blank [mm]; warnings: sentences are added to them. Raises InputError, on all
+    ranks, for a tool that can't stand where it is told to.
+    """
+
+    def __init__(
+        self, x: np.ndarray, thickness: float, comm: MPI.Comm, warnings: list[str]
+    ) -> None:
+        self._x, self._t, self._comm, self._warnings = x, thickness, comm, warnings
+        low, high = (
+            getattr(np, least)(comm.allgather(getattr(x, least)(0, initial=start)), axis=0)
+            for least, start in (("min", np.inf), ("max", -np.inf))
+        )
+        self._low, self._high = low[:2], high[:2]
+        self._size = float((self._high - self._low).max())
+
+    def surface(self, name: str, tool: PressTool) -> Surface:
+        """The tool's surface, read and turned, with its face towards the blank."""
+        surface, file = tool.surface, f"surface of tool {name}"
+        if isinstance(surface, (str, os.PathLike)):
+            file = f"tool {name}, {surface}"
+            surface = self._read(file, str(surface), tool.chord)
+        elif not isinstance(surface, Surface):
+            raise InputError(
+                f"{file} is {surface!r}; allowed is a surface, as `Sphere(50)`, or a file's name"
+            )
+        elif isinstance(surface, TriangulatedSurface):
+            self._check_units(file, surface)
+            check_triangles(surface, file, self._t, self._warnings.append)
+        if any(tool.turn):
+            surface = Turned(surface, tool.turn)
+        return surface
+
+    def _read(self, name, path, chord):
+        """The surface in a file; of a CAD model with a smaller `chord` where its facets are off."""
+        tries = FINER if path.lower().endswith(CAD) else FINER[:1]
+        for finer in tries:
+            surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
+            self._check_units(name, surface)
+            doubts: list[str] = []
+            try:
+                check_triangles(surface, name, self._t, doubts.append)
+            except InputError as error:
+                wrong = error
+            else:
+                self._warnings += doubts
+                return surface
+        hint = ", or a smaller `chord`" if tries[1:] else ""
+        raise InputError(f"{wrong}{hint}")
+
+    def _check_units(self, name, surface):
+        size = float(np.ptp(surface.points, axis=0).max())
+        for unit, factor in UNITS.items():
+            if size < 0.02 * self._size and 0.1 < size * factor / self._size < 10:
+                raise InputError(
+                    f"{name} is {rounded(size, 4)} mm large beside a blank of "
+                    f"{rounded(self._size, 4)} mm, which speaks of {unit}; allowed is a surface in "
+                    "mm"
+                )
+
+    def stand(self, name: str, tool: PressTool) -> tuple[Surface, np.ndarray]:
+        """The tool's surface, and where its origin stands at the start (3,) [mm]."""
+        surface = self.surface(name, tool)
+        start = np.append(np.asarray(tool.at, dtype=float)[:2], 0.0)
+        touching = self._touching(name, tool, surface, start)
+        if touching is None and _of_triangles(surface) is not None:
+            turned = _turned_round(surface)
+            touching = self._touching(name, tool, turned, start)
+            if touching is not None:
+                surface = turned
+                self._warnings.append(
+                    f"tool {name}: the normals of its surface point away from the blank, so it was "
+                    "turned round"
+                )
+        if touching is None:
+            raise InputError(
+                f"tool {name} has its body between its face and the blank, which is {_side(tool)} "
+                f"it; allowed is the other side, or turn = [180, 0, 0]{_added(tool)}"
+            )
+        if length_of(tool.at) == 3:
+            z = float(tool.at[2])
+            self._check_height(name, tool, z, touching)
+        else:
+            z = touching - tool.off * tool.towards[2]
+        self._doubt_back(name, tool, surface)
+        return surface, start + [0, 0, z]
+
+    def _touching(self, name, tool, surface, start):
+        """The height (z) of the tool's origin at which it touches the blank, None if its body is on
+        the wrong side. It is brought nearer by its least distance each time, so never too far."""
+        up, away, between = tool.towards[2], self._size, np.empty((0, 3))
+        points = _of_triangles(surface)
+        far = FAR * self._size if points is None else 4 * (abs(points).max() + self._size)
+        while self._least(surface, start, -up * away, between)[0] <= 0:
+            away *= 2
+            if away > far:
+                return None
+        for _ in range(TRIES):
+            gap, place, top = self._least(surface, start, -up * away, between)
+            if abs(gap) < TOUCHES * self._t:
+                return -up * away
+            away -= gap
+            # the tool's top may lie between nodes
+            if (self._low <= top).all() and (top <= self._high).all():
+                between = np.vstack([between, [*top, 0.0]])[-KEPT:]
+            if away < -far:
+                break
+        raise InputError(self._beside(name, tool, surface, place))
+
+    def _least(self, surface, start, height, between):
+        """The least gap [mm] of all ranks between the blank's face, at its nodes and points
+        `between` them (k, 3), and a tool whose origin is at that height; where it is, and over or
+        under which place (x, y) the tool's top is, by its curvature there."""
+        places = np.vstack([self._x, between])
+        found = surface.evaluate(places - (start + [0, 0, height]))
+        gap = np.where(np.isfinite(found.gap), found.gap - self._t / 2, np.inf)
+        mine: tuple[float, list[float], list[float]] = (np.inf, [], [])
+        if len(gap):
+            i = int(gap.argmin())
+            bend, slope = found.curvature[i][:2, :2], found.normal[i][:2]
+            top = places[i][:2] - np.linalg.lstsq(bend, slope, rcond=1e-9)[0]
+            mine = float(gap[i]), places[i].tolist(), top.tolist()
+        return min(self._comm.allgather(mine))
+
+    def _beside(self, name, tool, surface, place):
+        found, middle = _of_triangles(surface), (self._low + self._high) / 2
+        words = f"tool {name} does not meet the blank when it is moved along z"
+        if found is not None:
+            low, high = found.min(0)[:2] + tool.at[:2], found.max(0)[:2] + tool.at[:2]
+            shift = np.asarray(tool.at[:2]) + middle - (low + high) / 2
+            words += (
+                f": it reaches from {coordinates(low)} to {coordinates(high)} mm, the blank from "
+                f"{coordinates(self._low)} to {coordinates(self._high)} mm"
+            )
+            if np.linalg.norm(shift - tool.at[:2]) > 1e-3 * self._size:
+                return f"{words}; allowed is a tool over it, as with at = [{_listed(shift)}]"
+            return f"{words}; allowed is one in mm that is over the blank (is it in cm or inches?)"
+        return f"{words}, nearest to {coordinates(place)}; allowed is `at` that puts it there"
+
+    def _check_height(self, name, tool, z, touching):
+        """InputError for a tool that would stand in the blank."""
+        deep = (z - touching) * tool.towards[2]
+        if deep > FLANGE * self._t:
+            raise InputError(
+                f"tool {name} cuts into the blank by {rounded(deep, 4)} mm before anything moves; "
+                f"allowed is z of `at` {'up to' if tool.side == 'below' else 'from'} "
+                f"{rounded(touching, 6)}, where it touches, or `at` without z"
+            )
+
+    def _doubt_back(self, name, tool, surface):
+        """Warn of a CAD tool that shows the blank its flat back."""
+        found = _of_triangles(surface)
+        inner: Any = surface.surface if isinstance(surface, Turned) else surface
+        if found is None or len(inner.rim):  # what is open has no back
+            return
+        z = tool.towards[2] * found[:, 2]
+        size = float(np.ptp(found, axis=0).max())
+        near = z > z.max() - 1e-3 * size
+        extent = float(np.ptp(found[near][:, :2], axis=0).max()) if near.any() else 0.0
+        back = z < z.min() + 1e-3 * size
+        behind = float(np.ptp(found[back][:, :2], axis=0).max()) if back.any() else 0.0
+        if extent > 0.98 * size and behind < 0.5 * extent and np.ptp(z) > 0.05 * size:
+            self._warnings.append(
+                f"tool {name} shows the blank a flat face, and its shape on the other side: "
+                f"turn = [180, 0, 0]{_added(tool)} would turn it over"
+            )
+
+
+def _side(tool):
+    return "above" if tool.side == "below" else "below"
+
+
+def _added(tool):
+    return " on top of its own turn" if any(tool.turn) else ""
+
+
+def _listed(values):
+    return ", ".join(rounded(float(each), 6) for each in values)
+
+
+def _turned_round(surface: Any) -> Surface:
+    """A surface of triangles with its body on the other side."""
+    if isinstance(surface, Turned):
+        return Turned(_turned_round(surface.surface), surface.angles)
+    return surface.turned_round()
+
+
+def _of_triangles(surface: Surface) -> np.ndarray | None:
+    """Points (n, 3) of a surface of triangles as it stands, None of others [mm]."""
+    if isinstance(surface, Turned):
+        inner = surface.surface
+        if not isinstance(inner, TriangulatedSurface):
+            return None
+        return surface.mesh((0, 0, 0), (1, 1, 1), math.inf)[0]
+    return surface.points if isinstance(surface, TriangulatedSurface) else None

@@ -1,0 +1,173 @@
+"""Unloading of formed sheets: what springs back as the tools leave."""
+
+from collections.abc import Sequence
+from copy import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from ..job.job import Job, Result
+from ..mechanics.contact.sheet_contact import SheetContact
+from ..mechanics.materials import materials_of
+from ..mechanics.protocols import Loaded, Pressing
+from ..mechanics.release_forces import RELEASED, FadingForces
+from ..runtime.errors import InputError
+from ..scene.isostatic import isostatic, planes_of_symmetry
+from ..scene.scene import OF_CELLS, Scene, memory_of
+from ..scene.supports import Support
+from ..sheets.blank import Part
+
+NAME = "unloaded"  # of the job, and by custom of its folder
+# energies that are no longer in the sheets, or never come out of them
+SPENT = "plastic", "friction", "viscous", "external_work", RELEASED
+USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6, "name": NAME}  # of the job
+
+
+def unloading(
+    result: Result, *, together: bool = False, keep: Sequence[str] = (), **changes: Any
+) -> Job:
+    """Job that unloads the sheets of a `result`, of any run that reached its full load:
+
+        formed = forming.job().run("dome")
+        unloaded = ff.unloading(formed).run("dome/unloaded")
+
+    In it there are neither tools nor holders nor loads. The forces that these, and supports,
+    exerted on the nodes in the formed state fade, see `FadingForces`. The sheets go on with what
+    they remember, as metal does of its plastic strains. Planes of symmetry stay, and supports named
+    in `keep`. What rigid motions these leave is held by few nodes of each sheet, see `isostatic`:
+    these stay where they are and bear nothing in the end.
+
+    Each sheet of a stack is unloaded alone, and what its neighbours did to it fades, too. together:
+    they go on pressing and rubbing on each other, and are held as if pinned together at their
+    nodes; of deeply drawn stacks contact may not settle as it opens. changes: in the fields of the
+    `Job`.
+
+    Quantities: the largest `springback` [mm], with the energies left in the sheets and those
+    released [N mm], the sizes of what the nodes bear, added up [N]; of a stack by sheet, too. The
+    run moves the sheet of `result.scene`, whose reports are then of the unloaded state. Raises
+    InputError for a result that is not of full load, and for a support that there is none.
+    """
+    before = result.scene
+    if result.summary.get("stroke_reached") != 1:
+        raise InputError(
+            f"unloading is asked of a run that reached {result.summary.get('stroke_reached')} of "
+            "its load; allowed is one that reached all of it"
+        )
+    blank, names = before.blank, [support.name for support in before.supports.given]
+    if lost := [name for name in keep if name not in names]:
+        raise InputError(
+            f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
+        )
+    planes = list(planes_of_symmetry(blank, before.supports.given).values())
+    kept = [s for s in before.supports.given if s in planes or s.name in keep]
+    own = [term for term in before.terms if _stays(term, together)]
+    memory, formed = _memory(own), blank.u.x.array.copy()
+    held = isostatic(blank, kept)
+    blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
+    forces = FadingForces(_thinnest(before))
+    terms = [copy(term.unbound) for term in own]
+    scene = Scene(blank, [*terms, forces], [*map(_where_it_was, kept), *held])
+    blank.u.x.array[:] = formed
+    scene.recall(scene.memory() | memory)
+    scene.set_load(0.0)
+    scene.accept()
+    forces.take(_from_outside(scene, kept))
+    return Job(scene, **USUAL | _told(scene, forces, held) | changes)
+
+
+def _memory(terms):
+    """What the sheets' terms remember. Friction between them begins anew: as pressure goes, the
+    elastic slip of forming would be lost without being counted."""
+    memory = memory_of(terms)
+    for i, term in enumerate(terms):
+        if isinstance(term, SheetContact) and term.friction:
+            for name in ("slip", "energy"):
+                memory[f"{OF_CELLS}{i} {name}"] *= 0.0
+    return memory
+
+
+def _thinnest(scene):
+    """Thickness of the thinnest sheet [mm]; a thousandth of the blank where none is known."""
+    known = [material.thickness for material in materials_of(scene, scene.blank.whole)]
+    low, high = scene.blank.extent()
+    return min(known, default=1e-3 * float((high - low).max()))
+
+
+def _stays(term, together):
+    """Whether a term is of the sheets, not of what forms them."""
+    if isinstance(term, SheetContact):
+        return together
+    if isinstance(term, (Pressing, Loaded)):
+        return False
+    return term.energy_kind is not None or term.energy is None
+
+
+def _where_it_was(support: Support) -> Support:
+    """The same one with the displacements of full load, all the time."""
+    value = support.value
+
+    def at_end(x: np.ndarray, load: float) -> np.ndarray:
+        if callable(value):
+            return value(x, 1.0)
+        return np.tile(np.asarray(value, float)[:, None], (1, x.shape[1]))
+
+    return Support(support.name, support.where, support.components, at_end)
+
+
+def _from_outside(scene, kept):
+    """Forces on the nodes that hold the scene as it is (owned dofs,) [N], without those that the
+    `kept` supports still bear."""
+    scene.residual(scene.u.duplicate())
+    found = scene.forces.array.copy()
+    for support in kept:
+        found[scene.supports.dofs_of[support.name][:, list(support.components)]] = 0.0
+    return found
+
+
+def _told(scene, forces, held):
+    """What the job measures and tells."""
+    parts = list(scene.blank.parts.values()) or [scene.blank.whole]
+
+    def largest(part: Part) -> float:
+        size = np.linalg.norm(forces.springback(), axis=1)[part.nodes]
+        return scene.comm.allreduce(float(size.max(initial=0.0)), MPI.MAX)
+
+    def measure(scene: Scene, load: float) -> tuple[float, float]:
+        return max(map(largest, parts)), forces.remaining()
+
+    def quantities(result: Result) -> dict[str, Any]:
+        energy = result.summary["energy"] if result.summary else scene.energies()
+        left = {kind: value for kind, value in energy.items() if kind not in SPENT}
+        dofs = [scene.supports.dofs_of[s.name][:, list(s.components)] for s in held]
+        borne = sum(float(abs(scene.forces.array[each]).sum()) for each in dofs)
+        found: dict[str, Any] = {
+            "springback_largest_mm": max(map(largest, parts)),
+            "energy_left_Nmm": sum(left.values()),
+            "energy_released_Nmm": energy[RELEASED],
+            "supports_bear_N": scene.comm.allreduce(borne, MPI.SUM),
+        }
+        if len(parts) > 1:
+            sheets = {part.name: {"springback_largest_mm": largest(part)} for part in parts}
+            found["sheets"] = sheets
+        return found
+
+    return {
+        "measure": measure,
+        "force_name": "forces that are left",
+        "quantities": quantities,
+        "pictures": _pictures,
+    }
+
+
+def _pictures(result: Result, folder: Path) -> None:
+    """A map of the springback on the unloaded sheets."""
+    from ..plot import pictures
+
+    name, grids = "springback", {}
+    for title, grid in result.grids.items():
+        size = np.linalg.norm(grid.point_data[name], axis=1)
+        grid.point_data[name] = size
+        grids[title or NAME] = grid.point_data_to_cell_data(pass_point_data=True)
+    pictures.maps(folder / f"{name}.png", grids, (name,), 0.0, {name: "mm"})

@@ -1,0 +1,209 @@
+"""What a test is, what it measured, and the sheet that was tested."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from ...readers.units import ANGLE, STRAIN, factors
+
+MIN_POINTS = 5
+COMPACTION = "compaction"  # the test across the thickness
+STRAINS = ("eps_a", "eps_b", "gamma")
+
+_STRESS = factors("stress") | {"N/mm2": 1.0}
+_PER_WIDTH = {"N/mm": 1.0, "N/m": 1e-3, "kN/m": 1.0}
+_UNIT = {  # first unit of each: the one used inside
+    **dict.fromkeys(("eps_a", "eps_b"), STRAIN),
+    "gamma": ANGLE,
+    **dict.fromkeys(("sigma_a", "sigma_b", "tau"), _STRESS),
+    "F_sh": _PER_WIDTH,
+    "F": {"N": 1.0, "kN": 1e3},
+    "displacement": factors("length"),
+    "pressure": factors("stress") | {"bar": 0.1},
+    "thickness": factors("length"),
+    "fibre_volume_fraction": STRAIN,
+}
+COLUMNS = tuple(_UNIT)
+# what machines call columns, in lower case
+_ALIASES = {
+    "displacement": "extension, stroke, travel, crosshead, weg, standardweg, traversenweg",
+    "F": "f, force, load, kraft, standardkraft, prüfkraft",
+    "gamma": "shear angle, scherwinkel",
+    "pressure": "druck",
+    "thickness": "dicke",
+}
+
+
+def column_of(name: str) -> str:
+    """The column that a name in a header means, the name itself if it means none."""
+    known = {column.casefold(): column for column in COLUMNS}
+    known |= {alias: c for c, aliases in _ALIASES.items() for alias in aliases.split(", ")}
+    return name if name in COLUMNS else known.get(name.casefold(), name)
+
+
+def units(column: str, thickness: float = math.nan) -> Mapping[str, float]:
+    """Factor from each unit that a column may have to the first, which is used inside. A stress may
+    also be a force per width, which is divided by `thickness` [mm]."""
+    if _UNIT[column] is not _STRESS:
+        return _UNIT[column]
+    return _STRESS | {unit: factor / thickness for unit, factor in _PER_WIDTH.items()}
+
+
+def unit_inside(column: str) -> str:
+    """The unit in which values of a column are kept."""
+    return next(iter(_UNIT[column]))
+
+
+class Kind(NamedTuple):
+    """The columns and keys of a kind of test."""
+
+    strains: tuple[str, ...]  # columns that must be there
+    optional: tuple[str, ...]  # strains that are 0 if their column is not there
+    measured: tuple[str, ...]  # one of these at least
+    keys: tuple[str, ...] = ()
+    sign: int = 0  # that the first strain and what is measured have; 0: either
+    # what a machine writes -> the column that it becomes, and the key of the specimen it needs
+    raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
+
+    @property
+    def may_be_slack(self) -> bool:
+        """Whether its strain may count from the end of a slack, in the key `slack`."""
+        return self.sign > 0 and self.strains != ("pressure",)
+
+
+def _strip(strain: str, stress: str) -> Kind:
+    raw = {"displacement": (strain, "length"), "F": (stress, "width")}
+    return Kind((strain,), (), (stress,), ("lateral",), 1, raw)
+
+
+TESTS = {
+    "uniaxial_a": _strip("eps_a", "sigma_a"),
+    "uniaxial_b": _strip("eps_b", "sigma_b"),
+    "biaxial": Kind(("eps_a", "eps_b"), (), ("sigma_a", "sigma_b")),
+    "compression_a": Kind(("eps_a",), ("gamma",), ("sigma_a",), sign=-1),
+    "compression_b": Kind(("eps_b",), ("gamma",), ("sigma_b",), sign=-1),
+    "shear": Kind(("gamma",), ("eps_a", "eps_b"), ("tau", "F_sh"), sign=1),
+    "picture_frame": Kind(
+        ("gamma",), ("eps_a", "eps_b"), ("F",), ("frame_length", "fabric_length"), 1
+    ),
+    "bias_extension": Kind(
+        ("gamma",), (), ("F",), ("height", "width"), 1, {"displacement": ("gamma", "height")}
+    ),
+    COMPACTION: Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
+}
+
+
+def keys_of(test: Kind) -> tuple[str, ...]:
+    """All keys that files of a test may have besides `test` and `noise`."""
+    slack = ("slack",) if test.may_be_slack else ()
+    return tuple(dict.fromkeys((*test.keys, *(key for _, key in test.raw.values()), *slack)))
+
+
+KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in keys_of(test)))
+
+
+class Table(NamedTuple):
+    """A file's columns {name: (n,)} in inner units, the unit of each in the file, line numbers (n,)
+    of the rows, and that of the header."""
+
+    columns: dict[str, np.ndarray]
+    header: dict[str, str]
+    rows: list[int]
+    top: int
+
+
+@dataclass(frozen=True)
+class Response:
+    """A measured column: `values` (n,) in `unit`, and how the law predicts it.
+
+    It predicts gain * s, plus half * tau(gamma/2) if `half` is given, where s is the stress
+    conjugate to eps_a, eps_b or gamma, or the lateral strain."""
+
+    column: str
+    unit: str
+    values: np.ndarray
+    gain: np.ndarray
+    half: np.ndarray | None = None
+
+    @property
+    def component(self) -> int:
+        """0: sigma_a, 1: sigma_b, 2: tau, 3: lateral strain."""
+        return {"sigma_a": 0, "sigma_b": 1, "eps_a": 3, "eps_b": 3}.get(self.column, 2)
+
+    @property
+    def peak(self) -> float:
+        """Largest magnitude, in `unit`."""
+        return float(np.abs(self.values).max())
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One test. strains: (n, 3) eps_a, eps_b [-], gamma [rad] as prescribed; rows: (n,) line
+    numbers in the file; free: 0 or 1 if the yarns across a tension along a or b are free of stress;
+    noise: ("maximum" | "value" | "absolute", number) or None; abscissa: the column of `strains`
+    that runs; keys: further keys of the file, lengths [mm]; remarks: sentences on what was left
+    out; slack: in the unit of the file's column that runs."""
+
+    file: str
+    test: str
+    strains: np.ndarray
+    responses: tuple[Response, ...]
+    rows: np.ndarray
+    abscissa: int
+    free: int | None = None
+    noise: tuple[str, float] | None = None
+    keys: dict[str, float] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+    slack: float = 0.0
+
+
+@dataclass(frozen=True)
+class CompactionTest:
+    """A ply that plates pressed: pressure (n,) [MPa], rising, and the measured thickness [mm] or
+    fibre volume fraction [-] in `response`; rows, noise, remarks: as of a `Curve`."""
+
+    file: str
+    pressure: np.ndarray
+    response: Response
+    rows: np.ndarray
+    noise: tuple[str, float] | None = None
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What `sheet.toml` says of the CSV files: keys {file: {key: text}} of its tables
+    [tests."FILE"], and columns {name in a header: column, maybe with a unit in brackets} of its
+    table [columns]."""
+
+    keys: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """What `sheet.toml` says: thickness [mm], density [g/cm3], whether warp and weft are tied
+    (`balanced`), values to assume for parameters that the data don't determine, as {"p_min": ..} or
+    {"warp.p_min": ..}, the areal weight [g/m2] if the density is from one, and the fibre density
+    [g/cm3] if known. compaction: tests across the thickness; stated: on the CSV files."""
+
+    name: str
+    thickness: float
+    density: float
+    balanced: bool
+    assumed: dict[str, float] = field(default_factory=dict)
+    areal_weight: float | None = None
+    fibre_density: float | None = None
+    compaction: tuple[CompactionTest, ...] = field(default=(), compare=False)  # has arrays
+    stated: Stated = Stated()
+
+    def measured_thickness(self, test: CompactionTest) -> np.ndarray:
+        """Thickness of one ply at each point of a test, (n,) [mm]."""
+        if test.response.column == "thickness":
+            return test.response.values
+        fibres = self.density * self.thickness / (self.fibre_density or math.nan)
+        return fibres / test.response.values

@@ -1,0 +1,78 @@
+"""Data sets on disk, for `read`."""
+
+import csv
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import tomli_w
+
+from ...runtime.errors import InputError
+from .model import (
+    COMPACTION,
+    STRAINS,
+    TESTS,
+    Curve,
+    Sheet,
+    unit_inside,
+    units,
+)
+
+SHOWN = {"eps_a": "%", "eps_b": "%", "gamma": "deg"}  # units other than those used inside
+
+
+def write(
+    folder: Path | str, sheet: Sheet, curves: Iterable[Curve], remarks: Iterable[str] = ()
+) -> None:
+    """Write a data set that `read` reads back to 12 digits; remarks: comment lines for each CSV.
+    Raises InputError."""
+    folder, remarks = Path(folder), list(remarks)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        numbers = {"thickness_mm": sheet.thickness, "density_g_per_cm3": sheet.density}
+        if sheet.fibre_density is not None:
+            numbers["fibre_density_g_per_cm3"] = sheet.fibre_density
+        text = tomli_w.dumps({"name": sheet.name, **numbers, "balanced": sheet.balanced})
+        (folder / "sheet.toml").write_text(text, encoding="utf-8")
+        for curve in curves:
+            test = TESTS[curve.test]
+            strains = {c: curve.strains[:, STRAINS.index(c)] for c in STRAINS}
+            told = [c for c in test.optional if np.any(strains[c])]
+            columns = {c: strains[c] for c in STRAINS if c in (*test.strains, *told)}
+            columns |= {r.column: r.values for r in curve.responses}
+            head = [f"test: {curve.test}", *(f"{k}: {v:g} mm" for k, v in curve.keys.items())]
+            if "lateral" in test.keys:
+                head.append(f"lateral: {'held' if curve.free is None else 'free'}")
+            head += _noise(curve.noise, curve.responses[0].unit)
+            _write_table(folder / curve.file, [*remarks, *head], columns)
+        for pressed in sheet.compaction:
+            response = pressed.response
+            columns = {"pressure": pressed.pressure, response.column: response.values}
+            head = [f"test: {COMPACTION}", *_noise(pressed.noise, response.unit)]
+            _write_table(folder / pressed.file, [*remarks, *head], columns)
+    except OSError as error:
+        raise InputError(
+            f"{folder}: cannot be written ({error.strerror}); allowed is a folder of this user"
+        ) from None
+
+
+def _noise(noise, unit):
+    """The line of a noise, none if it is not stated."""
+    if not noise:
+        return []
+    kind, size = noise
+    told = f"{size:g} {unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
+    return [f"noise: {told}"]
+
+
+def _write_table(path, head, columns):
+    """A CSV file of columns {name: (n,)} below the comment lines `head`."""
+    header = {c: SHOWN.get(c, unit_inside(c)) for c in columns}
+    with open(path, "w", newline="", encoding="utf-8") as stream:
+        stream.writelines(f"# {line}\n" for line in head)
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(f"{c} [{unit}]" for c, unit in header.items())
+        writer.writerows(
+            [f"{v / units(c)[header[c]]:.12g}" for c, v in zip(columns, row)]
+            for row in zip(*columns.values())
+        )

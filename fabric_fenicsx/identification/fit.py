@@ -1,0 +1,404 @@
+"""Two-stage nonlinear regression of the law's parameters, with confidence intervals."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from ..material.homogeneous import nominal
+from ..material.laws.coupled import (
+    SHEAR,
+    YARN,
+    WovenFabric,
+    Yarn,
+)
+from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
+from .compaction import fit_compaction
+from .curves import Curve, Sheet, unit_warnings
+from .parameter import Assumed, Determined
+from .problem import (
+    DEFAULTS,
+    NOISE,
+    NotConverged,
+    Problem,
+    base,
+    true_values,
+    unit_of,
+)
+from .result import Identification
+from .toe import toe_warning
+
+STAGE_1 = ("a", "b", "d", *SHEAR)
+# Of the parameters that the data can't tell apart, the first of these becomes an assumption.
+GIVEN_UP = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
+QUICK = 60  # evaluations of a fit after which it is asked whether the data determine its parameters
+HIGHER = {
+    "a": "b",
+    "s2": "s1",
+    "s3": "s1",
+}  # higher terms are 0 by default if the lower one is fitted
+
+
+def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
+    """Fit the law to the curves, and compaction to the sheet's tests of it; InputError if they
+    determine nothing or are too few, SolverFailure if a fit fails."""
+    compaction = _compaction(sheet, curves)
+    problem = Problem(sheet, curves)
+    default, source, reason = _assumptions(problem, sheet)
+    _check_yarns(sheet, problem.names, reason, source)
+    theta, staged, fitted = _regression(problem, default, reason, source)
+    theta, sd, estimated = _weighted_fit(problem, theta, fitted)
+    free = [k for k in range(len(theta)) if k not in reason]
+    found = _statistics(problem, theta, free, sd)
+    if estimated is None and not all(c.noise for c in curves):
+        estimated = NOISE * math.sqrt(found.variance)
+    bound = _at_bound(problem, theta, free, fitted)
+    determined = {
+        problem.names[k]: _determined(problem, k, theta[k], staged[k], e, half, k in bound)
+        for k, e, half in zip(free, found.error, found.half)
+    }
+    assumed = {
+        problem.names[k]: Assumed(
+            float(theta[k]),
+            unit_of(problem.names[k]),
+            source[problem.names[k]],
+            why,
+            _moves(problem, theta, free, found, sd, k),
+        )
+        for k, why in sorted(reason.items())
+    }
+    fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, compaction, assumed)
+    softest, convex = _physics(problem, fabric)
+    predicted = problem.predict(theta)
+    fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
+    warnings = [
+        *_remarks(curves),
+        *_remarks(sheet.compaction),
+        *_noise_warnings(curves, found),
+        *_physics_warnings(softest, convex),
+        *_parameter_warnings(determined, problem),
+        *filter(None, (toe_warning(*each) for each in fits)),
+        *unit_warnings(curves),
+        *(compaction.warnings if compaction else ()),
+        *fabric.plausibility_warnings(),
+    ]
+    return Identification(
+        fabric,
+        determined,
+        assumed,
+        found.correlation,
+        fits,
+        found.dof,
+        found.variance,
+        estimated,
+        softest,
+        convex,
+        warnings,
+        sheet.areal_weight,
+        compaction,
+    )
+
+
+def _determined(problem, k, value, staged, error, half, at_bound):
+    """Parameter k, fitted."""
+    interval = tuple(np.clip([value - half, value + half], *problem.box(k)).tolist())
+    is_weak = bool(half > abs(value))
+    unit = unit_of(problem.names[k])
+    return Determined(float(value), float(error), interval, unit, float(staged), is_weak, at_bound)
+
+
+def _compaction(sheet, curves):
+    """The fit to the sheet's compaction tests, None without any."""
+    if not sheet.compaction:
+        return None
+    if not curves:
+        raise InputError(
+            "all tests are of compaction; allowed are one or more in the fabric's plane beside "
+            "them, or `fit_compaction`, which needs no others"
+        )
+    return fit_compaction(sheet)
+
+
+def _assumptions(problem, sheet):
+    """What holds unless it is fitted: values (parameters,), where each is from {name: source}, and
+    why some can't be fitted {number: reason}."""
+    names, values = problem.names, true_values(DEFAULTS, sheet.balanced)
+    source, reason = dict.fromkeys(names, "Table 1 of Schäfer et al."), {}
+    problem.prepare(np.array(list(values.values())))
+    for k, name in enumerate(names):
+        for key in (base(name), name):
+            if key in sheet.assumed:
+                values[name], source[name] = sheet.assumed[key], "sheet.toml"
+        if not math.isfinite(problem.natural[k]):
+            reason[k] = "no test depends on it"
+        elif base(name) == "p_min" and not problem.has_contraction(name):
+            reason[k] = (
+                "no test shows tension with a negative strain across; c is fitted for this value"
+            )
+    return np.array([values[n] for n in names]), source, reason
+
+
+def _weighted_fit(problem, theta, fitted):
+    """Values fitted again while deviations depend on the fit, with the deviations (N,), and the
+    noise that was estimated as in `_weights`."""
+    sd, estimated = _weights(problem, theta)
+    by_prediction = any(c.noise and c.noise[0] == "value" for c in problem.curves)
+    for _ in range(3 if by_prediction or estimated is not None else 0):
+        theta = problem.fit(theta, fitted, sd)
+        sd, estimated = _weights(problem, theta)
+    return theta, sd, estimated
+
+
+class _Statistics(NamedTuple):
+    """Degrees of freedom, variance of the weighted residuals, and for the free parameters (k,):
+    standard errors, half widths of the 95 % intervals, correlation (k, k), and the weighted
+    Jacobian (N, k), for natural changes."""
+
+    dof: int
+    variance: float
+    error: np.ndarray
+    half: np.ndarray
+    correlation: np.ndarray
+    jacobian: np.ndarray
+
+
+def _statistics(problem, theta, free, sd):
+    residual = (problem.predict(theta) - problem.measured) / sd
+    dof = len(residual) - len(free)
+    variance = float(residual @ residual) / dof
+    J = problem.jacobian(theta, free) * problem.natural[free] / sd[:, None]
+    inverse = np.linalg.inv(np.linalg.qr(J, "r"))
+    covariance = variance * inverse @ inverse.T
+    error = np.sqrt(np.diag(covariance)) * problem.natural[free]
+    spread = np.sqrt(np.diag(inverse @ inverse.T))
+    correlation = inverse @ inverse.T / np.outer(spread, spread)
+    return _Statistics(dof, variance, error, stats.t.ppf(0.975, dof) * error, correlation, J)
+
+
+def _fabric(value, sheet, compaction, assumed):
+    """The fabric of values {name: number} and of a fit of compaction, if there is one; assumed:
+    names of values that were not fitted."""
+    warp, weft = (
+        Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN})
+        for yarn in ("warp", "weft")
+    )
+    shear: dict[str, Any] = {n: value[n] for n in SHEAR}
+    known = "thickness", "density", "fibre_density", "name"
+    across: dict[str, Any] = {name: getattr(sheet, name) for name in known}
+    across |= {"assumed": sorted({base(name) for name in assumed})}
+    across |= {"compaction": compaction.compaction} if compaction else {}
+    return WovenFabric(warp, weft, **shear, **across)
+
+
+def _remarks(tests):
+    """What was left out of the files of tests."""
+    return [f"{test.file}: {words}" for test in tests for words in test.remarks]
+
+
+def _noise_warnings(curves, found):
+    if (
+        all(c.noise for c in curves)
+        and found.variance > stats.chi2.ppf(0.999, found.dof) / found.dof
+    ):
+        yield (
+            f"the curves lie {rounded(math.sqrt(found.variance), 2)} times their stated noise from "
+            "the law, and the intervals are widened by that"
+        )
+
+
+def _physics_warnings(softest, convex):
+    if softest is not None and softest <= 0:
+        yield f"the shear stiffness falls to {rounded(softest)} MPa over the measured angles"
+    if convex is False:
+        yield "the energy is not convex in (eps_a, eps_b) over the measured tension"
+
+
+def _parameter_warnings(determined, problem):
+    for name in determined:
+        if base(name) == "p_min" and problem.rests_on_form(name):
+            yield (
+                f"{name} and {name.replace('p_min', 'c')} rest on the form of free tests alone, as "
+                "none has the strain across: forces may be far off; lay a simulated test over the "
+                "measured one (`fabric tensile --measured`), measure the strain across (eps_a or "
+                "eps_b), or hold p_min at 1 in [assumed]"
+            )
+    for name, parameter in determined.items():
+        if parameter.at_bound:
+            yield f"{name} is held by a bound from physics"
+    for name, parameter in determined.items():
+        if parameter.weak:
+            yield f"{name} is weakly determined, as its interval is wider than +-100 %"
+
+
+def _check_yarns(sheet, names, reason, source):
+    """InputError for an unbalanced fabric of which one direction was not pulled and is not given
+    otherwise."""
+    if sheet.balanced:
+        return
+    said = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
+    for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
+        if f"{other}.b" in said and (missing := [n for n in "ab" if f"{yarn}.{n}" not in said]):
+            raise InputError(
+                f"sheet.toml: balanced is false, but no test tells the {yarn}'s "
+                f"{' and '.join(missing)}; "
+                f"allowed is a test uniaxial_{i} or biaxial, values in [assumed.{yarn}], "
+                f"or balanced = true, which gives the {yarn} the parameters of the {other}"
+            )
+
+
+def _moves(problem, theta, free, found, sd, k):
+    """How the fitted parameters change if the assumed one k is 10 % larger: {name: change}. Only
+    changes beyond half the widths of their intervals count."""
+    if not free or not np.isfinite(problem.natural[k]):
+        return {}
+    more = 0.1 * theta[k] * (problem.jacobian(theta, [k])[:, 0] / sd)
+    change = -np.linalg.lstsq(found.jacobian, more, rcond=None)[0] * problem.natural[free]
+    least = np.maximum(found.half, 1e-3 * np.abs(theta[free]))
+    return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
+
+
+def _regression(problem, default, reason, source):
+    """Stage 1, stage 2 and the joint fit.
+
+    They are repeated with one parameter less, its reason in `reason`, until the data determine all
+    that is fitted. Returns values after the joint fit, after the stages, and
+    the parameters that were free in it."""
+    names = problem.names
+    couplings = [k for k, n in enumerate(names) if base(n) not in STAGE_1]
+    uncoupled = ~np.any(problem.effect[:, couplings] > 0, axis=1)
+    while True:
+        free = _free(problem, reason)
+        theta = _start(problem, default, reason, source, free)
+        sd = problem.deviation(problem.measured)
+        first = [
+            k
+            for k in free
+            if base(names[k]) in STAGE_1 and np.any(problem.effect[uncoupled, k] > 0)
+        ]
+        theta = problem.fit(theta, first, sd, uncoupled)
+        # tension that is coupled at every point, as with free sides alone
+        lone = [k for k in free if base(names[k]) in ("a", "b") and k not in first]
+        theta = problem.fit(theta, lone, sd)
+        problem.rescale(theta)
+        rest = [k for k in free if k not in first]
+        theta, staged, bad = _joint_fit(problem, theta, free, rest, sd)
+        if not bad:
+            s3 = names.index("s3")
+            return theta, staged, [k for k in free if k != s3 or theta[s3] > 0]
+        k, why = _given_up(problem, bad, free, lone, np.maximum(abs(theta), abs(default)))
+        reason[k] = why
+
+
+def _free(problem, reason):
+    """Parameters to be fitted; InputError if there are none, or more than measured values."""
+    free = [k for k in range(len(problem.names)) if k not in reason]
+    if not free:
+        tests = ", ".join(sorted({c.test for c in problem.curves}))
+        raise InputError(
+            f"the curves, of the tests {tests}, determine no parameter; allowed are more tests"
+        )
+    if len(problem.measured) <= len(free):
+        raise InputError(
+            f"there are {len(problem.measured)} measured values for {len(free)} parameters; "
+            "allowed are more values than parameters"
+        )
+    return free
+
+
+def _start(problem, default, reason, source, free):
+    """Values that a fit begins with; higher terms that are not fitted are 0 beside a lower one that
+    is, which `source` then tells."""
+    names, theta = problem.names, default.copy()
+    for k in reason:
+        lower = names[k].replace(base(names[k]), HIGHER.get(base(names[k]), "-"))
+        if lower in names and names.index(lower) in free and source[names[k]] != "sheet.toml":
+            theta[k], source[names[k]] = 0.0, "0, as the lower term alone is fitted"
+    for k in free:
+        if names[k] in SHEAR:  # a straight line through the largest angle
+            theta[k] = problem.natural[k] if names[k] == "s1" else 0.0
+    return theta
+
+
+def _joint_fit(problem, theta, free, rest, sd):
+    """Stage 2, of the parameters `rest`, and the fit of all that are free: values after it, those
+    before it, and what the data do not determine, as `Problem.undetermined` has it."""
+    # what no values could separate; the rest is judged at the fit
+    if bad := problem.undetermined(theta, free, slack=1e3):
+        return theta, theta, bad
+    try:
+        staged = problem.fit(theta, rest, sd, most=QUICK)
+        theta = problem.fit(staged, free, sd, most=QUICK)
+    except NotConverged as stuck:  # in a valley of parameters that the data do not separate?
+        if bad := problem.undetermined(stuck.theta, free):
+            return theta, theta, bad
+        staged = problem.fit(stuck.theta, rest, sd)
+        theta = problem.fit(staged, free, sd)
+    residual = (problem.predict(theta) - problem.measured) / sd
+    variance = residual @ residual / (len(residual) - len(free))
+    return theta, staged, problem.undetermined(theta, free, sd * math.sqrt(variance))
+
+
+def _given_up(problem, bad, free, lone, size):
+    """Which of the parameters in `bad` becomes an assumption, and why; lone: those of tension that
+    is coupled at every point; size: of all parameters."""
+    names = problem.names
+    k, half = min(bad, key=lambda item: GIVEN_UP.index(base(names[item[0]])))
+    yarn = names[k].removesuffix(base(names[k]))
+    rival = yarn + "p_min"
+    tied = k in lone or (base(names[k]) == "c" and any(names[f] == f"{yarn}a" for f in lone))
+    if tied and rival in (names[f] for f in free):
+        # where all tension is coupled, little but the products p_min a and p_min b is seen
+        k, why = names.index(rival), f"the data cannot tell it from {names[k]}"
+    elif half > (1 if base(names[k]) == "p_min" else 1e2 * size[k]):
+        why = "the data cannot tell it from others"
+    else:
+        why = f"the data leave it at +-{rounded(half, 2)}"
+    if lone and base(names[k]) == "p_min":
+        why += "; a and b are fitted for this value, "
+        why += "a test with held sides or a biaxial one would tell"
+    return k, why
+
+
+def _weights(problem, theta):
+    """Deviations (N,), and the noise estimated for curves that state none. It is None unless others
+    state theirs: the variance of the residuals then gives it."""
+    predicted = problem.predict(theta)
+    silent = np.concatenate(
+        [np.full(s.stop - s.start, curve.noise is None) for (curve, _), s in problem.parts]
+    )
+    if silent.all() or not silent.any():
+        return problem.deviation(predicted), None
+    estimated = max(
+        float(np.sqrt(np.mean(((predicted - problem.measured) / problem.peak)[silent] ** 2))), 1e-9
+    )
+    return problem.deviation(predicted, estimated), estimated
+
+
+def _at_bound(problem, theta, free, fitted):
+    """Parameters of `free` that a bound holds."""
+    x, low, high = problem._to_x(theta, fitted)
+    near = {
+        k for k, v, lo, hi in zip(fitted, x, low, high) if v - lo < 1e-6 or hi - v < 1e-6
+    } | set(free) - set(fitted)
+    shear = set(problem._shear(fitted))  # a bound on tau' holds all three
+    return near | shear & set(free) if near & shear else near
+
+
+def _physics(problem, fabric):
+    """Smallest tau' over the measured angles [MPa], and whether W(eps_a, eps_b) is convex over the
+    measured tension."""
+    softest = convex = None
+    if problem.angle:
+        g = np.linspace(0, problem.angle, 1001)
+        softest = float((fabric.s1 + (2 * fabric.s2 + 3 * fabric.s3 * g) * g).min())
+    tension = problem.strains[
+        (problem.strains[:, :2].max(1) > 0) & (problem.strains[:, :2].min(1) >= 0)
+    ]
+    if tension.size:
+        # by the kernel's tangent just inside tension; the kink at 0 belongs to compression
+        _, H = nominal(fabric, np.maximum(tension * [1, 1, 0], [1e-9, 1e-9, 0]), tangent=True)
+        convex = bool(np.all((H[:, 0] > 0) & (H[:, 0] * H[:, 1] - H[:, 2] ** 2 > 0)))
+    return softest, convex

@@ -1,0 +1,313 @@
+"""Residuals of test curves in the parameters of the law, and what can be said of them."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..material.homogeneous import lateral_strain, nominal
+from ..material.laws.coupled import SHEAR, YARN, WovenFabric
+from ..material.presets import PRESETS
+from ..runtime.errors import InputError, SolverFailure
+from .curves import Curve, Sheet
+
+DEFAULTS = PRESETS["komeili"]  # Table 1; d, p_min and s_C were assumed there, too
+NOISE = 0.01  # share of each peak: noise at which the data must determine a parameter
+SOFTEST = 0.999  # tau' > 0 is kept by c1 > -SOFTEST sqrt(c0 c2), see Problem._to_x
+
+
+def names_of(balanced: bool) -> tuple[str, ...]:
+    """Names of the parameters: 10 if balanced, otherwise 17."""
+    yarns = YARN if balanced else [f"{yarn}.{name}" for yarn in ("warp", "weft") for name in YARN]
+    return (*yarns, *SHEAR)
+
+
+def base(name: str) -> str:
+    """A parameter's name without its yarn."""
+    return name.rpartition(".")[2]
+
+
+def unit_of(name: str) -> str:
+    """Unit of a parameter, "-" of a number."""
+    return "MPa" if (YARN | SHEAR)[base(name)].unit else "-"
+
+
+def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:
+    """Parameters of `fabric` by the names used here: 10 if balanced, otherwise 17 with warp. and
+    weft. before the yarns'."""
+    return {
+        n: getattr(
+            fabric if n in SHEAR else getattr(fabric, n.split(".")[0] if "." in n else "warp"),
+            base(n),
+        )
+        for n in names_of(balanced)
+    }
+
+
+class NotConverged(SolverFailure):
+    """A fit that gave up at the parameters `theta`."""
+
+    def __init__(self, message: str, theta: np.ndarray) -> None:
+        super().__init__(message)
+        self.theta = theta
+
+
+class Problem:
+    """Residuals of all curves in the parameters `names` (10 or 17), with all points in one call of
+    the kernel."""
+
+    def __init__(self, sheet: Sheet, curves: Sequence[Curve]) -> None:
+        self.names, self.thickness, self.curves = names_of(sheet.balanced), sheet.thickness, curves
+        if not curves:
+            raise InputError("there is no curve; allowed is one or more")
+        parts = [(curve, response) for curve in curves for response in curve.responses]
+        sizes = [len(response.values) for _, response in parts]
+        self.slices = [slice(end - size, end) for size, end in zip(sizes, np.cumsum(sizes))]
+        self.parts = list(zip(parts, self.slices))
+        self.measured = np.concatenate([response.values for _, response in parts])
+        self.peak = np.concatenate(
+            [np.full(size, response.peak) for size, (_, response) in zip(sizes, parts)]
+        )
+        self.gain = np.concatenate([response.gain for _, response in parts])
+        self.half = np.concatenate(
+            [
+                np.zeros(size) if response.half is None else response.half
+                for size, (_, response) in zip(sizes, parts)
+            ]
+        )
+        self.component = np.concatenate(
+            [np.full(size, response.component) for size, (_, response) in zip(sizes, parts)]
+        )
+        self.strains = np.concatenate([curve.strains for curve, _ in parts])
+        self.halves = np.flatnonzero(self.half)
+        self.free = {}
+        for along in (0, 1):  # points under free tension, and where to start the strain across
+            pieces = [
+                (s, curve.responses[-1]) for (curve, _), s in self.parts if curve.free == along
+            ]
+            if pieces:
+                points = np.concatenate([np.r_[s] for s, _ in pieces])
+                start = [
+                    r.values.copy() if r.component == 3 else np.zeros(len(r.values))
+                    for _, r in pieces
+                ]
+                self.free[along] = points, np.concatenate(start)
+        self.angle = max(
+            (
+                np.abs(self.strains[s, 2]).max()
+                for (_, response), s in self.parts
+                if response.component == 2
+            ),
+            default=0.0,
+        )
+        self.extent = max(np.abs(self.strains[:, :2]).max(), 1e-3)
+
+    def material(self, theta: np.ndarray) -> WovenFabric:
+        """A fabric without its checks, so that derivatives can be taken at bounds."""
+        v = dict(zip(self.names, theta))
+        fabric = DEFAULTS.symbols(float)
+        vars(fabric).update({n: v[n] for n in SHEAR}, thickness=self.thickness)
+        for yarn in ("warp", "weft"):
+            vars(getattr(fabric, yarn)).update(
+                {n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN}
+            )
+        return fabric
+
+    def predict(self, theta: np.ndarray) -> np.ndarray:
+        """The law's prediction of every measured value, (N,)."""
+        fabric, strains = self.material(theta), self.strains
+        if self.free:
+            strains = strains.copy()
+            for along, (points, start) in self.free.items():
+                across = lateral_strain(fabric, along, strains[points, along], start)
+                strains[points, 1 - along] = start[:] = across  # near that of the next parameters
+        stress = nominal(
+            fabric,
+            np.concatenate([strains, strains[self.halves] * [1, 1, 0.5]])
+            if self.halves.size
+            else strains,
+        )
+        N = len(strains)
+        rows = np.arange(N)
+        across = np.zeros(N)
+        for along, (points, _) in self.free.items():
+            across[points] = strains[points, 1 - along]
+        value = self.gain * np.where(
+            self.component == 3, across, stress[rows, np.minimum(self.component, 2)]
+        )
+        value[self.halves] += self.half[self.halves] * stress[N:, 2]
+        return value
+
+    def sizes(self, theta: np.ndarray) -> np.ndarray:
+        """A large change of each parameter, (len(theta),)."""
+        natural = np.where(np.isfinite(self.natural), 1e-3 * self.natural, 0)
+        return np.max([np.abs(theta), np.abs(self.start), natural], 0)
+
+    def jacobian(self, theta: np.ndarray, free: Sequence[int]) -> np.ndarray:
+        """d(predict)/d(theta) (N, len(free)) by central differences."""
+        columns, sizes = [], self.sizes(theta)
+        for k in free:
+            step = np.zeros(len(theta))
+            step[k] = 1e-5 * sizes[k]
+            columns.append(
+                (self.predict(theta + step) - self.predict(theta - step)) / (2 * step[k])
+            )
+        return np.array(columns).T.reshape(len(self.measured), len(free))
+
+    def prepare(self, start: np.ndarray) -> None:
+        """Set the size of steps, and `natural`: the change of each parameter that moves a response
+        by its peak."""
+        self.start, self.natural = start, np.full(len(start), np.inf)
+        self.rescale(start)
+
+    def rescale(self, theta: np.ndarray) -> None:
+        """Set `effect` (N, len(theta)), of each parameter on each value over its peak, and
+        `natural` from it."""
+        effect = np.abs(self.jacobian(theta, range(len(theta))) / self.peak[:, None])
+        # 1e-9 of the peak for a large change is rounding, which differs from machine to machine
+        effect[(effect < 1e-7 * effect.max(0)) | (effect * self.sizes(theta) < 1e-9)] = 0
+        most = effect.max(0)
+        self.natural = np.where(most > 0, 1 / np.where(most > 0, most, 1), self.natural)
+        self.effect = effect
+
+    def deviation(self, predicted: np.ndarray, common: Any = NOISE) -> np.ndarray:
+        """Standard deviations (N,): as stated by the curves, otherwise `common` times the peak of
+        each column."""
+        sd = common * self.peak
+        for (curve, _), s in self.parts:
+            if curve.noise:
+                kind, size = curve.noise
+                scale = {"absolute": 1.0, "maximum": self.peak[s]}.get(
+                    kind, np.maximum(np.abs(predicted[s]), 0.05 * self.peak[s])
+                )
+                sd[s] = size * scale
+        return sd
+
+    def has_contraction(self, name: str) -> bool:
+        """Whether a point shows the yarns of p_min `name` in tension under a negative strain
+        across."""
+        for i in (0, 1) if "." not in name else (("warp.p_min", "weft.p_min").index(name),):
+            prescribed = (
+                (self.strains[:, i] > 0) & (self.strains[:, 1 - i] < 0) & (self.component < 2)
+            )
+            if i in self.free or prescribed.any():
+                return True
+        return False
+
+    def rests_on_form(self, name: str) -> bool:
+        """Whether only the form of free tests tells the p_min `name`: none of them has the strain
+        across, and no test of those yarns in tension prescribes it."""
+        known = [(curve.free, response.component) for (curve, response), _ in self.parts]
+        for i in (0, 1) if "." not in name else (("warp.p_min", "weft.p_min").index(name),):
+            prescribed = (self.strains[:, i] > 0) & (self.component < 2)
+            prescribed[[k for points, _ in self.free.values() for k in points]] = False
+            if prescribed.any() or (i, 3) in known:
+                return False
+        return True
+
+    def undetermined(
+        self, theta: np.ndarray, free: list[int], sd: Any = 0.0, slack: float = 1.0
+    ) -> list[tuple[int, float]]:
+        """The parameters among `free` that the data do not determine, as pairs of index and
+        half-width.
+
+        The half-width is that of the 95 % interval at the noise `sd`, but at least NOISE. It is too
+        large above `slack` times both the value and its natural change (p_min: above 0.5)."""
+        weight = np.maximum(sd, NOISE * self.peak)
+        J = self.jacobian(theta, free) * self.natural[free] / weight[:, None]
+        _, s, Vt = np.linalg.svd(J, full_matrices=len(free) > len(J))
+        s = np.maximum(np.pad(s, (0, len(free) - len(s))), 1e-8 * s.max())
+        half = 1.96 * np.sqrt(((Vt.T / s) ** 2).sum(1))
+        limit = np.array(
+            [
+                0.5 / self.natural[k]
+                if base(self.names[k]) == "p_min"
+                else max(abs(theta[k]) / self.natural[k], 1)
+                for k in free
+            ]
+        )
+        return [
+            (k, h * self.natural[k]) for k, h, most in zip(free, half, limit) if h > slack * most
+        ]
+
+    def box(self, k: int) -> tuple[float, float]:
+        """Least and greatest value of parameter k that a fit takes: bounds from physics, and c no
+        larger than the measured strains can show."""
+        name = base(self.names[k])
+        low = (
+            1e-9 * self.natural[k] if name in ("b", "d", "s1") else -np.inf if name == "s2" else 0.0
+        )
+        return low, {"p_min": 1.0, "c": 50 / self.extent}.get(name, np.inf)
+
+    def _shear(self, free):
+        """The shear parameters that are fitted through the stiffness tau' at points of [0,
+        angle]."""
+        place = [self.names.index(n) for n in SHEAR]
+        return place if place[0] in free and place[1] in free else []
+
+    def _to_x(self, theta, free):
+        """Scaled unknowns. Shear goes through tau' = c0 (1-x)^2 + 2 c1 x (1-x) + c2 x^2, x =
+        gamma/angle, which is positive on all of [0, angle] exactly if c0, c2 > 0 and c1 > -sqrt(c0
+        c2): bounds on c0, c1/sqrt(c0 c2) and c2."""
+        x = np.array([theta[k] / self.natural[k] for k in free])
+        low, high = np.array([self.box(k) for k in free]).T / self.natural[free]
+        if place := self._shear(free):
+            G, (s1, s2, s3) = self.angle, theta[place]
+            c0, c1, c2 = s1, s1 + s2 * G, s1 + 2 * s2 * G + 3 * s3 * G**2
+            unit = self.natural[place[0]]
+            i, j = free.index(place[0]), free.index(place[1])
+            low[[i, j]], high[[i, j]] = 1e-9, np.inf
+            x[[i, j]] = c0 / unit, c2 / unit
+            if place[2] in free:
+                m = free.index(place[2])
+                x[m], low[m], high[m] = c1 / math.sqrt(c0 * max(c2, 1e-9 * unit)), -SOFTEST, np.inf
+        return x, low, high
+
+    def _from_x(self, x, theta, free):
+        theta = theta.copy()
+        theta[free] = x * self.natural[free]
+        if place := self._shear(free):
+            G, unit = self.angle, self.natural[place[0]]
+            c0, c2 = x[free.index(place[0])] * unit, x[free.index(place[1])] * unit
+            if place[2] in free:
+                c1 = x[free.index(place[2])] * math.sqrt(c0 * c2)
+                theta[place] = c0, (c1 - c0) / G, (c0 - 2 * c1 + c2) / (3 * G**2)
+            else:
+                theta[place[:2]] = c0, (c2 - c0 - 3 * theta[place[2]] * G**2) / (2 * G)
+        return theta
+
+    def fit(
+        self,
+        theta: np.ndarray,
+        free: list[int],
+        sd: np.ndarray,
+        rows: Any = slice(None),
+        most: int = 300,
+    ) -> np.ndarray:
+        """theta with the parameters `free` fitted to the values `rows`; NotConverged after `most`
+        evaluations."""
+        if not free:
+            return theta
+        x, low, high = self._to_x(theta, free)
+        margin = np.minimum(1e-3, 1e-3 * (high - low))
+        result = least_squares(
+            lambda x: ((self.predict(self._from_x(x, theta, free)) - self.measured) / sd)[rows],
+            np.clip(x, low + margin, high - margin),
+            bounds=(low, high),
+            x_scale="jac",
+            **dict.fromkeys(("ftol", "xtol", "gtol"), 1e-12),
+            max_nfev=most,
+        )
+        found = self._from_x(result.x, theta, free)
+        if result.status <= 0:
+            fitted = ", ".join(self.names[k] for k in free)
+            raise NotConverged(
+                f"the fit of {fitted} did not converge in {result.nfev} evaluations", found
+            )
+        s3 = self.names.index("s3")
+        if s3 in free and found[s3] < 0:  # the law allows none; refit on the bound
+            found[s3] = 0.0
+            return self.fit(found, [k for k in free if k != s3], sd, rows, most)
+        return found

@@ -1,0 +1,107 @@
+"""What an identification found, for a material file, a report and the screen."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..material.laws.coupled import WovenFabric
+from ..runtime.formatting import percent, rounded
+from .compaction import CompactionFit
+from .curves import Curve, Response
+from .parameter import Assumed, Determined
+
+
+@dataclass(frozen=True)
+class Identification:
+    """The result of `identify`. fits: for each measured column (curve, response, predicted (n,),
+    deviation (n,)); correlation (m, m) in the order of `determined`; variance: of the weighted
+    residuals (1: as the noise was stated)."""
+
+    fabric: WovenFabric
+    determined: dict[str, Determined]
+    assumed: dict[str, Assumed]
+    correlation: np.ndarray
+    fits: list[tuple[Curve, Response, np.ndarray, np.ndarray]]
+    degrees_of_freedom: int
+    variance: float
+    noise_estimated: float | None  # share of each peak, for curves that state none
+    shear_stiffness_min: float | None  # least tau' over the measured angles [MPa]
+    convex_in_tension: bool | None  # whether W(eps_a, eps_b) is, over the measured tension
+    warnings: list[str]
+    areal_weight: float | None = None  # [g/m2], if the density is from it
+    compaction: CompactionFit | None = None  # None without a test of it: the default
+
+    def remarks(self) -> list[str]:
+        """Lines for a material file that tell where its values are from."""
+        lines = []
+        if self.areal_weight is not None:
+            lines.append(
+                f"density = areal weight {self.areal_weight:g} g/m2 / thickness "
+                f"{self.fabric.thickness:g} mm"
+            )
+        for name, p in self.all_determined.items():
+            low, high = (rounded(value, 4) for value in p.interval)
+            lines.append(f"{name} was fitted, 95 % interval {low} to {high} {p.unit}")
+        for name, assumed in self.all_assumed.items():
+            value = f"{rounded(assumed.value, 6)} {assumed.unit}".removesuffix(" -")
+            lines.append(f"{name} = {value} is {assumed}")
+        if self.compaction is None:
+            lines.append("compaction is assumed (default): there is no test of it")
+        return lines
+
+    @property
+    def all_determined(self) -> dict[str, Determined]:
+        """Fitted parameters of the law and, as compaction.exponent, of compaction."""
+        across = self.compaction.determined if self.compaction else {}
+        return self.determined | {f"compaction.{name}": p for name, p in across.items()}
+
+    @property
+    def all_assumed(self) -> dict[str, Assumed]:
+        """Assumed parameters of the law and of compaction."""
+        across = self.compaction.assumed if self.compaction else {}
+        return self.assumed | {f"compaction.{name}": p for name, p in across.items()}
+
+    def report(self) -> dict[str, Any]:
+        """All of it for JSON, with the r.m.s. error of each curve."""
+        names = list(self.determined)
+        return {
+            "material": self.fabric.name,
+            "balanced": self.fabric.is_balanced,
+            "density_g_per_cm3": self.fabric.density,
+            "areal_weight_g_per_m2": self.areal_weight,
+            "parameters": len(names) + len(self.assumed),
+            "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
+            "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
+            "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
+            "curves": [self._error(*fit) for fit in self.fits],
+            "compaction": self.compaction and self.compaction.report(),
+            "degrees_of_freedom": self.degrees_of_freedom,
+            "variance_of_weighted_residuals": self.variance,
+            "noise_estimated_of_peak": self.noise_estimated,
+            "shear_stiffness_min_MPa": self.shear_stiffness_min,
+            "convex_in_tension": self.convex_in_tension,
+            "warnings": self.warnings,
+        }
+
+    def _error(self, curve, response, predicted, _):
+        rms = float(np.sqrt(np.mean((predicted - response.values) ** 2)))
+        noise = None
+        if curve.noise:
+            kind, size = curve.noise
+            noise = (
+                f"{size:g} {response.unit}"
+                if kind == "absolute"
+                else f"{percent(size, 6)} of {kind}"
+            )
+        return {
+            "file": curve.file,
+            "test": curve.test,
+            "column": response.column,
+            "unit": response.unit,
+            "points": len(predicted),
+            "rms_error": rms,
+            "rms_error_of_peak": rms / response.peak,
+            "noise_stated": noise,
+        }

@@ -1,0 +1,168 @@
+"""Test curves that the law predicts, and how often the intervals of a fit to them hold."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..material.compaction import Compaction
+from ..material.homogeneous import lateral_strain, nominal
+from ..material.laws.coupled import WovenFabric
+from . import curves as data
+from .curves import (
+    CompactionTest,
+    Curve,
+    Response,
+    Sheet,
+)
+from .fit import identify
+from .problem import true_values
+
+# strains of synthetic tests at their end: eps_a, eps_b [-], gamma [deg]; the first and last are
+# reached from 0 together
+_Plan = dict[str, tuple[str, tuple[float | None, float | None, float | None]]]
+_PAPER: _Plan = {
+    "uniaxial_a": ("uniaxial_a", (0.03, 0, 0)),
+    "uniaxial_b": ("uniaxial_b", (0, 0.03, 0)),
+    "biaxial_1_1": ("biaxial", (0.02, 0.02, 0)),
+    "biaxial_1_2": ("biaxial", (0.01, 0.02, 0)),
+    "biaxial_2_1": ("biaxial", (0.02, 0.01, 0)),
+    "shear": ("shear", (0, 0, 45)),
+    "shear_tension_a": ("shear", (0.005, 0, 45)),
+    "shear_tension_b": ("shear", (0, 0.005, 45)),
+}
+_MORE: _Plan = {
+    "free_a": ("uniaxial_a", (0.03, None, 0)),
+    "free_b": ("uniaxial_b", (None, 0.03, 0)),
+    "tension_compression_a": ("biaxial", (0.03, -0.06, 0)),
+    "tension_compression_b": ("biaxial", (-0.06, 0.03, 0)),
+    "compression_a": ("compression_a", (-0.1, 0, 0)),
+    "compression_b": ("compression_b", (0, -0.1, 0)),
+    "shear_compression_a": ("shear", (-0.1, 0, 45)),
+    "shear_compression_b": ("shear", (0, -0.1, 45)),
+}
+PLANS = {"paper": _PAPER, "all": _PAPER | _MORE}
+
+
+def synthesise(
+    fabric: WovenFabric,
+    plan: str = "all",
+    noise: float = 0.0,
+    seed: int = 1,
+    points: int = 30,
+    balanced: bool | None = None,
+) -> tuple[Sheet, tuple[Curve, ...]]:
+    """Sheet and curves that the law predicts for the tests of a plan: "paper" (held uniaxial,
+    biaxial, pure and pre-tensioned shear) or "all" (also free tension, tension-compression,
+    compression, sheared compression, and compaction unless the fabric keeps its thickness).
+
+    noise: standard deviation, normal, of each column's largest value; stated in the curves if above
+    0. points: of each curve; balanced: what the sheet says, by default what the fabric is. Raises
+    KeyError for another plan.
+    """
+    random = np.random.default_rng(seed)
+    balanced = fabric.is_balanced if balanced is None else balanced
+    curves = []
+    for name, (test, ends) in PLANS[plan].items():
+        runs = data.TESTS[test].strains
+        free = ends.index(None) if None in ends else None
+        along = None if free is None else 1 - free
+        ramp = np.arange(1, points + 1) / points
+        strains = np.stack(
+            [
+                ramp * (e or 0) if c in runs else np.full(points, e or 0.0)
+                for c, e in zip(data.STRAINS, ends)
+            ],
+            -1,
+        )
+        strains[:, 2] = np.radians(strains[:, 2])
+        exact = strains.copy()
+        if free is not None and along is not None:
+            exact[:, free] = lateral_strain(fabric, along, strains[:, along])
+        stress = nominal(fabric, exact)
+        measured = {"biaxial": ("sigma_a", "sigma_b"), "shear": ("tau",)}.get(
+            test, (f"sigma_{test[-1]}",)
+        )
+        values = {c: stress[:, ("sigma_a", "sigma_b", "tau").index(c)] for c in measured}
+        if free is not None:
+            values[data.STRAINS[free]] = exact[:, free]
+        values = {
+            c: v + noise * np.abs(v).max() * random.standard_normal(points)
+            for c, v in values.items()
+        }
+        responses = tuple(
+            Response(c, "-" if c.startswith("eps") else "MPa", v, np.ones(points))
+            for c, v in values.items()
+        )
+        abscissa = data.STRAINS.index(
+            max(runs, key=lambda c: np.ptp(strains[:, data.STRAINS.index(c)]))
+        )
+        curves.append(
+            Curve(
+                f"{name}.csv",
+                test,
+                strains,
+                responses,
+                np.arange(points),
+                abscissa,
+                along,
+                ("maximum", noise) if noise else None,
+            )
+        )
+    sheet = Sheet(
+        fabric.name,
+        fabric.thickness,
+        fabric.density,
+        balanced,
+        fibre_density=fabric.fibre_density,
+    )
+    if plan == "all" and fabric.compaction:
+        pressed = synthesise_compaction(sheet, fabric.compaction, noise, seed, points)
+        sheet = dataclasses.replace(sheet, compaction=(pressed,))
+    return sheet, tuple(curves)
+
+
+def synthesise_compaction(
+    sheet: Sheet, compaction: Compaction, noise: float = 0.0, seed: int = 1, points: int = 30
+) -> CompactionTest:
+    """The thickness of one ply that plates press with 0.5 kPa to 1 MPa; noise, seed and points as
+    in `synthesise`."""
+    p = np.geomspace(5e-4, 1.0, points)
+    h = sheet.thickness * compaction.thickness(p)
+    h = h + noise * h.max() * np.random.default_rng(seed).standard_normal(points)
+    response = Response("thickness", "mm", h, np.ones(points))
+    stated = ("maximum", noise) if noise else None
+    return CompactionTest("compaction.csv", p, response, np.arange(points), stated)
+
+
+def coverage(
+    fabric: WovenFabric,
+    plan: str = "all",
+    noise: float = 0.02,
+    seeds: Sequence[int] = range(1, 101),
+    stated: bool = True,
+) -> dict[str, Any]:
+    """Over synthetic data of each seed: how often each parameter was determined and its true value
+    lay in its interval.
+
+    stated: whether the curves state their noise. Returns {"seeds": how many, "noise", "plan",
+    "inside": {name: n}, "determined": {name: n}}.
+    """
+    truth = true_values(fabric, fabric.is_balanced)
+    inside, determined = dict.fromkeys(truth, 0), dict.fromkeys(truth, 0)
+    for seed in seeds:
+        sheet, curves = synthesise(fabric, plan, noise, seed)
+        if not stated:
+            curves = tuple(dataclasses.replace(curve, noise=None) for curve in curves)
+        for name, fitted in identify(sheet, curves).determined.items():
+            determined[name] += 1
+            inside[name] += fitted.interval[0] <= truth[name] <= fitted.interval[1]
+    found = {n: d for n, d in determined.items() if d}
+    return {
+        "seeds": len(seeds),
+        "noise": noise,
+        "plan": plan,
+        "inside": {n: inside[n] for n in found},
+        "determined": found,
+    }

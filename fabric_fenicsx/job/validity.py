@@ -1,0 +1,145 @@
+"""What speaks against a result: beyond limits, or worth a warning."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..material.strains import SHORTENED
+from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
+from ..mechanics.materials import materials_of
+from ..mechanics.term_checks import misspelt
+from ..results.history import ENERGIES, energy_balance
+from ..results.result import Result
+from ..results.shear import fabric_warnings
+from ..runtime.errors import NOT_BELIEVED
+from ..runtime.formatting import coordinates, percent, rounded
+from ..scene import output as reports
+from ..scene.scene import Scene
+from ..solve.limits import EDGES, Limits
+
+UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
+
+
+def not_believed(wrong: Sequence[str]) -> str:
+    """One sentence of all that is wrong with a result, "" if nothing is."""
+    return NOT_BELIEVED + "; ".join(wrong) if wrong else ""
+
+
+def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
+    """What no later state mends, a sentence each: tools too deep in the sheet, and yarns stretched
+    too far."""
+    depth, where = reports.deepest(scene)
+    wrong = limits.exceeded({"penetration": depth})
+    if wrong:
+        wrong = [f"{wrong[0]}; deepest is {where}"]
+    over = reports.overstretched(scene, limits.strain)
+    if over > EDGES:
+        wrong.append(
+            f"yarns are stretched by more than {percent(limits.strain, 3)} in {percent(over, 3)} "
+            f"of the sheet; allowed is {percent(EDGES, 3)} of it (`Limits.strain`)"
+        )
+    return wrong
+
+
+def beyond_limits_at_end(
+    scene: Scene, limits: Limits, rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
+) -> list[str]:
+    """What is wrong with the run as a whole, a sentence each. rows: of its history; energy: as in
+    summary.json [N mm]."""
+    # the energy that is stored in stretching, with kinds that only some terms have, as metal's
+    kept = energy["strain"] + sum(
+        value for kind, value in energy.items() if kind not in (*ENERGIES, "external_work")
+    )
+    found = {
+        "imbalance": energy_balance(rows, energy)["energy_imbalance"],
+        "viscous": energy["viscous"] / max(abs(kept), 1e-300),
+        "located": scene.supports.located_share(reports.outer_forces(scene)),
+    }
+    wrong = limits.exceeded(found)
+    if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
+        share, sheet = reports.most_shortened(scene, SHORTENED)
+        words = [f"{each}; {_cure(scene)}" for each in limits.exceeded({"shortening": share})]
+        wrong += [f"sheet {sheet}: {each}" if sheet else each for each in words]
+    return wrong + _passed_through(scene)
+
+
+def _cure(scene):
+    """What to do against shortening, in words."""
+    if reports.locking(scene):
+        return "cells lock, which shortens yarns, too: take another mesh first"
+    fabrics = materials_of(scene, scene.blank.whole)
+    doubt = any("d" in each.assumed_values() for each in fabrics)
+    rests = ", and it rests on d, which no test has determined" if doubt else ""
+    return f"more force of a blank holder may help{rests}"
+
+
+def _passed_through(scene):
+    """A sentence for each sheet that has passed through itself, which nothing resists."""
+    blank = scene.blank
+    found = {part: self_crossings(part) for part in blank.parts.values() or [blank.whole]}
+    return [
+        f"sheet {part.name or blank.name} passes through itself at {len(places)} places, as at "
+        f"{coordinates(places[0])} mm; allowed is none, as contact of a "
+        "sheet with itself is not modelled"
+        for part, places in found.items()
+        if len(places)
+    ]
+
+
+def warnings_at_start(scene: Scene) -> list[str]:
+    """What speaks against a scene before it is loaded, in words."""
+    found = [scene.check_held(), *(words for term in scene.terms for words in misspelt(term))]
+    if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
+        from ..scene.tool_warnings import tool_warnings
+
+        found += tool_warnings(scene)
+    return [words for words in found if words]
+
+
+def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
+    """What speaks against the result though nothing failed, in words. energy: as of
+    `beyond_limits_at_end`."""
+    scene, untouched = result.scene, ""
+    if reports.tools(scene):
+        from ..scene.tool_warnings import untouched_warning
+
+        untouched = untouched_warning(scene)
+    found = [untouched, _crossing(scene), *fabric_warnings(result)]
+    if not (untouched or any(energy.values()) or scene.u.norm()):
+        found.append(
+            "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
+            "that moves would, as `clamped_ends(stroke)`"
+        )
+    balance = energy_balance(result.rows, energy)
+    if branches := ", ".join(rounded(load, 6) for load in balance["branches"]):
+        found.append(
+            f"the path branches at load {branches}: the equilibrium there was a saddle, and "
+            "one of the ways down was taken; others may lead to other results"
+        )
+    if balance["energy_imbalance"] > UNBALANCED:
+        found.append(
+            "work of supports and tools and stored energy differ by "
+            f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
+        )
+    return [words for words in [*found, *reports.warnings(scene)] if words]
+
+
+def _crossing(scene):
+    """`crossing_warning`, but of sheets that are unloaded one by one."""
+    if not scene.blank.parts:
+        return ""
+    from ..mechanics.contact.sheet_contact import SheetContact
+    from ..mechanics.release_forces import FadingForces
+
+    fading, touching = (
+        any(isinstance(term, kind) for term in scene.terms) for kind in (FadingForces, SheetContact)
+    )
+    return "" if fading and not touching else crossing_warning(scene.blank)
+
+
+def _cause(energy):
+    """What may make work and energies differ, in words."""
+    below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
+    if not below:
+        return "take smaller steps (`max_step`), unless the sheet snapped"
+    told = " and ".join(f"{kind} {rounded(energy[kind])} N mm" for kind in below)
+    return f"what should resist drives the sheet, as energies are below 0: {told}"

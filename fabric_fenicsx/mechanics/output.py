@@ -1,0 +1,190 @@
+"""What terms tell of a state: columns of history.csv, entries of summary.json, fields."""
+
+import json
+from collections.abc import Callable, Collection, Iterable, Mapping
+from numbers import Real
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+from mpi4py import MPI
+
+from ..runtime.errors import InputError
+from ..sheets.blank import Part
+from .protocols import (
+    TellsCells,
+    TellsHistory,
+    TellsNodes,
+    TellsSummary,
+)
+from .term import Term
+
+# method of terms: the role that has it, what it gives, and where that is told
+REPORTS: dict[str, tuple[type, str, str]] = {
+    "history": (TellsHistory, "column", "history.csv"),
+    "summary": (TellsSummary, "entry", "summary.json"),
+    "cell_fields": (TellsCells, "field", "the sheet"),
+    "nodal_fields": (TellsNodes, "field", "the sheet"),
+}
+
+
+class Value(NamedTuple):
+    """A value that a term tells. unit: of a field; merge: function of the value of the terms before
+    and of this one to that of both, None if no two terms may tell it. A `value` that is a function
+    is called with all that was told, {name: value}, as soon as that is merged."""
+
+    value: Any
+    unit: str = ""
+    merge: Callable[[Any, Any], Any] | None = None
+
+
+class Fields(dict[str, np.ndarray]):
+    """Fields {name: array (cells, ...) or (nodes, ...)}, with their `units` {name: unit}."""
+
+    def __init__(self, told: Mapping[str, Value]) -> None:
+        super().__init__({name: given.value for name, given in told.items()})
+        self.units = {name: given.unit for name, given in told.items() if given.unit}
+
+    def __missing__(self, name: str) -> NoReturn:
+        raise InputError(
+            f"field {name} is asked for; allowed are {', '.join(self)}; fields at nodes are in "
+            "`result.grid.point_data`"
+        )
+
+
+def least(value: Any, unit: str = "") -> Value:
+    """The least one counts, of arrays entry by entry."""
+    return Value(value, unit, np.minimum if isinstance(value, np.ndarray) else min)
+
+
+def largest(value: Any, unit: str = "") -> Value:
+    """The largest one counts, of arrays (n,) or (n, 3) the number or vector of the largest size;
+    NaN has none."""
+    return Value(value, unit, _larger if isinstance(value, np.ndarray) else max)
+
+
+def total(value: Any, unit: str = "") -> Value:
+    """The sum over the terms counts; it is not over ranks."""
+    return Value(value, unit, lambda before, now: before + now)
+
+
+def last(value: Any, unit: str = "") -> Value:
+    """The value of the last term counts."""
+    return Value(value, unit, lambda before, now: now)
+
+
+def joined(value: Mapping[str, Any]) -> Value:
+    """A dict that has the entries of all terms."""
+    return Value(value, "", lambda before, now: {**before, **now})
+
+
+def size_of(name: str, unit: str = "") -> Value:
+    """The size (n,) of the vectors (n, k) of field `name`, once that is merged."""
+    return last(lambda fields: np.linalg.norm(fields[name], axis=1), unit)
+
+
+def on_part(part: Part, values: np.ndarray, unit: str = "") -> Value:
+    """A field by its `values` (cells, ...) in the cells of a part; cells of no part get NaN, or 0
+    in whole numbers. Where parts overlap, that of the last term counts."""
+    if part.is_whole:
+        return last(values, unit)
+
+    def over(before, now):
+        found = before.copy()
+        found[part.cells] = now[part.cells]
+        return found
+
+    return Value(part.spread(values), unit, over)
+
+
+def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dict[str, Value]:
+    """What `terms` tell by their `method`, one of `REPORTS`, merged. Raises InputError for one of
+    the names `taken`, for a name that two terms give without a rule, for what JSON can't hold, and
+    on all ranks for a field of another size than the rank's cells or nodes."""
+    role, noun, place = REPORTS[method]
+    found: dict[str, Value] = {}
+    givers = dict.fromkeys(taken, f"{place} has")
+    for term in terms:
+        if not isinstance(term, role):
+            continue
+        given = asked(term, method, noun)
+        mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}
+        derived = {k for k, v in given.items() if isinstance(v, Value) and callable(v.value)}
+        plain = {name: each.value for name, each in mine.items() if name not in derived}
+        check: Callable[..., Mapping[str, Any]] = arrays if noun == "field" else _known_to_json
+        checked = check(term, method, plain, noun)
+        for name, each in mine.items():
+            before = found.get(name)
+            if name in givers and (before is None or each.merge is None):
+                rule = ", or a rule that merges both, as `largest(value)`" if before else ""
+                raise InputError(
+                    f"`{method}` of term {term.name} gives the {noun} {name}, which "
+                    f"{givers[name]} already; allowed is another name{rule}"
+                )
+            value = checked.get(name, each.value)
+            if before is not None and each.merge is not None:
+                value = each.merge(before.value, value)
+            found[name] = each._replace(value=value)
+            givers[name] = f"term {term.name} gives"
+    known = {name: each.value for name, each in found.items()}
+    return {
+        name: each._replace(value=each.value(known)) if callable(each.value) else each
+        for name, each in found.items()
+    }
+
+
+def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
+    """What a term's `method` returns; InputError if that is no dict."""
+    given = getattr(term, method)()
+    if not isinstance(given, Mapping):
+        raise InputError(
+            f"`{method}` of term {term.name} returns {type(given).__name__}; allowed is a dict "
+            f"{{{noun}: value}}"
+        )
+    return given
+
+
+def arrays(
+    term: Term, method: str, given: Mapping[str, Any], noun: str = "array"
+) -> dict[str, np.ndarray]:
+    """What a term's `method` gives, as arrays; InputError, on all ranks, for what is no number and
+    for another size than the rank's cells or nodes."""
+    whole = term.blank.whole
+    what, size = ("cells", whole.cells.size) if "cell" in method else ("nodes", whole.nodes.size)
+    found, wrong = {name: np.asarray(values) for name, values in given.items()}, ""
+    for name, values in found.items():
+        if values.shape[:1] != (size,) or values.dtype.kind not in "biuf":
+            kind = f"shape {values.shape}" if values.dtype.kind in "biuf" else "no numbers"
+            wrong = wrong or (
+                f"`{method}` of term {term.name} gives the {noun} {name} with {kind}; allowed is "
+                f"({size},) or ({size}, k), of the {what} that the rank owns"
+            )
+    if wrong := term.blank.mesh.comm.allreduce(wrong, MPI.MAX):
+        raise InputError(wrong)
+    return found
+
+
+def _larger(before, now):
+    sizes = [abs(v) if v.ndim == 1 else np.linalg.norm(v, axis=1) for v in (before, now)]
+    kept = (sizes[0] > sizes[1]) | np.isnan(sizes[1])
+    return np.where(kept if now.ndim == 1 else kept[:, None], before, now)
+
+
+def _known_to_json(term, method, given, noun):
+    for name, value in given.items():
+        try:
+            json.dumps(value)
+            if method == "history" and not (value is None or isinstance(value, Real)):
+                raise TypeError
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"`{method}` of term {term.name} gives the {noun} {name}, of type "
+                f"{type(value).__name__}; allowed is "
+                f"{'a number' if noun == 'column' else 'what JSON can hold'}, as float(value)"
+            ) from error
+    texts = dict.fromkeys(term.blank.mesh.comm.allgather(json.dumps(given)))
+    if len(texts) > 1:
+        raise InputError(
+            f"`{method}` of term {term.name} gives {' and '.join(texts)} on different ranks; "
+            "allowed is the same on all, as `self.blank.mesh.comm.allreduce(number)`, the sum"
+        )
+    return given

@@ -1,0 +1,141 @@
+"""Forces of what formed a sheet, which fade as it is unloaded."""
+
+from __future__ import annotations
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from ..runtime.rules import POSITIVE
+from .output import Value
+from .term import SceneFacts, Term, Triplets
+from .work import Work
+
+RELEASED = "released"  # kind of energy
+# of what is left of the load: a sheet gets soft as the forces go that keep it tight
+POWER = 6
+GONE = 0.9  # load factor from which there are none, so that what is lagged settles in the last step
+
+
+class FadingForces(Term):
+    """Forces on the nodes, as tools exerted them, that fade with the load factor: all of them at
+    load 0, none from 0.9 on.
+
+    `take(forces)` sets them, at the displacement from which the sheet's motion counts. Dead forces
+    would drive a sheet that yields, or that only the tools keep from buckling, far from where it
+    was formed. Tools lose their force as a sheet leaves them. So a bed of springs fades with the
+    forces: one at each node, of the same stiffness, as if all forces together were gone at a motion
+    of `reach` [mm]. At load 0 and in the end it does nothing.
+
+    What the sheet does on all this, as it springs back, is the energy "released". So energies and
+    work balance, also where a sheet gives back all that it stored. Nodal field: `springback` [mm],
+    the motion since then. Raises InputError for a reach that is not above 0.
+    """
+
+    name = "fading forces"
+
+    def __init__(self, reach: float) -> None:
+        self.reach = POSITIVE.check("reach of fading forces [mm]", reach)
+
+    def set_up(self, scene: SceneFacts) -> None:
+        """As in `Term`."""
+        blank = scene.blank
+        self._count = blank.V.dofmap.index_map.size_local
+        self._u = blank.u.x.array[: self._count * blank.mesh.geometry.dim]
+        self.set_load(0.0)
+        self.take(np.zeros(len(self._u)))
+
+    def take(self, forces: np.ndarray) -> None:
+        """Take forces (owned dofs,) [N] from here on, in the present state, on all ranks."""
+        self._forces, self._start = forces.copy(), self._u.copy()
+        nodes = self.blank.V.dofmap.index_map.size_global
+        self._stiffness = self._whole() / (nodes * self.reach)
+        self._work, self._released = Work(), 0.0  # done on the forces up to the accepted state
+        self.accept()
+
+    def springback(self) -> np.ndarray:
+        """Motion of this rank's nodes since the forces were taken, along the frame's axes, (owned
+        nodes, gdim) [mm]."""
+        return self._moved().reshape(self._count, -1)
+
+    def remaining(self) -> float:
+        """Sizes of the forces that are left, added up on all ranks [N]."""
+        return self._share * self._whole()
+
+    def _whole(self):
+        sizes = np.linalg.norm(self._forces.reshape(self._count, -1), axis=1)
+        return self.blank.mesh.comm.allreduce(float(sizes.sum()), MPI.SUM)
+
+    # -- what a scene calls
+
+    def set_load(self, load: float) -> None:
+        """Set the load factor."""
+        self._load, self._share = load, max(1.0 - load / GONE, 0.0) ** POWER
+
+    def accept(self) -> None:
+        """Count what is released from the present state."""
+        if self._work.memory()[:, 0].any():
+            self._released -= self._since_accepted()
+        self._work.accept(*self._state())
+
+    def energies(self) -> dict[str | None, float]:
+        """As in `StoresKinds`: their potential, and what was released up to the present state."""
+        released = self._released - self._since_accepted()
+        released *= self.blank.mesh.comm.rank == 0  # known to all
+        return {None: -self._share * self._travel() - released, RELEASED: released}
+
+    def stored(self) -> float:
+        """As in `Term`."""
+        return -self._share * self._travel()
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """As in `Term`."""
+        f[: len(self._forces)] -= self._share * (self._forces - self._stiffness * self._moved())
+
+    def tangent(self) -> Triplets:
+        """As in `Term`: of the springs, at each degree of freedom [N/mm]."""
+        first = self.blank.V.dofmap.index_map.local_range[0] * self.blank.mesh.geometry.dim
+        dofs = (first + np.arange(len(self._u))).astype(PETSc.IntType)
+        return dofs, dofs, np.full(len(dofs), self._share * self._stiffness)
+
+    def applied_forces(self) -> np.ndarray:
+        """As in `Loaded`: those at the start, as none are left in the end, and a residual must be
+        small beside something."""
+        return self._forces
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """What all ranks know of the work done, the same at each node (nodes, k)."""
+        known = np.append(self._work.memory(), self._released)
+        return {"work": np.tile(known, (self._count, 1)), "start": self._start_rows()}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """As in `Remembers`."""
+        rows = self.blank.mesh.comm.allgather(memory["work"][:1])
+        known = next(row[0] for row in rows if len(row))
+        self._work.recall(known[:-1].reshape(-1, 4))
+        self._released, self._start = float(known[-1]), memory["start"].ravel().copy()
+
+    def nodal_fields(self) -> dict[str, Value]:
+        """`springback` along x, y, z."""
+        return {"springback": Value(self.springback() @ self.blank.frame, "mm")}
+
+    def _start_rows(self):
+        return self._start.reshape(self._count, -1).copy()
+
+    def _travel(self):
+        """Of this rank's forces, less what the springs take [N mm]."""
+        moved = self._moved()
+        return float((self._forces - self._stiffness / 2 * moved) @ moved)
+
+    def _moved(self):
+        return self._u - self._start
+
+    def _since_accepted(self):
+        """Work of the forces since the last accepted state, of all ranks [N mm]."""
+        work = self._work.since(*self._state())
+        gone = not self._share and self._work.memory()[:, 1].max() >= GONE
+        return 0.0 if gone else work  # as a parabola through states with forces is not
+
+    def _state(self):
+        travel = self.blank.mesh.comm.allreduce(self._travel(), MPI.SUM)
+        return self._load, np.array([self._share]), np.array([travel])

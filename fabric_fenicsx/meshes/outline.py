@@ -1,0 +1,249 @@
+"""Triangles in an outline with holes, from a drawing (DXF), a table of points (CSV) or the boundary
+of a mesh.
+
+python3 meshes/outline.py blank.dxf --size 8 --out blank.msh
+"""
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from fabric_fenicsx.meshes.double_dome import write
+from fabric_fenicsx.meshes.outline_files import read_outline
+from fabric_fenicsx.readers.libraries import own_model
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.runtime.formatting import coordinates, rounded
+from fabric_fenicsx.runtime.rules import BELOW_180, FINITE, POSITIVE
+
+PATTERNS = "unstructured", "along"
+DETAIL = 0.02  # distance from a curve, over the cells' size, up to which an edge stands for it
+SMALL = 0.1  # the same of an edge's or hole's length below which it is left out
+CLOSE = 1e-3  # the same of the distance of parts of the outline, below which it is refused
+GROWTH = 0.4  # of the cells' size over the distance from a small edge
+NECK = 6.0  # way along a ring over the distance through the sheet, above which it is narrow
+EDGE = 0.5  # least distance of squares along yarns from the outline, over their size
+MOST = 1_000_000  # cells
+
+
+def outline_mesh(
+    sheet: shapely.Polygon,
+    size: float,
+    pattern: str = "unstructured",
+    yarns: Sequence[float] = (0.0, math.pi / 2),
+) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
+    """Points (n, 3) [mm], triangles (m, 3), their kind, and what was left out, in words.
+
+    sheet: outline and holes, as of `read_outline`; size: of the cells' edges [mm]. Corners of the
+    outline stay. Cells are smaller where it is curved or narrow. pattern: `unstructured`, or
+    `along`: parallelograms (squares) along both yarns, each of four triangles by its diagonals, and
+    other triangles between them and the outline. yarns: angles from x to yarns a and b [rad].
+    Raises InputError for another pattern, for a size that is above half the outline's or makes more
+    than `MOST` cells, and for an outline that nearly touches itself.
+    """
+    size = POSITIVE.check("`size`", size)
+    if pattern not in PATTERNS:
+        raise InputError(
+            f"`pattern` is {pattern!r}; allowed for an outline are {', '.join(PATTERNS)}"
+        )
+    low, high = np.reshape(sheet.bounds, (2, 2))
+    if size > (high - low).min() / 2:
+        sides = " x ".join(rounded(side, 4) for side in high - low)
+        raise InputError(
+            f"`size` is {size:g}, but the outline is {sides} mm; allowed is up to half of it, in mm"
+        )
+    cells = sheet.area / size**2 * (4 if pattern == "along" else 4 / math.sqrt(3))
+    if cells > MOST:
+        raise InputError(
+            f"`size` {size:g} makes about {rounded(cells)} cells; allowed are up to {MOST:,} "
+            f"(a size above {rounded(size * math.sqrt(cells / MOST))})"
+        )
+    sheet, told = _simplified(sheet, size)
+    places, sizes = _fine_places(sheet, size, told)
+    if sheet.minimum_clearance < CLOSE * size:
+        where = "".join(f"; {words}" for words in told[-1:])
+        raise InputError(
+            f"the outline comes within {rounded(sheet.minimum_clearance)} mm of itself; allowed "
+            f"for cells of this size is above {rounded(CLOSE * size)} mm{where}"
+        )
+
+    def size_at(x, y):
+        off = np.hypot(places[:, 0] - x, places[:, 1] - y)
+        return float((sizes + GROWTH * off).min(initial=size))
+
+    sheet = _divided(sheet, size, size_at)
+    if pattern == "along":
+        points, triangles = _along(sheet, size, size_at, yarns)
+    else:
+        points, triangles = _filled([sheet], size_at)
+    return np.column_stack([points, np.zeros(len(points))]), triangles, "triangle", told
+
+
+def _simplified(sheet, size):
+    """The sheet without details that cells of this size cannot have, and words on holes that are
+    left out."""
+    told, rings = [], []
+    for ring in (sheet.exterior, *sheet.interiors):
+        x = shapely.get_coordinates(ring)[:-1]
+        if np.ptp(x, axis=0).max() < SMALL * size:
+            told.append(
+                f"a hole of {rounded(np.ptp(x, axis=0).max())} mm at {coordinates(x[0])} mm is "
+                "left out, as it is small beside the cells"
+            )
+            continue
+        # where it begins it stays: at a corner
+        rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).argmax(), 0))
+    sheet = shapely.Polygon(rings[0], rings[1:]).simplify(DETAIL * size)
+    coarser = shapely.remove_repeated_points(sheet, SMALL * size)
+    return (coarser if coarser.is_valid else sheet), told
+
+
+def _fine_places(sheet, size, told):
+    """Places (n, 2) where cells are to be smaller, and their sizes there (n,): at short edges and
+    where the sheet is narrow, which gets two cells across."""
+    edges, dense = [], []
+    for k, ring in enumerate((sheet.exterior, *sheet.interiors)):
+        x = shapely.get_coordinates(ring)
+        edges.append([*(x[1:] + x[:-1]).T / 2, np.linalg.norm(np.diff(x, axis=0), axis=1)])
+        x = shapely.get_coordinates(shapely.segmentize(ring, size / 5))
+        way = np.cumsum(np.linalg.norm(np.diff(x, axis=0), axis=1))
+        dense.append([*x[1:].T, way, 0 * way + ring.length, 0 * way + k])
+    *places, sizes = np.concatenate(edges, 1)
+    x, y, along, around, number = np.concatenate(dense, 1)
+    x = np.column_stack([x, y])
+    i, j = cKDTree(x).query_pairs(2 * size, output_type="ndarray").T
+    width = np.linalg.norm(x[i] - x[j], axis=1)
+    way = abs(along[i] - along[j])
+    way = np.where(number[i] == number[j], np.minimum(way, around[i] - way), np.inf)
+    middle = (x[i] + x[j]) / 2
+    faces = way > NECK * width
+    faces[faces] = shapely.contains_xy(sheet, middle[faces])
+    if faces.any() and (least := width[faces].min()) < SMALL * size:
+        where = coordinates(middle[faces][width[faces].argmin()])
+        told.append(f"the outline is {rounded(least)} mm wide at {where} mm, less than a cell")
+    places = np.concatenate([np.transpose(places), middle[faces]])
+    sizes = np.maximum(np.concatenate([sizes, width[faces] / 2]), SMALL * size)
+    return places[sizes < size], sizes[sizes < size]
+
+
+def _divided(sheet, size, size_at):
+    """The sheet with points on its edges as far apart as cells are to be there."""
+    rings = []
+    for ring in (sheet.exterior, *sheet.interiors):
+        corners, points = shapely.get_coordinates(ring), []
+        for p, q in zip(corners, corners[1:]):
+            length = math.dist(p, q)
+            steps = math.ceil(5 * length / size)
+            middles = p + (q - p) * (np.arange(steps)[:, None] + 0.5) / steps
+            cells = np.cumsum([0.0, *(length / steps / size_at(*x) for x in middles)])
+            count = max(1, math.ceil(cells[-1] - 0.2))
+            at = np.interp(
+                np.arange(count) * cells[-1] / count, cells, np.linspace(0, 1, steps + 1)
+            )
+            points.append(p + (q - p) * at[:, None])
+        rings.append(np.concatenate(points))
+    return shapely.Polygon(rings[0], rings[1:])
+
+
+def _filled(faces, size_at):
+    """Points (n, 2) and triangles (m, 3) in polygons, whose edges stay, of sizes size_at(x, y)."""
+    import gmsh
+
+    options = {"MeshSizeMin": 0.0, "MeshSizeMax": 1e22, "Algorithm": 6.0}
+    options |= {
+        f"MeshSize{name}": 0.0 for name in ("FromPoints", "FromCurvature", "ExtendFromBoundary")
+    }
+    with own_model(gmsh, **options):
+        geo = gmsh.model.geo
+        known: dict[tuple[float, ...], int] = {}
+
+        def loop(ring):
+            ends = [*ring.coords]
+            for end in ends[1:]:
+                known[end] = known.get(end) or geo.addPoint(*end, 0)
+            lines = [geo.addLine(known[p], known[q]) for p, q in zip(ends, ends[1:])]
+            for line in lines:
+                geo.mesh.setTransfiniteCurve(line, 2)
+            return geo.addCurveLoop(lines)
+
+        for face in map(shapely.geometry.polygon.orient, faces):
+            geo.addPlaneSurface([*map(loop, (face.exterior, *face.interiors))])
+        geo.synchronize()
+        gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, *z: size_at(x, y))
+        try:
+            gmsh.model.mesh.generate(2)
+        except Exception as error:  # it raises no other kind
+            raise InputError(
+                f"gmsh cannot mesh the outline ({error}); allowed is one without spikes and cracks"
+            ) from None
+        tags, x, _ = gmsh.model.mesh.getNodes()
+        _, nodes = gmsh.model.mesh.getElementsByType(2)
+    order = np.argsort(tags)
+    return x.reshape(-1, 3)[order, :2], np.searchsorted(tags[order], nodes).reshape(-1, 3)
+
+
+def _along(sheet, size, size_at, yarns):
+    """Points (n, 2) and triangles (m, 3): parallelograms along both yarns inside, each of four
+    triangles, and others around them."""
+    axes = size * np.array([[math.cos(yarn), math.sin(yarn)] for yarn in yarns])
+    corners = np.reshape(shapely.get_coordinates(shapely.box(*sheet.bounds)), (-1, 2))
+    steps = corners @ np.linalg.inv(axes)
+    low, high = np.floor(steps.min(0)).astype(int), np.ceil(steps.max(0)).astype(int)
+    i, j = np.indices(high - low + 1)
+    grid = np.stack([i + low[0], j + low[1]], -1) @ axes
+    square = np.stack([grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]], 2)
+    inner = sheet.buffer(-EDGE * size)
+    shapely.prepare(inner)
+    inside = shapely.contains(inner, shapely.polygons(square))
+    # where two squares touch in a corner alone, both go
+    while True:
+        a, b, c, d = inside[:-1, :-1], inside[1:, 1:], inside[1:, :-1], inside[:-1, 1:]
+        pinched = (a & b & ~c & ~d) | (c & d & ~a & ~b)
+        if not pinched.any():
+            break
+        for part in (a, b, c, d):
+            part &= ~pinched
+    square = square[inside]
+    if not len(square):
+        return _filled([sheet], size_at)
+    rim = shapely.get_parts(sheet.difference(shapely.union_all(shapely.polygons(square))))
+    points, cells = _filled(rim, size_at)
+    number = len(points) + np.arange(5 * len(square)).reshape(-1, 5)
+    points = np.concatenate([points, *np.concatenate([square, square.mean(1)[:, None]], 1)])
+    cells = [cells, *(number[:, [k, (k + 1) % 4, 4]] for k in range(4))]
+    _, first, of = np.unique(
+        np.round(points / (1e-6 * size)), axis=0, return_index=True, return_inverse=True
+    )
+    return points[first], of.ravel()[np.concatenate(cells)]
+
+
+def main() -> None:
+    """What `python3 meshes/outline.py` does; exit status 2 for what is not allowed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
+    parser.add_argument("outline", type=Path, help="DXF, CSV of x and y [mm], or a mesh")
+    parser.add_argument("--size", type=float, required=True, help="of the cells' edges [mm]")
+    parser.add_argument("--pattern", choices=PATTERNS, default="unstructured")
+    parser.add_argument(
+        "--fibre-angle", type=float, default=0.0, help="from x to yarns a [deg], for `along`"
+    )
+    parser.add_argument(
+        "--yarn-angle", type=float, default=90.0, help="from yarns a to b [deg], for `along`"
+    )
+    parser.add_argument("--layer", help="of a DXF, or several with commas between them (all)")
+    parser.add_argument("--out", default="blank.msh", help="file to write, as .msh, .vtu or .stl")
+    args = parser.parse_args()
+    try:
+        a = math.radians(FINITE.check("--fibre-angle", args.fibre_angle))
+        b = a + math.radians(BELOW_180.check("--yarn-angle", args.yarn_angle))
+        sheet, told = read_outline(args.outline, args.layer)
+        points, cells, _, others = outline_mesh(sheet, args.size, args.pattern, (a, b))
+        write(args.out, points, cells)
+    except InputError as error:
+        parser.error(str(error))
+    for words in (*told, *others):
+        print(f"warning: {words}")
+    print(f"{args.out}: {len(points)} nodes, {len(cells)} triangles")

@@ -1,0 +1,167 @@
+"""Formed plies and tools in a window of PyVista, or as a page that a browser shows without a
+network."""
+
+import io
+import json
+import re
+import zipfile
+from collections.abc import Callable
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista
+
+from ..results.ply import ply_of, whole
+from ..results.structural import State, states, units
+from ..runtime.errors import InputError
+from ..runtime.rules import did_you_mean
+from .forming_pictures import STEEL, drawing
+from .pictures import SHOWN
+from .press_pictures import VIEW, mirrored
+
+USUAL = "shear_angle", "equivalent_plastic_strain"  # fields, of which the first that is there
+PLY = {"ambient": 0.25, "diffuse": 0.75}
+TOOL = {"color": "#6b7a8f", "opacity": 0.12, "smooth_shading": True, "split_sharp_edges": True}
+BAR = {"vertical": False, "color": "k", "width": 0.5, "position_x": 0.25, "position_y": 0.03}
+SIZE = 1200, 800  # pixels of a window
+
+
+def page(folder: Path | str, field: str | None = None) -> str:
+    """HTML of the last state in the results `folder`, with all that draws it (vtk.js, out of the
+    package trame-vtk) in it. field: on the plies, by default `USUAL`. Raises InputError without
+    that package, for a folder without states, and for a field that none of its plies has."""
+    write_html, serialized = _exporter()
+    found = states(folder)
+    with drawing() as plotter:
+        _draw(plotter, folder, found[-1], field)
+        plotter.render()
+        data = io.BytesIO()
+        with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as file:
+            file.writestr("index.json", json.dumps(serialized(plotter)))
+    text = io.StringIO()
+    write_html(data.getvalue(), text)
+    title = f"<title>{escape(Path(folder).resolve().name)}</title>"
+    return re.sub(r"<title>.*?</title>", lambda _: title, text.getvalue(), count=1)
+
+
+def show(folder: Path | str, field: str | None = None) -> None:
+    """Open a window with the last state in the results `folder` and a slider over all states, until
+    it is closed. field: on the plies, by default `USUAL`. Raises InputError as `page`."""
+    found = states(folder)
+    plotter = pyvista.Plotter(window_size=list(SIZE), title=f"fabric view {folder}")
+    update = _draw(plotter, folder, found[-1], field)
+    if len(found) > 1:
+        plotter.add_slider_widget(
+            lambda value: update(found[round(value)]),
+            (0, len(found) - 1),
+            value=len(found) - 1,
+            title="state",
+            fmt="%.0f",
+            pointa=(0.3, 0.93),
+            pointb=(0.7, 0.93),
+        )
+    plotter.show()
+
+
+def _draw(
+    plotter: pyvista.Plotter, folder: Path | str, state: State, field: str | None
+) -> Callable[[State], None]:
+    """Add a state to a plotter; returns a function that shows another one in its place, in the same
+    colours."""
+    field = _known(field, state.plies())
+    label, factor, colours = SHOWN.get(field, (_plain(field, folder), 1.0, "viridis"))
+    surfaces, _ = _surfaces(state, field, factor)
+    known = np.concatenate([s["shown"] for s in surfaces.values() if "shown" in s.array_names])
+    limits = np.nanmin(known), np.nanmax(known)
+    if field == "shear_angle":
+        label, colours, limits = f"magnitude of the {label}", "YlOrRd", (0.0, limits[1])
+    coloured = {
+        "scalars": "shown",
+        "cmap": colours,
+        "clim": limits,
+        "scalar_bar_args": {"title": label.replace("\n", " "), **BAR},
+    }
+
+    def update(other: State) -> None:
+        surfaces, tools = _surfaces(other, field, factor)
+        for name, surface in surfaces.items():
+            look = coloured if "shown" in surface.array_names else {"color": STEEL}
+            plotter.add_mesh(surface, name=f"ply {name}", reset_camera=False, **PLY, **look)
+        for name, surface in tools.items():
+            plotter.add_mesh(surface, name=f"tool {name}", reset_camera=False, **TOOL)
+
+    update(state)
+    plotter.set_background("white")
+    plotter.view_vector(VIEW, viewup=(0, 0, 1))
+    plotter.camera.zoom(1.3)
+    return update
+
+
+def _surfaces(state, field, factor):
+    """Plies {name: surface}, with the field as `shown` if they have it, and tools. Without tools
+    nothing tells that a sheet is a quarter."""
+    tools, plies, planes = state.tools(), {}, []
+    for name, grid in state.plies().items():
+        ply = ply_of(grid)
+        planes = ply.planes if tools else []
+        ply = whole(ply) if tools else ply
+        plies[name] = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
+        if field in ply.fields:
+            values = factor * ply.fields[field]
+            plies[name].cell_data["shown"] = abs(values) if field == "shear_angle" else values
+    return plies, {name: mirrored(tool, planes) for name, tool in tools.items()}
+
+
+def _known(field, plies):
+    """The field to show, checked."""
+    fields: dict[str, Any] = {}
+    for grid in plies.values():
+        fields |= {name: v for name, v in grid.cell_data.items() if np.ndim(v) == 1}
+    if field is None:
+        return next((name for name in USUAL if name in fields), next(iter(fields)))
+    if field not in fields:
+        raise InputError(
+            f"field {field} is unknown{did_you_mean(field, fields)}; allowed is one of "
+            f"{', '.join(sorted(fields))}"
+        )
+    return field
+
+
+def _plain(field, folder):
+    """A field's name and unit."""
+    return " / ".join(filter(None, (field.replace("_", " "), units(folder).get(field, ""))))
+
+
+def _exporter():
+    """trame-vtk's `write_html`, and a function from a plotter to what that writes."""
+    try:
+        from trame_vtk.modules.vtk import serializers
+        from trame_vtk.tools.vtksz2html import write_html
+    except ImportError:
+        raise InputError(
+            "a page for a browser needs the package trame-vtk, which is not installed; allowed is "
+            "`pip install 'fabric_fenicsx[view]'` first"
+        ) from None
+
+    def serialized(plotter):
+        """The scene, and the arrays that it names."""
+        serializers.initialize_serializers()
+        window, camera = plotter.ren_win, plotter.camera
+        context = serializers.SynchronizationContext()
+        context.set_ignore_last_dependencies(True)  # all of it, not what has changed
+        number = serializers.reference_id
+        scene = serializers.serialize(None, window, number(window), context, 1)
+        scene["extra"] = {
+            "vtkRefId": number(window),
+            "centerOfRotation": camera.GetFocalPoint(),
+            "camera": number(camera),
+        }
+        hashes = {
+            entry["hash"]: entry | {"content": context.get_cached_data_array(entry["hash"], False)}
+            for entry in serializers.extract_array_hash(scene)
+        }
+        return {"hashes": hashes, "scene": scene}
+
+    return write_html, serialized

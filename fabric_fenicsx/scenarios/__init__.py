@@ -1,1 +1,0 @@
-"""Tests as a user states them: dataclasses of numbers that make a scene and measure it."""

@@ -1,0 +1,124 @@
+"""What is told of a scene's present state, on all ranks together."""
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from ..mechanics.output import Fields, told
+from ..mechanics.protocols import (
+    Penetrated,
+    Pressing,
+    Strained,
+    Touching,
+    Warns,
+)
+from ..mechanics.shell.mesh_warnings import locking_warning
+from ..tools.tool import Tool
+from .scene import Scene
+
+# what every sheet and every summary has without terms
+OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
+OF_A_SUMMARY = (
+    *("study", "ranks", "converged", "stroke_reached", "reason", "element", "dofs", "cells"),
+    *("terms", "steps_accepted", "steps_rejected", "newton_iterations", "energy"),
+    *("reaction_N", "reaction_is"),
+    *("energy_imbalance", "energy_imbalance_largest", "branches", "quantities", "error"),
+    *("warnings", "wall_s", "peak_memory_mib", "versions"),
+)
+
+
+def history(scene: Scene, taken: Collection[str] = ()) -> dict[str, Any]:
+    """What the terms add to a row of history.csv, beside the columns `taken`."""
+    return {name: each.value for name, each in told(scene.terms, "history", taken).items()}
+
+
+def summary(scene: Scene) -> dict[str, Any]:
+    """What the terms say of themselves and the state in summary.json."""
+    given = told(scene.terms, "summary", OF_A_SUMMARY)
+    return {"terms": [t.name for t in scene.terms]} | {k: v.value for k, v in given.items()}
+
+
+def cell_fields(scene: Scene) -> Fields:
+    """Fields on this rank's owned cells, (cells, ...)."""
+    return Fields(told(scene.terms, "cell_fields", OF_A_SHEET))
+
+
+def nodal_fields(scene: Scene, taken: Collection[str] = ()) -> Fields:
+    """Fields at this rank's nodes, ghosts too, (nodes, ...), beside those `taken` by cells."""
+    fields = Fields(told(scene.terms, "nodal_fields", (*OF_A_SHEET, *taken)))
+    for name, values in fields.items():
+        fields[name] = scene.blank.with_ghosts(values)
+    return fields
+
+
+def tools(scene: Scene) -> list[Tool]:
+    """The tools whose surface the sheet may touch."""
+    return list(dict.fromkeys(term.tool for term in scene.terms if isinstance(term, Touching)))
+
+
+def tool_force(scene: Scene, tool: Tool) -> np.ndarray:
+    """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
+    pressing = [term for term in scene.terms if isinstance(term, Pressing)]
+    return sum((term.tool_force() for term in pressing if term.tool is tool), np.zeros(3))
+
+
+def deepest(scene: Scene) -> tuple[float, str]:
+    """How deep a tool or another sheet was in a sheet in any accepted state, over the sheet's
+    thickness, and in words which one and where."""
+    terms = [term for term in scene.terms if isinstance(term, Penetrated)]
+    depths = [term.penetration_of_thickness() for term in terms]
+    if not any(depths):
+        return 0.0, ""
+    i = int(np.argmax(depths))
+    return depths[i], terms[i].where_deepest()
+
+
+def overstretched(scene: Scene, strain: float) -> float:
+    """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`; of
+    several sheets the largest."""
+    return max((term.overstretched(strain) for term in _strained(scene)), default=0.0)
+
+
+def most_shortened(scene: Scene, strain: float) -> tuple[float, str]:
+    """As `overstretched`, in which compression shortens them by more, and the name of the sheet
+    that it is of."""
+    known = [(term.shortened(strain), term.part.name) for term in _strained(scene)]
+    return max(known, key=lambda each: each[0], default=(0.0, ""))
+
+
+def locking(scene: Scene) -> list[str]:
+    """Sentences on cells that lock, one for each sheet of which there is something to say."""
+    return [words for term in _strained(scene) if (words := locking_warning(term))]
+
+
+def _strained(scene):
+    return [term for term in scene.terms if isinstance(term, Strained)]
+
+
+def virial(scene: Scene) -> np.ndarray:
+    """Sum over the nodes of force times undeformed position along the frame's axes, after
+    `Scene.residual`, (gdim, gdim) [N mm]: in equilibrium the first Piola-Kirchhoff stress
+    integrated over the blank's volume."""
+    blank = scene.blank
+    owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
+    places = blank.along(blank.coordinates()[:owned].T).T
+    return scene.comm.allreduce(scene.forces.array.reshape(-1, gdim)[:owned].T @ places, MPI.SUM)
+
+
+def outer_forces(scene: Scene) -> dict[str, float]:
+    """Sizes of nodal forces added up, after `Scene.residual`: of supports by their names, and ""
+    of all else [N]."""
+    of_supports = scene.supports.dofs_of.items()
+    sizes = {name: abs(scene.forces.array[dofs]).sum() for name, dofs in of_supports}
+    sizes[""] = sum(abs(given).sum() for given in scene.applied_forces())
+    return {name: scene.comm.allreduce(float(size)) for name, size in sizes.items()}
+
+
+def warnings(scene: Scene) -> list[str]:
+    """What speaks against the state though nothing failed, in words."""
+    given = [term.warnings() for term in scene.terms if isinstance(term, Warns)]
+    found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
+    located = scene.supports.locating_warning(outer_forces(scene))
+    return [*found, *filter(None, [located])]

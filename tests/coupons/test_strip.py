@@ -1,0 +1,224 @@
+"""Measured curves laid over the simulated ones of strips."""
+
+import json
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.coupons.strip import Measured
+from fabric_fenicsx.meshes.specimen import specimen
+
+SHIPPED = Path(__file__).parents[2] / "studies" / "data"
+SHEET = "thickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\nbalanced = true\n"
+SIZE = {"length": 200, "width": 50, "nx": 12, "ny": 3, "pattern": "crossed", "element": "P1"}
+# of each test: the scenario, its keys, and header and factors of what its machine writes
+TESTS = {
+    "uniaxial_a": (ff.Tensile, "lateral: free", "length", "displacement [mm], F [kN]", (1, 1e-3)),
+    "uniaxial_b": (ff.Tensile, "lateral: free", "length", "eps_b [%], sigma_b [N/m]", (0.5, 20)),
+    "bias_extension": (ff.BiasExtension, "", "height", "displacement [m], F [N]", (1e-3, 1)),
+}
+
+
+def written(folder, test, rows, sizes=(200, 50), sheet=SHEET):
+    """The rows of a history (n, 2) as the file of a test."""
+    _, key, length, header, factors = TESTS[test]
+    head = [f"test: {test}", f"{length}: {sizes[0]} mm", f"width: {sizes[1]} mm", key]
+    lines = [*(f"# {line}" for line in head if line), header]
+    lines += [f"{d:.12g}, {f:.12g}" for d, f in np.asarray(rows) * factors]
+    (folder / "sheet.toml").write_text(sheet)
+    (folder / f"{test}.csv").write_text("\n".join(lines))
+    return str(folder / f"{test}.csv")
+
+
+def history(result):
+    return np.array([[row["displacement_mm"], row["reaction_N"]] for row in result.rows])
+
+
+@pytest.mark.parametrize("test", TESTS)
+def test_a_run_laid_over_itself(tmp_path, test):
+    """Forces 3 % higher than the run's own, beyond its end too, in the units of the test."""
+    kind, turned = TESTS[test][0], {"fibre_angle": 90} if test == "uniaxial_b" else {}
+    fields = {**SIZE, **turned, "strain": 0.04}
+    rows = history(kind(**fields).job(steps=6).run(pictures=False))[1:] * [1, 1.03]
+    rows[-1] *= 1.001  # beyond the run's end
+    file = written(tmp_path, test, rows)
+    made = kind(**fields, measured=file)
+    assert not made.warnings
+    result = made.job(steps=6).run(tmp_path / "out")
+    (found,) = json.loads((tmp_path / "out" / "summary.json").read_text())["quantities"]["measured"]
+    assert (found["file"], found["test"]) == (f"{test}.csv", test)
+    assert (found["points"], found["points_covered"]) == (6, 5)
+    assert (found["from_mm"], found["to_mm"]) == pytest.approx((rows[0, 0], rows[4, 0]), rel=1e-6)
+    assert found["largest_of_peak"] == pytest.approx(0.03 / 1.03, rel=2e-3)
+    off = rows[:5, 1] * 0.03 / 1.03
+    assert found["rms_N"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=2e-3)
+    assert found["rms_of_peak"] == pytest.approx(found["rms_N"] / rows[4, 1], rel=1e-6)
+    (curve,) = made.beside().values()
+    assert np.array(curve).T == pytest.approx(rows, rel=1e-6)
+    assert result.summary["converged"]
+
+
+def test_curve_png_shows_it(tmp_path, monkeypatch):
+    from fabric_fenicsx.plot import pictures
+
+    drawn = {}
+    monkeypatch.setattr(
+        pictures, "curves", lambda path, series, *rest, **more: drawn.update({path.name: series})
+    )
+    measured = str(SHIPPED / "komeili_all" / "free_a.csv")
+    ff.Tensile(**SIZE, measured=measured).job(steps=2).run(tmp_path / "out")
+    series = drawn["curve.png"]
+    assert set(series) == {"simulated", "measured: free_a"}
+    strains = np.loadtxt(measured, delimiter=",", skiprows=5, usecols=0)
+    assert series["measured: free_a"][0] == pytest.approx(2 * strains)  # % of 200 mm
+    assert len(series["simulated"][0]) == 3
+
+
+def test_the_residual_is_of_what_both_cover():
+    measured = Measured("x.csv", "uniaxial_a", np.array([0.5, 1, 3]), np.array([5.0, 8, 90]))
+    rows = [{"displacement_mm": d, "reaction_N": f} for d, f in ((0, 0), (1, 10), (2, 20))]
+    found = measured.against(rows)
+    assert (found["from_mm"], found["to_mm"], found["points_covered"]) == (0.5, 1, 2)
+    assert (found["largest_N"], found["largest_of_peak"]) == pytest.approx((2, 0.25))
+    assert found["rms_N"] == pytest.approx(np.sqrt(2))
+    ended_early = measured.against(rows[:1])
+    assert ended_early["points_covered"] == 0 and ended_early["rms_N"] is None
+
+
+@pytest.mark.parametrize(
+    "test, sizes, sheet, words",
+    [
+        ("uniaxial_a", (300, 50), SHEET, "length 300 mm and width 50 mm, the run of one of 200 x"),
+        ("bias_extension", (200, 60), SHEET, "height 200 mm and width 60 mm, the run of one of"),
+        ("uniaxial_a", (200, 50), SHEET.replace("1.0", "0.8"), "sheet of 0.8 mm, the material of"),
+    ],
+)
+def test_what_still_can_be_compared_is_warned_of(tmp_path, test, sizes, sheet, words):
+    rows = np.outer(range(1, 7), [1, 10])
+    made = TESTS[test][0](**SIZE, measured=written(tmp_path, test, rows, sizes, sheet))
+    (warning,) = made.warnings
+    assert words in warning
+    force = made.laid[0].force
+    if test == "uniaxial_a":  # force per width at the same strain
+        assert made.laid[0].displacement == pytest.approx(rows[:, 0] * 200 / sizes[0])
+        assert force == pytest.approx(rows[:, 1])
+
+
+def test_held_sides_are_warned_of():
+    made = ff.Tensile(**SIZE, measured=str(SHIPPED / "komeili_paper"))
+    assert [each.file for each in made.laid] == ["uniaxial_a.csv"]
+    (warning,) = made.warnings
+    assert "uniaxial_a.csv is of held sides" in warning
+
+
+@pytest.mark.parametrize(
+    "kind, fields, file, words",
+    [
+        (ff.Tensile, {}, "glass_pp_115x230", "has no test for this study but shear; allowed is a"),
+        (ff.Tensile, {}, "komeili_all/uniaxial_b.csv", "but uniaxial_b; allowed is a tension test"),
+        (ff.Tensile, {"fibre_angle": 30}, "komeili_all", "allowed is `fibre_angle` 0 or 90"),
+        (ff.Tensile, {"yarn_angle": 80}, "komeili_all", "allowed is `fibre_angle` 0 or 90"),
+        (ff.Tensile, {}, "komeili_all/none.csv", "there is no "),
+        (ff.Tensile, {}, "none", "allowed is a CSV file with a sheet.toml beside it"),
+        (ff.BiasExtension, {}, "komeili_all/uniaxial_a.csv", "allowed is bias_extension, or shear"),
+        (ff.BiasExtension, {}, "komeili_all/shear_tension_a.csv", "allowed is bias_extension"),
+        (ff.BiasExtension, {"strain": 0.01}, "glass_pp_115x230", "allowed is a `strain` above 0.0"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(kind, fields, file, words):
+    with pytest.raises(ff.InputError) as error:
+        kind(**SIZE, **fields, measured=str(SHIPPED / file))
+    assert words in str(error.value)
+
+
+def test_a_sheet_toml_stands_for_its_folder():
+    made = ff.BiasExtension(**SIZE, measured=str(SHIPPED / "komeili_all" / "sheet.toml"))
+    assert [each.file for each in made.laid] == ["shear.csv"]
+
+
+def test_a_study_says_it_of_each_variant(launch):
+    file = SHIPPED / "komeili_all" / "free_a.csv"
+    done = launch("tensile", "--quick", "--compare", "--measured", file)
+    assert done.status == 0, done.err
+    assert done.out.count("free_a.csv: simulated and measured force differ by ") == 4
+    report = (done.folder / "report.html").read_text()
+    assert "<th>rms of peak</th>" in report
+    found = done.summary["quantities"]
+    off = {name: found[name]["measured"][0]["rms_of_peak"] for name in found}
+    assert off["all couplings"] < 0.05 < 0.15 < off["FABRIC"]  # it was made with all of them
+
+
+def test_a_study_refuses_it_by_its_options(launch):
+    done = launch("tensile", "--quick", "--measured", SHIPPED / "glass_pp_115x230")
+    assert done.status == 2 and "error: --measured " in done.err
+    assert "uniaxial_a with --fibre-angle 0, uniaxial_b with 90" in done.err
+
+
+@pytest.mark.parametrize("size, told", [((50, 200), True), ((200, 50), False)])
+def test_a_strip_along_y_is_doubted(tmp_path, size, told):
+    points, cells, kind = specimen(*size, 4, 4)
+    meshio.write_points_cells(tmp_path / "strip.vtu", points, {kind: cells})
+    strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu"))
+    assert any("turn it by 90 deg" in words for words in strip.warnings) == told
+
+
+@pytest.mark.parametrize(
+    "kind, fields, integration",
+    [
+        (ff.Tensile, {}, "full"),
+        (ff.Tensile, {"pattern": "unstructured"}, "full"),  # yarns along the load
+        (ff.Tensile, {"fibre_angle": 45, "pattern": "crossed"}, "full"),
+        (ff.Tensile, {"fibre_angle": 20}, "inner"),
+        (ff.Tensile, {"fibre_angle": 20, "turned": 30}, "inner"),
+        (ff.Tensile, {"fibre_angle": 20, "element": "P1"}, "full"),
+        (ff.Tensile, {"fibre_angle": 20, "integration": "full"}, "full"),
+        (ff.BiasExtension, {}, "full"),
+        (ff.BiasExtension, {"pattern": "left"}, "inner"),
+        (ff.BiasExtension, {"fibre_angle": 30}, "inner"),
+        (ff.BiasExtension, {"fibre_angle": 30, "pattern": "yarns"}, "full"),
+    ],
+)
+def test_points_are_inner_where_quadratic_cells_do_not_follow_the_yarns(kind, fields, integration):
+    assert kind(nx=16, **fields).integration == integration
+
+
+def test_an_own_mesh_gets_inner_points_if_its_cells_do_not_follow_the_yarns(tmp_path):
+    points, cells, kind = specimen(200, 50, 16, 4, "left")
+    meshio.Mesh(points, [(kind, cells)]).write(tmp_path / "strip.vtu")
+    for angle, integration in ((0, "full"), (30, "inner")):
+        strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu"), fibre_angle=angle)
+        assert strip.integration == integration
+
+
+# scenario, angle, strain, and the force [N] of P3 on fine cells with edges on the corners' yarns
+OFF_AXIS = [
+    (ff.BiasExtension, 30, 0.1, 1.990),
+    (ff.Tensile, 45, 0.03, 0.10895),
+    (ff.Tensile, 30, 0.03, 0.14236),
+]
+
+
+def test_estimated_errors_off_axis_cover_the_true_one(tmp_path):
+    strip = ff.BiasExtension(fibre_angle=30, pattern="crossed", nx=16)
+    result = strip.job(steps=4, error=True).run(tmp_path / "out", pictures=False)
+    true = abs(result.summary["reaction_N"] - 1.990)
+    assert 0.02 < true <= result.summary["error"]["reaction_N"] < 20 * true
+
+
+@pytest.mark.parametrize("kind, angle, strain, force", OFF_AXIS)
+@pytest.mark.parametrize("pattern, nx", [("left", 36), ("unstructured", 34)])
+def test_forces_off_axis_with_3000_unknowns(kind, angle, strain, force, pattern, nx):
+    strip = kind(fibre_angle=angle, strain=strain, pattern=pattern, nx=nx, ny=round(nx / 4))
+    result = strip.job(steps=4, limits=ff.Limits()).run(pictures=False)
+    assert result.summary["dofs"] <= 3000
+    assert result.rows[-1]["reaction_N"] == pytest.approx(force, rel=0.06)
+
+
+def test_yarns_at_10_deg_to_the_load():
+    """A small strain: at 3 % a few cells stretch by more than 10 % and turn over on any mesh."""
+    strip = ff.Tensile(fibre_angle=10, strain=0.005, pattern="crossed", nx=26, ny=6)
+    result = strip.job(steps=4).run(pictures=False)
+    assert result.rows[-1]["reaction_N"] == pytest.approx(95.96, rel=0.06)

@@ -1,0 +1,220 @@
+"""Blank holders: objects that make terms, several of them as segments."""
+
+import re
+
+import numpy as np
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.forming.holding import HOLDERS
+from fabric_fenicsx.scene import output as reports
+from fabric_fenicsx.scene.fingerprint import of_scene
+
+SIZES = {"nx": 6, "stroke": 8.0}
+HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
+
+
+def punch_force(tmp_path, holder, **fields):
+    """Force of the punch after 8 mm, and of all holders along z [N]."""
+    ply = ff.Forming(**SIZES | fields, holder=holder)
+    result = ply.job(steps=4).run(tmp_path / "run", overwrite=True, pictures=False)
+    held = [t for t in ply.pressing if t.tool not in (ply.punch_tool, ply.die)]
+    return [result.force(ply.punch_tool)[2], sum(result.force(term.tool)[2] for term in held)]
+
+
+@pytest.mark.parametrize(
+    "one, two",
+    [
+        (ff.PressureHolder(1.0), [ff.PressureHolder(1.0, where=half) for half in HALVES]),
+        (ff.GapHolder(0.95), [ff.GapHolder(0.95, where=half) for half in HALVES]),
+    ],
+)
+def test_two_halves_do_what_one_holder_does(tmp_path, one, two):
+    """But for what lags: each segment counts its own areas and normal forces."""
+    forces = [punch_force(tmp_path, holder, lag=1e-9) for holder in (one, [one], two)]
+    assert forces[1] == pytest.approx(forces[0], rel=1e-12)
+    assert forces[2] == pytest.approx(forces[0], rel=1e-8) and all(forces[0])
+
+
+@pytest.mark.mpi
+def test_segments_press_as_each_is_told():
+    """What is pressed by two segments adds up to what one presses, half by half."""
+
+    def held(holder):
+        ply = ff.Forming(**SIZES, holder=holder)
+        return [t.force()[2] for t in ply.scene.terms if isinstance(t, ff.BlankHolderPressure)]
+
+    (whole,) = held(ff.PressureHolder(2.0))
+    first, second = held([ff.PressureHolder(2.0, HALVES[0]), ff.PressureHolder(4.0, HALVES[1])])
+    assert first + second / 2 == pytest.approx(whole) and first > 0 and second > 0
+
+
+@pytest.mark.mpi
+def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
+    plies = [ff.Ply(fibre_angle=angle) for angle in (0, 45)]
+    one, two = (
+        ff.Forming(**SIZES, stack=plies, holder=holder)
+        for holder in (
+            ff.PressureHolder(1.0),
+            [ff.PressureHolder(1.0, where=half) for half in HALVES],
+        )
+    )
+    assert one.comm.allreduce(float(np.abs(one.blank.u.x.array).max())) > 0
+    assert two.blank.u.x.array == pytest.approx(one.blank.u.x.array, abs=1e-14)
+    names = [tool.name for tool in reports.tools(two.scene)] + [t.tool.name for t in two.pressing]
+    assert {"blank holder", "blank holder 2"} <= {*names}
+
+
+def test_plates_of_segments_bear_their_forces(tmp_path):
+    """A quarter of each, on the nodes of the flat blank that are theirs."""
+    holders = [ff.ForceHolder(4000.0, HALVES[0]), ff.ForceHolder(8000.0, HALVES[1])]
+    ply = ff.Forming(**SIZES, holder=holders)
+    result = ply.job(steps=4).run(tmp_path / "run", pictures=False)
+    found = [result.force(name)[2] for name in ("blank holder", "blank holder 2")]
+    assert found == pytest.approx([1000.0, 2000.0], rel=1e-6)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("where, edges", [(None, 2), (lambda x: x[0] > 234, 1)])
+def test_grippers_pull_at_the_edges_that_are_marked(where, edges):
+    ply = ff.Forming(**SIZES, holder=ff.Grippers(3.0, where=where))
+    pulls = [term for term in ply.scene.terms if isinstance(term, ff.EdgeTension)]
+    assert len(pulls) == edges
+
+
+@pytest.mark.parametrize(
+    "one, other, name",
+    [
+        (ff.PressureHolder(2.0), ff.PressureHolder(2.1), "pressure"),
+        (ff.Grippers(5.0), ff.Grippers(5.5), "tension"),
+    ],
+)
+def test_a_checkpoint_knows_the_number_of_a_holder(one, other, name):
+    """So that a run is not gone on with by another."""
+    first, second = (of_scene(ff.Forming(**SIZES, holder=each).scene) for each in (one, other))
+    assert {key.split(" of ")[0] for key in first if first[key] != second[key]} == {name}
+
+
+def test_a_pressure_over_the_stroke():
+    """A function of the load factor is asked at each load."""
+    ply = ff.Forming(**SIZES, holder=ff.PressureHolder(lambda load: 1 + load))
+    (term,) = (t for t in ply.pressing if isinstance(t, ff.BlankHolderPressure))
+    for load in (0.0, 0.5):
+        ply.scene.set_load(load)
+        assert term.now == 1 + load
+
+
+def test_the_force_of_a_pressure_is_among_the_forces_of_tools(tmp_path):
+    ply = ff.Forming(**SIZES | {"stroke": 2.0}, holder=ff.PressureHolder(1.0))
+    result = ply.job(steps=1).run(tmp_path / "run", pictures=False)
+    found = result.summary["quantities"]["contact_forces_N"]["blank holder"]
+    (term,) = (t for t in ply.pressing if isinstance(t, ff.BlankHolderPressure))
+    assert found == pytest.approx(term.force()[2]) and found > 1e3
+
+
+@pytest.mark.parametrize(
+    "holder, words",
+    [
+        (ff.PressureHolder(0), "pressure of `PressureHolder` is 0: it does not hold the rim"),
+        (ff.Grippers(0), "tension of `Grippers` is 0: it does not hold the rim"),
+        ("down", r"of holder `Own` is directed away from the die: towards it is \(0, 0, 1\)"),
+    ],
+)
+def test_what_hardly_holds_is_told_of(holder, words):
+    if holder == "down":
+        holder = own(lambda self, p: [ff.BlankHolderPressure(1.0, (0, 0, -1), p.on_flange())])
+    ply = ff.Forming(**SIZES, holder=holder)
+    (warning,) = (each for each in ply.warnings if re.search(words, each))
+
+
+def own(terms):
+    """A holder with this method `terms`."""
+    return type("Own", (), {"terms": terms})()
+
+
+def test_a_holder_of_ones_own():
+    """Any object that makes terms; it is told of the rim."""
+
+    class Soft:
+        def terms(self, rim):
+            self.told = rim
+            plate = ff.Tool(ff.Plane((0, 0, -rim.thickness), (0, 0, 1)), name=rim.name)
+            return [ff.BlankHolderPressure(1.0, (0, 0, 1), rim.on_flange(), tool=plate)]
+
+    mine = Soft()
+    ply = ff.Forming(**SIZES, holder=mine)
+    (term,) = (t for t in ply.pressing if isinstance(t, ff.BlankHolderPressure))
+    (usual,) = (
+        t
+        for t in ff.Forming(**SIZES, holder=ff.PressureHolder(1.0)).pressing
+        if isinstance(t, ff.BlankHolderPressure)
+    )
+    assert term.force() == pytest.approx(usual.force())
+    assert mine.told.die is ply.die and mine.told.name == "blank holder"
+
+
+@pytest.mark.parametrize(
+    "make, words",
+    [
+        (lambda: ff.PressureHolder(-1), "pressure of `PressureHolder` is -1; allowed is a number"),
+        (lambda: ff.GapHolder(0), "gap of `GapHolder` is 0; allowed is a number above 0"),
+        (lambda: ff.Forming(**SIZES, holder=ff.GapHolder(0.2)), "is 0.2, which crushes the ply"),
+        (lambda: ff.Forming(**SIZES, holder="force"), "`holder` is 'force'; allowed is a holder"),
+        (lambda: ff.Forming(**SIZES, holder=ff.PressureHolder), "allowed is a holder, as `Press"),
+        (
+            lambda: ff.Forming(**SIZES, holder=ff.Grippers(where=lambda x: x[0] > 1e3)),
+            "`where` of `Grippers` marks no node; allowed is a mask that is true on some",
+        ),
+        (
+            lambda: ff.Forming(**SIZES, holder=ff.Grippers(where=lambda x: x[0] < 1)),
+            "`where` of `Grippers` marks no edge",
+        ),
+        (
+            lambda: ff.Forming(**SIZES, holder=ff.ForceHolder(where=lambda x: x[0] > 1e3)),
+            "`where` of `ForceHolder` marks no node; allowed is a mask",
+        ),
+        (
+            lambda: ff.Forming(**SIZES, holder=ff.PressureHolder(where=lambda x: x[0] > 1e3)),
+            "`where` of `PressureHolder` marks no node; allowed is a mask",
+        ),
+        (lambda: ff.ForceHolder(0), "force of `ForceHolder` is 0; allowed is a number above 0"),
+        (lambda: ff.Grippers(-5), "tension of `Grippers` is -5; allowed is a number from 0"),
+        (lambda: ff.Forming(**SIZES, holder=[]), r"`holder` is \[\]; allowed is .* one or more"),
+        (lambda: ff.Forming(**SIZES, holder=object()), r"or an object with a method `terms\(rim"),
+        *[
+            (lambda f=f: ff.Forming(**SIZES, holder=own(f)), f"`terms` of holder `Own` {words}")
+            for f, words in (
+                (lambda self, press: None, "gives None; allowed is a list of one or more terms"),
+                (lambda self, press: [], r"gives \[\]; allowed is a list"),
+                (lambda self, press: press.contact(press.die), "gives one `Contact`; allowed is a"),
+                (
+                    lambda self: [],
+                    r"can't be called with a `Rim` \(too many .*terms\(self, rim",
+                ),
+            )
+        ],
+    ],
+)
+def test_what_holds_nothing_is_refused(make, words):
+    with pytest.raises(ff.InputError, match=words):
+        make()
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("kind", HOLDERS.values())
+@pytest.mark.parametrize(
+    "where, words",
+    [
+        (lambda x: x[:, 0] < 140, "gives values of type bool and shape"),
+        (lambda x: 0.5 * (x[0] < 140), "gives values of type float64"),
+        (3, "fails .TypeError"),
+    ],
+)
+def test_what_marks_a_segment_is_a_mask(kind, where, words):
+    allowed = r"allowed is a function of points \(3, n\) to a mask \(n,\)"
+    with pytest.raises(ff.InputError, match=f"`where` of `{kind.__name__}` {words}.*; {allowed}"):
+        ff.Forming(**SIZES, holder=kind(where=where))
+
+
+def test_each_holder_has_its_own_option():
+    assert len({kind.OPTION for kind in HOLDERS.values()}) == len(HOLDERS)

@@ -1,0 +1,353 @@
+"""Presses of a user's own tools: from files, in stages, with all that may be wrong with them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fabric_fenicsx as ff
+
+PRESSES = Path(ff.__file__).parent / "studies/presses"
+HEMISPHERE = PRESSES / "hemisphere.toml"
+
+
+def hemisphere(*changes, **fields):
+    return ff.Press.read(HEMISPHERE, changes, **fields)
+
+
+def changed(tmp_path, *pairs, file=HEMISPHERE):
+    """A press file with other text in it."""
+    text = file.read_text()
+    for before, after in pairs:
+        assert before in text
+        text = text.replace(before, after)
+    path = tmp_path / "press.toml"
+    path.write_text(text)
+    return path
+
+
+def formed(press, folder, **settings):
+    return press.job(**settings).run(folder, pictures=False)
+
+
+def test_tools_touch_the_blank_at_first_and_move_towards_it():
+    press = hemisphere("blank.nx=4")
+    half = press.thickness / 2
+    punch, ring = press.rigid
+    assert punch.path(0)[2] == pytest.approx(-50 - half)
+    assert punch.path(1)[2] == pytest.approx(-10 - half)
+    assert ring.path(0)[2] == ring.path(1)[2] == pytest.approx(half)
+
+
+def test_a_press_may_be_upside_down(tmp_path):
+    """A punch from above through a ring below: same forces, other signs."""
+    below = formed(hemisphere("blank.nx=4"), tmp_path / "below", steps=4)
+    over = changed(
+        tmp_path, ('side = "above"', 'side = "below"'), ("radius = 50", 'radius = 50\nside="above"')
+    )
+    above = formed(ff.Press.read(over, ["blank.nx=4"]), tmp_path / "above", steps=4)
+    force = below.number("force_N")
+    assert above.number("force_N") == pytest.approx(force, rel=1e-9)
+    names = "punch", "ring", "holder"
+    one, two = (
+        [r.summary["quantities"]["tool_forces_of_whole_blank_N"][n] for n in names]
+        for r in (below, above)
+    )
+    assert one == pytest.approx([-each for each in two], rel=1e-9)
+    assert sum(one) == pytest.approx(0, abs=1e-6 * abs(one[1]))
+
+
+def test_a_matched_die_is_that_of_forming(tmp_path):
+    """The double dome from its file and from `Forming`."""
+    press = ff.Press.read(PRESSES / "double_dome.toml", ["blank.nx=6"])
+    forming = ff.Forming(nx=6)
+    one = formed(press, tmp_path / "press", steps=6, balance=None)
+    two = formed(forming, tmp_path / "forming", steps=6, balance=None)
+    assert one.number("force_N") == pytest.approx(two.number("punch_force_N"), rel=1e-4)
+    angle = "shear_angle_max_deg"
+    assert one.number(angle) == pytest.approx(two.number(angle), abs=1e-3)
+
+
+def test_the_net_of_stiff_yarns_over_an_open_ring(tmp_path):
+    """As exact as over the closed dome: within 0.25 deg r.m.s. on 6 quadratic cells a side."""
+    from nets import spherical_net
+
+    yarn = ff.Yarn(b=2e4, d=20.0)
+    stiff = ff.WovenFabric(yarn, yarn, s1=0.01, thickness=0.4)
+    changes = ["blank.nx=6", "blank.element=P2", "holder.pressure=0.05", "contact.friction=0.02"]
+    press = hemisphere(*changes, fabric=stiff, bending_modulus=20.0)
+    grid = formed(press, tmp_path, steps=12, balance=None, path_tolerance=1e-3).grid
+    radius = 50 + press.thickness / 2
+    u, v, _ = grid.cell_centers().points.T
+    on = np.hypot(u, v) < 0.9 * radius
+    exact = spherical_net.shear_angle(u[on], v[on], radius)
+    off = np.degrees(abs(grid["shear_angle"][on]) - exact)
+    assert np.degrees(exact.max()) > 20
+    assert np.sqrt((off**2).mean()) < 0.25
+
+
+def test_a_tool_comes_holds_and_leaves():
+    stages = [
+        ff.Stage("up", moves={"punch": 10}, steps=2),
+        ff.Stage("hold", pressures={"holder": 0.1}, steps=1),
+        ff.Stage("back", leave=["punch"], steps=1),
+    ]
+    press = hemisphere("blank.nx=4", stages=stages)
+    path, z = press.rigid[0].path, press.rigid[0].path(0)[2]
+    heights = [path(load)[2] - z for load in (0, 0.25, 0.5, 0.75, 1)]
+    assert heights == pytest.approx([0, 5, 10, 10, 0])
+    assert [press.course.pressure("holder")(k) for k in (0, 0.5, 0.75, 1)] == pytest.approx(
+        [0.02, 0.02, 0.1, 0.1]
+    )
+    assert press.job().milestones == (0.5, 0.75)
+    assert [press.course.travel(load) for load in (0.5, 0.75, 1)] == pytest.approx([10, 10, 20])
+
+
+def test_segments_of_a_holder_press_as_one_does(tmp_path):
+    segments = "[holders.{}]\npressure = 0.02\nwhere = {{ angle = [{}, {}] }}\n"
+    two = segments.format("left", 45, 180) + segments.format("right", -180, 44.999)
+    path = changed(
+        tmp_path,
+        ("[holders.holder]\npressure = 0.02       # on what lies on the ring [MPa]\n", two),
+    )
+    forces = [
+        formed(press, None, steps=2).number("force_N")
+        for press in (
+            hemisphere("blank.nx=4", "stage.forming.moves.punch=10"),
+            ff.Press.read(path, ["blank.nx=4", "stage.forming.moves.punch=10"]),
+        )
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=1e-2)
+
+
+def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
+    """The force of a tool is that on the whole blank."""
+    ring = '[tools.lower]\nshape = "plate"\nlength = 108\nentry = 8\nforce = 450\n'
+    held = "[holders.holder]\npressure = 0.02       # on what lies on the ring [MPa]\n"
+    path = changed(tmp_path, (held, ring))
+    changes = ["blank.nx=6", "stage.forming.moves.punch=15"]
+    by_force = formed(ff.Press.read(path, changes), None, steps=3, balance=None)
+    by_pressure = formed(hemisphere(*changes), None, steps=3, balance=None)
+    forces = by_force.summary["quantities"]["tool_forces_of_whole_blank_N"]
+    assert forces["lower"] == pytest.approx(450, rel=1e-6)
+    assert by_force.number("force_N") == pytest.approx(by_pressure.number("force_N"), rel=0.2)
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        (["tools.punch.at=[300, 0]"], "punch does not meet the blank .*allowed is `at`"),
+        (
+            ["tools.punch.at=[0, 0, -40]"],
+            r"cuts into the blank by 10.54 mm .*allowed is z of `at` up to -50.5371",
+        ),
+        (["tools.ring.turn=[180, 0, 0]"], r"body between its face .*or turn = \[180, 0, 0\]"),
+        (["tools.ring.length=60"], "punch and ring go 13.* mm through one another at the end of f"),
+        (["tools.punch.radios=3"], r"tools.punch.radios is unknown \(did you mean radius\?\)"),
+        (["tool.punch.radius=3"], r"tool of the file is unknown \(did you mean tools\?\)"),
+        (["tools.punch.side=up"], r"\[tools.punch\] side of a tool is 'up'; allowed is below or"),
+        (["tools.punch.shape=ball"], "shape ball is unknown; allowed are sphere, "),
+        (["stage.forming.moves.pnch=3"], r"tool pnch of forming is unknown \(did you mean punch"),
+        (["stage.forming.moves={}"], "forming changes nothing; allowed is one that has moves"),
+        (
+            ["stage.forming.leave=['ring']"],
+            "tool ring of forming leaves, but stands where it began",
+        ),
+        (["stage.forming.steps=three"], "steps of forming is 'three'; allowed is a whole number"),
+        (["stage.forming.forces={punch=3}"], "names nothing that has a force from the start"),
+        (["stage.forming.leave=['punch']"], "moves and leaves; allowed is one of them"),
+        (["holder.force=3"], "has pressure and force; allowed is one of pressure, force, gap"),
+        (["holder.pressure=-1"], "pressure of `PressureHolder` is -1; allowed is a number from 0"),
+        (["holder.against=punch"], "is against tool punch, which moves; allowed is one that stand"),
+        (["holder.where={z=[0, 1]}"], "where.z is unknown; allowed are x, y, r, angle"),
+        (["holder.where={x=[2, 1]}"], "allowed is the smaller number first"),
+        (["blank.fabric=none.toml"], "material 'none.toml' is unknown"),
+        (["blank.outline=none.dxf"], "no file; allowed is one beside the press file"),
+        (["unit=m"], "unit is 'm'; allowed is a line `unit = "),
+        (["holders={}", "tools.ring.side=below"], "stand below the blank, and nothing resists"),
+        (["tools.punch"], "is no KEY=VALUE; allowed is a dotted key"),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_file_and_key(changes, words):
+    with pytest.raises(ff.InputError, match=rf"hemisphere.toml: .*{words}"):
+        hemisphere(*changes)
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        ("tools.punch.at=[5, 0]", "tool punch is not its own mirror image in x = 0"),
+        ("stage.1.moves.punch=[0, 3, 20]", "tool punch is not its own mirror image in y = 0"),
+    ],
+)
+def test_a_quarter_with_a_tool_beside_its_middle_is_told_of(change, words):
+    assert words in hemisphere("blank.nx=4", change).warnings[0]
+    assert not hemisphere("blank.nx=4").warnings
+
+
+def test_a_punch_from_cad_stands_by_itself(tmp_path):
+    """An STL whose triangles face away is turned round, a flat back is told of."""
+    import pyvista
+
+    ball = pyvista.Sphere(radius=50, theta_resolution=120, phi_resolution=120)
+    cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=False).extract_surface()
+    cap = cap.triangulate().flip_faces()
+    cap.save(tmp_path / "cap.stl")
+    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "cap.stl"'))
+    press = ff.Press.read(path, ["blank.nx=4"])
+    assert press.rigid[0].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
+
+
+def test_a_laminate_is_bent_and_springs_back(tmp_path):
+    """By half of the stroke; twice the cells give 7.12 mm."""
+    press = ff.Press.read(PRESSES / "springback.toml", ["blank.nx=8", "stage.bending.steps=10"])
+    assert press.course.unloads
+    result = formed(press, tmp_path, balance=None)
+    unloaded = ff.unloading(result).run(tmp_path / "unloaded", pictures=False)
+    upper = unloaded.summary["quantities"]["sheets"]["upper metal"]
+    assert upper["springback_largest_mm"] == pytest.approx(7.10, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "name, changes, force",
+    [
+        ("hemisphere", ["blank.nx=8", "stage.1.steps=10"], 25.84),
+        ("box", ["blank.nx=8", "stage.1.steps=10"], 142.8),
+        ("two_steps", ["blank.nx=13", "stage.1.steps=8", "stage.2.steps=8"], 29.66),
+    ],
+)
+def test_examples_run_from_their_files(name, changes, force, tmp_path):
+    press = ff.Press.read(PRESSES / f"{name}.toml", changes)
+    result = formed(press, tmp_path, balance=None, limits=ff.Limits(shortening=1.0))
+    assert result.number("force_N") == pytest.approx(force, rel=0.01)
+    assert result.number("unbalanced_force_N") < 1e-6 * force
+
+
+@pytest.mark.mpi
+def test_a_press_on_two_ranks_is_that_on_one():
+    """Tools are placed, and forces found, as on one rank (its force, to 6 digits)."""
+    press = hemisphere("blank.nx=6", "stage.1.steps=6")
+    result = formed(press, None, balance=None)
+    assert press.rigid[0].path(0)[2] == pytest.approx(-50 - press.thickness / 2, rel=1e-9)
+    assert result.number("force_N") == pytest.approx(28.568377, rel=1e-6)
+
+
+def test_a_small_ball_between_nodes_touches_the_face():
+    """Not where the nearest node is."""
+    press = hemisphere(
+        "blank.nx=4", "blank.quarter=false", "tools.punch.at=[7, 2.1]", "stage.1.moves.punch=5"
+    )
+    assert press.rigid[0].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["force = 400", "gap = 1.2"])
+def test_a_plate_has_the_opening_of_its_die(kind, tmp_path):
+    """A ball that comes down through the ring meets no plate beneath it."""
+    over = changed(
+        tmp_path,
+        ("radius = 50", 'radius = 50\nside = "above"'),
+        ("pressure = 0.02       # on what lies on the ring [MPa]", kind),
+    )
+    press = ff.Press.read(over, ["blank.nx=6", "stage.1.moves.punch=5"])
+    result = formed(press, None, steps=3, balance=None)
+    forces = result.summary["quantities"]["tool_forces_of_whole_blank_N"]
+    assert -100 < forces["punch"] < 0
+
+
+def test_each_tool_has_its_way_and_force_in_the_history(tmp_path):
+    result = formed(hemisphere("blank.nx=4"), tmp_path, steps=8, balance=None)
+    last = result.rows[-1]
+    assert last["punch_way_mm"] == pytest.approx(40) and last["ring_way_mm"] == 0
+    assert last["punch_force_N"] == pytest.approx(last["reaction_N"])
+    assert last["ring_force_N"] < 0
+
+
+def test_plies_have_what_the_blank_says(tmp_path):
+    plies = '[[ply]]\nname = "one"\n[[ply]]\nname = "two"\nfibre_angle = 45\n[contact]'
+    path = changed(tmp_path, ("[contact]", plies))
+    press = ff.Press.read(path, ["blank.nx=4", "blank.fibre_angle=10", "blank.quarter=false"])
+    assert [ply.fibre_angle for ply in press.plies] == [10, 45]
+
+
+@pytest.mark.parametrize("turn, upside_down", [([0, 0, 0], False), ([180, 0, 0], True)])
+def test_a_surface_that_faces_away_is_turned_round(tmp_path, turn, upside_down):
+    import pyvista
+
+    ball = pyvista.Sphere(radius=50, theta_resolution=90, phi_resolution=90)
+    cap = ball.clip(normal=(0, 0, 1), origin=(0, 0, 10), invert=upside_down)
+    cap = cap.extract_surface().triangulate().flip_faces()
+    cap.save(tmp_path / "cap.stl")
+    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "cap.stl"'))
+    press = ff.Press.read(path, ["blank.nx=4", f"tools.punch.turn={turn}"])
+    assert any("tool punch: the normals of its surface point away" in w for w in press.warnings)
+    assert press.rigid[0].path(0)[2] == pytest.approx(-50 - press.thickness / 2, abs=0.05)
+
+
+def test_tools_on_one_side_that_overlap_are_told_of():
+    other = "tools.other={shape='sphere', radius=20, at=[0, 0, -60]}"
+    press = hemisphere("blank.nx=4", other)
+    assert any("tools punch and other go" in w and "real ones can't" in w for w in press.warnings)
+
+
+def test_a_cad_model_is_read_with_a_finer_chord_where_it_is_too_coarse(tmp_path, monkeypatch):
+    from fabric_fenicsx.forming import press_tools
+
+    chords = []
+
+    def read(path, chord, comm):
+        chords.append(chord)
+        return ff.TriangulatedSurface([(-99, -99, 0), (99, -99, 0), (0, 99, 0)], [(0, 1, 2)])
+
+    def check(surface, *_):
+        if chords[-1] > 0.05:
+            raise ff.InputError("facets are off")
+
+    monkeypatch.setattr(press_tools.TriangulatedSurface, "read", read)
+    monkeypatch.setattr(press_tools, "check_triangles", check)
+    (tmp_path / "x.step").write_text("")
+    path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "x.step"'))
+    ff.Press.read(path, ["blank.nx=4", "stage.1.moves.punch=0.1"])
+    assert chords == [0.1, 0.05]
+
+
+def test_the_end_of_a_stage_is_written_for_paraview(tmp_path):
+    from fabric_fenicsx.results import structural
+
+    stages = [ff.Stage(moves={"punch": 2}, steps=1), ff.Stage(moves={"punch": 1}, steps=2)]
+    formed(hemisphere("blank.nx=4", stages=stages), tmp_path, every=100, balance=None)
+    assert [round(s.load, 6) for s in structural.states(tmp_path)] == [0, 0.333333, 1]
+
+
+def test_a_tool_that_only_goes_away_is_refused():
+    with pytest.raises(ff.InputError, match="tool punch only goes away from the blank"):
+        hemisphere("stage.1.moves.punch=-30")
+
+
+def test_a_pressure_in_pascal_and_a_forgotten_side_are_told_of(tmp_path):
+    press = hemisphere("blank.nx=4", "holder.pressure=20000")
+    assert any("pressure of `PressureHolder` is 20000, which is much" in w for w in press.warnings)
+    path = changed(tmp_path, ('side = "above"', ""))
+    press = ff.Press.read(path, ["blank.nx=4"])
+    assert any("punch and ring all stand below the blank" in w for w in press.warnings)
+
+
+def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
+    from fabric_fenicsx.plot import press_pictures
+
+    def fails(*_):
+        raise ValueError("Empty meshes cannot be plotted")
+
+    monkeypatch.setattr(press_pictures, "filmstrip", fails)
+    press = hemisphere("blank.nx=4", "stage.1.moves.punch=5")
+    result = press.job(steps=2, balance=None).run(tmp_path)
+    assert result.summary["converged"] and (tmp_path / "maps.png").exists()
+    assert "filmstrip.png was not drawn: Empty meshes" in caplog.text
+
+
+def test_segments_in_a_list_all_hold():
+    """Two holders under one name, as `Forming` takes them."""
+    press = hemisphere("blank.nx=4", holders={"two": [ff.PressureHolder(0.01)] * 2})
+    assert [t.tool.name for t in press.pressing if not isinstance(t, ff.Contact)] == [
+        "two",
+        "two 2",
+    ]

@@ -1,0 +1,267 @@
+"""Files as testing machines write them: what is read all the same, and what is refused in one
+sentence."""
+
+import re
+
+import numpy as np
+import pytest
+from curve_texts import BIAS, FREE, SHEET, folder
+
+from fabric_fenicsx.identification import curves as data
+from fabric_fenicsx.identification import identify
+from fabric_fenicsx.runtime.errors import InputError
+
+KEYS = "# test: bias_extension\n# height: 230 mm\n# width: 115 mm\n"
+ROWS = [(2.5, 0.29), (6, 0.95), (12, 2.1), (17.25, 1058.5), (21, 1450.25)]
+HEAD = "displacement [mm];F [N]\n"
+
+
+def rows(form, separator=";", decimal="."):
+    """The rows of numbers of this form."""
+    return "\n".join(
+        separator.join(format(v, form).replace(".", decimal) for v in row) for row in ROWS
+    )
+
+
+def grouped(thousands, decimal):
+    signs = str.maketrans({",": thousands, ".": decimal})
+    return "\n".join(";".join(f"{v:,.2f}".translate(signs) for v in row) for row in ROWS)
+
+
+POINT, COMMA = rows(".3f"), rows(".3f", decimal=",")
+FILES = {
+    "decimal commas": KEYS + HEAD + COMMA,
+    "decimal commas in quotes": KEYS
+    + HEAD.replace(";", ",")
+    + re.sub(r"([\d,]+);([\d,]+)", r'"\1","\2"', COMMA),
+    "tabs": (KEYS + HEAD + POINT).replace(";", "\t"),
+    "blanks": KEYS + "displacement [mm]   F [N]\n" + rows("12.3f", " "),
+    "blanks and decimal commas": KEYS + "Weg in mm   Kraft in N\n" + rows(".3f", "  ", ","),
+    "decimal points beside commas": KEYS + HEAD + re.sub(r"(?m)\.(\d+)$", r",\1", rows(".4f")),
+    "quotes": KEYS
+    + '"displacement [mm]","F [N]"\n'
+    + re.sub(r"([\d.]+);(.*)", r'"\1", "\2"', POINT),
+    "semicolons at the end": (KEYS + HEAD + POINT).replace("\n", ";\n"),
+    "exponents": KEYS + HEAD + rows("+.6E", decimal=","),
+    "german thousands": KEYS + HEAD + grouped(".", ","),
+    "english thousands": KEYS + HEAD + grouped(",", "."),
+    "swiss thousands": KEYS + HEAD + grouped("'", "."),
+    "narrow blanks between thousands": KEYS + HEAD + grouped("\u202f", ","),
+    "a row of units": KEYS + "displacement;F\nmm;N\n" + COMMA,
+    "a row of units in brackets": KEYS + "displacement;F\n(mm);(N)\n" + COMMA,
+    "units in other brackets": KEYS + "displacement (mm);F / N\n" + COMMA,
+    "capitals": KEYS + "Displacement [mm];Force [N]\n" + COMMA,
+    "lines above": "Probe;A 1\nDatum;12.03.2024 09:41\nv;2;mm/min\n\n"
+    + KEYS
+    + "Standardweg;Standardkraft\nmm;N\n"
+    + COMMA,
+    "a spreadsheet's first line": "sep=;\n" + KEYS + HEAD + COMMA,
+    "micrometres": KEYS
+    + "displacement [µm];F [N]\n"
+    + re.sub(r"(?m)^([\d.]+)\.(\d+)", r"\1\2", POINT),
+}
+
+
+def read(path, content, sheet=SHEET):
+    folder(path, sheet)
+    (path / "bias.csv").write_bytes(content)
+    return data.read(path)[1][0]
+
+
+def check(curve):
+    moved = [row[0] for row in ROWS]
+    assert data.bias_displacement(curve.strains[:, 2], 230, 115) == pytest.approx(moved, rel=1e-9)
+    assert curve.responses[0].values == pytest.approx([row[1] for row in ROWS], rel=1e-12)
+    assert curve.remarks == ()
+
+
+@pytest.mark.parametrize("text", FILES.values(), ids=FILES.keys())
+def test_a_file_is_read_as_it_was_written(tmp_path, text):
+    check(read(tmp_path, text.encode()))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "cp1252", "utf-16", "utf-16-le", "utf-16-be"])
+def test_a_file_is_read_in_any_encoding(tmp_path, encoding):
+    check(read(tmp_path, ("# Prüfer: Müller\r\n" + KEYS + HEAD + COMMA).encode(encoding)))
+
+
+def test_a_mark_of_the_encoding_may_stand_twice(tmp_path):
+    check(read(tmp_path, b"\xff\xfe" + ("\ufeff" + KEYS + HEAD + COMMA).encode("utf-16-le")))
+
+
+def test_a_second_header_is_no_end_of_what_stands_above(tmp_path):
+    text = KEYS + HEAD + "1;1\n2;2\n" + HEAD + COMMA
+    with pytest.raises(InputError, match=r"row 7: displacement is 'displacement \[mm\]'"):
+        read(tmp_path, text.encode())
+
+
+@pytest.mark.parametrize("content", [b"", b"\xef\xbb\xbf\n\n"])
+def test_an_empty_file_is_refused(tmp_path, content):
+    with pytest.raises(InputError, match="bias.csv: cannot be read as text .it is empty"):
+        read(tmp_path, content)
+
+
+def test_a_workbook_is_refused(tmp_path):
+    with pytest.raises(InputError, match="it is a workbook; save its sheet as CSV"):
+        read(tmp_path, b"PK\x03\x04")
+
+
+@pytest.mark.parametrize(
+    "column", ["1,200 2,100 3,100 4,000 5,000", "2.500 6.000 12.000 17.250 21.500"]
+)
+def test_numbers_of_two_meanings_are_refused(tmp_path, column):
+    forces = "1.5 2.5 3.5 4.5 5.5" if "," in column else "1,5 2,5 3,5 4,5 5,5"
+    pairs = zip(column.split(), forces.split())
+    text = KEYS + HEAD + "".join(f"{moved};{force}\n" for moved, force in pairs)
+    first = column.split()[0]
+    value = float(first.replace(",", "."))
+    words = f"row 5: {first} may mean {min(value, 1000 * value):g} or {1000 * value:g}"
+    with pytest.raises(InputError, match=words if "," in column else "row 5: 2.500 may mean"):
+        read(tmp_path, text.encode())
+
+
+def test_columns_that_are_not_needed_are_told(tmp_path):
+    text = KEYS + "Zeit [s];" + HEAD + "\n".join(f"09:41;{row}" for row in COMMA.split("\n"))
+    curve = read(tmp_path, text.encode())
+    assert curve.remarks == ("column 'Zeit' is not read",)
+    x = np.linspace(0.2, 4, 20)
+    pulled = strip(900 * x, x).replace("F [N]", "F [N],Zeit [s]")
+    folder(tmp_path, strip=re.sub(r"(?m)^(\d.*)$", r"\1,09:41", pulled))
+    (tmp_path / "bias.csv").unlink()
+    assert "strip.csv: column 'Zeit' is not read" in identify(*data.read(tmp_path)).warnings
+
+
+def test_the_sheet_says_what_columns_and_files_are(tmp_path):
+    stated = '[columns]\nFahrweg = "displacement"\nK = "F [N]"\n[tests."bias.csv"]\n'
+    stated += 'test = "bias_extension"\nheight = "230 mm"\nwidth = "11,5 cm"\n'
+    text = "Probe;A 1\nFahrweg [mm];K\n" + COMMA
+    check(read(tmp_path, text.encode(), SHEET + stated))
+
+
+def test_files_of_other_names_are_read_if_the_sheet_names_them(tmp_path):
+    folder(tmp_path, SHEET + '[tests."bias.TRA"]\nnoise = "2 % of maximum"\n')
+    (tmp_path / "bias.TRA").write_text(KEYS + HEAD + COMMA)
+    check(data.read(tmp_path)[1][0])
+    (tmp_path / "bias.TRA").rename(tmp_path / "bias.tsv")
+    with pytest.raises(InputError, match=r"tests.'bias.TRA' is no file; allowed are bias.tsv"):
+        data.read(tmp_path)
+
+
+def test_unknown_columns_are_listed_with_the_cure(tmp_path):
+    text = KEYS + "Traverse [mm];Kanal 1 [N]\n" + COMMA
+    words = (
+        "row 4: columns 'Traverse', 'Kanal 1' are unknown; allowed are gamma, F, displacement, or "
+        "a line `Traverse = "
+    )
+    with pytest.raises(InputError, match=re.escape(words)):
+        read(tmp_path, text.encode())
+
+
+def test_of_columns_of_one_name_the_sheet_says_which_counts(tmp_path):
+    text = KEYS + "Weg [mm];Standardweg [mm];F [N]\n" + COMMA.replace("\n", "\n9,5;")
+    text = text.replace("F [N]\n", "F [N]\n9,5;")
+    with pytest.raises(InputError, match="row 4: the column displacement is repeated"):
+        read(tmp_path, text.encode())
+    curve = read(tmp_path, text.encode(), SHEET + '[columns]\nStandardweg = "displacement"\n')
+    assert curve.remarks == ("column 'Weg' is not read",)
+    assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
+
+
+def test_cells_with_units_are_refused(tmp_path):
+    text = KEYS + HEAD + POINT.replace(";", " mm;")
+    with pytest.raises(InputError, match="row 5: displacement is '2.500 mm', row 6: displ"):
+        read(tmp_path, text.encode())
+
+
+def test_units_of_header_and_row_must_agree(tmp_path):
+    text = KEYS + HEAD + "mm;kN\n" + COMMA
+    with pytest.raises(InputError, match="row 5: the unit of F is kN, and N in the header"):
+        read(tmp_path, text.encode())
+
+
+@pytest.mark.parametrize("top", ["", "mm;N\n"])
+def test_rows_without_a_header_are_refused(tmp_path, top):
+    with pytest.raises(InputError, match="row 4: there is no header above it"):
+        read(tmp_path, (KEYS + top + COMMA).encode())
+
+
+def test_all_that_is_wrong_with_a_data_set_is_told_at_once(tmp_path):
+    text = KEYS.replace("230 mm", "230") + HEAD + POINT.replace("0.290", "-").replace("2.100", "x")
+    folder(tmp_path, strip=FREE.replace("free", "fre"))
+    with pytest.raises(InputError) as error:
+        read(tmp_path, text.encode())
+    for words in (
+        "bias.csv: row 2: height is '230'; allowed is",
+        "row 5: F is '-', row 7: F is 'x'; allowed is a finite number",
+        "strip.csv: row 3: lateral is 'fre'; allowed is held or free",
+    ):
+        assert words in str(error.value)
+
+
+LOOP = [(2, 1), (4, 2), (6, 3), (8, 4), (10, 5)]
+
+
+@pytest.mark.parametrize("back", [[(10, 4.5), (6, 2), (1, 0.2)], [(5, 2), (0, 0)] + LOOP])
+def test_of_a_loop_the_first_loading_branch_is_fitted(tmp_path, back):
+    text = KEYS + HEAD + "".join(f"{x};{f}\n" for x, f in LOOP + back)
+    curve = read(tmp_path, text.encode())
+    assert curve.responses[0].values.tolist() == [1, 2, 3, 4, 5]
+    words = "gamma turns back behind row 9: of the loop the loading branch is fitted, rows 5 to 9"
+    assert curve.remarks == (words,)
+
+
+def test_loops_that_grow_are_refused_where_they_turn(tmp_path):
+    text = KEYS + HEAD + "".join(f"{x};{f}\n" for x, f in [*LOOP[:3], (3, 1), *LOOP])
+    with pytest.raises(InputError, match="row 8: gamma is .* after .*; allowed is to rise"):
+        read(tmp_path, text.encode())
+
+
+def strip(force, moved, more=""):
+    head = f"# test: uniaxial_a\n# lateral: free\n# length: 200 mm\n# width: 50 mm\n{more}"
+    return head + "displacement [mm],F [N]\n" + "".join(f"{x},{f}\n" for x, f in zip(moved, force))
+
+
+def slack_strip(more=""):
+    x = np.linspace(0.2, 5, 25).round(1)
+    return strip(np.where(x > 1, 900 * (x - 1) + 100 * (x - 1) ** 2, 0.3), x, more)
+
+
+def test_a_slack_strip_is_refused_with_its_cure(tmp_path):
+    words = "rows 6 to 10: sigma_a is up to .* while displacement reaches 1 mm: the strip is slack"
+    with pytest.raises(InputError, match=words + "; allowed is a line `# slack: 1 mm`"):
+        data.read(folder(tmp_path, strip=slack_strip()))
+
+
+def test_strain_counts_from_the_end_of_the_slack(tmp_path):
+    (curve,) = data.read(folder(tmp_path, strip=slack_strip("# slack: 0,1 cm\n")))[1]
+    assert curve.strains[[0, -1], 0] == pytest.approx([0.001, 0.02])
+    assert curve.rows[0] == 12
+    bias = BIAS.replace("# width", "# slack: 4 deg\n# width")
+    (tmp_path / "strip.csv").write_text(bias)
+    assert data.read(tmp_path)[1][0].strains[0, 2] == pytest.approx(np.radians(6))
+
+
+def test_curves_that_rise_late_are_not_slack(tmp_path):
+    x = np.linspace(0.2, 4, 20)
+    (curve,) = data.read(folder(tmp_path, strip=strip(500 * x**2, x)))[1]
+    assert len(curve.rows) == 20
+
+
+def test_a_toe_of_a_tension_curve_is_named(tmp_path):
+    x = np.linspace(0.2, 4, 20)
+    force = 900 * (x - 0.6 * (1 - np.exp(-x / 0.6)))  # straight but for its crimp
+    sheet, curves = data.read(folder(tmp_path, strip=strip(force, x)))
+    (told,) = (words for words in identify(sheet, curves).warnings if "a toe" in words)
+    assert re.search(r"the first \d points, from 0.1 to .* %, all lie below the fit", told)
+    assert re.search(r"a line `# slack: 0\.\d+ mm` counts the strain from there", told)
+    straight = strip(900 * x, x)
+    assert not any(
+        "toe" in w for w in identify(*data.read(folder(tmp_path, strip=straight))).warnings
+    )
+
+
+def test_angles_beyond_those_that_a_displacement_tells_are_doubted(tmp_path):
+    _, (curve,) = data.read(folder(tmp_path, bias=KEYS + HEAD + POINT + "\n30;2000\n32;2400\n"))
+    (words,) = curve.remarks
+    assert words.startswith("from row 10 on shear angles are above 30 deg by the displacement")
+    assert np.degrees(curve.strains[[-3, -2], 2]) == pytest.approx([23.49, 36.14], abs=0.01)

@@ -1,0 +1,157 @@
+"""Test curves from files: spellings, units, what is written reads back."""
+
+import numpy as np
+import pytest
+from curve_texts import BIAS, FREE, SHEAR, SHEET, UNIAXIAL, folder, scaled
+
+from fabric_fenicsx.identification import curves as data
+from fabric_fenicsx.identification import synthesise
+
+
+def test_a_file_is_read(tmp_path):
+    sheet, (curve,) = data.read(folder(tmp_path, warp=UNIAXIAL))
+    assert sheet == data.Sheet("x", 1.2, 0.6, True)
+    assert (curve.file, curve.test, curve.free, curve.noise, curve.abscissa) == (
+        "warp.csv",
+        "uniaxial_a",
+        None,
+        ("maximum", 0.02),
+        0,
+    )
+    assert curve.strains == pytest.approx(np.outer([0.005, 0.01, 0.015, 0.02, 0.025], [1, 0, 0]))
+    assert curve.rows.tolist() == [6, 7, 9, 10, 11]
+    assert curve.responses[0].values.tolist() == [6.9, 14.5, 22.8, 31.6, 41.1]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        UNIAXIAL.replace(",", ";"),
+        "\ufeff" + UNIAXIAL,
+        UNIAXIAL.replace("\n", "\r\n"),
+        UNIAXIAL.replace("eps_a [%],sigma_a [MPa]", " sigma_a[kPa] , eps_a [ % ]")
+        .replace("0.5,6.9", "6900,0.5")
+        .replace("1,14.5", "14500,1")
+        .replace("1.5,22.8", "22800,1.5")
+        .replace("2,31.6", "31600,2")
+        .replace("2.5,41.1", "41100,2.5"),
+    ],
+)
+def test_spellings_give_the_same_curve(tmp_path, text):
+    _, (curve,) = data.read(folder(tmp_path, warp=text))
+    assert curve.strains[:, 0] == pytest.approx([0.005, 0.01, 0.015, 0.02, 0.025])
+    assert curve.responses[0].values == pytest.approx([6.9, 14.5, 22.8, 31.6, 41.1])
+
+
+def test_written_data_read_back(tmp_path, unbalanced):
+    sheet, curves = synthesise(unbalanced, "all", 0.02)
+    data.write(tmp_path / "new", sheet, curves, ["synthetic"])
+    again, read = data.read(tmp_path / "new")
+    assert again == sheet and {c.file for c in read} == {c.file for c in curves}
+    (pressed,), (made,) = again.compaction, sheet.compaction
+    assert pressed.pressure == pytest.approx(made.pressure, rel=1e-11)
+    assert pressed.response.values == pytest.approx(made.response.values, rel=1e-11)
+    assert pressed.noise == made.noise
+    for one in curves:
+        two = next(c for c in read if c.file == one.file)
+        assert (two.test, two.free, two.noise, two.abscissa) == (
+            one.test,
+            one.free,
+            one.noise,
+            one.abscissa,
+        )
+        assert two.strains == pytest.approx(one.strains, rel=1e-11, abs=0)
+        for r, q in zip(one.responses, two.responses, strict=True):
+            assert (r.column, r.unit) == (q.column, q.unit)
+            assert q.values == pytest.approx(r.values, rel=1e-11)
+
+
+def test_areal_weight_is_a_density(tmp_path):
+    text = SHEET.replace("density_g_per_cm3 = 0.6", "areal_weight_g_per_m2 = 743")
+    sheet = data.read_sheet(folder(tmp_path, text) / "sheet.toml")
+    assert sheet.density == pytest.approx(0.743 / 1.2, rel=1e-14) and sheet.areal_weight == 743
+    text = text.replace("_g_per_m2 = 743", " = 0.743") + '[units]\nareal_weight = "kg/m2"\n'
+    assert data.read_sheet(folder(tmp_path, text) / "sheet.toml") == sheet
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "unit", "factor"),
+    [
+        (FREE, "sigma_a", "N/mm", 1.2),
+        (UNIAXIAL, "sigma_a", "kN/m", 1.2),
+        (SHEAR.replace("F_sh [N/mm]", "tau [MPa]"), "tau", "N/m", 1200.0),
+    ],
+)
+def test_forces_per_width_are_divided_by_the_thickness(tmp_path, text, column, unit, factor):
+    text = text.replace("2 % of maximum", "0.3 MPa")
+    first, second = (tmp_path / name for name in ("first.csv", "second.csv"))
+    first.write_text(text)
+    per_width = scaled(text, factor).replace(f"{column} [MPa]", f"{column} [{unit}]")
+    second.write_text(per_width.replace("0.3 MPa", f"{0.3 * factor} {unit}"))
+    one, two = (data.read_curve(path, 1.2) for path in (first, second))
+    assert two.responses[0].values == pytest.approx(one.responses[0].values, rel=1e-5)
+    assert two.responses[0].unit == "MPa"
+    assert (one.noise is None) == (two.noise is None)
+    assert one.noise is None or two.noise[1] == pytest.approx(one.noise[1])
+
+
+def test_what_a_machine_writes_is_strain_stress_and_shear_angle(tmp_path):
+    """Of a strip 200 mm long and 50 mm wide, and of the bias strip of `BIAS`."""
+    (tmp_path / "plain.csv").write_text(FREE)
+    head = "# length: 20 cm\n# width: 50 mm\ndisplacement [cm],F [kN]\n"
+    raw = "".join(
+        f"{0.2 * e:.6g},{0.06 * s:.6g}\n"
+        for e, s in ((0.5, 6.9), (1, 14.5), (1.5, 22.8), (2, 31.6), (2.5, 41.1))
+    )
+    (tmp_path / "raw.csv").write_text(FREE.split("eps_a")[0] + head + raw)
+    one, two = (data.read_curve(tmp_path / f"{name}.csv", 1.2) for name in ("plain", "raw"))
+    assert two.strains == pytest.approx(one.strains)
+    assert two.responses[0].values == pytest.approx(one.responses[0].values)
+    assert (two.responses[0].column, two.keys) == ("sigma_a", {"length": 200.0, "width": 50.0})
+    gamma = np.radians([10, 20, 30, 35, 40])
+    moved = data.bias_displacement(gamma, 230, 115)
+    assert moved == pytest.approx(115 * (np.sqrt(2) * np.cos(np.pi / 4 - gamma / 2) - 1))
+    text = BIAS.replace("gamma [deg]", "displacement [mm]")
+    for degrees, mm in zip((10, 20, 30, 35, 40), moved):
+        text = text.replace(f"\n{degrees},", f"\n{mm:.9g},")
+    (tmp_path / "bias.csv").write_text(text)
+    curve = data.read_curve(tmp_path / "bias.csv", 1.2)
+    assert curve.strains[:, 2] == pytest.approx(gamma)
+    assert curve.responses[0].values.tolist() == [1, 2, 3, 4, 5]
+
+
+def test_forces_of_a_bias_test_and_normalised_ones_are_each_others_inverse():
+    gamma, force = np.radians([4, 9, 20, 33]), np.array([0.5, 0.7, 1.5, 4.0])
+    normalised = data.bias_normalised(gamma, force, 300, 100)
+    assert data.bias_force(gamma, normalised, 300, 100) == pytest.approx(force, rel=1e-12)
+
+
+def test_a_strip_with_free_sides_needs_no_width(tmp_path):
+    _, (curve,) = data.read(folder(tmp_path, strip=FREE))
+    assert curve.free == 0 and [r.column for r in curve.responses] == ["sigma_a"]
+    with_width = "\n".join(
+        line + ",-2" if line[:1].isdigit() else line for line in FREE.splitlines()
+    )
+    (tmp_path / "strip.csv").write_text(
+        with_width.replace("sigma_a [MPa]", "sigma_a [MPa],eps_b [%]")
+    )
+    (curve,) = data.read(tmp_path)[1]
+    assert curve.free == 0 and [r.column for r in curve.responses] == ["sigma_a", "eps_b"]
+
+
+def test_files_end_in_csv_of_any_case(tmp_path):
+    folder(tmp_path, warp=UNIAXIAL)
+    (tmp_path / "SHEAR.CSV").write_text(SHEAR)
+    assert [curve.file for curve in data.read(tmp_path)[1]] == ["SHEAR.CSV", "warp.csv"]
+
+
+def test_assumed_values(tmp_path):
+    text = (
+        SHEET.replace("true", "false")
+        + "[assumed]\nd_kPa = 900\nc = 20\n[assumed.weft]\nd_MPa = 2\n"
+    )
+    assert data.read_sheet(folder(tmp_path, text) / "sheet.toml").assumed == {
+        "d": 0.9,
+        "c": 20.0,
+        "weft.d": 2.0,
+    }

@@ -1,0 +1,91 @@
+"""Forces that fade: their potential, and what is released on them."""
+
+import numpy as np
+import pytest
+from builders import Elastic, alone, march, near, sheet
+
+from fabric_fenicsx.mechanics.release_forces import FadingForces
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene import output as reports
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.verification.derivatives import check_derivatives
+
+LENGTH, WIDTH, REACH = 40.0, 10.0, 0.3
+pytestmark = pytest.mark.mpi
+
+
+def pulled():
+    """A strip in its plane, stretched by 1 %, and the forces that hold it so."""
+    blank, forces = sheet(LENGTH, WIDTH, 8, 2, "left"), FadingForces(REACH)
+    held = [Support("grip", near(0, 0.0), (0,)), Support("side", near(1, 0.0), (1,))]
+    scene = Scene(blank, [Elastic(), forces], held)
+    x = blank.coordinates()
+    blank.u.x.array[::2] = 0.01 * x[:, 0]
+    scene.accept()
+    scene.residual(scene.u.duplicate())
+    forces.take(scene.forces.array)
+    return scene, forces
+
+
+def test_a_stretched_strip_gives_back_what_it_stored():
+    scene, forces = pulled()
+    stored, states = scene.energies()["strain"], []
+    outcome = march(Newton(scene), 20, on_accept=states.append)
+    assert not outcome.reason and outcome.rejected == 0
+    assert [states[0].energies[kind] for kind in ("strain", "released")] == [stored, 0.0]
+    assert states[-1].energies["strain"] == pytest.approx(0, abs=1e-12 * stored)
+    assert states[-1].energies["released"] == pytest.approx(stored, rel=5e-3)
+    assert {state.external_work for state in states} == {stored}
+    back = reports.nodal_fields(scene)["springback"]
+    assert back[:, 0] == pytest.approx(-0.01 * scene.blank.coordinates()[:, 0], abs=1e-9)
+
+
+def test_they_are_whole_at_the_start_and_gone_in_the_end():
+    scene, forces = pulled()
+    pull = scene.comm.allreduce(abs(forces.applied_forces()).sum())
+    assert forces.remaining() == pytest.approx(pull, rel=0.01)  # nearly all along the length
+    scene.residual(r := scene.u.duplicate())
+    assert r.norm() == 0
+    scene.set_load(0.9)
+    assert forces.remaining() == 0
+    assert scene.force_scale() > 1  # a residual stays small beside what formed the sheet
+
+
+def test_a_reach_is_above_zero():
+    with pytest.raises(
+        InputError, match=r"reach of fading forces \[mm\] is 0.0; allowed is a numb"
+    ):
+        FadingForces(0.0)
+
+
+def test_springs_fade_with_the_forces_and_begin_where_these_were_taken():
+    """All together are as stiff as the sum of the forces over the reach."""
+    scene, forces = pulled()
+    whole, count = forces.remaining(), scene.comm.allreduce(len(forces.tangent()[2]))
+    scene.set_load(0.45)
+    assert forces.tangent()[2] == pytest.approx(whole / (REACH * count / 2) / 2**6)
+    scene.blank.u.x.array[:] += 0.1
+    f = np.zeros_like(scene.blank.u.x.array)
+    forces.add_forces(f)
+    pushed = 0.1 * whole / (REACH * count / 2) - forces.applied_forces()
+    assert f[: len(pushed)] == pytest.approx(pushed / 2**6)
+
+
+def test_forces_are_derivatives():
+    scene, forces = pulled()
+    assert "agree" in check_derivatives(forces, scene, load=0.3)
+
+
+def test_what_was_released_is_remembered_on_any_node():
+    scene, forces = pulled()
+    march(Newton(scene), 10)
+    kept, told = forces.memory(), forces.energies()["released"]
+    other = alone(sheet(LENGTH, WIDTH, 8, 2, "left"), FadingForces(REACH))
+    other.blank.u.x.array[:] = scene.blank.u.x.array
+    other.take(forces.applied_forces())
+    other.set_load(1.0)
+    other.recall(kept)
+    assert other.energies()["released"] == told
+    assert np.array_equal(other.springback(), forces.springback())

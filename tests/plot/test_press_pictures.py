@@ -1,0 +1,159 @@
+"""Pictures of a press: what can be seen in them."""
+
+import builders
+import matplotlib.image
+import numpy as np
+import pytest
+import pyvista
+from matplotlib.colors import to_rgb
+from mpi4py import MPI
+
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.mechanics.contact.tool_contact import Contact
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.plot import press_pictures
+from fabric_fenicsx.results import report, structural
+from fabric_fenicsx.results.fields import FieldSeries
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.sheets.stack import Stack
+from fabric_fenicsx.tools.primitives import Plane, Sphere
+from fabric_fenicsx.tools.tool import Tool
+
+RADIUS = 15.0
+
+
+def blank(plies=("",), comm=MPI.COMM_SELF):
+    """A ply in x, y >= 0, 60 x 40 mm, or a stack of several."""
+    sheets = [builders.sheet(60, 40, 6, 4, comm=comm, spatial=True, a=0.0) for _ in plies]
+    return Stack([(s, 1.0, name) for s, name in zip(sheets, plies)]) if plies[0] else sheets[0]
+
+
+def tools():
+    """A ball below the ply that rises, and a plate above it."""
+    ball = Sphere(RADIUS, centre=(0, 0, -RADIUS - 1))
+    return [
+        Tool(ball, path=(0, 0, 10), name="ball"),
+        Tool(Plane((0, 0, 12), (0, 0, -1)), name="lid"),
+    ]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A folder with four states of a ply that is lifted over the ball, and their table."""
+    folder, sheet, bodies = tmp_path_factory.mktemp("run"), blank(), tools()
+    with builders.compiled_as_it_stands():  # and never run
+        scene = Scene(sheet, [Membrane(load("komeili")), *map(Contact, bodies)])
+    series, x = FieldSeries(folder, scene), sheet.coordinates()
+    rows = ["load,displacement_mm,reaction_N,reaction_of_whole_N"]
+    for at in (0.0, 0.2, 0.6, 1.0):
+        u = np.zeros_like(x)
+        u[:, 2] = 10 * at * np.exp(-(x[:, 0] ** 2 + x[:, 1] ** 2) / 400)
+        sheet.u.x.array[:] = u.ravel()
+        for tool in bodies:
+            tool.at(at)
+        series.write(at)
+        rows.append(f"{at},{10 * at},{123.456 * at},{493.824 * at}")
+    (folder / "history.csv").write_text("\n".join(rows))
+    return folder
+
+
+def pixels(path, colour):
+    """Number of pixels in hues of a colour, in what is drawn in space."""
+    image = matplotlib.image.imread(path)[80:720, :, :3]
+    hue = np.array(to_rgb(colour)) - np.mean(to_rgb(colour))
+    grey = image - image.mean(2, keepdims=True)
+    size = np.linalg.norm(grey, axis=2)
+    return int(((grey @ hue > 0.97 * size * np.linalg.norm(hue)) & (size > 0.05)).sum())
+
+
+def test_the_setup_shows_each_tool_in_its_colour(tmp_path):
+    path = tmp_path / "setup.png"
+    press_pictures.setup_picture(
+        path, press_pictures.flat_grids(blank()), tools(), {"lid": (0, 0, -9)}
+    )
+    assert matplotlib.image.imread(path).shape[:2] == (1200, 1600)
+    ball, lid, none = (pixels(path, colour) for colour in press_pictures.TOOLS[:3])
+    assert ball > 2000 and lid > 100000 and none < 1000
+
+
+@pytest.mark.versions
+def test_a_setup_is_drawn_from_a_folder(tmp_path, run, capfd):
+    first = structural.states(run)[0]
+    press_pictures.setup_picture(tmp_path / "setup.png", first.plies(), first.tools())
+    assert pixels(tmp_path / "setup.png", press_pictures.TOOLS[0]) > 2000
+    assert capfd.readouterr().err == ""
+
+
+def test_tools_of_a_quarter_are_mirrored(run):
+    state = structural.states(run)[-1]
+    plies = {n: press_pictures.surface_of(grid) for n, grid in state.plies().items()}
+    scene = press_pictures._scene(plies, state.tools())
+    assert scene.plies[""].bounds[:4] == pytest.approx((-60, 60, -40, 40))
+    low, high = np.reshape(scene.tools["ball"].bounds, (3, 2)).T
+    assert low[:2] == pytest.approx(-high[:2]) and high[2] == pytest.approx(9, abs=0.1)
+    assert scene.tools["lid"].n_open_edges == 4 * round(scene.tools["lid"].n_open_edges / 4)
+
+
+def test_tools_lie_on_the_sides_of_the_blank_where_they_start(run):
+    state = structural.states(run)[0]
+    plies = {n: press_pictures.surface_of(grid) for n, grid in state.plies().items()}
+    assert press_pictures._scene(plies, state.tools()).above == {"ball": False, "lid": True}
+
+
+def test_the_blank_of_a_stack_before_a_run():
+    grids = press_pictures.flat_grids(blank(("lower", "upper")))
+    assert {name: grid.area for name, grid in grids.items()} == pytest.approx(
+        {"lower": 2400, "upper": 2400}
+    )
+    assert grids["lower"].bounds[4] < grids["upper"].bounds[4]
+
+
+@pytest.mark.mpi
+def test_all_ranks_know_the_whole_blank():
+    (grid,) = press_pictures.flat_grids(blank(comm=MPI.COMM_WORLD)).values()
+    assert grid.area == pytest.approx(2400) and not grid["u"].any()
+
+
+def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        press_pictures, "_strip", lambda path, images, words, limit: seen.append((images, words))
+    )
+    press_pictures.filmstrip(tmp_path / "filmstrip.png", run, loads=(0, 0.5, 1))
+    ((images, words),) = seen
+    assert words == ["stroke 0 mm, 0 N", "stroke 6 mm, 296 N", "stroke 10 mm, 494 N"]
+    assert len({image.shape for image in images}) == 1
+    changed = (abs(images[0].astype(int) - images[2]).max(2) > 30).mean()
+    assert 0.02 < changed < 0.9
+
+
+@pytest.mark.versions
+def test_a_filmstrip_is_drawn(tmp_path, run, capfd):
+    press_pictures.filmstrip(tmp_path / "filmstrip.png", run, captions={1.0: "done"})
+    assert matplotlib.image.imread(tmp_path / "filmstrip.png").shape[1] == 1600
+    assert capfd.readouterr().err == ""
+
+
+def test_a_filmstrip_needs_states(tmp_path):
+    with pytest.raises(InputError, match="has no fields.pvd"):
+        press_pictures.filmstrip(tmp_path / "filmstrip.png", tmp_path)
+
+
+def test_maps_of_formed_plies(tmp_path, run):
+    plies = structural.states(run)[-1].plies()
+    press_pictures.draw_formed(tmp_path, plies)
+    drawn = {file.stem for file in tmp_path.iterdir()}
+    assert {"shortening", "outline"} <= drawn <= {"thickness", "shortening", "outline"}
+    assert drawn <= set(report.CAPTIONS)
+
+
+def test_a_report_shows_the_setup_first():
+    order = list(report.CAPTIONS)
+    assert order[:4] == ["setup", "curve", "filmstrip", "maps"]
+
+
+def test_a_surface_on_both_sides_of_a_mirror_is_cut_there():
+    plane = pyvista.Plane(i_size=30, j_size=10, i_resolution=3, j_resolution=3).triangulate()
+    plane = press_pictures.mirrored(plane.translate((5.0, 0, 0)), [0])
+    assert plane.bounds[:2] == pytest.approx((-20, 20)) and plane.area == pytest.approx(400)
