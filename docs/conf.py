@@ -17,12 +17,7 @@ import fabric_fenicsx  # noqa: E402
 project = "fabric_fenicsx"
 author = "The fabric_fenicsx authors"
 version = release = fabric_fenicsx.__version__
-extensions = [
-    "myst_parser",
-    "sphinx.ext.autodoc",
-    "sphinx.ext.autosummary",
-    "sphinx_design",
-]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx_design"]
 exclude_patterns = ["examples/*.md"]
 templates_path = ["templates"]
 myst_enable_extensions = ["dollarmath", "amsmath", "colon_fence", "deflist"]

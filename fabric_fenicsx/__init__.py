@@ -50,12 +50,7 @@ if TYPE_CHECKING:
     from .mechanics.contact.sheet_contact import SheetContact
     from .mechanics.contact.tool_contact import Contact
     from .mechanics.load import DeadPressure, EdgeTension
-    from .mechanics.output import (
-        Value,
-        largest,
-        least,
-        total,
-    )
+    from .mechanics.output import Value, largest, least, total
     from .mechanics.shell.bending import Bending
     from .mechanics.shell.membrane import Membrane
     from .mechanics.shell.metal import SheetMetal
@@ -63,33 +58,14 @@ if TYPE_CHECKING:
     from .mechanics.term import Term
     from .runtime.errors import InputError, Interrupted, SolverFailure
     from .scene.scene import Scene
-    from .scene.supports import (
-        Support,
-        clamped_ends,
-        frame,
-        rolling_ends,
-    )
+    from .scene.supports import Support, clamped_ends, frame, rolling_ends
     from .sheets.blank import Blank
     from .sheets.stack import Stack
     from .solve.limits import Limits
     from .tools.double_dome import DoubleDome
     from .tools.implicit import ImplicitSurface
-    from .tools.primitives import (
-        Block,
-        Cylinder,
-        Plane,
-        Plate,
-        Sphere,
-        Torus,
-    )
-    from .tools.surfaces import (
-        Flipped,
-        Nearest,
-        Offset,
-        Reversed,
-        Surface,
-        Turned,
-    )
+    from .tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
+    from .tools.surfaces import Flipped, Nearest, Offset, Reversed, Surface, Turned
     from .tools.tool import Tool
     from .tools.triangulated import TriangulatedSurface
     from .verification.derivatives import check_derivatives

@@ -43,11 +43,7 @@ def main(study):
         material=fabric.name,
         couplings=sorted(fabric.couplings),
         kernel_mismatch=difference,
-        quantities={
-            "states_per_map": len(e) ** 2,
-            "thresholds": rows,
-            "share_of_map_lost": shares,
-        },
+        quantities={"states_per_map": len(e) ** 2, "thresholds": rows, "share_of_map_lost": shares},
     )
     study.write_table(folder / "thresholds.csv", rows)
     if study.comm.rank == 0 and not args.no_pictures:

@@ -100,12 +100,7 @@ FULL = [
     ),
     *varied("integration", **INNER, pattern_nx=REDUCED_NX),
     *varied(
-        "integration",
-        **INNER,
-        pattern="unstructured",
-        nx=[33, 50],
-        steps=15,
-        path_tolerance=1e-2,
+        "integration", **INNER, pattern="unstructured", nx=[33, 50], steps=15, path_tolerance=1e-2
     ),
     *varied("integration", **INNER, pattern="unstructured", nx=50, steps=20, path_tolerance=1e-3),
     *varied("steps", steps=[1, 5, 10, 40]),

@@ -56,10 +56,7 @@ def shear_angles(flat: np.ndarray, formed: np.ndarray, angle: float) -> np.ndarr
 
 
 def compare_formed(
-    folder: Path,
-    angle: float,
-    grid: "pyvista.UnstructuredGrid",
-    rows: Sequence[Mapping[str, Any]],
+    folder: Path, angle: float, grid: "pyvista.UnstructuredGrid", rows: Sequence[Mapping[str, Any]]
 ) -> dict[str, float]:
     """How a formed ply and OpenRadioss' differ, with what is compared.
 

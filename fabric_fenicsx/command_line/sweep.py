@@ -11,12 +11,7 @@ from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
 from ..sweep.folder import SweepFolder, read_press
 from ..sweep.processes import Form, Runner
-from .options import (
-    HelpFormatter,
-    Parser,
-    exit_status,
-    option_type,
-)
+from .options import HelpFormatter, Parser, exit_status, option_type
 
 NAME = "fabric sweep"
 DESCRIPTION = (

@@ -9,12 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 from mpi4py import MPI
 
-from ..identification.curves import (
-    Curve,
-    bias_displacement,
-    bias_force,
-    bias_normalised,
-)
+from ..identification.curves import Curve, bias_displacement, bias_force, bias_normalised
 from ..job.job import Result
 from ..mechanics.shell.bending import Bending
 from ..meshes.specimen import PATTERNS, can_be_graded
@@ -61,9 +56,7 @@ class BiasExtension(StripTest):
     )
     bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
     in_plane_bending: float = number(
-        0.0,
-        FROM_ZERO,
-        "stiffness of yarns against bending within the sheet, over that out of it",
+        0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
     )
 
     def prepare(self) -> None:

@@ -122,9 +122,6 @@ class PictureFrame(Scenario):
         angles, forces = np.array([self.shear_force(row) for row in rows]).T
         gamma = np.linspace(0, math.radians(self.angle), 200)
         exact = self.closed_form(self.pre_tension, gamma)
-        series = {
-            "elements": (angles, forces, "o"),
-            "closed form": (np.degrees(gamma), exact, "-"),
-        }
+        series = {"elements": (angles, forces, "o"), "closed form": (np.degrees(gamma), exact, "-")}
         labels = "shear angle / deg", "normalised shear force / (N/mm)"
         pictures.curves(folder / "shear_force.png", series, *labels)

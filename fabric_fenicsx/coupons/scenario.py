@@ -20,20 +20,8 @@ from ..meshes.specimen import PATTERNS
 from ..results.curve import Curves
 from ..runtime import timing
 from ..runtime.errors import InputError
-from ..runtime.fields import (
-    check_fields,
-    choice,
-    declared,
-    number,
-    text,
-)
-from ..runtime.rules import (
-    BELOW_180,
-    COUNT,
-    FINITE,
-    POSITIVE,
-    unknown_key,
-)
+from ..runtime.fields import check_fields, choice, declared, number, text
+from ..runtime.rules import BELOW_180, COUNT, FINITE, POSITIVE, unknown_key
 from ..scene.scene import Scene
 from ..scene.supports import Supports
 from ..sheets.blank import Blank

@@ -55,10 +55,7 @@ class BetweenTools(Scenario):
         None, POSITIVE, "of the whole ply, along y (270, or the mesh's) [mm]", "ply"
     )
     full: bool = switch("model the whole ply, not a quarter", "ply")
-    centred: bool = switch(
-        "put the centre of an outline at the origin, under the punch",
-        "ply",
-    )
+    centred: bool = switch("put the centre of an outline at the origin, under the punch", "ply")
     bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]", "ply")
     twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the ply [MPa]", "ply")
     in_plane_bending: float = number(
@@ -75,10 +72,7 @@ class BetweenTools(Scenario):
     )
     friction: float = number(0.25, FROM_ZERO, "coefficient between ply and tools", "tools")
     metal_friction: float = number(
-        TOOL_METAL_FRICTION,
-        FROM_ZERO,
-        "coefficient between a stack's metal and tools",
-        "tools",
+        TOOL_METAL_FRICTION, FROM_ZERO, "coefficient between a stack's metal and tools", "tools"
     )
     slip: float = number(0.1, POSITIVE, "how far a sticking ply may slip [mm]", "tools")
     lag: float = number(

@@ -17,15 +17,7 @@ from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, number
-from ..runtime.rules import (
-    BELOW_180,
-    COUNT,
-    FINITE,
-    FROM_ZERO,
-    POSITIVE,
-    shown,
-    unknown_key,
-)
+from ..runtime.rules import BELOW_180, COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..sheets.blank import Blank
 from ..sheets.layout import OF_OUTLINES, Layout, blank_options
 

@@ -25,12 +25,7 @@ from ..tools.tool import Tool
 from . import holding
 from .between_tools import BetweenTools
 from .flange import Flange
-from .holding import (
-    ForceHolder,
-    GapHolder,
-    Holder,
-    PressureHolder,
-)
+from .holding import ForceHolder, GapHolder, Holder, PressureHolder
 from .press_checks import check_clearances, symmetry_warnings
 from .press_tools import DieOf, Placement, PressTool
 from .punch import PRESSED, clearance_of

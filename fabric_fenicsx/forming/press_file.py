@@ -13,23 +13,9 @@ from ..material.presets import load
 from ..runtime.errors import InputError
 from ..runtime.rules import check_complete, shown, unknown_key
 from ..tools.double_dome import DoubleDome
-from ..tools.primitives import (
-    Block,
-    Cylinder,
-    Plane,
-    Plate,
-    Sphere,
-    Torus,
-)
+from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
 from ..tools.surfaces import Surface, Turned
-from .holding import (
-    ForceHolder,
-    GapHolder,
-    Grippers,
-    Holder,
-    PressureHolder,
-    SpringHolder,
-)
+from .holding import ForceHolder, GapHolder, Grippers, Holder, PressureHolder, SpringHolder
 from .plies import plies_of
 from .press_tools import DieOf, PressTool
 from .regions import EDGES, region

@@ -8,14 +8,7 @@ import numpy as np
 
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, number
-from ..runtime.rules import (
-    COUNT,
-    FINITE,
-    FROM_ZERO,
-    POSITIVE,
-    shown,
-    unknown_key,
-)
+from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..tools.values import checked_vector
 
 PICTURES = 6  # of a filmstrip

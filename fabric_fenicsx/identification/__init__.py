@@ -28,12 +28,7 @@ from .parameter import Assumed, Determined
 from .pictures import draw
 from .problem import true_values
 from .result import Identification
-from .synthetic import (
-    PLANS,
-    coverage,
-    synthesise,
-    synthesise_compaction,
-)
+from .synthetic import PLANS, coverage, synthesise, synthesise_compaction
 
 __all__ = [
     "PLANS",

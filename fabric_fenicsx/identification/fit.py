@@ -8,26 +8,13 @@ import numpy as np
 from scipy import stats
 
 from ..material.homogeneous import nominal
-from ..material.laws.coupled import (
-    SHEAR,
-    YARN,
-    WovenFabric,
-    Yarn,
-)
+from ..material.laws.coupled import SHEAR, YARN, WovenFabric, Yarn
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from .compaction import fit_compaction
 from .curves import Curve, Sheet, unit_warnings
 from .parameter import Assumed, Determined
-from .problem import (
-    DEFAULTS,
-    NOISE,
-    NotConverged,
-    Problem,
-    base,
-    true_values,
-    unit_of,
-)
+from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of
 from .result import Identification
 from .toe import toe_warning
 

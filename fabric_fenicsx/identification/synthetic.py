@@ -10,12 +10,7 @@ from ..material.compaction import Compaction
 from ..material.homogeneous import lateral_strain, nominal
 from ..material.laws.coupled import WovenFabric
 from . import curves as data
-from .curves import (
-    CompactionTest,
-    Curve,
-    Response,
-    Sheet,
-)
+from .curves import CompactionTest, Curve, Response, Sheet
 from .fit import identify
 from .problem import true_values
 
@@ -111,11 +106,7 @@ def synthesise(
             )
         )
     sheet = Sheet(
-        fabric.name,
-        fabric.thickness,
-        fabric.density,
-        balanced,
-        fibre_density=fabric.fibre_density,
+        fabric.name, fabric.thickness, fabric.density, balanced, fibre_density=fabric.fibre_density
     )
     if plan == "all" and fabric.compaction:
         pressed = synthesise_compaction(sheet, fabric.compaction, noise, seed, points)

@@ -12,12 +12,7 @@ from tqdm import tqdm
 from .. import dolfinx_compat as compat
 from ..mechanics.protocols import Prestressed
 from ..results.curve import default_measure
-from ..results.history import (
-    ENERGIES,
-    History,
-    energy_balance,
-    viscous_words,
-)
+from ..results.history import ENERGIES, History, energy_balance, viscous_words
 from ..results.output import Output
 from ..results.result import Result
 from ..runtime import timing

@@ -8,12 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.rules import (
-    Rule,
-    above_zero,
-    check_complete,
-    shown,
-)
+from ..runtime.rules import Rule, above_zero, check_complete, shown
 from .files import read_numbers
 from .parameters import Parameters
 

@@ -8,12 +8,7 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
 from . import functions
-from .functions import (
-    negative,
-    positive,
-    sqrt,
-    where,
-)
+from .functions import negative, positive, sqrt, where
 from .laws import Law
 from .strains import nominal_strain, shear_angle
 

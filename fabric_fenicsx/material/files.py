@@ -10,12 +10,7 @@ from typing import Any
 
 from ..readers.units import check_unit, power_of_key, suffixes
 from ..runtime.errors import InputError
-from ..runtime.rules import (
-    Rule,
-    above_zero,
-    shown,
-    unknown_key,
-)
+from ..runtime.rules import Rule, above_zero, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
 FIBRES = {"fibre_density": above_zero("density")}

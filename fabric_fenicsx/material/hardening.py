@@ -69,11 +69,7 @@ class Swift(Hardening):
     plasticity."""
 
     law = "swift"
-    rules = {
-        "K": above_zero("stress"),
-        "eps0": above_zero(),
-        "n": fraction(),
-    }
+    rules = {"K": above_zero("stress"), "eps0": above_zero(), "n": fraction()}
 
     K: float
     eps0: float

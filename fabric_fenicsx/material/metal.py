@@ -9,19 +9,8 @@ from typing import Any, ClassVar, Self
 
 from ..readers.units import UNITS
 from ..runtime.errors import InputError
-from ..runtime.rules import (
-    Rule,
-    above_zero,
-    check_complete,
-    did_you_mean,
-    shown,
-)
-from .files import (
-    SHEET,
-    read_sheet_numbers,
-    take_table,
-    take_units,
-)
+from ..runtime.rules import Rule, above_zero, check_complete, did_you_mean, shown
+from .files import SHEET, read_sheet_numbers, take_table, take_units
 from .hardening import Hardening, Swift, hardening_from
 from .laws.base import Material
 

@@ -10,12 +10,7 @@ from mpi4py import MPI
 
 from ..runtime.errors import InputError
 from ..sheets.blank import Part
-from .protocols import (
-    TellsCells,
-    TellsHistory,
-    TellsNodes,
-    TellsSummary,
-)
+from .protocols import TellsCells, TellsHistory, TellsNodes, TellsSummary
 from .term import Term
 
 # method of terms: the role that has it, what it gives, and where that is told

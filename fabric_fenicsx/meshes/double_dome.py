@@ -349,9 +349,7 @@ def main() -> None:
         "--size", type=float, help="of the edges where it is flat [mm], 10 by default"
     )
     parser.add_argument(
-        "--turn",
-        type=float,
-        help="of the normal along an edge on roundings [deg], 10 by default",
+        "--turn", type=float, help="of the normal along an edge on roundings [deg], 10 by default"
     )
     parser.add_argument("--quarter", action="store_true", help="only x >= 0, y >= 0")
     parser.add_argument(

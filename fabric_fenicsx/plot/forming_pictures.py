@@ -18,25 +18,10 @@ from matplotlib.patches import Patch
 from scipy.spatial import cKDTree
 from vtkmodules.vtkCommonCore import vtkLogger
 
-from ..results.forming import (
-    File,
-    Outline,
-    Path,
-    outline,
-)
-from ..results.ply import (
-    Grid,
-    plan_area,
-    ply_of,
-    whole,
-)
+from ..results.forming import File, Outline, Path, outline
+from ..results.ply import Grid, plan_area, ply_of, whole
 from ..runtime.errors import InputError
-from .pictures import (
-    SHOWN,
-    cells_range,
-    colour_scale,
-    plt,
-)
+from .pictures import SHOWN, cells_range, colour_scale, plt
 
 STATES = {  # strain_state -> what it is, colour
     1: ("both in tension", "#3b6fb6"),
@@ -51,9 +36,7 @@ YARN = "yarn_coordinate"  # how fields at points begin that tell the distance ac
 
 
 def paths_picture(
-    path: File,
-    runs: Mapping[str, Mapping[float, Path]],
-    marks: Mapping[str, Any] | None = None,
+    path: File, runs: Mapping[str, Mapping[float, Path]], marks: Mapping[str, Any] | None = None
 ) -> None:
     """Strains and shear angle over the distance on the flat ply, a row a path, of runs {label:
     `along_paths`}.

@@ -23,15 +23,7 @@ from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from ..tools.tool import Tool
 from . import forming_pictures, pictures
-from .forming_pictures import (
-    COLOURS,
-    SCREEN,
-    cut_away,
-    draw_ply,
-    draw_yarns,
-    drawing,
-    surface_of,
-)
+from .forming_pictures import COLOURS, SCREEN, cut_away, draw_ply, draw_yarns, drawing, surface_of
 from .pictures import plt
 
 TOOLS = ("#3b6fb6", "#d9822b", "#5aa469", "#8e5ea2", "#b83a3a", "#6b7a8f")

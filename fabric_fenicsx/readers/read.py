@@ -11,22 +11,13 @@ from tempfile import TemporaryFile
 
 from ..runtime.errors import InputError
 from .abaqus import read_abaqus
-from .libraries import (
-    NotMine,
-    by_dolfinx,
-    by_gmsh,
-    by_meshio,
-    by_pyvista,
-)
+from .libraries import NotMine, by_dolfinx, by_gmsh, by_meshio, by_pyvista
 from .nastran import ENDINGS, check_coordinate_systems
 from .stl import read_stl
 from .surface_mesh import SurfaceMesh
 
 Reader = Callable[[Path], SurfaceMesh]
-OWN: dict[str, tuple[str, Reader]] = {
-    ".stl": ("STL", read_stl),
-    ".inp": ("Abaqus", read_abaqus),
-}
+OWN: dict[str, tuple[str, Reader]] = {".stl": ("STL", read_stl), ".inp": ("Abaqus", read_abaqus)}
 LIBRARIES: tuple[tuple[str, Reader], ...] = (
     ("meshio", by_meshio),
     ("gmsh", by_gmsh),

@@ -31,10 +31,7 @@ class SurfaceMesh(NamedTuple):
 
     @classmethod
     def collected(
-        cls,
-        points: np.ndarray,
-        blocks: Iterable[tuple[str, np.ndarray]],
-        others: Mapping[str, int],
+        cls, points: np.ndarray, blocks: Iterable[tuple[str, np.ndarray]], others: Mapping[str, int]
     ) -> Self:
         """The mesh of points (n, 2 or 3) and blocks (kind, (m, k)), which may share kinds. Cells
         that are there again with the same nodes, as gmsh writes them for each group, are left out.

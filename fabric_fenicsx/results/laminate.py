@@ -76,11 +76,7 @@ def _first(s, holds):
 
 
 def draw(
-    folder: Path,
-    runs: Mapping[str, Mapping[str, Grid]],
-    middle: str,
-    metal: str,
-    punch: Tool,
+    folder: Path, runs: Mapping[str, Mapping[str, Grid]], middle: str, metal: str, punch: Tool
 ) -> None:
     """The middle ply of runs {label: {name of a sheet: grid}}: strain states and shear angle with
     the metal's contour, and strains along the paths of `ANGLES`; pressure and sliding of all."""

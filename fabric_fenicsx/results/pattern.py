@@ -17,14 +17,7 @@ from ..meshes.rings import joined, sheet_of
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..runtime.formatting import coordinates, rounded
-from .ply import (
-    SAME,
-    Grid,
-    Ply,
-    plan_area,
-    ply_of,
-    whole,
-)
+from .ply import SAME, Grid, Ply, plan_area, ply_of, whole
 
 FINE = 0.1  # spacing of points on a trim line, over the mean edge of the ply's cells
 STRAIGHT = 1e-4  # of that edge, distance from a line within which points are left out of it

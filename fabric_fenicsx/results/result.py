@@ -221,9 +221,7 @@ class Result:
             structural.export(self.grids, path)
 
 
-def of_fabric(
-    grids: Mapping[str, pyvista.UnstructuredGrid],
-) -> dict[str, pyvista.UnstructuredGrid]:
+def of_fabric(grids: Mapping[str, pyvista.UnstructuredGrid]) -> dict[str, pyvista.UnstructuredGrid]:
     """Those {name: grid} that have yarns."""
     return {name: grid for name, grid in grids.items() if "shear_angle" in grid.cell_data}
 

@@ -7,13 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from ..mechanics.output import Fields, told
-from ..mechanics.protocols import (
-    Penetrated,
-    Pressing,
-    Strained,
-    Touching,
-    Warns,
-)
+from ..mechanics.protocols import Penetrated, Pressing, Strained, Touching, Warns
 from ..mechanics.shell.mesh_warnings import locking_warning
 from ..tools.tool import Tool
 from .scene import Scene

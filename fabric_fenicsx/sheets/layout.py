@@ -5,12 +5,7 @@ from typing import Any, TypedDict
 
 import numpy as np
 
-from ..runtime.rules import (
-    BELOW_180,
-    FINITE,
-    Rule,
-    unknown_key,
-)
+from ..runtime.rules import BELOW_180, FINITE, Rule, unknown_key
 
 OF_OUTLINES = "size", "layer", "centred"  # what is said of a sheet with an outline alone
 FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)

@@ -9,12 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
-from .cells import (
-    CELLS,
-    at_place,
-    check_shapes,
-    one_sense,
-)
+from .cells import CELLS, at_place, check_shapes, one_sense
 
 # cosine of the angle between two cells at their edge below which one lies on the other
 FOLDED = np.cos(np.radians(10))

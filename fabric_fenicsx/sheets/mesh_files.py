@@ -9,12 +9,7 @@ from mpi4py import MPI
 
 from ..readers.read import READ, read_surface_mesh
 from ..runtime.errors import InputError
-from .cells import (
-    CELLS,
-    HIGHER,
-    straight_cells,
-    with_centres,
-)
+from .cells import CELLS, HIGHER, straight_cells, with_centres
 from .mesh_checks import MeshArrays
 
 GEOMETRY = (".geo", ".step", ".stp", ".iges", ".igs", ".brep")  # what gmsh makes meshes of

@@ -9,14 +9,7 @@ import numpy as np
 from ..runtime.errors import InputError, SolverFailure
 from ..runtime.formatting import rounded
 from .folder import Run
-from .varied import (
-    Range,
-    Values,
-    is_wide,
-    number,
-    short_names,
-    spelled,
-)
+from .varied import Range, Values, is_wide, number, short_names, spelled
 
 EVALUATIONS = 12  # for each number
 FINE = 0.005  # of a range, below which the place of the least value is found

@@ -18,12 +18,7 @@ from ..runtime.errors import NOT_BELIEVED
 from ..runtime.files import replace_file
 from ..runtime.formatting import rounded
 from .folder import Run, SweepFolder
-from .varied import (
-    is_wide,
-    label,
-    number,
-    short_names,
-)
+from .varied import is_wide, label, number, short_names
 
 # what a person looks at first, where a run has it
 HEADLINES = {

@@ -9,13 +9,7 @@ from numpy.typing import ArrayLike
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from .implicit import ImplicitSurface
-from .surfaces import (
-    Flipped,
-    Offset,
-    Reversed,
-    Surface,
-    Turned,
-)
+from .surfaces import Flipped, Offset, Reversed, Surface, Turned
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 

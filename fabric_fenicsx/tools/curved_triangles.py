@@ -6,13 +6,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 
-from .facets import (
-    LAST,
-    NEXT,
-    corner_normals,
-    facet_normals,
-    topology,
-)
+from .facets import LAST, NEXT, corner_normals, facet_normals, topology
 from .patches import curved
 
 FLAT = 1e-6  # distance from a plane of what lies in it, over the largest coordinate

@@ -8,12 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.rules import (
-    FROM_ZERO,
-    POSITIVE,
-    Rule,
-    did_you_mean,
-)
+from ..runtime.rules import FROM_ZERO, POSITIVE, Rule, did_you_mean
 from . import dome_equation as equation
 from .implicit import ImplicitSurface
 

@@ -12,13 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.compiled import compiled
-from .facets import (
-    LAST,
-    NEXT,
-    Corners,
-    Topology,
-    facet_normals,
-)
+from .facets import LAST, NEXT, Corners, Topology, facet_normals
 
 
 class Patches(NamedTuple):

@@ -148,8 +148,7 @@ class Plate(Surface):
         half = min(self.length, self.width) / 2
         corner = half if width is None else 0.0 if corner is None else corner
         self.corner = Rule(
-            f"a number from 0 to {half:g}, half the opening",
-            lambda v: 0 <= v <= half * (1 + 1e-12),
+            f"a number from 0 to {half:g}, half the opening", lambda v: 0 <= v <= half * (1 + 1e-12)
         ).check("corner", corner)
         self.entry = FROM_ZERO.check("entry", entry)
         self.centre = checked_vector("centre", centre)

@@ -7,13 +7,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..runtime.formatting import coordinates, rounded
 from .checks import UNITS
-from .surfaces import (
-    Flipped,
-    Offset,
-    Reversed,
-    Surface,
-    Turned,
-)
+from .surfaces import Flipped, Offset, Reversed, Surface, Turned
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 

@@ -10,12 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
-from .facets import (
-    LAST,
-    NEXT,
-    facet_normals,
-    topology,
-)
+from .facets import LAST, NEXT, facet_normals, topology
 from .values import checked_points
 
 SAME = 2e-7  # distance of points that are one, over the largest coordinate: files have singles

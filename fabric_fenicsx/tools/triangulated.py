@@ -72,11 +72,7 @@ class TriangulatedSurface(Surface):
         across, sharp = curved.across, curved.vertices.sharp
         self.rim, self.forks, self.sharp = (
             curved.ends(which)
-            for which in (
-                across.sharing == 1,
-                across.sharing > 2,
-                sharp & (across.triangle >= 0),
-            )
+            for which in (across.sharing == 1, across.sharing > 2, sharp & (across.triangle >= 0))
         )
         self.radii = least_radii(curved)
         self._search, self._projection = ClosestTriangles(curved), Projection(curved)

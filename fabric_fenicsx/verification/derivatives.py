@@ -14,12 +14,7 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..material.laws import Law
 from ..mechanics.assembly import triplets, variations
-from ..mechanics.protocols import (
-    DrivenByForce,
-    Remembers,
-    RemembersCells,
-    StoresKinds,
-)
+from ..mechanics.protocols import DrivenByForce, Remembers, RemembersCells, StoresKinds
 from ..mechanics.term import Term
 from ..mechanics.term_checks import check_answers
 from ..mechanics.triplets import TripletPlaces

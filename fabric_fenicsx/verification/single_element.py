@@ -32,11 +32,7 @@ PANELS = {
         ("constrained uniaxial a", 1, "a"),
         (FREE, 0, "a"),
     ),
-    "(b) biaxial": (
-        ("equibiaxial", 0, "a"),
-        ("biaxial 2:1", 0, "a"),
-        ("biaxial 1:2", 0, "a"),
-    ),
+    "(b) biaxial": (("equibiaxial", 0, "a"), ("biaxial 2:1", 0, "a"), ("biaxial 1:2", 0, "a")),
     "(c) compression": (("in-plane compression", 0, "a"), ("in-plane compression", 1, "a")),
     "(d) shear": (
         ("shear, 1 % pre-tension", 2, "g"),

@@ -4,13 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bench.explicit_code import (
-    bias_curve,
-    check_angle,
-    formed_places,
-    punch_force,
-    shear_angles,
-)
+from bench.explicit_code import bias_curve, check_angle, formed_places, punch_force, shear_angles
 
 import fabric_fenicsx as ff
 

@@ -50,11 +50,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
             {"fibre_angle": 400},
             "`fibre_angle` is 400.0; allowed is an angle from -360 to 360 deg",
         ),
-        (
-            ff.Forming,
-            {"holdr": 1},
-            "field `holdr` of Forming is unknown (did you ",
-        ),
+        (ff.Forming, {"holdr": 1}, "field `holdr` of Forming is unknown (did you "),
         (
             ff.Tensile,
             {"fiber_angle": 1},
@@ -203,9 +199,7 @@ def test_numbers_that_speak_of_another_unit_are_doubted(fields, words):
 
 @pytest.mark.parametrize(
     "fields, words",
-    [
-        ({"punch": "punch.stl", "dome": {"depth": 50}}, "`dome` is given beside `punch`"),
-    ],
+    [({"punch": "punch.stl", "dome": {"depth": 50}}, "`dome` is given beside `punch`")],
 )
 def test_fields_that_nothing_would_use_are_refused(fields, words):
     with pytest.raises(ff.InputError, match=words):

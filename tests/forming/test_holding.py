@@ -187,10 +187,7 @@ def test_a_holder_of_ones_own():
                 (lambda self, press: None, "gives None; allowed is a list of one or more terms"),
                 (lambda self, press: [], r"gives \[\]; allowed is a list"),
                 (lambda self, press: press.contact(press.die), "gives one `Contact`; allowed is a"),
-                (
-                    lambda self: [],
-                    r"can't be called with a `Rim` \(too many .*terms\(self, rim",
-                ),
+                (lambda self: [], r"can't be called with a `Rim` \(too many .*terms\(self, rim"),
             )
         ],
     ],

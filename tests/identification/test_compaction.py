@@ -142,10 +142,7 @@ H = [0.4, 0.36, 0.32, 0.28]
     ("text", "words"),
     [
         (text_of(P[:3], H[:3]), "row 5: the file ends after 3 points; allowed is 4 or more"),
-        (
-            text_of(P[::-1], H),
-            "row 4: pressure is 0.1 MPa after 1 MPa; allowed is to",
-        ),
+        (text_of(P[::-1], H), "row 4: pressure is 0.1 MPa after 1 MPa; allowed is to"),
         (
             text_of([*P, 0.5, 2], [*H, 0.3, 0.2]),
             "row 7: pressure is 0.5 MPa after 1 MPa; allowed is",
@@ -162,10 +159,7 @@ H = [0.4, 0.36, 0.32, 0.28]
         (text_of(P, H, "thickness [kPa]"), "unit [kPa] of column thickness is unknown"),
         (text_of(P, H, "gap [mm]"), "column 'gap' is unknown"),
         (text_of(P, H, unit="N/mm"), "unit [N/mm] of column pressure is unknown"),
-        (
-            text_of(P, H, head="# width: 50 mm\n"),
-            "key width does not belong to the test",
-        ),
+        (text_of(P, H, head="# width: 50 mm\n"), "key width does not belong to the test"),
         (text_of(P, H, head="# noise: 2 % of value\n# noise: 1\n"), "the key noise is repeated"),
         (
             "# test: compaction\npressure [MPa],thickness [mm],fibre_volume_fraction [-]\n"

@@ -260,10 +260,7 @@ def test_stress_free_state():
         ({"stretch": np.full((2, 2), np.nan)}, "point 0"),
         ({"gradient": np.stack([np.eye(2), np.diag([1.0, -1.0])])}, "point 1"),
         ({"stretch": np.eye(2), "weave_angle": 0.0}, "above 0 and below pi"),
-        (
-            {"stretch": np.eye(2), "weave_angle": 90.0},
-            r"`weave_angle` \[rad\] is 90.0; allowed",
-        ),
+        ({"stretch": np.eye(2), "weave_angle": 90.0}, r"`weave_angle` \[rad\] is 90.0; allowed"),
     ],
 )
 def test_bad_input_is_named(arguments, words):

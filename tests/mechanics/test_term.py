@@ -120,9 +120,7 @@ def test_what_the_scene_knows_is_not_asked_twice():
     contact, bending = Contact(ball), Bending(modulus=100.0, twist_modulus=1.0)
     flat, t = Contact(table), KOMEILI.thickness
     scene = Scene(
-        blank,
-        [bending, flat, contact, Membrane(KOMEILI)],
-        [Support("all", everywhere, (0,))],
+        blank, [bending, flat, contact, Membrane(KOMEILI)], [Support("all", everywhere, (0,))]
     )
     assert (contact.thickness == KOMEILI.thickness_under(0.0)).all()
     assert (flat.thickness == contact.thickness).all()

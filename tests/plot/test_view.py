@@ -73,8 +73,7 @@ def test_another_state_takes_the_place_of_the_one_shown(run):
 
 
 @pytest.mark.parametrize(
-    "field, least, largest",
-    [(None, 0.0, np.degrees(0.5)), ("thickness_under_pressure", 0.3, 0.3)],
+    "field, least, largest", [(None, 0.0, np.degrees(0.5)), ("thickness_under_pressure", 0.3, 0.3)]
 )
 def test_colours_are_those_of_the_last_state(run, field, least, largest):
     with drawing() as plotter:

@@ -69,11 +69,7 @@ def test_forms_are_compiled_without_a_home(tmp_path, hang, before):
     for name in PLACES[1:]:
         places.pop(name, None)
     done = subprocess.run(
-        [sys.executable, "-c", words],
-        env=places,
-        capture_output=True,
-        text=True,
-        timeout=hang,
+        [sys.executable, "-c", words], env=places, capture_output=True, text=True, timeout=hang
     )
     assert done.returncode == 0, done.stderr
     assert list(tmp_path.glob("fabric_fenicsx_*/fenics/*.so"))

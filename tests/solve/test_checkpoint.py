@@ -80,11 +80,7 @@ def test_lips_of_a_slit_are_not_mixed_up(shared_path, degree, spatial, alone):
     expected = progress(blank)
     found, notes = Checkpoint(shared_path / "c.npz", blank, {"a": 1}).load(expected.memory)
     assert notes == {"n": [1]}
-    assert (found.load, found.accepted, found.solver) == (
-        0.25,
-        3,
-        {"shift": 0.5},
-    )
+    assert (found.load, found.accepted, found.solver) == (0.25, 3, {"shift": 0.5})
     assert COMM.allreduce(int((known(blank) >= LIP).sum())) == {1: 3, 2: 7, 3: 11}[degree]
     for mine, other in ((found.x, expected.x), (found.previous, expected.previous)):
         assert np.allclose(mine.array, other.array, rtol=0, atol=1e-9)

@@ -143,10 +143,7 @@ def test_a_weft_of_which_nothing_is_known_is_refused(launch, strip_data, tmp_pat
             ("--data", ".", "--out", "x.json"),
             "--out is x.json; allowed is a file that ends in .toml",
         ),
-        (
-            ("--data", ".", "--nose", "1"),
-            "option --nose is unknown (did you mean --noise?)",
-        ),
+        (("--data", ".", "--nose", "1"), "option --nose is unknown (did you mean --noise?)"),
         (
             ("--data", "x", "--synthesize", "nylon"),
             "material 'nylon' is unknown; allowed is a preset",

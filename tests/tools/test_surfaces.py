@@ -486,10 +486,7 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
             "ring is 5; allowed is a number above the tube's radius 6",
         ),
         (lambda: Plate(0), "length is 0; allowed is a number above 0"),
-        (
-            lambda: Plate(9, 4, 3),
-            "corner is 3; allowed is a number from 0 to 2, half the opening",
-        ),
+        (lambda: Plate(9, 4, 3), "corner is 3; allowed is a number from 0 to 2, half the opening"),
         (lambda: Plate(9, corner=3), "corner is 3, but a round opening has none"),
         (lambda: Plate(9, entry=-1), "entry is -1; allowed is a number from 0"),
         (
@@ -504,14 +501,8 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
             lambda: Turned(Sphere(1), (90, 0)),
             "angles of the turn [deg] is (90, 0); allowed are three finite numbers",
         ),
-        (
-            lambda: DoubleDome(dome_distance=0),
-            "dome_distance is 0; allowed is a number above 0",
-        ),
-        (
-            lambda: DoubleDome(dome_radius="65"),
-            "dome_radius is '65'; allowed is a number above 0",
-        ),
+        (lambda: DoubleDome(dome_distance=0), "dome_distance is 0; allowed is a number above 0"),
+        (lambda: DoubleDome(dome_radius="65"), "dome_radius is '65'; allowed is a number above 0"),
         (lambda: DoubleDome(waist=-1), "waist is -1; allowed is a number above 0"),
         (lambda: DoubleDome(depth=math.inf), "depth is inf; allowed is a number above 0"),
         (
@@ -527,14 +518,8 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
             lambda: DoubleDome(entry_radius=True),
             "entry_radius is True; allowed is a number above 0",
         ),
-        (
-            lambda: DoubleDome(saddle_depth=-1),
-            "saddle_depth is -1; allowed is a number from 0",
-        ),
-        (
-            lambda: DoubleDome(saddle_length=0),
-            "saddle_length is 0; allowed is a number above 0",
-        ),
+        (lambda: DoubleDome(saddle_depth=-1), "saddle_depth is -1; allowed is a number from 0"),
+        (lambda: DoubleDome(saddle_length=0), "saddle_length is 0; allowed is a number above 0"),
         (
             lambda: DoubleDome(waist=70),
             "waist is 70; allowed is above 0 and at most dome_radius = 65, with dome_distance 304",
@@ -626,10 +611,7 @@ def test_a_drawn_block_lies_on_itself_with_its_normals(surface):
             lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], np.ones((3, 3))),
             "normals have the shape (3, 3); allowed is (1, 3, 3)",
         ),
-        (
-            lambda: Tool(Sphere, name="ball"),
-            "surface of ball is the class Sphere; allowed is a su",
-        ),
+        (lambda: Tool(Sphere, name="ball"), "surface of ball is the class Sphere; allowed is a su"),
         (lambda: Tool(Tool(Sphere(3))), "surface of tool is a Tool; allowed is a surface, as "),
         (
             lambda: TriangulatedSurface(np.eye(3), [[0, 1, 2]], crease=0),

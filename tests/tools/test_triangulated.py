@@ -478,8 +478,7 @@ def test_all_ranks_hold_the_triangles_of_one_read(shared_path):
         np.testing.assert_array_equal(triangles, surface.triangles)
     texts = {"none.step": None, "empty.step": "", "text.step": "no model", "text.stl": "solid"}
     for name, words in zip(
-        texts,
-        ("does not exist", "is empty", "cannot be read as .step ", "cannot be read as .stl "),
+        texts, ("does not exist", "is empty", "cannot be read as .step ", "cannot be read as .stl ")
     ):
         if comm.rank == 0 and texts[name] is not None:
             (shared_path / name).write_text(texts[name])

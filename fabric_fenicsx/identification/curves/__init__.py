@@ -44,15 +44,7 @@ determine.
 
 from .checks import check_contradictions, unit_warnings
 from .forces import bias_displacement, bias_force, bias_normalised
-from .model import (
-    MIN_POINTS,
-    STRAINS,
-    TESTS,
-    CompactionTest,
-    Curve,
-    Response,
-    Sheet,
-)
+from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
 from .reading import read, read_curve, read_sheet
 from .writing import write
 

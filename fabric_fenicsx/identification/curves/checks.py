@@ -7,17 +7,7 @@ import numpy as np
 
 from ...readers.text_tables import Problems
 from ...runtime.errors import InputError
-from .model import (
-    STRAINS,
-    TESTS,
-    CompactionTest,
-    Curve,
-    Response,
-    Sheet,
-    Table,
-    unit_inside,
-    units,
-)
+from .model import STRAINS, TESTS, CompactionTest, Curve, Response, Sheet, Table, unit_inside, units
 
 # beyond it a wrong unit is the likely reason
 _RANGE = {"eps_a": 0.5, "eps_b": 0.5, "gamma": math.radians(85)}
@@ -117,8 +107,7 @@ def _check_response(name, table, column, undeformed):
         value = _told(values[off[0]], column)
         allowed = f"up to {100 * _OFFSET:g} % of its peak there (take the offset off)"
         raise _fail(
-            rows[off[0]],
-            f"{column} is {value} before anything is strained; allowed is {allowed}",
+            rows[off[0]], f"{column} is {value} before anything is strained; allowed is {allowed}"
         )
     if name.startswith("uniaxial") and abs(values[-1]) < _FALLEN * abs(values[peak]):
         value = f"{100 * values[-1] / values[peak]:.0f} % of its value in row {rows[peak]}"

@@ -8,13 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...readers.text_tables import (
-    Problems,
-    is_comment,
-    read_lines,
-    table_of,
-    values_of,
-)
+from ...readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
 from ...readers.units import factors
 from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
@@ -229,8 +223,7 @@ def _quantity(key, given, factors):
     if not 0 < value < math.inf:
         allowed = ", ".join(factors)
         raise _fail(
-            place,
-            f"{key} is {text!r}; allowed is a number above 0 with one of the units {allowed}",
+            place, f"{key} is {text!r}; allowed is a number above 0 with one of the units {allowed}"
         )
     return value
 

@@ -4,12 +4,7 @@ import dataclasses
 import tomllib
 from pathlib import Path
 
-from ...material.files import (
-    FIBRES,
-    read_numbers,
-    read_sheet_numbers,
-    take_table,
-)
+from ...material.files import FIBRES, read_numbers, read_sheet_numbers, take_table
 from ...material.laws.coupled import SHEAR, YARN
 from ...readers.text_tables import Problems
 from ...readers.units import UNITS
@@ -17,15 +12,7 @@ from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
 from . import checks
 from .csv_files import read_test
-from .model import (
-    COLUMNS,
-    COMPACTION,
-    KEYS,
-    CompactionTest,
-    Curve,
-    Sheet,
-    Stated,
-)
+from .model import COLUMNS, COMPACTION, KEYS, CompactionTest, Curve, Sheet, Stated
 
 FILES = ".csv", ".tsv"
 

@@ -8,15 +8,7 @@ import numpy as np
 import tomli_w
 
 from ...runtime.errors import InputError
-from .model import (
-    COMPACTION,
-    STRAINS,
-    TESTS,
-    Curve,
-    Sheet,
-    unit_inside,
-    units,
-)
+from .model import COMPACTION, STRAINS, TESTS, Curve, Sheet, unit_inside, units
 
 SHOWN = {"eps_a": "%", "eps_b": "%", "gamma": "deg"}  # units other than those used inside
 

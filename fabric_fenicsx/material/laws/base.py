@@ -14,21 +14,9 @@ from numpy.typing import ArrayLike
 from ...readers.units import UNITS
 from ...runtime.errors import InputError
 from ...runtime.formatting import rounded
-from ...runtime.rules import (
-    Rule,
-    check_complete,
-    shown,
-    unknown_key,
-)
+from ...runtime.rules import Rule, check_complete, shown, unknown_key
 from ..compaction import Compaction, compaction_of, table_of
-from ..files import (
-    FIBRES,
-    SHEET,
-    read_sheet_numbers,
-    read_toml,
-    take_units,
-    write_whole,
-)
+from ..files import FIBRES, SHEET, read_sheet_numbers, read_toml, take_units, write_whole
 from ..hyperdual import HyperDual
 from ..parameters import Parameters
 

@@ -22,13 +22,7 @@ from ...runtime.rules import (
 from ..files import read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
 from ..parameters import Parameters
-from .base import (
-    COUPLINGS,
-    Derivatives,
-    Law,
-    check_couplings,
-    sheet_fields,
-)
+from .base import COUPLINGS, Derivatives, Law, check_couplings, sheet_fields
 
 YARN: dict[str, Rule] = {
     "a": not_negative("stress"),

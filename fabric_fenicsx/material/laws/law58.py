@@ -4,20 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from ...runtime.rules import (
-    Rule,
-    above_zero,
-    fraction,
-    not_negative,
-)
-from ..functions import (
-    cos,
-    log,
-    negative,
-    positive,
-    tan,
-    where,
-)
+from ...runtime.rules import Rule, above_zero, fraction, not_negative
+from ..functions import cos, log, negative, positive, tan, where
 from .base import Law, Range
 
 

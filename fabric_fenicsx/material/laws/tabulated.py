@@ -12,25 +12,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...readers.text_tables import (
-    Problems,
-    is_comment,
-    read_lines,
-    table_of,
-    values_of,
-)
+from ...readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
 from ...readers.units import ANGLE, STRAIN, factors
 from ...runtime.errors import InputError
 from ...runtime.rules import shown
 from ..files import take_units
 from ..functions import where
 from ..parameters import Parameters
-from .base import (
-    Derivatives,
-    Law,
-    Range,
-    sheet_fields,
-)
+from .base import Derivatives, Law, Range, sheet_fields
 
 MIN_POINTS = 3
 MAX_POINTS = (

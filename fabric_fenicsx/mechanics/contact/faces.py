@@ -196,11 +196,7 @@ class Face:
         return flat + weights @ self.displacement
 
     def below(
-        self,
-        points: np.ndarray,
-        guess: np.ndarray,
-        reach: float,
-        ahead: np.ndarray | None = None,
+        self, points: np.ndarray, guess: np.ndarray, reach: float, ahead: np.ndarray | None = None
     ) -> Over:
         """What lies below points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
         look in first, -1 for none; ahead (n, 3): if given, triangles are passed over whose normal

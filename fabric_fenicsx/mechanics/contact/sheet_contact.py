@@ -9,12 +9,7 @@ from ...runtime.errors import InputError
 from ...runtime.formatting import rounded
 from ...runtime.rules import POSITIVE, Rule
 from ..materials import material_of
-from ..output import (
-    Value,
-    joined,
-    largest,
-    size_of,
-)
+from ..output import Value, joined, largest, size_of
 from ..protocols import Touching
 from ..shell.morley import Where
 from ..term import SceneFacts, Term, Triplets
@@ -23,13 +18,7 @@ from .face_sliding import FaceSliding
 from .friction import Friction
 from .held_faces import HeldFaces
 from .pressing import Pressed, anticipate, press
-from .pressure_law import (
-    PERMITTED,
-    SMOOTHING,
-    Rigid,
-    between_faces,
-    face_of,
-)
+from .pressure_law import PERMITTED, SMOOTHING, Rigid, between_faces, face_of
 from .sheet_points import POINTS, Facing, SheetPoints
 from .thickness import PlyThickness
 

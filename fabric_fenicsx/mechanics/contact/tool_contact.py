@@ -11,12 +11,7 @@ from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
 from ..materials import materials_at_nodes
-from ..output import (
-    Value,
-    least,
-    size_of,
-    total,
-)
+from ..output import Value, least, size_of, total
 from ..shell.morley import Where
 from ..term import SceneFacts, Triplets
 from ..work import Work
@@ -25,14 +20,7 @@ from .coulomb import Coulomb
 from .nodes import Nodes
 from .pressing import Pressed, anticipate, press
 from .pressing_term import PressingTerm
-from .pressure_law import (
-    PERMITTED,
-    SMOOTHING,
-    ByPlace,
-    Rigid,
-    default_penalty,
-    face_of,
-)
+from .pressure_law import PERMITTED, SMOOTHING, ByPlace, Rigid, default_penalty, face_of
 from .thickness import PlyThickness
 
 PROBED = 1000  # nodes of a rank that tell how a tool may hold the sheet; triangles cost 1 ms each

@@ -16,14 +16,7 @@ from ...material.presets import checked_fabric
 from ...material.strains import SHORTENED, nominal_strain, share_name
 from ...runtime.errors import InputError
 from ...runtime.rules import COUNT
-from ..output import (
-    Value,
-    joined,
-    largest,
-    last,
-    least,
-    on_part,
-)
+from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
 from .mesh_warnings import band_warning, locking_warning
 from .range_warning import range_warnings

@@ -10,12 +10,7 @@ from ... import dolfinx_compat as compat
 from ...material import kernel
 from ...material.laws import Law
 from ...runtime.errors import InputError
-from ...runtime.formatting import (
-    coordinates,
-    of_sheet,
-    percent,
-    rounded,
-)
+from ...runtime.formatting import coordinates, of_sheet, percent, rounded
 from ...sheets.blank import OFF, Blank, Part
 
 FEW = 8  # cells, below which a mesh is no strip

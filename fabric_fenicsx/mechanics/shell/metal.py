@@ -9,23 +9,10 @@ from numpy.polynomial.legendre import Legendre
 
 from ...material.hencky import Hencky, hencky
 from ...material.metal import Metal
-from ...material.plasticity import (
-    Response,
-    elastic_energy,
-    respond,
-    volume_change,
-    von_mises,
-)
+from ...material.plasticity import Response, elastic_energy, respond, volume_change, von_mises
 from ...runtime.errors import InputError
 from ...runtime.rules import Rule
-from ..output import (
-    Value,
-    joined,
-    largest,
-    last,
-    least,
-    on_part,
-)
+from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term, Triplets
 from . import metal_cells
 from .bending import plate_stiffness

@@ -101,11 +101,7 @@ def forces(
 
 @compiled
 def sections(
-    first: np.ndarray,
-    tangent: np.ndarray,
-    second: np.ndarray,
-    volumes: np.ndarray,
-    z: np.ndarray,
+    first: np.ndarray, tangent: np.ndarray, second: np.ndarray, volumes: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
     """Derivatives of `stretching` in strains, of it in curvatures, and of `moments` in curvatures,
     (3, cells, 3, 3), from points at heights z (cells, points): derivatives `first` (n, 3, 3) of

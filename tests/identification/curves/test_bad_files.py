@@ -249,12 +249,7 @@ from fabric_fenicsx.runtime.errors import InputError
             "1,22.8",
             "row 9: eps_a is 0.01 after 0.01; allowed is to rise or fall strictly",
         ),
-        (
-            UNIAXIAL,
-            "22.8",
-            "nan",
-            "row 9: sigma_a is 'nan'; allowed is a finite number",
-        ),
+        (UNIAXIAL, "22.8", "nan", "row 9: sigma_a is 'nan'; allowed is a finite number"),
         (UNIAXIAL, "22.8", "", "row 9: sigma_a is ''; allowed is a finite number"),
         (UNIAXIAL, "1.5,22.8", "1,5,22,8", "row 9: there are 4 cells under 2 columns"),
         (UNIAXIAL, "2.5,41.1\n", "", "row 10: the file ends after 4 points; allowed is 5 or more"),

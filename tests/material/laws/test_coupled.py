@@ -225,16 +225,8 @@ def test_units_and_layouts_give_the_same_fabric(tmp_path, text):
     ("old", "new", "sentence"),
     [
         ("a = 4130", "a = -1", "yarns.a is -1; allowed is a number from 0"),
-        (
-            "a = 4130",
-            "a_GPa = nan",
-            "yarns.a_GPa is nan; allowed is a number from 0",
-        ),
-        (
-            "a = 4130",
-            "a_GPa = 1e308",
-            "yarns.a_GPa is inf; allowed is a number from 0",
-        ),
+        ("a = 4130", "a_GPa = nan", "yarns.a_GPa is nan; allowed is a number from 0"),
+        ("a = 4130", "a_GPa = 1e308", "yarns.a_GPa is inf; allowed is a number from 0"),
         ("a = 4130", "a = 1\na_Pa = 1", "yarns.a_Pa repeats yarns.a; allowed is a once"),
         ("a = 4130", "a = 1\na = 2", "is not valid TOML"),
         (
@@ -293,11 +285,7 @@ def test_units_and_layouts_give_the_same_fabric(tmp_path, text):
             "units.sress is unknown (did you mean stress?); allowed are stress",
         ),
         ("thickness = 1.0", "thickness = 1.0\nshear = 1\n", "is not valid TOML"),
-        (
-            "thickness = 1.0",
-            "thickness = 1.0\nwarp = 1",
-            "warp is 1; allowed is a table, [warp]",
-        ),
+        ("thickness = 1.0", "thickness = 1.0\nwarp = 1", "warp is 1; allowed is a table, [warp]"),
         ("thickness = 1.0", "thickness = 1.0\nname = 1", "name is 1; allowed is a text"),
         (
             "thickness = 1.0",

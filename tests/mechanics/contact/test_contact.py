@@ -162,11 +162,7 @@ def test_tangent_of_a_scene_without_bending():
         )
         for s, f, mu in ((1, None, 0.0), (-1, (0.2, 0, 1), 0.3))
     )
-    scene = Scene(
-        blank,
-        [Elastic(), held, pushed],
-        [Support("end", near(0, 0.0), (0, 1, 2))],
-    )
+    scene = Scene(blank, [Elastic(), held, pushed], [Support("end", near(0, 0.0), (0, 1, 2))])
     x = blank.coordinates()[: scene.u.local_size // 3]
     u, d = scene.u.copy(), scene.u.copy()
     u.array[:] = (1e-3 * np.sin(x + [0, 1, 2])).ravel() * (x[:, :1] > 0).repeat(3, 1).ravel()
@@ -422,10 +418,7 @@ PLANE = Plane((0, 0, 0), (0, 0, 1))
 @pytest.mark.parametrize(
     "options, words",
     [
-        (
-            {"thickness": 0.0},
-            "thickness of the contact with table is 0.0; allowed is",
-        ),
+        ({"thickness": 0.0}, "thickness of the contact with table is 0.0; allowed is"),
         ({"penalty": math.nan}, "penalty of the contact with table is nan"),
         ({"smoothing": -1.0}, "smoothing of the contact with table is -1.0"),
         ({"permitted": 0.0}, "permitted penetration of the contact with table is 0.0"),

@@ -325,10 +325,7 @@ def test_what_is_known_of_a_march_is_known_to_the_next(tmp_path):
     progress.memory[depth] = progress.memory[depth] + 7.0
     newton, before, states = Newton(again), progress.iterations, []
     second = march(newton, 8, on_accept=states.append, start=progress)
-    assert (second.accepted, second.rejected) == (
-        first.accepted,
-        first.rejected,
-    )
+    assert (second.accepted, second.rejected) == (first.accepted, first.rejected)
     assert second.rejected == 0
     # not those of the first, as another partition rounds otherwise
     assert before > 0

@@ -315,15 +315,9 @@ def test_each_fabric_is_compacted_as_its_own_law_says():
     "given, words",
     [
         ({"penalty": 0.0}, "penalty of the contact of a and b is 0.0; allowed is"),
-        (
-            {"penalty": math.nan},
-            "penalty of the contact of a and b is nan; allowed is",
-        ),
+        ({"penalty": math.nan}, "penalty of the contact of a and b is nan; allowed is"),
         ({"lag": -1.0}, "lag of the contact of a and b is -1.0; allowed is"),
-        (
-            {"points": 2},
-            "points in a cell of the contact of a and b is 2; allowed is one of 1",
-        ),
+        ({"points": 2}, "points in a cell of the contact of a and b is 2; allowed is one of 1"),
         ({"upper": "a"}, "contact of a and a is of one sheet; allowed are two different ones"),
     ],
 )
@@ -357,19 +351,9 @@ def patches():
     "make, penalty, fabric, words",
     [
         (side_by_side, 9.0, FABRIC, "contact of a and b finds no place of one over the other;"),
-        (
-            lambda: laid(-0.5 * T),
-            9.0,
-            FABRIC,
-            "sheets that overlap by 0.537 mm; allowed",
-        ),
+        (lambda: laid(-0.5 * T), 9.0, FABRIC, "sheets that overlap by 0.537 mm; allowed"),
         (patches, 9.0, FABRIC, "contact of a and b is asked of a, a patch; allowed are sheets of"),
-        (
-            lambda: laid(cell="quadrilateral"),
-            9.0,
-            FABRIC,
-            "on other cells; allowed are P1",
-        ),
+        (lambda: laid(cell="quadrilateral"), 9.0, FABRIC, "on other cells; allowed are P1"),
         (
             laid,
             None,

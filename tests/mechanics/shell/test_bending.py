@@ -547,10 +547,7 @@ def test_quarter_of_a_symmetric_sheet(by_position, pattern):
     "options, words",
     [
         ({"D_a": -1.0}, "`D_a` of the bending is -1.0; allowed is a number from 0"),
-        (
-            {"D_a": 1.0, "in_plane": math.nan},
-            "`in_plane` of the bending is nan; allowed is",
-        ),
+        ({"D_a": 1.0, "in_plane": math.nan}, "`in_plane` of the bending is nan; allowed is"),
         (
             {"D_a": 1.0, "clamped": edge(0, 77.0)},
             "function 1 in `clamped` of the bending of blank marks no side of the sheet's edge",

@@ -297,10 +297,7 @@ def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
 @pytest.mark.parametrize("gamma", [0.0, 0.35])
 @pytest.mark.parametrize(
     "cell, degree, integration",
-    [
-        *((*element, "full") for element in ELEMENTS),
-        ("triangle", 2, "inner"),
-    ],
+    [*((*element, "full") for element in ELEMENTS), ("triangle", 2, "inner")],
 )
 def test_spectrum_of_a_patch(cell, degree, integration, gamma):
     """At rest and sheared only rigid motions are free: nothing is far softer than the fabric in
