@@ -21,21 +21,20 @@ if TYPE_CHECKING:
     from .coupons.bias_extension import BiasExtension
     from .coupons.picture_frame import PictureFrame
     from .coupons.tensile import Tensile
-    from .forming.forming import Forming
-    from .forming.holding import (
+    from .forming.holders import (
         ForceHolder,
         GapHolder,
         Grippers,
         Holder,
         PressureHolder,
-        Rim,
         SpringHolder,
     )
-    from .forming.laminate import Laminate
-    from .forming.plies import Ply
+    from .forming.holding import HolderSite
+    from .forming.interface import Interface
     from .forming.press import Press
-    from .forming.press_tools import PressTool
+    from .forming.sheet import Sheet
     from .forming.stages import Stage
+    from .forming.tools import DieOf, PressTool
     from .forming.unloading import unloading
     from .job.job import Job, Result
     from .material.compaction import Compaction
@@ -93,21 +92,20 @@ _HOMES = {
     "mechanics.springs": ("Springs",),
     "mechanics.term": ("Term",),
     "coupons.bias_extension": ("BiasExtension",),
-    "forming.forming": ("Forming",),
-    "forming.holding": (
+    "forming.holders": (
         "ForceHolder",
         "GapHolder",
         "Grippers",
         "Holder",
         "PressureHolder",
-        "Rim",
         "SpringHolder",
     ),
-    "forming.laminate": ("Laminate",),
+    "forming.holding": ("HolderSite",),
+    "forming.interface": ("Interface",),
+    "forming.sheet": ("Sheet",),
     "coupons.picture_frame": ("PictureFrame",),
-    "forming.plies": ("Ply",),
     "forming.press": ("Press",),
-    "forming.press_tools": ("PressTool",),
+    "forming.tools": ("DieOf", "PressTool"),
     "forming.stages": ("Stage",),
     "coupons.tensile": ("Tensile",),
     "forming.unloading": ("unloading",),
