@@ -18,9 +18,7 @@ with suppress(ModuleNotFoundError):
     import_module("dolfinx_solver")
 
 if TYPE_CHECKING:
-    from .coupons.bias_extension import BiasExtension
-    from .coupons.picture_frame import PictureFrame
-    from .coupons.tensile import Tensile
+    from .coupons.coupon import BiasExtension, PictureFrame, Tensile
     from .forming.forming import Forming
     from .forming.holding import (
         ForceHolder,
@@ -92,7 +90,7 @@ _HOMES = {
     "mechanics.output": ("Value", "largest", "least", "total"),
     "mechanics.springs": ("Springs",),
     "mechanics.term": ("Term",),
-    "coupons.bias_extension": ("BiasExtension",),
+    "coupons.coupon": ("BiasExtension", "PictureFrame", "Tensile"),
     "forming.forming": ("Forming",),
     "forming.holding": (
         "ForceHolder",
@@ -104,12 +102,10 @@ _HOMES = {
         "SpringHolder",
     ),
     "forming.laminate": ("Laminate",),
-    "coupons.picture_frame": ("PictureFrame",),
     "forming.plies": ("Ply",),
     "forming.press": ("Press",),
     "forming.press_tools": ("PressTool",),
     "forming.stages": ("Stage",),
-    "coupons.tensile": ("Tensile",),
     "forming.unloading": ("unloading",),
     "scene.scene": ("Scene",),
     "sheets.blank": ("Blank",),

@@ -26,7 +26,7 @@ def formed(study, values):
     """Summary of the ply formed with these parameters, its grid on rank 0, the contrast of its
     shear angle [deg], and why it was not formed ("" if it was)."""
     part = "_".join(f"{name}_{value:g}" for name, value in values.items())
-    ply = study.scenario(CompressedPly, parameters.changed(study.fabric, values))
+    ply = study.build(study.describe(CompressedPly, parameters.changed(study.fabric, values)))
     try:
         result, reason = study.run(ply, part), ""
     except SolverFailure as failure:

@@ -19,7 +19,7 @@ def main(study: Study):
     fabrics = coupling_variants(study.fabric) if args.compare else {"": study.fabric}
     results = {}
     for label, fabric in fabrics.items():
-        forming = study.scenario(Forming, fabric)
+        forming = study.build(study.describe(Forming, fabric))
         results[label] = study.run(forming, label.replace(" ", "_"))
     found = {label: result.summary["quantities"] for label, result in results.items()}
     if args.compare:

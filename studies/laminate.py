@@ -35,7 +35,7 @@ def variants(study: Study):
 def main(study: Study):
     results, rows, failed = {}, [], []
     for label, fabric in variants(study).items():
-        laminate = study.scenario(Laminate, fabric)
+        laminate = study.build(study.describe(Laminate, fabric))
         try:
             result = study.run(laminate, label.replace(" = ", "_").replace(" ", "_"))
         except SolverFailure as failure:

@@ -1,4 +1,4 @@
-"""A study whose scenario is a press in a file."""
+"""A study of a press in a file."""
 
 from typing import Any
 
@@ -57,4 +57,4 @@ class PressStudy(Study):
         self.fabric = press.fabric
         for doubt in press.fabric.plausibility_warnings():
             self.warn(doubt)
-        return self.take(press)
+        return self.build(press)
