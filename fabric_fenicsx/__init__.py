@@ -18,9 +18,7 @@ with suppress(ModuleNotFoundError):
     import_module("dolfinx_solver")
 
 if TYPE_CHECKING:
-    from .coupons.bias_extension import BiasExtension
-    from .coupons.picture_frame import PictureFrame
-    from .coupons.tensile import Tensile
+    from .coupons.coupon import BiasExtension, PictureFrame, Tensile
     from .forming.holders import (
         ForceHolder,
         GapHolder,
@@ -91,7 +89,7 @@ _HOMES = {
     "mechanics.output": ("Value", "largest", "least", "total"),
     "mechanics.springs": ("Springs",),
     "mechanics.term": ("Term",),
-    "coupons.bias_extension": ("BiasExtension",),
+    "coupons.coupon": ("BiasExtension", "PictureFrame", "Tensile"),
     "forming.holders": (
         "ForceHolder",
         "GapHolder",
@@ -103,11 +101,9 @@ _HOMES = {
     "forming.holding": ("HolderSite",),
     "forming.interface": ("Interface",),
     "forming.sheet": ("Sheet",),
-    "coupons.picture_frame": ("PictureFrame",),
     "forming.press": ("Press",),
     "forming.tools": ("DieOf", "PressTool"),
     "forming.stages": ("Stage",),
-    "coupons.tensile": ("Tensile",),
     "forming.unloading": ("unloading",),
     "scene.scene": ("Scene",),
     "sheets.blank": ("Blank",),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar
 
+from ..forming.build import FormingScene
 from ..forming.holders import GROUP, HOLDERS, Holder, PressureHolder
 from ..forming.interface import Interface
 from ..forming.press import EXAMPLES, Press
@@ -19,6 +20,8 @@ from ..runtime.fields import check_fields, number, one_of, switch, text
 from ..runtime.rules import POSITIVE, SHARE
 from ..solve.limits import Limits
 from ..tools.double_dome import DoubleDome
+from .options import Parser
+from .study import Study, of_kind, parser
 
 DIMENSIONS = tuple(each.name for each in fields(DoubleDome))
 AREA = 13568 / 20268  # of metal over fabric, from the numbers of elements that the paper gives
@@ -36,6 +39,7 @@ class DomeTest:
     """The options of the double dome besides those of sheet and interface."""
 
     NAME: ClassVar[str] = "double_dome"
+    PRESS: ClassVar[str] = "double_dome"  # of studies/presses
     HEADLINES: ClassVar[tuple[str, ...]] = (
         *("punch_force_N", "shear_angle_max_deg", "shear_angle_99_percent_deg"),
         "draw_in.largest_mm",
@@ -82,7 +86,7 @@ class DomeTest:
     def press(self, fabric: Law, sheet: Mapping[str, Any], interface: Interface) -> Press:
         """The press of the options; sheet: fields of `Sheet` that are given. Raises InputError in
         the words of options."""
-        file = EXAMPLES / f"{self.NAME}.toml"
+        file = EXAMPLES / f"{self.PRESS}.toml"
         document = self.document(read_document(file), fabric, sheet, interface)
         try:
             press = Press.from_document(document, Path(self.stack or file))
@@ -95,11 +99,7 @@ class DomeTest:
         return press
 
     def document(
-        self,
-        document: dict[str, Any],
-        fabric: Law,
-        sheet: Mapping[str, Any],
-        interface: Interface,
+        self, document: dict[str, Any], fabric: Law, sheet: Mapping[str, Any], interface: Interface
     ) -> dict[str, Any]:
         """The tables of the press file, changed by the options."""
         blank = document["blank"]
@@ -141,6 +141,7 @@ class LaminateTest(DomeTest):
     """The options of the paper's laminate: those of the double dome, and its metal's."""
 
     NAME: ClassVar[str] = "laminate"
+    PRESS: ClassVar[str] = "laminate"
     FULL: ClassVar[Mapping[str, Any]] = {"nx": 24, "steps": 40, "balance": 0.02}
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 5, "steps": 2, "balance": None, "stroke": 2}
     LIMITS: ClassVar[Limits] = Limits(shortening=1.0)  # yarns between metal can't fold
@@ -152,11 +153,7 @@ class LaminateTest(DomeTest):
     metal_area: float = number(AREA, SHARE, "of a sheet of metal, of a ply's", "laminate")
 
     def document(
-        self,
-        document: dict[str, Any],
-        fabric: Law,
-        sheet: Mapping[str, Any],
-        interface: Interface,
+        self, document: dict[str, Any], fabric: Law, sheet: Mapping[str, Any], interface: Interface
     ) -> dict[str, Any]:
         """As in `DomeTest`."""
         document = super().document(document, fabric, sheet, interface)
@@ -206,6 +203,26 @@ def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f"`dome` NAME=VALUE: {error}") from None
     return given
+
+
+def dome_parser(test: type[DomeTest], description: str | None, **defaults: Any) -> Parser:
+    """The parser of a study of a `test`: its options, and those of sheet and interface."""
+    return parser(test, description, parts=(Sheet, Interface), **defaults)
+
+
+def build(study: Study, test: type[DomeTest], fabric: Law | None = None) -> FormingScene:
+    """The press of a study's options, built; of their fabric or another."""
+    asked = {each.name: getattr(study.args, each.name) for each in fields(test)}
+    for each in fields(test):
+        if "kinds" in each.metadata:
+            asked[each.name] = of_kind(study.args, each)
+    press = test(**asked).press(
+        fabric or study.fabric, sheet_fields(study.args), interface_of(study.args)
+    )
+    try:
+        return study.build(press)
+    except InputError as error:
+        raise InputError(in_options(str(error))) from None
 
 
 def sheet_fields(args: Any) -> dict[str, Any]:

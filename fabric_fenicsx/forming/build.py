@@ -32,7 +32,7 @@ from .checks import PRESSED, check_clearances, symmetry_warnings
 from .flange import Flange
 from .holders import PULLING, ForceHolder, GapHolder, Holder, holders_of
 from .holding import HolderSite, holder_terms, nearest_nodes
-from .laying import Laid, lay
+from .laying import Laid, lay_blank
 from .placement import Placement
 from .press import Press
 from .stages import Schedule
@@ -47,7 +47,7 @@ def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
     """The `FormingScene` of a press. Raises InputError, on all ranks, for what can't be laid or
     placed."""
     comm, warnings = comm or MPI.COMM_WORLD, list[str]()
-    laid = lay(press, comm, warnings)
+    laid = lay_blank(press, comm, warnings)
     placed = place(press, laid, comm, warnings)
     bench = Bench(press, laid, placed, warnings)
     between = bench.between()
@@ -408,7 +408,8 @@ class FormingScene(Setup):
         """As in `Setup`, with the steps of the stages, whose ends are hit exactly."""
         ends = tuple(float(each) for each in self.schedule.joints[1:-1])
         usual: dict[str, Any] = {"first_picture": self.first_picture, "columns": self.columns}
-        usual |= {"milestones": ends, "limits": self.data.limits} | changes
+        headlines = (*self.data.HEADLINES, f"{self.leader().name}_force_N")
+        usual |= {"milestones": ends, "limits": self.data.limits, "headlines": headlines} | changes
         return super().job(**usual | {"steps": changes.get("steps") or self.schedule.steps})
 
     def quantities(self, result: Result) -> dict[str, Any]:

@@ -3,21 +3,18 @@
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from .. import dolfinx_compat as compat
-from ..mechanics.shell import mesh_warnings
-from ..runtime import timing
+from ..coupons.laying import lay
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from ..sheets.blank import Blank
-from ..sheets.layout import Layout, blank_options
+from ..sheets.sheet_fields import halved
 from ..sheets.stack import Stack
 from .press import Press
-from .sheet import Sheet, halved
+from .sheet import Sheet
 
 USUAL_NX = 24  # rectangles along the length, unless a sheet says others
 FITS = 1e-3  # of a length, by which a sheet may reach beyond a plane of symmetry
@@ -51,26 +48,59 @@ class Laid:
         return [np.subtract(*blank.extent()[::-1])[:2] for blank in self.blanks]
 
 
-def lay(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
+def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     """The blank of a press. Raises InputError for sheets that can't be meshed or do not suit a
     quarter."""
     sheets = [s.ready(f"ply {k}", press.interface) for k, s in enumerate(press.sheets, 1)]
     if press.quarter:
         warnings += filter(None, (sheet.mirror_warning() for sheet in sheets))
-    sheets, blanks = _meshed_all(sheets, press.quarter, comm)
-    one = not sheets[1:]
-    for sheet, blank in zip(sheets, blanks):
-        source = f"ply {sheet.name}" if sheets[1:] else sheet.file or "the blank"
-        _check_place(blank, press, sheet, source, warnings)
-        size = mesh_warnings.size_warning(blank, sheet.thickness_under(0.0), source)
-        warnings += filter(None, [*blank.warnings, size])
-        warnings += mesh_warnings.cell_warnings(blank, source) if sheet.file else []
-    blank = blanks[0] if one else _piled(sheets, blanks)
+    made, found = _meshed(sheets, press.quarter, comm)
+    for sheet, laid in zip(made, found):
+        path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
+        _check_place(laid.blank, press, sheet, path, warnings)
+        warnings += laid.warnings
+    blanks = [each.blank for each in found]
+    sheets = [
+        dataclasses.replace(sheet, **laid.settled, integration=sheet.integration or "full")
+        for sheet, laid in zip(made, found)
+    ]
     low, high = blanks[0].extent()
     share = 0.5 if press.quarter else 1.0
     # rounded, to be the same on any number of ranks
     sides = [float(f"{size / share:.9g}") for size in (high - low)[:2]]
-    return Laid(blank, sheets, sides)
+    return Laid(_piled(sheets, blanks) if sheets[1:] else blanks[0], sheets, sides)
+
+
+def _meshed(sheets, quarter, comm):
+    """The sheets with their defaults, and each one laid. Where cells do not follow the yarns all
+    are quadratic; by default such cells are twice as large, so that nodes are as many."""
+    asked = any(sheet.element for sheet in sheets)
+    made = [_with_nx(sheet, USUAL_NX, quarter) for sheet in sheets]
+    found = [_laid(sheet, quarter, comm) for sheet in made]
+    if not asked and made != sheets and max(each.blank.degree for each in found) == 2:
+        made = [_with_nx(sheet, halved(USUAL_NX), quarter, "P2") for sheet in sheets]
+        found = [_laid(sheet, quarter, comm) for sheet in made]
+    return made, found
+
+
+def _with_nx(sheet, nx, quarter, element=None):
+    """The sheet with this `nx` and element, if it says nothing of its cells; of a whole one with
+    nodes at its centre."""
+    usual = not (sheet.nx or sheet.size or sheet.mesh)
+    sheet = dataclasses.replace(sheet, element=element) if usual and element else sheet
+    sheet = sheet.with_defaults(nx + (nx % 2 if usual and not quarter else 0))
+    if quarter or sheet.sheet_file or sheet.ny:
+        return sheet
+    ny = 2 * max(1, round(sheet.nx * sheet.width / sheet.length / 2))
+    return dataclasses.replace(sheet, ny=ny)
+
+
+def _laid(sheet, quarter, comm):
+    share, centred = (0.5, False) if quarter else (1.0, True)
+    centred = sheet.centred if sheet.outline else centred
+    material = sheet.thickness_under(0.0)
+    how = {"spatial": True, "share": share, "centred": centred}
+    return lay(sheet, ("length", "width"), material, comm, **how)
 
 
 def _piled(sheets, blanks):
@@ -79,85 +109,6 @@ def _piled(sheets, blanks):
     heights = [sheet.thickness_under(0.0) for sheet in sheets]
     names = [sheet.name for sheet in sheets]
     return Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
-
-
-def _meshed_all(sheets, quarter, comm):
-    """The sheets with their meshes as they are, and their blanks. Where a cell does not follow the
-    yarns all are quadratic; by default such cells are twice as large, so that nodes are as many."""
-    unasked = [not (sheet.nx or sheet.size or sheet.mesh) for sheet in sheets]
-
-    def with_nx(nx, **mesh):
-        nx += nx % 2 if not quarter else 0  # a node at the centre
-        return [
-            dataclasses.replace(sheet, **mesh, nx=nx) if usual else sheet
-            for sheet, usual in zip(sheets, unasked)
-        ]
-
-    made = with_nx(USUAL_NX)
-    blanks = [_meshed(sheet, quarter, comm) for sheet in made]
-    asked = any(sheet.element for sheet in sheets)
-    if any(unasked) and not asked and max(blank.degree for blank in blanks) == 2:
-        made = with_nx(halved(USUAL_NX), element="P2")
-        blanks = [_meshed(sheet, quarter, comm) for sheet in made]
-    return [_as_meshed(*each, quarter) for each in zip(made, blanks)], blanks
-
-
-def _as_meshed(sheet, blank, quarter):
-    """The sheet with the values that its mesh has; InputError for an element of other cells."""
-    kind = "P" if compat.cell_name(blank.mesh) == "triangle" else "Q"
-    if sheet.element and sheet.element[0] != kind:
-        raise InputError(
-            f"`element` {sheet.element} does not fit the cells of {sheet.file}; allowed is P on "
-            "triangles, Q on quadrilaterals"
-        )
-    mesh: dict[str, Any] = {"element": f"{kind}{blank.degree}"}
-    if sheet.outline:
-        mesh["pattern"] = sheet.pattern or "unstructured"
-    elif not sheet.mesh:
-        mesh |= {"ny": _across(sheet, quarter), "pattern": sheet.pattern or "crossed"}
-    return dataclasses.replace(sheet, **mesh)
-
-
-def _across(sheet, quarter):
-    """Rectangles across the width; of a whole sheet by default an even number."""
-    if sheet.ny or quarter:
-        return sheet.ny
-    return 2 * max(1, round(sheet.nx * sheet.width / sheet.length / 2))
-
-
-def _meshed(sheet, quarter, comm):
-    layout: Layout = {
-        "element": sheet.element,
-        "fibre_angle": sheet.fibre_angle,
-        "yarn_angle": sheet.yarn_angle,
-    }
-    with timing.phase("setup"):
-        if sheet.mesh:
-            return Blank.read(sheet.mesh, spatial=True, comm=comm, **blank_options(layout))
-        if sheet.outline:
-            return Blank.outline(
-                sheet.outline,
-                nx=sheet.nx or 1,
-                size=sheet.size,
-                pattern=sheet.pattern or "unstructured",
-                layer=sheet.layer,
-                centred=sheet.centred,
-                spatial=True,
-                comm=comm,
-                **layout,
-            )
-        share = 0.5 if quarter else 1.0
-        return Blank.rectangle(
-            share * sheet.length,
-            share * sheet.width,
-            nx=sheet.nx,
-            ny=_across(sheet, quarter),
-            pattern=sheet.pattern or "crossed",
-            centred=not quarter,
-            spatial=True,
-            comm=comm,
-            **layout,
-        )
 
 
 def _check_place(blank, press, sheet, source, warnings):
@@ -176,7 +127,7 @@ def _check_place(blank, press, sheet, source, warnings):
                 "is a mesh with edges on both, or the whole blank"
             )
     middle = (low + high) / 2
-    if not press.quarter and sheet.file and (abs(middle) > OFF_CENTRE * (high - low)).any():
+    if not press.quarter and sheet.sheet_file and (abs(middle) > OFF_CENTRE * (high - low)).any():
         warnings.append(
             f"{source} has its centre at {coordinates(middle)} mm, and the press at (0, 0)"
             f"{'; `centred` puts it there' if sheet.outline else ''}"

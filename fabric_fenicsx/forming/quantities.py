@@ -17,8 +17,8 @@ STRETCHING = "strain", "metal", "plastic"  # energies that regularisation is mea
 
 def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
     """Forces, penetrations, shear, strains, draw-in, thickness, wrinkles; of metal thinning,
-    plastic strain and stress; of laminates the pressure between sheets. Those of a stack are over all its
-    sheets, and each one's are in `plies`."""
+    plastic strain and stress; of stacks the pressure between sheets. Those of a stack are over
+    all its sheets, and each one's are in `plies`."""
     found = of_forces(made, result) | of_contact(made, result) | of_sheets(made, result)
     return found | laminate.pressure_quantities(result)
 

@@ -32,7 +32,7 @@ from .holders import (
     holders_of,
 )
 from .interface import Interface
-from .sheet import INSTEAD_OF, Sheet
+from .sheet import OWN, Sheet
 from .stages import Stage
 from .tools import DieOf, PressTool
 
@@ -191,8 +191,7 @@ def _sheets(document, blank, folder):
         name = ply.get("name", f"ply {k}")
         if not isinstance(name, str) or not name.strip():
             raise InputError(f"ply.{k}.name is {shown(name)}; allowed is a word")
-        barred = {other for key in ply for other in INSTEAD_OF.get(key, ())}
-        barred |= {key for key, others in INSTEAD_OF.items() if set(others) & set(ply)}
+        barred = {other for key in ply for other in OWN.get(key, ())}
         handed = {key: value for key, value in blank.items() if key not in barred}
         path = f"ply.{ply.get('name', k)}"
         sheets.append(made(Sheet, handed | ply | {"name": name}, path, folder))
@@ -375,7 +374,7 @@ def _tool_table(tool):
             numbers["corner"] or 0
         ):
             numbers = {key: numbers[key] for key in ("length", "entry")}  # a round opening
-        if None not in numbers.values() and (keys or shape == "plane"):
+        if not any(value is None for value in numbers.values()):
             with suppress(InputError):
                 if make(**numbers) == surface:
                     plain = {k: np.asarray(v).tolist() for k, v in numbers.items()}

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -11,31 +11,24 @@ from ..material.laws import Law
 from ..material.laws.base import Material
 from ..material.metal import Metal, load_metal
 from ..material.presets import checked_fabric, load
-from ..meshes.specimen import PATTERNS
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, choice, number, switch, text
-from ..runtime.rules import BELOW_180, COUNT, FROM_ZERO, POSITIVE
-from ..sheets.layout import FULL_TURN
+from ..runtime.fields import choice, number, switch
+from ..runtime.rules import FROM_ZERO, POSITIVE
+from ..sheets.sheet_fields import ELEMENTS, SheetFields
 from .interface import BETWEEN_FABRICS, ON_METAL, Interface
 
-ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
-# field -> those for which it leaves no room
-INSTEAD_OF = {
-    "mesh": ("outline", "size", "nx", "ny", "pattern", "length", "width"),
-    "outline": ("length", "width", "ny"),
+# field of a ply -> those of the blank that it does not take over
+OWN = {
+    "mesh": ("outline", "size", "layer", "centred", "nx", "ny", "pattern", "length", "width"),
+    "outline": ("mesh", "length", "width", "ny"),
     "size": ("nx",),
+    "nx": ("size",),
     "metal": ("fabric", "weave_angle"),
 }
-NEEDS_OUTLINE = "size", "layer", "centred"
-
-
-def material(read: Any) -> Any:
-    """A field: a material, in a file its preset or its own file."""
-    return dataclasses.field(default=None, metadata={"read": read})
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sheet:
+class Sheet(SheetFields):
     """A sheet of fabric, or of metal: a blank, or one ply of a stack.
 
     Parameters
@@ -72,58 +65,18 @@ class Sheet:
     (True, True)
     """
 
-    fabric: Law | None = material(load)
-    metal: Metal | None = material(load_metal)
+    fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
+    metal: Metal | None = field(default=None, metadata={"read": load_metal})
     name: str = ""
-    mesh: str | None = text(
-        None,
-        "sheet from a file, as of gmsh or Abaqus [mm], in place of a rectangle",
-        "FILE",
-        "mesh",
-    )
-    outline: str | None = text(
-        None,
-        "outline of the sheet with its holes, from a file: DXF, CSV of x and y [mm], or a mesh",
-        "FILE",
-        "mesh",
-    )
-    size: float | None = number(
-        None, POSITIVE, "of the cells in an outline (its length over `nx`) [mm]", "mesh"
-    )
-    layer: str | None = text(
-        None, "layer of a DXF outline, or several with commas between them (all)", "NAME", "mesh"
-    )
-    nx: int | None = number(
-        None, COUNT, "rectangles along the length that is modelled, in a quarter half", "mesh"
-    )
-    ny: int | None = number(
-        None, COUNT, "rectangles across the width (by default they are square)", "mesh"
-    )
-    pattern: str | None = choice(
-        None,
-        PATTERNS,
-        "how rectangles are divided into cells (crossed; in an outline unstructured)",
-        "mesh",
-    )
-    element: str | None = choice(
+    element: str = choice(
         None,
         ELEMENTS,
         "triangles (P) or quadrilaterals (Q), and their degree (P1 where cells follow the yarns, "
         "else P2)",
         "mesh",
     )
-    integration: str | None = choice(
+    integration: str = choice(
         None, ("full", "inner"), "points of P2: full, or inner: nearer to a cell's centre", "mesh"
-    )
-    fibre_angle: float = number(0.0, FULL_TURN, "from the length to yarns a [deg]", "mesh")
-    yarn_angle: float = number(
-        90.0, BELOW_180, "from yarns a to yarns b in the flat sheet [deg]", "weave"
-    )
-    weave_angle: float | None = number(
-        None,
-        BELOW_180,
-        "from yarns a to yarns b where the weave is free of shear (the yarn angle) [deg]",
-        "weave",
     )
     length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]", "sheet")
     width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]", "sheet")
@@ -142,22 +95,11 @@ class Sheet:
     )
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        super().__post_init__()
         if self.fabric is not None:
             checked_fabric("`fabric`", self.fabric)
-        for key, others in INSTEAD_OF.items():
-            for other in others if getattr(self, key) is not None else ():
-                if getattr(self, other) is not None:
-                    raise InputError(f"`{other}` is not allowed beside `{key}`")
-        for key in NEEDS_OUTLINE:
-            if getattr(self, key) and not self.outline:
-                raise InputError(f"`{key}` needs `outline`")
-
-    @property
-    def file(self) -> str:
-        """The field that names the file of the sheet, and the file; "" for a rectangle."""
-        given = next((k for k in ("mesh", "outline") if getattr(self, k)), "")
-        return given and f"`{given}` {getattr(self, given)}"
+        if self.metal and self.fabric:
+            raise InputError("`fabric` is not allowed beside `metal`")
 
     @property
     def material(self) -> Material:
@@ -170,7 +112,7 @@ class Sheet:
         material or size."""
         if not (self.metal or self.fabric):
             raise InputError("`fabric` or `metal` is missing; allowed is one of them")
-        if not (self.file or (self.length and self.width)):
+        if not (self.sheet_file or (self.length and self.width)):
             raise InputError("a sheet needs `length` and `width`, `outline` or `mesh`")
         made: dict[str, Any] = {"metal" if self.metal else "fabric": self.material}
         if self.fabric and interface.is_rigid:
@@ -181,11 +123,8 @@ class Sheet:
         """The sheet with cells twice as large, None if that is not known; sides (2,): of what is
         modelled [mm]."""
         size = self.size or (sides[0] / self.nx if self.nx else math.inf)
-        few = 4 * size > min(sides) * (1 + 1e-9) if self.outline else self.nx == 1
-        if few or not (self.nx or self.size):
-            return None
-        larger = {"nx": self.nx and halved(self.nx), "ny": self.ny and halved(self.ny)}
-        return dataclasses.replace(self, **larger, size=self.size and 2 * self.size)
+        few = 4 * size > min(sides) * (1 + 1e-9) if self.outline else self.nx in (None, 1)
+        return None if few else self.on_coarser_mesh("length", "width")
 
     def thickness_under(self, pressure: float) -> float:
         """Thickness between faces that press it [MPa], [mm]."""
@@ -213,11 +152,6 @@ class Sheet:
             f"yarns at {a:g} and {b:g} deg are not their own mirror images{differ}, so the quarter "
             "stands for a ply of four mirrored ones; take the whole ply"
         )
-
-
-def halved(count: int) -> int:
-    """Half of a number of rectangles, at least 1."""
-    return max(1, round(count / 2))
 
 
 def _is_multiple(angle, of):
