@@ -16,6 +16,7 @@ import ezdxf
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.forming.build import FormingScene
 from fabric_fenicsx.identification import curves, identify, result_lines
 from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of
@@ -70,7 +71,7 @@ def run(tmp_path, monkeypatch, capsys):
     # those of a study that another test ran in this process
     monkeypatch.setattr(logging.getLogger("fabric_fenicsx"), "handlers", [])
     # which a run leaves in its folder unasked; tests of studies look at them
-    monkeypatch.setattr(ff.Forming, "pictures", lambda *_: None)
+    monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)
 
     def run_here(program):
         with patch.dict(LAWS):  # which own laws enter

@@ -87,7 +87,8 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
         check_clearance(f"tools.{name}.clearance", clearances[name], pressed, stood[of][0])
         surface = Reversed(Offset(stood[of][0], clearances[name]))
         try:
-            stood[name] = at.stand(name, dataclasses.replace(press.tools[name], surface=surface))
+            die = dataclasses.replace(press.tools[name], surface=surface)
+            stood[name] = at.stand(name, die, is_die=True)
         except InputError as error:
             raise InputError(
                 f"tools.{name} can't be the die of {of}, if that is closed all round as a ball is: "
