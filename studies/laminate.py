@@ -8,7 +8,6 @@ from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
 from fabric_fenicsx.verification import compression_parameters as parameters
 
-
 MIDDLE = "middle"  # ply
 
 

@@ -208,9 +208,11 @@ def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
     return given
 
 
-def dome_parser(test: type[DomeTest], description: str | None, **defaults: Any) -> Parser:
+def dome_parser(
+    test: type[DomeTest], description: str | None, name: str = "", **defaults: Any
+) -> Parser:
     """The parser of a study of a `test`: its options, and those of sheet and interface."""
-    return parser(test, description, parts=(Sheet, Interface), **defaults)
+    return parser(test, description, name, parts=(Sheet, Interface), **defaults)
 
 
 def build(study: Study, test: type[DomeTest], fabric: Law | None = None) -> FormingScene:

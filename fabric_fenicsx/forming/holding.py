@@ -62,6 +62,15 @@ class HolderSite:
         contacts of each sheet with the next.
     warnings
         Of the run.
+
+    Examples
+    --------
+    >>> class Cushion:
+    ...     def terms(self, site):
+    ...         return [ff.BlankHolderPressure(0.1, site.up, site.on_flange(), lag=site.lag)]
+    >>> press = ff.Press.read("hemisphere").replace(holders={"rim": Cushion()})
+    >>> [*press.holders]
+    ['rim']
     """
 
     name: str
