@@ -62,7 +62,7 @@ class Sheet(SheetFields):
     --------
     >>> ply = ff.Sheet(fabric=ff.load("komeili"), length=200, width=100, fibre_angle=45)
     >>> ply.fibre_angle, round(ply.thickness_under(0.0), 3)
-    (45, 1.074)
+    (45.0, 1.074)
     """
 
     fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
