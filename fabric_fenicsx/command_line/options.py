@@ -25,6 +25,14 @@ def exit_status(error: Exception) -> tuple[int, str]:
     return 3, words if ended else f"stopped: {words}"
 
 
+def not_writable(error: OSError) -> InputError:
+    """The error for a file that the system refuses."""
+    return InputError(
+        f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder of "
+        "this user"
+    )
+
+
 def program(name: str) -> str:
     """How study `name` was started: by `fabric` or as a script."""
     script = Path(sys.argv[0])

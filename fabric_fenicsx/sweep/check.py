@@ -1,9 +1,4 @@
-"""Whether press files with changes can be read, asked in a process of its own: reading one needs
-DOLFINx and starts MPI, which a process that starts others should not.
-
-As a program it takes on standard input a dict in JSON with `press`, `law_file` and `changes`, a
-list for each run; it prints, behind `MARK`, the first sentence of bad input and ends with status 2.
-"""
+"""Check of values before any run starts."""
 
 import json
 import os
@@ -14,44 +9,44 @@ from pathlib import Path
 
 from ..runtime.errors import InputError
 from ..runtime.ranks import RANKS_ENVIRONMENT
-from .varied import Values, changes, label
 
-MARK = "refused: run "
+MARK = "refused: "  # before the child's answer, as libraries of MPI print, too
 
 
-def check(press: Path, values: Sequence[Values], law_file: str | None = None) -> None:
-    """Raise InputError, with its sentence, for the first of the runs' values that the press file
-    cannot have. What can be told only by its run is left to that."""
-    asked = {"press": str(press), "law_file": law_file, "changes": [changes(v) for v in values]}
+def check(press: Path, runs: Sequence[Sequence[str]], law_file: str = "") -> tuple[int, str] | None:
+    """Number and sentence of the first run whose changes of the press file are not allowed.
+
+    A child process reads the file, as that starts MPI today.
+    """
+    program = f"from {__name__} import _answer; _answer()"
     done = subprocess.run(
-        [sys.executable, "-m", __name__],
-        input=json.dumps(asked),
+        [sys.executable, "-c", program],
+        input=json.dumps([str(press), list(map(list, runs)), law_file]),
         capture_output=True,
         text=True,
         env=os.environ | RANKS_ENVIRONMENT,
     )
-    # libraries of MPI may print before and after
-    told = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
-    if done.returncode == 2 and told:
-        number, words = told[0].removeprefix(MARK).split(" ", 1)
-        raise InputError(f"run {label(values[int(number)])}: {words}")
+    found = [line for line in done.stdout.splitlines() if line.startswith(MARK)]
+    return tuple(json.loads(found[0].removeprefix(MARK))) if found else None
 
 
-def _main():
+def refused(
+    press: Path | str, runs: Sequence[Sequence[str]], law_file: str = ""
+) -> tuple[int, str] | None:
+    """As `check`, in this process."""
     from ..forming.press_file import read_press
     from ..material.presets import read_laws
 
-    asked = json.load(sys.stdin)
-    if asked["law_file"]:
-        read_laws(asked["law_file"])
-    for number, each in enumerate(asked["changes"]):
+    if law_file:
+        read_laws(law_file)
+    for number, changes in enumerate(runs):
         try:
-            read_press(asked["press"], each)
+            read_press(press, changes)
         except InputError as error:
-            print(f"\n{MARK}{number} {error}", flush=True)
-            return 2
-    return 0
+            return number, str(error)
+    return None
 
 
-if __name__ == "__main__":
-    sys.exit(_main())
+def _answer():
+    if found := refused(*json.load(sys.stdin)):
+        print(f"\n{MARK}{json.dumps(found)}", flush=True)
