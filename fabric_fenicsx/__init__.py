@@ -19,21 +19,20 @@ with suppress(ModuleNotFoundError):
 
 if TYPE_CHECKING:
     from .coupons.coupon import BiasExtension, PictureFrame, Tensile
-    from .forming.forming import Forming
-    from .forming.holding import (
+    from .forming.holders import (
         ForceHolder,
         GapHolder,
         Grippers,
         Holder,
         PressureHolder,
-        Rim,
         SpringHolder,
     )
-    from .forming.laminate import Laminate
-    from .forming.plies import Ply
+    from .forming.holding import HolderSite
+    from .forming.interface import Interface
     from .forming.press import Press
-    from .forming.press_tools import PressTool
+    from .forming.sheet import Sheet
     from .forming.stages import Stage
+    from .forming.tools import DieOf, PressTool
     from .forming.unloading import unloading
     from .job.job import Job, Result
     from .material.compaction import Compaction
@@ -91,20 +90,19 @@ _HOMES = {
     "mechanics.springs": ("Springs",),
     "mechanics.term": ("Term",),
     "coupons.coupon": ("BiasExtension", "PictureFrame", "Tensile"),
-    "forming.forming": ("Forming",),
-    "forming.holding": (
+    "forming.holders": (
         "ForceHolder",
         "GapHolder",
         "Grippers",
         "Holder",
         "PressureHolder",
-        "Rim",
         "SpringHolder",
     ),
-    "forming.laminate": ("Laminate",),
-    "forming.plies": ("Ply",),
+    "forming.holding": ("HolderSite",),
+    "forming.interface": ("Interface",),
+    "forming.sheet": ("Sheet",),
     "forming.press": ("Press",),
-    "forming.press_tools": ("PressTool",),
+    "forming.tools": ("DieOf", "PressTool"),
     "forming.stages": ("Stage",),
     "forming.unloading": ("unloading",),
     "scene.scene": ("Scene",),

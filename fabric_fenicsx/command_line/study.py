@@ -5,7 +5,7 @@ import signal
 import sys
 import traceback
 from argparse import BooleanOptionalAction
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import Field
 from pathlib import Path
 from typing import Any
@@ -43,9 +43,11 @@ LAW_FILE = "Python file with the classes of your own laws"
 METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
 
 
-def parser(test: Any, description: str | None, name: str = "", **defaults: Any) -> Parser:
-    """The parser of study `name` (the test's own by default): the fields of the class `test` and
-    the options that all studies share; `defaults` override theirs.
+def parser(
+    test: Any, description: str | None, name: str = "", parts: Sequence[Any] = (), **defaults: Any
+) -> Parser:
+    """The parser of study `name` (the test's own by default): the fields of the class `test` and of
+    the `parts` it is made of, and the options that all studies share; `defaults` override theirs.
 
     An option that a resumed run may change says `free=True` where it is declared; all others
     define the problem.
@@ -57,7 +59,8 @@ def parser(test: Any, description: str | None, name: str = "", **defaults: Any) 
         description=description,
         formatter_class=HelpFormatter,
     )
-    add_fields(p, test, test)
+    for owner in (test, *parts):
+        add_fields(p, owner, test)
     _add_material(p)
     add_solver(p, test)
     add_output(p, name)
@@ -85,7 +88,7 @@ def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = 
     sizes and limits are defaults, prefix: of the options' names."""
     for each in declared(owner):
         meta, name = each.metadata, each.name
-        if owner is Coupon and meta["group"] == "weave":
+        if meta["group"] == "ply" or (owner is Coupon and meta["group"] == "weave"):
             continue
         p.group(meta["group"])
         default = getattr(test.LIMITS, name) if owner is Limits else each.default
@@ -122,7 +125,7 @@ def _kind_of_option(meta):
     return {"choices": tuple(meta.get("choices") or meta["kinds"])}
 
 
-def _of_kind(args: Any, field: Field) -> Any:
+def of_kind(args: Any, field: Field) -> Any:
     """The object of the kind that the option of a field names, with the number of that kind's own
     option. InputError if the option of another kind is given."""
     kinds, name = field.metadata["kinds"], getattr(args, field.name)
@@ -222,7 +225,7 @@ class Study:
         """The test of this kind with the options' fields, of their fabric or another."""
         args = self.args
         given = {
-            f.name: _of_kind(args, f) if "kinds" in f.metadata else getattr(args, f.name)
+            f.name: of_kind(args, f) if "kinds" in f.metadata else getattr(args, f.name)
             for f in declared(kind)
             if hasattr(args, f.name)
         }
@@ -230,7 +233,7 @@ class Study:
 
     def build(self, test: Any) -> Any:
         """The `Setup` of a test, whose warnings are told and whose sizes become the options'."""
-        setup = test.build(self.comm) if hasattr(test, "build") else _as_setup(test)
+        setup = test.build(self.comm)
         vars(self.args).update(setup.resolved())
         for doubt in setup.warnings:
             self.warn(doubt)
@@ -280,14 +283,6 @@ class Study:
         """As `Output.report`, by what the test says of itself, else this description."""
         title, own = self._title_and_text
         self.output.report(own or description, ending, title)
-
-
-def _as_setup(made):
-    """A `Scenario` with the names of a `Setup`. It goes with coupons/test.py."""
-    names = "nx", "ny", "size", "pattern", "element", "integration", *made.SIZES
-    made.data, made.title_and_text, made.fingerprint = made, made.about, made.problem
-    made.resolved = lambda: {name: getattr(made, name) for name in names}
-    return made
 
 
 def _in_words(options):

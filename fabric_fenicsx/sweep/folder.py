@@ -163,8 +163,7 @@ class SweepFolder:
             changed = next(name for name in {**files, **now} if files.get(name) != now.get(name))
             wrong = f"runs of another press ({changed or press} has changed since)"
         elif known["keys"] != self.keys:
-            before, now = (", ".join(keys) for keys in (known["keys"], self.keys))
-            wrong = f"a sweep over {before}, now it is {now}"
+            wrong = f"a sweep over {', '.join(known['keys'])}, now it is {', '.join(self.keys)}"
         if wrong:
             raise InputError(
                 f"--out {self.path} has {wrong}; allowed is another --out, or --overwrite, which "

@@ -17,7 +17,6 @@ from tqdm import tqdm
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.formatting import rounded
 from ..runtime.ranks import RANKS_ENVIRONMENT
-from .check import check
 from .folder import Run, SweepFolder
 from .varied import Values, changes, label
 
@@ -43,10 +42,17 @@ class Form:
 
     def check(self, values: Sequence[Values]) -> None:
         """InputError for the first values that the press file cannot have."""
+        from ..forming.press import Press  # takes seconds to import
+        from ..material.presets import read_laws
+
         words = [*(part for word in self.options for part in word.split("=", 1)), "--law-file", ""]
-        law_file = words[words.index("--law-file") + 1]
-        if wrong := check(self.press, [*map(changes, values)], law_file):
-            raise InputError(f"run {label(values[wrong[0]])}: {wrong[1]}")
+        if law_file := words[words.index("--law-file") + 1]:
+            read_laws(law_file)
+        for each in values:
+            try:
+                Press.read(self.press, changes(each))
+            except InputError as error:
+                raise InputError(f"run {label(each)}: {error}") from None
 
 
 class Runner:
