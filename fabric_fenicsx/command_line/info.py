@@ -149,7 +149,9 @@ VERSIONS: dict[str, Callable[[], str]] = {
 
 
 def _ranks(comm):
-    comm = comm or import_module("mpi4py.MPI").COMM_WORLD  # which says why there is none
+    from mpi4py import MPI  # which says why it can't be imported
+
+    comm = comm or MPI.COMM_WORLD
     total = comm.allreduce(comm.rank + 1)
     if total != comm.size * (comm.size + 1) // 2:
         raise Broken(f"the sum of 1 to {comm.size} over the ranks came out as {total}")

@@ -131,13 +131,10 @@ class BiasSetup(StripSetup):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
-        blank, comm, fields, rows = self.blank, self.comm, result.fields, result.rows
-        area, signed = measures.areas(blank), fields["shear_angle"]
-        gamma, degrees = np.abs(signed), np.degrees(signed)
-        stroke = rows[-1]["displacement_mm"]
-        theory = math.nan
+        rows, signed = result.rows, result.fields["shear_angle"]
+        gamma, theory = np.abs(signed), math.nan
         if not self.no_theory:
-            theory = abs(float(self.strip.shear_angle(stroke, self.rest)))
+            theory = abs(float(self.strip.shear_angle(rows[-1]["displacement_mm"], self.rest)))
         found = {} if self.no_theory else self._by_zones(gamma, signed)
         if self.at_45 and math.isfinite(theory) and theory > 0:
             force = float(self.shear_forces(rows[-1:])[1][0])
@@ -147,28 +144,16 @@ class BiasSetup(StripSetup):
             found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
             off = predicted[mine != 0] / mine[mine != 0] - 1
             found["measured_rms_relative"] = float(np.sqrt(np.mean(off**2)))
-        found |= self.against_curves(result)
-        width = (self.high - self.low)[1]
-        centre = measures.near(comm, blank.midpoints(), self.centre, width / 8)
-        at_centre = measures.mean(comm, gamma, 1.0 * centre)
-        found |= {
-            "centre_shear_angle_deg": _degrees(at_centre if self.has_centre else None),
+        centre = measures.mean(self.comm, gamma, 1.0 * self.near_centre())
+        at_centre = math.degrees(centre) if self.has_centre and centre is not None else None
+        found |= self.against_curves(result) | {
+            "centre_shear_angle_deg": at_centre,
             "theory_shear_angle_deg": math.degrees(theory) if math.isfinite(theory) else None,
         }
         if not math.isfinite(theory):
             apart = "the clamps are further apart than inextensible yarns let them"
             found["no_theory_because"] = self.no_theory or apart
-        return found | {
-            "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
-            "eps_a_98_percent": measures.bulk(comm, fields["eps_a"], area),
-            "eps_b_98_percent": measures.bulk(comm, fields["eps_b"], area),
-            "log_eps_11": measures.extremes(comm, fields["log_eps_11"]),
-            "log_eps_22": measures.extremes(comm, fields["log_eps_22"]),
-            "shear_angle_deg": measures.extremes(comm, degrees),
-            "shear_angle_max_deg": math.degrees(measures.extremes(comm, gamma)[1]),
-            "eps_a": measures.extremes(comm, fields["eps_a"]),
-            "eps_b": measures.extremes(comm, fields["eps_b"]),
-        }
+        return found | self.ranges(result)
 
     def _by_zones(self, gamma, signed):
         """Mean shear angle of each zone of the theory [deg], and the width of their borders."""
@@ -181,8 +166,7 @@ class BiasSetup(StripSetup):
         found: dict[str, Any] = {}
         for name, zone in zones.items():
             inside = zone & (distance > width / 10)
-            mean = measures.mean(self.comm, gamma, 1.0 * inside)
-            if mean is not None:
+            if (mean := measures.mean(self.comm, gamma, 1.0 * inside)) is not None:
                 found[f"{name}_zone_shear_angle_deg"] = math.degrees(mean)
         found["transition_width_mm"] = transition_width(self.comm, self.strip, x, y, signed)
         return found
@@ -234,7 +218,3 @@ class BiasSetup(StripSetup):
             }
             labels = "shear angle from the crosshead / deg", "normalised shear force / (N/mm)"
             pictures.curves(folder / "measured.png", series, *labels)
-
-
-def _degrees(angle):
-    return None if angle is None else math.degrees(angle)
