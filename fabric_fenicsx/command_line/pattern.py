@@ -84,7 +84,7 @@ def _of_ply(name, grid, trim, reach):
 
 
 def _size(flat):
-    """What to tell of a pattern."""
+    """Sizes of a pattern, in words."""
     off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
     return (
         f"area {rounded(flat.area, 6)} mm2, perimeter {rounded(flat.perimeter, 6)} mm, area of the "

@@ -257,11 +257,11 @@ class Study:
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
 
     def once(self, key: str, make: Callable[[], Any]) -> Any:
-        """As `Output.once`, for the problem of the options."""
+        """Call `Output.once` for the problem of the options."""
         return self.output.once(key, make, self.problem(self.fabric))
 
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
-        """As `Output.summarise`, of the study as a whole."""
+        """Summarise the study as a whole, see `Output.summarise`."""
         self._note_facts()
         return self.output.summarise(folder, **{"element": self.args.element} | facts)
 
@@ -273,14 +273,14 @@ class Study:
         }
 
     def problem(self, fabric: Law) -> Mapping[str, Any]:
-        """What a checkpoint must have been made with to be gone on from: all options but the free
-        ones, and the fabric."""
+        """Facts in which a checkpoint must agree to be gone on from: all options but the free ones,
+        and the fabric."""
         defining = {k: v for k, v in vars(self.args).items() if k not in self._free}
         name = self.output.name
         return {"study": name} | _in_words(defining) | {"material": fabric.dumps()}
 
     def write_report(self, description: str, ending: str) -> None:
-        """As `Output.report`, by what the test says of itself, else this description."""
+        """Write report.html with the title and text of the test, else this description."""
         title, own = self._title_and_text
         self.output.report(own or description, ending, title)
 

@@ -28,7 +28,7 @@ class BiasSetup(StripSetup):
     """A `BiasExtension` on its mesh, beside the theory of inextensible yarns."""
 
     def choose(self) -> None:
-        """As in `CouponSetup`: element and pattern."""
+        """Choose element and pattern."""
         data, chosen = self.data, dict[str, str]()
         if data.in_plane_bending and data.fibre_angle == 45 and not data.element:
             chosen["element"] = "P1"
@@ -39,7 +39,7 @@ class BiasSetup(StripSetup):
         self.data = replace(data, **chosen)
 
     def prepare(self) -> None:
-        """As in `StripSetup`, and the theory to compare with."""
+        """Check the length, and set theory, stroke and measured curves."""
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):
             raise InputError(
@@ -60,7 +60,7 @@ class BiasSetup(StripSetup):
         self.at_45 = at_45 and not self.no_theory
 
     def is_compared(self, curve: Curve) -> bool:
-        """As in `StripSetup`: a bias test, or one of pure shear."""
+        """True for a bias test, and for one of pure shear."""
         if not self.at_45:
             raise InputError(
                 f"`measured` {self.data.measured} is compared by shear angle and normalised shear "
@@ -73,7 +73,7 @@ class BiasSetup(StripSetup):
     def as_measured(
         self, curve: Curve, thickness: float, length: float, width: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """As in `StripSetup`: of the strip with the same normalised shear force."""
+        """Curve of the strip with the same normalised shear force."""
         gamma, (response, *_) = curve.strains[:, 2], curve.responses
         if curve.test == "bias_extension":
             sizes = curve.keys["height"], curve.keys["width"]
@@ -100,7 +100,7 @@ class BiasSetup(StripSetup):
         return clamped_ends(self.stroke)
 
     def order(self) -> float:
-        """As in `Setup`: before cells resolve the jumps of shear, a few tenths of a millimetre
+        """Observed order: before cells resolve the jumps of shear, a few tenths of a millimetre
         wide, they gain little if linear, and less than they could if not."""
         if self.data.integration == "inner":
             return INNER_ORDER

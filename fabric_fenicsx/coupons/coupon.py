@@ -171,7 +171,7 @@ class BiasExtension(Strip):
     Examples
     --------
     >>> test = ff.BiasExtension(nx=4, element="P1", strain=0.05)
-    >>> result = test.job(steps=2).run()
+    >>> result = test.job(steps=4).run()
     >>> round(result.summary["quantities"]["theory_shear_angle_deg"], 2)
     7.92
     """

@@ -41,7 +41,7 @@ class StripSetup(CouponSetup):
         raise NotImplementedError
 
     def integration(self) -> str:
-        """As in `CouponSetup`: inner points where cells off the yarns would lock, but not where
+        """Points of P2 cells: inner where cells off the yarns would lock, but not where
         yarns lie along the load, as their tension does not lock."""
         data, blank = self.data, self.blank
         if data.integration or not (blank.degree == 2 and blank.triangulated):
@@ -129,7 +129,7 @@ class StripSetup(CouponSetup):
         }
 
     def reference_curves(self) -> Curves:
-        """As in `Setup`: the measured curves."""
+        """The measured curves."""
         return {
             f"measured: {each.file.removesuffix('.csv')}": (each.displacement, each.force)
             for each in self.laid

@@ -27,14 +27,14 @@ class TensileSetup(StripSetup):
         return ends(self.stroke)
 
     def order(self) -> float:
-        """As in `Setup`: of meshes that are halved, 1.5 to 1.6 with linear cells, 1.8 to 1.9 with
+        """Observed order: of meshes that are halved, 1.5 to 1.6 with linear cells, 1.8 to 1.9 with
         others, and less with inner points."""
         if self.data.integration == "inner":
             return INNER_ORDER
         return 1.5 if self.data.element in ("P1", "Q1") else 1.75
 
     def is_compared(self, curve: Curve) -> bool:
-        """As in `StripSetup`: a tension test along the yarns that the run pulls."""
+        """True for a tension test along the yarns that the run pulls."""
         data = self.data
         if data.fibre_angle % 90 or data.yarn_angle != 90 or data.weave_angle not in (None, 90):
             raise InputError(
@@ -46,7 +46,7 @@ class TensileSetup(StripSetup):
     def as_measured(
         self, curve: Curve, thickness: float, length: float, width: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """As in `StripSetup`: the strain is that of the grips."""
+        """Curve of the strip at the same strain of the grips."""
         if curve.free is None:
             self.warnings.append(
                 f"`measured` {curve.file} is of held sides (lateral: held), while the sides of the "

@@ -111,9 +111,10 @@ def _best(ranges, quantity, found):
 
 
 def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
-    """Where `quantity` is below `limit`, in words, over the one number that the runs vary: between
-    runs at full load it is linear, over the logarithm where numbers are far apart. Runs that are
-    not believed, as where yarns shorten too much, count with a note.
+    """Sentence on where `quantity` is below `limit`, over the one number that the runs vary.
+
+    Between runs at full load it is linear, over the logarithm where numbers are far apart. Runs
+    that are not believed, as where yarns shorten too much, count with a note.
 
     Raises InputError for a quantity that a run does not have.
     """
@@ -158,7 +159,7 @@ def _where(x, y, limit, name):
 
 
 def _accuracy(runs, quantity):
-    """How far the cells may be off, in words."""
+    """Sentence on the error of the cells."""
     errors = [run.summary().get("error", {}).get(quantity) for run in runs]
     known = [abs(error) for error in errors if error is not None]
     if not known:

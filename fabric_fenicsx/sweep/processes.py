@@ -210,7 +210,7 @@ def _last_words(console):
 
 
 def _reason(run, words):
-    """Why a run that ended is not believed."""
+    """Reason why a run that ended is not believed."""
     if run.status < 0:
         name = signal.Signals(-run.status).name
         memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""

@@ -105,7 +105,7 @@ def _page(sweep, title, answers, runs, shown, files):
 
 
 def _row(run, names):
-    """What the report's table has of a run."""
+    """A run in the report's table."""
     numbers, reason = run.numbers(), run.reason.removeprefix(NOT_BELIEVED)
     if run.summary():
         reason = ": ".join(filter(None, (run.doubt(), reason)))
