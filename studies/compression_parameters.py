@@ -1,4 +1,4 @@
-"""What the compression parameters do to a formed double dome: Figs 12 to 14 of Schäfer et al.,
+"""Influence of the compression parameters on a formed double dome: Figs 12 to 14 of Schäfer et al.,
 each varied alone."""
 
 from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser

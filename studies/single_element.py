@@ -1,8 +1,11 @@
 """One element against closed form and kernel under uniaxial, biaxial and shear loads: Fig. 7 of
 Schäfer et al."""
 
+from functools import partial
+
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.coupons.coupon import Coupon
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.sheets.blank import Blank
@@ -31,7 +34,8 @@ def main(study):
     arrays = specimen(1.0, 1.0, 1, 1, "crossed", cell)
     blank = Blank.from_arrays(study.comm, *arrays, degree=int(args.element[1]))
     fabrics = dict(zip(MODELS, (study.fabric, study.fabric.decoupled())))
-    found = compare(fabrics, blank, study.membrane, args.points, min(args.tolerance, 1e-12))
+    membrane = partial(Membrane, integration=args.integration or "full")
+    found = compare(fabrics, blank, membrane, args.points, min(args.tolerance, 1e-12))
     largest = found.largest
     agree = max(largest.values()) <= AGREEMENT
     study.summarise(

@@ -1,4 +1,4 @@
-"""Where the law loses convexity and ellipticity, over the yarn strains: maps for Table 1, other
+"""Loss of convexity and ellipticity of the law over the yarn strains: maps for Table 1, other
 p_min, c, d, s_C, and thresholds."""
 
 import numpy as np

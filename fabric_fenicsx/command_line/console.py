@@ -1,4 +1,4 @@
-"""Where messages go: the console and log.txt."""
+"""Console messages of a study."""
 
 import logging
 import sys

@@ -1,7 +1,7 @@
-"""What is installed and whether it works, each piece tried by itself.
+"""Check of what is installed, each piece by itself.
 
-Nothing outside the standard library is imported before it is its turn, so that what is missing or
-broken is told in words.
+Nothing outside the standard library is imported before its turn, so that what is missing or broken
+is told in words.
 """
 
 import os
@@ -12,11 +12,13 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import suppress
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version as installed
 from typing import TYPE_CHECKING
+from unittest.mock import patch
 
 from ..runtime.signals import end_with_reader
 from ..runtime.version import __version__
@@ -45,23 +47,19 @@ def world() -> "MPI.Comm | None":
 def show(comm: "MPI.Comm | None") -> int:
     """Print versions, presets and checks on rank 0; returns the exit status on all ranks: 0 if all
     is well, else 1."""
-    with tempfile.TemporaryDirectory() as cache:
-        with _environment(XDG_CACHE_HOME=cache):
-            # on all ranks, which PETSc starts together; in an empty place for compiled forms, so
-            # that one is compiled
-            try:
-                import_module("dolfinx")
-            except Exception:  # told below
-                pass
+    # compiled forms in an empty place, so that one is compiled
+    with tempfile.TemporaryDirectory() as cache, patch.dict(os.environ, XDG_CACHE_HOME=cache):
+        with suppress(Exception):  # told below
+            import_module("dolfinx")  # on all ranks, which PETSc starts together
         end_with_reader()  # after PETSc, which has a handler of its own
         first = comm is None or comm.rank == 0
-        well = all([_versions(), _presets(), _checks(comm)] if first else [_checks(comm)])
+        well = all([_versions(), _presets()] if first else []) & _checks(comm, first)
     if comm is not None and comm.size > 1:
         well = all(comm.allgather(well))
     return 0 if well else 1
 
 
-def _versions() -> bool:
+def _versions():
     well = True
     for name, version in VERSIONS.items():
         try:
@@ -69,32 +67,12 @@ def _versions() -> bool:
         except ImportError as error:
             well, text = False, f"missing ({error})"
         except Exception as error:
-            well, text = False, f"broken ({_words(error)})"
+            well, text = False, f"broken ({_reason(error)})"
         print(f"{name:15} {text}")
     return well
 
 
-def _checks(comm: "MPI.Comm | None") -> bool:
-    well = True
-    for name, (check, together) in CHECKS.items():
-        if comm is not None and comm.rank > 0 and not together:
-            continue
-        start, fine = time.perf_counter(), True
-        try:
-            text = check(comm)
-        except Exception as error:
-            fine, text = False, _words(error)
-        seconds = time.perf_counter() - start
-        well &= fine
-        if comm is None or comm.rank == 0:
-            print(
-                f"{name:15} {'ok' if fine else 'fails':5} {seconds:6.2f} s  {text}".rstrip(),
-                flush=True,
-            )
-    return well
-
-
-def _presets() -> bool:
+def _presets():
     try:
         from ..material.presets import PRESETS
 
@@ -104,88 +82,83 @@ def _presets() -> bool:
             thickness = f"{fabric.thickness:g} mm thick, {pressed}"
             print(f"preset {name:8} {thickness}, couplings: {couplings}")
     except Exception as error:
-        print(f"presets         fails: {_words(error)}")
+        print(f"presets         fails: {_reason(error)}")
         return False
     return True
 
 
-@contextmanager
-def _environment(**variables: str) -> Iterator[None]:
-    """With these environment variables, and afterwards with those that were."""
-    before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+def _checks(comm, first):
+    well = True
+    for name, (check, on_all_ranks) in CHECKS.items():
+        if not (first or on_all_ranks):
+            continue
+        start, result = time.perf_counter(), "ok"
+        try:
+            text = check(comm)
+        except Exception as error:
+            well, result, text = False, "fails", _reason(error)
+        if first:
+            seconds = time.perf_counter() - start
+            print(f"{name:15} {result:5} {seconds:6.2f} s  {text}".rstrip(), flush=True)
+    return well
 
 
-def _words(error: BaseException) -> str:
-    """What an exception says, in one line; of long ones the end, where the reason is."""
+def _reason(error):
+    """The text of an exception in one line; of long ones the end, where the reason is."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     text = lines[-1] if lines else "no reason given"
     text = text if len(text) <= LONG else f"... {text[-LONG:]}"
     return text if isinstance(error, Broken) else f"{type(error).__name__}: {text}"
 
 
-def _attribute(module: str) -> Callable[[], str]:
-    return lambda: str(import_module(module).__version__)
+def _attribute(module):
+    return str(import_module(module).__version__)
 
 
-def _petsc() -> str:
-    from petsc4py import PETSc
-
-    return ".".join(map(str, PETSc.Sys.getVersion()))
+def _petsc():
+    return ".".join(map(str, import_module("petsc4py.PETSc").Sys.getVersion()))
 
 
-def _mpi() -> str:
-    from mpi4py import MPI
+def _mpi():
+    library = import_module("mpi4py.MPI").Get_library_version()
+    return re.split(r"[,\n]", library)[0].strip()
 
-    return re.split(r"[,\n]", MPI.Get_library_version())[0].strip()
 
-
-def _vtk() -> str:
-    from vtkmodules.vtkCommonCore import vtkVersion
-
-    return str(vtkVersion.GetVTKVersion())
+def _vtk():
+    return str(import_module("vtkmodules.vtkCommonCore").vtkVersion.GetVTKVersion())
 
 
 VERSIONS: dict[str, Callable[[], str]] = {
     "fabric_fenicsx": lambda: __version__,
     "python": platform.python_version,
-    "dolfinx": _attribute("dolfinx"),
-    "ufl": _attribute("ufl"),
+    "dolfinx": partial(_attribute, "dolfinx"),
+    "ufl": partial(_attribute, "ufl"),
     "petsc": _petsc,
-    "petsc4py": _attribute("petsc4py"),
-    "mpi4py": _attribute("mpi4py"),
+    "petsc4py": partial(_attribute, "petsc4py"),
+    "mpi4py": partial(_attribute, "mpi4py"),
     "MPI library": _mpi,
-    "numpy": _attribute("numpy"),
-    "scipy": _attribute("scipy"),
-    "gmsh": _attribute("gmsh"),
-    "meshio": lambda: installed("meshio"),
-    "pyvista": lambda: installed("pyvista"),
+    "numpy": partial(_attribute, "numpy"),
+    "scipy": partial(_attribute, "scipy"),
+    "gmsh": partial(_attribute, "gmsh"),
+    "meshio": partial(installed, "meshio"),
+    "pyvista": partial(installed, "pyvista"),
     "VTK": _vtk,
-    "ezdxf": lambda: installed("ezdxf"),
-    "shapely": lambda: installed("shapely"),
+    "ezdxf": partial(installed, "ezdxf"),
+    "shapely": partial(installed, "shapely"),
 }
 
 
-def _ranks(comm: "MPI.Comm | None") -> str:
-    if comm is None:
-        from mpi4py import MPI  # says why
+def _ranks(comm):
+    from mpi4py import MPI  # which says why it can't be imported
 
-        comm = MPI.COMM_WORLD
+    comm = comm or MPI.COMM_WORLD
     total = comm.allreduce(comm.rank + 1)
     if total != comm.size * (comm.size + 1) // 2:
         raise Broken(f"the sum of 1 to {comm.size} over the ranks came out as {total}")
     return f"{comm.size} rank{'s' * (comm.size > 1)}"
 
 
-def _mumps(comm: "MPI.Comm | None") -> str:
+def _mumps(comm):
     """Factorise the matrix of a clamped string of 20 nodes."""
     from petsc4py import PETSc
 
@@ -207,14 +180,13 @@ def _mumps(comm: "MPI.Comm | None") -> str:
     ksp.getPC().setFactorSolverType("mumps")
     ksp.solve(b, x)
     x.shift(-1.0)
-    error = x.norm()
-    if not error < 1e-10:
+    if not (error := x.norm()) < 1e-10:
         raise Broken(f"the solution of {n} equations is off by {error:.2g}")
     return ""
 
 
-def _blas(comm: "MPI.Comm | None") -> str:
-    """Which of the system's BLAS, what PETSc calls, this process has loaded."""
+def _blas(comm):
+    """The BLAS of the system that PETSc calls, as this process has loaded it."""
     import_module("petsc4py.PETSc")
     with open("/proc/self/maps") as maps:
         files = {line.split()[-1] for line in maps if re.search(r"/lib\w*blas\w*[.-]", line)}
@@ -226,17 +198,17 @@ def _blas(comm: "MPI.Comm | None") -> str:
 
 
 def describe_blas(files: list[str]) -> str:
-    """Which BLAS these shared libraries are, and what would be faster."""
+    """Name of the BLAS of these shared libraries, and of a faster one."""
     names = ", ".join(files)
-    if any("openblas" in file for file in files):
+    if "openblas" in names:
         return f"OpenBLAS ({names})"
-    if any("/libblas.so" in file for file in files):
+    if "/libblas.so" in names:
         faster = "MUMPS is up to five times faster with OpenBLAS (apt install libopenblas0-serial)"
         return f"reference ({names}); {faster}"
     return names
 
 
-def _jit(comm: "MPI.Comm | None") -> str:
+def _jit(comm):
     """Compile the area of one triangle and assemble it."""
     import numpy as np
     import ufl
@@ -246,16 +218,15 @@ def _jit(comm: "MPI.Comm | None") -> str:
     from .. import dolfinx_compat as compat
 
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
-    mesh = compat.create_mesh(
-        MPI.COMM_SELF, np.array([[0, 1, 2]], dtype=np.int64), corners, "triangle", 1
-    )
+    cells = np.array([[0, 1, 2]], dtype=np.int64)
+    mesh = compat.create_mesh(MPI.COMM_SELF, cells, corners, "triangle", 1)
     area = fem.assemble_scalar(compat.form(fem.Constant(mesh, 1.0) * ufl.dx(mesh)))
     if abs(area - 0.5) > 1e-12:
         raise Broken(f"a triangle of area 0.5 has {area:.6g}")
     return ""
 
 
-def _gmsh(comm: "MPI.Comm | None") -> str:
+def _gmsh(comm):
     """Mesh a square."""
     import numpy as np
 
@@ -269,19 +240,13 @@ def _gmsh(comm: "MPI.Comm | None") -> str:
     return ""
 
 
-def _pyvista(comm: "MPI.Comm | None") -> str:
+def _pyvista(comm):
     """Draw in a process of its own, as VTK may take it down where there is no screen."""
-    alone = {
-        k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_", "MPI_"))
-    }
+    of_mpi = "OMPI_", "PMIX_", "PMI_", "MPI_"
+    alone = {k: v for k, v in os.environ.items() if not k.startswith(of_mpi)}
+    command = [sys.executable, "-c", DRAWING]
     try:
-        done = subprocess.run(
-            [sys.executable, "-c", DRAWING],
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            env=alone,
-        )
+        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=alone)
     except subprocess.TimeoutExpired:
         raise Broken(f"nothing was drawn within {PATIENCE} s") from None
     if done.returncode < 0:
@@ -317,8 +282,7 @@ def draw_triangle() -> None:
         raise Broken(f"the picture of a triangle is blank or wrong: {red.mean():.0%} of it is red")
 
 
-# by name: the check, which returns what else is to be said or raises, and whether all ranks take
-# part
+# by name: a function that returns what else is to be said, or raises; True if all ranks take part
 CHECKS: dict[str, tuple[Callable[["MPI.Comm | None"], str], bool]] = {
     "MPI": (_ranks, True),
     "MUMPS": (_mumps, True),

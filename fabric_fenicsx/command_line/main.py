@@ -12,7 +12,7 @@ from ..runtime.errors import InputError
 from ..runtime.rules import unknown_key
 from ..runtime.signals import end_with_reader
 from . import info
-from .options import STUDIES, Parser, exit_status
+from .options import STUDIES, Parser, exit_status, not_writable
 
 COMMANDS = {
     "info": "versions, presets, and whether all works",
@@ -29,21 +29,43 @@ def main(argv: list[str] | None = None) -> int:
     """Run the command in argv (default: the program's arguments); returns its exit status, 2 for
     bad arguments. A study leaves with its own."""
     argv = sys.argv[1:] if argv is None else argv
+    command = argv[0] if argv else ""
     end_with_reader()
     scripts = {path.stem: path for path in sorted(STUDIES.glob("*.py"))}
-    if argv and argv[0] in scripts:
-        script = str(scripts[argv[0]])
-        sys.argv[:] = [script, *map(_found, argv[1:])]
-        runpy.run_path(script, run_name="__main__")
+    if command in scripts:
+        sys.argv[:] = [str(scripts[command]), *map(_found, argv[1:])]
+        runpy.run_path(str(scripts[command]), run_name="__main__")
         return 0
-    if argv and argv[0] == "sweep":  # before MPI begins, which its runs do by themselves
+    if command == "sweep":  # before MPI begins, which its runs do by themselves
         from . import sweep
 
         return sweep.main([*map(_found, argv[1:])] or ["--help"])
-    comm = info.world()
-    speaks = comm is None or comm.rank == 0
-    if not speaks and {"-h", "--help"} & set(argv):
+    comm, status = info.world(), 0
+    first = comm is None or comm.rank == 0
+    if not first and {"-h", "--help"} & set(argv):
         return 0
+    try:
+        if command not in PARSED:
+            command, files = _parsed(argv, scripts)
+        if command == "info":
+            return info.show(comm)
+        if first and command in PARSED:
+            import_module(f"{__package__}.{command}").run(argv[1:])
+        elif first and command == "export":
+            _export(*files)
+        elif first:
+            print(_listed(scripts.values()))
+    except InputError as error:
+        status, text = exit_status(error)
+        if first:
+            print(f"fabric: {text}", file=sys.stderr, flush=True)
+    if comm is not None:
+        comm.Barrier()  # mpirun ends all ranks when the first leaves
+    return status
+
+
+def _parsed(argv, scripts):
+    """Command and files of the words; InputError for others."""
     parser = Parser(
         prog="fabric",
         usage="fabric [-h] command, or fabric STUDY [option ...]",
@@ -52,35 +74,14 @@ def main(argv: list[str] | None = None) -> int:
     )
     parser.add_argument("command", help=argparse.SUPPRESS)
     parser.add_argument("files", nargs="*", help=argparse.SUPPRESS)
-    try:
-        if argv and argv[0] in PARSED:
-            if speaks:
-                import_module(f"{__package__}.{argv[0]}").run(argv[1:])
-            if comm is not None:
-                comm.Barrier()  # as where the first meets an error
-            return 0
-        given = parser.parse_args(argv or ["--help"])
-        command = given.command
-        if command not in COMMANDS:
-            raise unknown_key(command, [*COMMANDS, *scripts], f"command {command}")
-        if len(given.files) != (2 if command == "export" else 0):
-            words = "a folder of results and a file" if command == "export" else "nothing"
-            found = " ".join(given.files) or "nothing"
-            raise InputError(f"behind {command} is {found}; allowed is {words}")
-        if command == "export" and speaks:
-            _export(*given.files)
-    except InputError as error:
-        status, text = exit_status(error)
-        if speaks:
-            print(f"fabric: {text}", file=sys.stderr, flush=True)
-        if comm is not None:
-            comm.Barrier()  # mpirun ends all ranks when the first leaves
-        return status
-    if command == "info":
-        return info.show(comm)
-    if speaks and command == "list":
-        print(_listed(scripts.values()))
-    return 0
+    given = parser.parse_args(argv or ["--help"])
+    if given.command not in COMMANDS:
+        raise unknown_key(given.command, [*COMMANDS, *scripts], f"command {given.command}")
+    count, words = (2, "a folder and a file") if given.command == "export" else (0, "nothing")
+    if len(given.files) != count:
+        found = " ".join(given.files) or "nothing"
+        raise InputError(f"behind {given.command} is {found}; allowed is {words}")
+    return given.command, given.files
 
 
 def _description(studies):
@@ -98,21 +99,18 @@ def _export(folder, file):
     try:
         grids = structural.read_grids(folder)
         structural.export(grids, file)
-        labels = structural.set_labels(grids) if Path(file).suffix == ".inp" else {}
-        sets = {name: f" (ELSET {label})" for name, label in labels.items()}
-        for name, grid in grids.items():
-            print(f"{file}: {name or 'ply'}{sets.get(name, '')}, {grid.n_cells} cells")
-        if words := why_not_believed(Path(folder) / "summary.json"):
-            print(f"warning: the run in {folder} did not end well: {words}", file=sys.stderr)
     except OSError as error:
-        raise InputError(
-            f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder "
-            "of this user"
-        ) from None
+        raise not_writable(error) from None
+    labels = structural.set_labels(grids) if Path(file).suffix == ".inp" else {}
+    sets = {name: f" (ELSET {label})" for name, label in labels.items()}
+    for name, grid in grids.items():
+        print(f"{file}: {name or 'ply'}{sets.get(name, '')}, {grid.n_cells} cells")
+    if words := why_not_believed(Path(folder) / "summary.json"):
+        print(f"warning: the run in {folder} did not end well: {words}", file=sys.stderr)
 
 
 def _listed(scripts):
-    """Each study with what it says of itself; then the example data."""
+    """Each study with its description; then the example data."""
     lines = []
     for path in scripts:
         words = " ".join((ast.get_docstring(ast.parse(path.read_text())) or "").split())

@@ -1,4 +1,4 @@
-"""Options, and how a program ends: what scripts share that need no DOLFINx."""
+"""Options and exit status, shared by scripts that need no DOLFINx."""
 
 import argparse
 import re
@@ -25,14 +25,22 @@ def exit_status(error: Exception) -> tuple[int, str]:
     return 3, words if ended else f"stopped: {words}"
 
 
+def not_writable(error: OSError) -> InputError:
+    """The error for a file that the system refuses."""
+    return InputError(
+        f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder of "
+        "this user"
+    )
+
+
 def program(name: str) -> str:
-    """How study `name` was started: by `fabric` or as a script."""
+    """First words of the command that started study `name`: `fabric` or a script."""
     script = Path(sys.argv[0])
     return f"fabric {name}" if _by_fabric() else f"{script.parent.name}/{script.name}"
 
 
 def restart_command(ranks: int = 1) -> str:
-    """What starts this program anew, as it was started but for --resume and --overwrite."""
+    """Command that starts this program anew, without --resume and --overwrite."""
     options = [word for word in sys.argv[1:] if word not in ("--resume", "--overwrite")]
     script = Path(sys.argv[0])
     start = ["-m", "fabric_fenicsx", script.stem] if _by_fabric() else [str(script)]
@@ -51,7 +59,7 @@ def _from_here(file):
 
 
 def spelled(name: str) -> str:
-    """How an option of this name is spelled."""
+    """The option of a parameter of this name."""
     return "--" + name.replace("_", "-")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.rules import POSITIVE, unknown_key
-from .options import Parser, option_type
+from .options import Parser, not_writable, option_type
 
 LAYERS = 2.0  # thicknesses of all plies, by which a trim line may be off the formed ply
 PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the normal to what is kept'
@@ -68,10 +68,7 @@ def _write(args):
         try:
             pattern.write_pattern(own, flat, units)
         except OSError as error:
-            raise InputError(
-                f"{error.filename} can't be written ({error.strerror}); allowed is a file in a "
-                "folder of this user"
-            ) from None
+            raise not_writable(error) from None
         print(f"{own}.dxf, .csv, .vtu: {_size(flat)}")
     if words := why_not_believed(Path(args.folder) / "summary.json"):
         print(f"warning: the run in {args.folder} did not end well: {words}", file=sys.stderr)
@@ -87,7 +84,7 @@ def _of_ply(name, grid, trim, reach):
 
 
 def _size(flat):
-    """What to tell of a pattern."""
+    """Sizes of a pattern, in words."""
     off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
     return (
         f"area {rounded(flat.area, 6)} mm2, perimeter {rounded(flat.perimeter, 6)} mm, area of the "

@@ -8,7 +8,7 @@ from ..material.presets import read_laws
 from ..runtime.fields import declared
 from ..solve.limits import Limits
 from .options import HelpFormatter, Parser, program
-from .study import Study, add_output, add_solver
+from .study import LAW_FILE, Study, add_output, add_solver
 
 
 def press_parser(description: str | None) -> Parser:
@@ -30,8 +30,7 @@ def press_parser(description: str | None) -> Parser:
         help="change an entry of the file, as tools.punch.radius=40",
         free=True,
     )
-    own = "Python file with the classes of your own laws"
-    p.option("--law-file", metavar="FILE.py", help=own, free=True)
+    p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
     add_solver(p, Press)
     add_output(p, Press.NAME)
     p.change("--steps", default=None, help="load steps in all (those of the stages)")

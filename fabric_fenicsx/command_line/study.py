@@ -1,23 +1,22 @@
 """Parts that all study scripts share: options, a test of them, its run, and the exit status."""
 
-import dataclasses
 import logging
-import math
 import signal
 import sys
 import traceback
 from argparse import BooleanOptionalAction
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import Field
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
+from ..coupons.coupon import Coupon
 from ..job.job import Job, Result
 from ..job.setup import Setup
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import PRESETS, load, read_laws
-from ..mechanics.shell.membrane import Membrane
 from ..results.output import Output
 from ..runtime.collective_errors import is_alone
 from ..runtime.errors import InputError, Interrupted, SolverFailure
@@ -40,7 +39,7 @@ SHEET_FILES = {
     "mesh": "a mesh that meshio, gmsh or PyVista reads",
     "outline": "a drawing (.dxf), a table of x and y (.csv), or a mesh",
 }
-NO_OPTIONS = "weave", "ply"  # groups of fields that files and Python alone can say
+LAW_FILE = "Python file with the classes of your own laws"
 METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
 
 
@@ -65,9 +64,7 @@ def parser(
     _add_material(p)
     add_solver(p, test)
     add_output(p, name)
-    weave = {"yarn_angle": 90.0, "weave_angle": None}
-    sizes = {False: test.FULL, True: test.QUICK}
-    p.set_defaults(_sizes=sizes, **weave | dict(test.SOLVER) | defaults)
+    p.set_defaults(_sizes={False: test.FULL, True: test.QUICK}, **dict(test.SOLVER) | defaults)
     return p
 
 
@@ -89,44 +86,46 @@ def add_solver(p: Parser, test: Any) -> None:
 def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = False) -> None:
     """Add an option for each field of the dataclass `owner` that has a help text; test: class whose
     sizes and limits are defaults, prefix: of the options' names."""
-    for each in dataclasses.fields(owner):
-        meta = each.metadata
-        if "help" not in meta or meta["group"] in NO_OPTIONS:
+    for each in declared(owner):
+        meta, name = each.metadata, each.name
+        if meta["group"] == "ply" or (owner is Coupon and meta["group"] == "weave"):
             continue
         p.group(meta["group"])
-        default = getattr(test.LIMITS, each.name) if owner is Limits else each.default
-        how: dict[str, Any] = {"help": meta["help"].replace("%", "%%"), "default": default}
-        if each.name in test.FULL:
+        default = getattr(test.LIMITS, name) if owner is Limits else each.default
+        how = {"help": meta["help"].replace("%", "%%"), "default": default}
+        how |= _kind_of_option(meta)
+        if name in test.FULL:
             full, quick = (
-                "any" if sizes[each.name] is None else sizes[each.name]
-                for sizes in (test.FULL, test.QUICK)
+                "any" if (v := sizes[name]) is None else v for sizes in (test.FULL, test.QUICK)
             )
             how |= {"help": f"{how['help']} ({full}, with --quick {quick})", "default": None}
-        if "rule" in meta:
-            how["type"] = option_type(meta["rule"])
-        elif "choices" in meta:
-            how["choices"] = meta["choices"]
-        elif "kinds" in meta:
-            names = {kind: word for word, kind in meta["kinds"].items()}
-            how |= {"choices": tuple(meta["kinds"]), "default": names[type(each.default)]}
-        elif "switch" in meta:
-            how["action"] = "store_true"
+        if "kinds" in meta:
+            how["default"] = next(k for k, kind in meta["kinds"].items() if type(default) is kind)
         elif "repeated" in meta:
-            how |= {"action": "append", "metavar": meta["repeated"], "default": []}
-        else:
-            how["metavar"] = meta["metavar"]
-        if "rule" in meta:
-            unit = next((unit for unit in METAVARS if meta["help"].endswith(f"[{unit}]")), "")
-            how["metavar"] = METAVARS.get(unit, "N" if meta["rule"].kind is int else "X")
-        p.option(spelled(prefix + each.name), free=free, **how)
+            how["default"] = []
+        p.option(spelled(prefix + name), free=free, **how)
         for kind in meta.get("kinds", {}).values():
             (one,) = declared(kind)
-            told = {"help": one.metadata["help"], "type": option_type(one.metadata["rule"])}
-            told["metavar"] = "X"
-            p.option(spelled(kind.OPTION), default=one.default, free=free, **told)
+            own = {"help": one.metadata["help"], "type": option_type(one.metadata["rule"])}
+            p.option(spelled(kind.OPTION), default=one.default, free=free, metavar="X", **own)
 
 
-def of_kind(args: Any, field: dataclasses.Field) -> Any:
+def _kind_of_option(meta):
+    """Argparse's settings for the values of a declared field."""
+    if "rule" in meta:
+        unit = next((unit for unit in METAVARS if meta["help"].endswith(f"[{unit}]")), "")
+        letter = METAVARS.get(unit, "N" if meta["rule"].kind is int else "X")
+        return {"type": option_type(meta["rule"]), "metavar": letter}
+    if "switch" in meta:
+        return {"action": "store_true"}
+    if "repeated" in meta:
+        return {"action": "append", "metavar": meta["repeated"]}
+    if "metavar" in meta:
+        return {"metavar": meta["metavar"]}
+    return {"choices": tuple(meta.get("choices") or meta["kinds"])}
+
+
+def of_kind(args: Any, field: Field) -> Any:
     """The object of the kind that the option of a field names, with the number of that kind's own
     option. InputError if the option of another kind is given."""
     kinds, name = field.metadata["kinds"], getattr(args, field.name)
@@ -140,24 +139,13 @@ def of_kind(args: Any, field: dataclasses.Field) -> Any:
 def _add_material(p):
     p.group("material")
     presets = f"material file, or one of {', '.join(PRESETS)}"
-    file = "Python file with the classes of your own laws"
     p.option("--material", metavar="FILE|PRESET", default="komeili", help=presets, free=True)
-    p.option("--law-file", metavar="FILE.py", help=file, free=True)
-    p.option(
-        "--model",
-        choices=("hyperelastic", "fabric"),
-        default="hyperelastic",
-        help="fabric: without all couplings",
-        free=True,
-    )
-    p.option(
-        "--without",
-        metavar="COUPLING",
-        action="append",
-        default=[],
-        help=f"turn off one of {', '.join(COUPLINGS)}",
-        free=True,
-    )
+    p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
+    models = {"choices": ("hyperelastic", "fabric"), "default": "hyperelastic"}
+    p.option("--model", **models, help="fabric: without all couplings", free=True)
+    several = {"metavar": "COUPLING", "action": "append", "default": []}
+    couplings = f"turn off one of {', '.join(COUPLINGS)}"
+    p.option("--without", **several, help=couplings, free=True)
 
 
 def add_output(p: Parser, name: str) -> None:
@@ -269,11 +257,11 @@ class Study:
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
 
     def once(self, key: str, make: Callable[[], Any]) -> Any:
-        """As `Output.once`, for the problem of the options."""
+        """Call `Output.once` for the problem of the options."""
         return self.output.once(key, make, self.problem(self.fabric))
 
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
-        """As `Output.summarise`, of the study as a whole."""
+        """Summarise the study as a whole, see `Output.summarise`."""
         self._note_facts()
         return self.output.summarise(folder, **{"element": self.args.element} | facts)
 
@@ -285,23 +273,16 @@ class Study:
         }
 
     def problem(self, fabric: Law) -> Mapping[str, Any]:
-        """What a checkpoint must have been made with to be gone on from: all options but the free
-        ones, and the fabric."""
+        """Facts in which a checkpoint must agree to be gone on from: all options but the free ones,
+        and the fabric."""
         defining = {k: v for k, v in vars(self.args).items() if k not in self._free}
         name = self.output.name
         return {"study": name} | _in_words(defining) | {"material": fabric.dumps()}
 
     def write_report(self, description: str, ending: str) -> None:
-        """As `Output.report`, by what the test says of itself, else this description."""
+        """Write report.html with the title and text of the test, else this description."""
         title, own = self._title_and_text
         self.output.report(own or description, ending, title)
-
-    def membrane(self, fabric: Law | None = None) -> Membrane:
-        """Membrane of `fabric`, by default the options', with their integration."""
-        args = self.args
-        weave = None if args.weave_angle is None else math.radians(args.weave_angle)
-        integration = args.integration or "full"
-        return Membrane(fabric or self.fabric, integration=integration, weave_angle=weave)
 
 
 def _in_words(options):
@@ -333,13 +314,8 @@ def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study
             study.write_report(description, text)
     except OSError as error:
         file = error.filename or (study.args.out if study else "a file")
-        status, text = (
-            2,
-            (
-                f"error: {file} can't be read or written ({error.strerror}); allowed is a file in "
-                "a folder of this user, with space left"
-            ),
-        )
+        status, text = 2, f"error: {file} can't be read or written ({error.strerror}); allowed is "
+        text += "a file in a folder of this user, with space left"
         if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
             text = f"error: {error}; `fabric info` says what works here"
     except KeyboardInterrupt:

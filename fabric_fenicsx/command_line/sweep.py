@@ -1,10 +1,12 @@
 """`fabric sweep`: many runs of a press file side by side, and the least value of a quantity."""
 
+import itertools
 import os
 import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.rules import COUNT, Rule
@@ -34,37 +36,32 @@ def parser() -> Parser:
         formatter_class=HelpFormatter,
     )
     p.add_argument("press", metavar="press.toml", type=Path, help="the press file")
-    p.add_argument(
-        "--vary",
-        metavar="KEY=VALUES",
-        action="append",
-        default=[],
-        help='as "holder.pressure=0.01,0.05,0.2"; with --minimise as "holder.pressure=0.01..0.2"; '
-        "several are combined",
-    )
-    p.add_argument("--out", metavar="DIR", type=Path, help="default results/sweep_PRESS")
-    cores = len(os.sched_getaffinity(0))
-    how = option_type(COUNT)
-    p.add_argument(
-        "--jobs", metavar="N", type=how, default=cores, help="runs at a time, of one core each"
-    )
-    p.add_argument(
-        "--below",
-        metavar="QUANTITY=X",
-        action="append",
-        default=[],
-        help="say where a quantity is below x over the one number that is varied",
-    )
-    p.add_argument("--minimise", metavar="QUANTITY", help="look for its least value")
     several = Rule("a whole number of 3 or more", lambda v: v >= 3, int)
-    p.add_argument(
-        "--evaluations",
-        metavar="N",
-        type=option_type(several),
-        help="most runs of --minimise (12 for each number)",
-    )
-    p.add_argument("--overwrite", action="store_true", help="delete the sweep in --out first")
-    p.add_argument("--no-pictures", action="store_true", help="draw nothing")
+    options: dict[str, tuple[str, dict[str, Any]]] = {
+        "--vary": (
+            'as "holder.pressure=0.01,0.05,0.2"; with --minimise as "holder.pressure=0.01..0.2"; '
+            "several are combined",
+            {"metavar": "KEY=VALUES", "action": "append", "default": []},
+        ),
+        "--out": ("default results/sweep_PRESS", {"metavar": "DIR", "type": Path}),
+        "--jobs": (
+            "runs at a time, of one core each",
+            {"metavar": "N", "type": option_type(COUNT), "default": len(os.sched_getaffinity(0))},
+        ),
+        "--below": (
+            "say where a quantity is below x over the one number that is varied",
+            {"metavar": "QUANTITY=X", "action": "append", "default": []},
+        ),
+        "--minimise": ("look for its least value", {"metavar": "QUANTITY"}),
+        "--evaluations": (
+            "most runs of --minimise (12 for each number)",
+            {"metavar": "N", "type": option_type(several)},
+        ),
+        "--overwrite": ("delete the sweep in --out first", {"action": "store_true"}),
+        "--no-pictures": ("draw nothing", {"action": "store_true"}),
+    }
+    for name, (text, how) in options.items():
+        p.add_argument(name, help=text, **how)
     return p
 
 
@@ -108,38 +105,35 @@ def _sweep(args, passed, program):
     """Run it and write what it found; why not all runs are believed, or ""."""
     from ..sweep import optimum, results
 
-    ranks = max(int(os.environ.get(name, 1)) for name in RANKS)
-    if ranks > 1:
+    if (ranks := max(int(os.environ.get(name, 1)) for name in RANKS)) > 1:
         raise InputError(f"sweep runs on {ranks} ranks; allowed is one: it starts its runs itself")
     if not args.vary:
         raise InputError("nothing is varied; allowed is one --vary or more")
     limits = [optimum.limit_of(word) for word in args.below]
     ranges = varied.ranges(args.vary) if args.minimise else []
-    lists = {} if args.minimise else varied.lists(args.vary)
-    keys = [each.key for each in ranges] or list(lists)
+    lists = {each.key: each.ends for each in ranges} or varied.lists(args.vary)
     _check_limits(args, lists)
-    title = read_press(args.press).get("title", args.press.name)
-    out = args.out or Path("results") / f"sweep_{args.press.stem}"
+    _, document = read_press(args.press)
+    values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
     form = program(args.press, passed)
-    values = varied.combinations(lists or {each.key: each.ends for each in ranges})
     form.check(values)
-    sweep = SweepFolder(out, args.press, keys, args.overwrite)
+    out = args.out or Path("results") / f"sweep_{args.press.stem}"
+    sweep = SweepFolder(out, args.press, list(lists), args.overwrite)
     sweep.facts["asked"] = [*filter(None, [args.minimise]), *(name for name, _ in limits)]
-    runner = Runner(sweep, form, args.jobs)
-    answers: list[str] = []
+    runner, answers = Runner(sweep, form, args.jobs), list[str]()
     try:
         if args.minimise:
-            runs, found = _minimise(args, ranges, runner)
-            answers.append(found)
+            best = _minimise(args, ranges, runner)
+            runs, answers = [best.run], [best.text]
         else:
             _announce(values, runner)
             runs = runner.all(values)
-            answers += [optimum.below(runs, *limit) for limit in limits]
-        for answer in answers:
-            print(answer)
+            answers = [optimum.below(runs, *limit) for limit in limits]
+        print(*answers, sep="\n", end="\n" * bool(answers))
     finally:
         if any(run.summary() for run in sweep.runs.values()):
-            results.write(sweep, f"Sweep: {title}", answers, not args.no_pictures)
+            title = f"Sweep: {document.get('title', args.press.name)}"
+            results.write(sweep, title, answers, not args.no_pictures)
             print(f"table, pictures and report are in {out}")
         sweep.close()
     doubted = [run for run in runs if not run.is_believed()]
@@ -151,14 +145,14 @@ def _sweep(args, passed, program):
 def _check_limits(args, lists):
     """InputError for options that do not go together."""
     if args.evaluations and not args.minimise:
-        raise InputError("--evaluations is given; allowed is it with --minimise")
-    if not args.below:
-        return
-    if args.minimise or len(lists) != 1:
-        raise InputError("--below is given; allowed is it with one --vary, and without --minimise")
-    ((key, values),) = lists.items()
-    if any(varied.number(value) is None for value in values):
-        raise InputError(f"--below is given, but {key} is {values[0]}; allowed are numbers")
+        raise InputError("--evaluations needs --minimise")
+    if args.below and args.minimise:
+        raise InputError("--below and --minimise are both given; allowed is one of them")
+    if args.below and len(lists) != 1:
+        raise InputError(f"--below needs one --vary, and {len(lists)} are given")
+    for key, values in lists.items():
+        if args.below and any(varied.number(value) is None for value in values):
+            raise InputError(f"--below is given, but {key} is {values[0]}; allowed are numbers")
 
 
 def _announce(values, runner):
@@ -177,22 +171,21 @@ def _announce(values, runner):
 
 
 def _minimise(args, ranges, runner):
-    """Runs of the search, and what is told of the best."""
+    """The `Optimum`, with a line for each run on the way."""
     from ..sweep import optimum
 
-    found: dict[str, object] = {}
+    seen: set[str] = set()
 
     def evaluate(values):
         runs = runner.all(values, bar=False)
         for run in runs:
-            found[run.folder.name] = run
-            known = run.numbers().get(args.minimise)
-            if known is not None:
+            seen.add(run.folder.name)
+            if (known := run.numbers().get(args.minimise)) is not None:
                 doubt = "" if run.is_believed() else " (not believed)"
-                print(f"{len(found)}: {run.label}: {args.minimise} {known:.5g}{doubt}", flush=True)
+                print(f"{len(seen)}: {run.label}: {args.minimise} {known:.5g}{doubt}", flush=True)
         return runs
 
     best = optimum.minimise(ranges, args.minimise, evaluate, args.evaluations)
-    runner.folder.facts["best"] = best.facts()
+    runner.folder.facts["best"] = best.facts
     runner.folder.save()
-    return [best.run], best.words()
+    return best

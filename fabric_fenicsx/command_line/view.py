@@ -5,7 +5,7 @@ from pathlib import Path
 
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from .options import Parser
+from .options import Parser, not_writable
 
 
 def run(words: list[str]) -> None:
@@ -39,8 +39,5 @@ def run(words: list[str]) -> None:
     try:
         replace_file(file, text)
     except OSError as error:
-        raise InputError(
-            f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder "
-            "of this user"
-        ) from None
+        raise not_writable(error) from None
     print(f"{file}: the last state, for a browser")

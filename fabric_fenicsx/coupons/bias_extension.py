@@ -28,7 +28,7 @@ class BiasSetup(StripSetup):
     """A `BiasExtension` on its mesh, beside the theory of inextensible yarns."""
 
     def choose(self) -> None:
-        """As in `CouponSetup`: element and pattern."""
+        """Choose element and pattern."""
         data, chosen = self.data, dict[str, str]()
         if data.in_plane_bending and data.fibre_angle == 45 and not data.element:
             chosen["element"] = "P1"
@@ -39,7 +39,7 @@ class BiasSetup(StripSetup):
         self.data = replace(data, **chosen)
 
     def prepare(self) -> None:
-        """As in `StripSetup`, and the theory to compare with."""
+        """Check the length, and set theory, stroke and measured curves."""
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):
             raise InputError(
@@ -60,7 +60,7 @@ class BiasSetup(StripSetup):
         self.at_45 = at_45 and not self.no_theory
 
     def is_compared(self, curve: Curve) -> bool:
-        """As in `StripSetup`: a bias test, or one of pure shear."""
+        """True for a bias test, and for one of pure shear."""
         if not self.at_45:
             raise InputError(
                 f"`measured` {self.data.measured} is compared by shear angle and normalised shear "
@@ -73,7 +73,7 @@ class BiasSetup(StripSetup):
     def as_measured(
         self, curve: Curve, thickness: float, length: float, width: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """As in `StripSetup`: of the strip with the same normalised shear force."""
+        """Curve of the strip with the same normalised shear force."""
         gamma, (response, *_) = curve.strains[:, 2], curve.responses
         if curve.test == "bias_extension":
             sizes = curve.keys["height"], curve.keys["width"]
@@ -100,7 +100,7 @@ class BiasSetup(StripSetup):
         return clamped_ends(self.stroke)
 
     def order(self) -> float:
-        """As in `Setup`: before cells resolve the jumps of shear, a few tenths of a millimetre
+        """Observed order: before cells resolve the jumps of shear, a few tenths of a millimetre
         wide, they gain little if linear, and less than they could if not."""
         if self.data.integration == "inner":
             return INNER_ORDER
@@ -131,13 +131,10 @@ class BiasSetup(StripSetup):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
-        blank, comm, fields, rows = self.blank, self.comm, result.fields, result.rows
-        area, signed = measures.areas(blank), fields["shear_angle"]
-        gamma, degrees = np.abs(signed), np.degrees(signed)
-        stroke = rows[-1]["displacement_mm"]
-        theory = math.nan
+        rows, signed = result.rows, result.fields["shear_angle"]
+        gamma, theory = np.abs(signed), math.nan
         if not self.no_theory:
-            theory = abs(float(self.strip.shear_angle(stroke, self.rest)))
+            theory = abs(float(self.strip.shear_angle(rows[-1]["displacement_mm"], self.rest)))
         found = {} if self.no_theory else self._by_zones(gamma, signed)
         if self.at_45 and math.isfinite(theory) and theory > 0:
             force = float(self.shear_forces(rows[-1:])[1][0])
@@ -147,28 +144,16 @@ class BiasSetup(StripSetup):
             found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
             off = predicted[mine != 0] / mine[mine != 0] - 1
             found["measured_rms_relative"] = float(np.sqrt(np.mean(off**2)))
-        found |= self.against_curves(result)
-        width = (self.high - self.low)[1]
-        centre = measures.near(comm, blank.midpoints(), self.centre, width / 8)
-        at_centre = measures.mean(comm, gamma, 1.0 * centre)
-        found |= {
-            "centre_shear_angle_deg": _degrees(at_centre if self.has_centre else None),
+        centre = measures.mean(self.comm, gamma, 1.0 * self.near_centre())
+        at_centre = math.degrees(centre) if self.has_centre and centre is not None else None
+        found |= self.against_curves(result) | {
+            "centre_shear_angle_deg": at_centre,
             "theory_shear_angle_deg": math.degrees(theory) if math.isfinite(theory) else None,
         }
         if not math.isfinite(theory):
             apart = "the clamps are further apart than inextensible yarns let them"
             found["no_theory_because"] = self.no_theory or apart
-        return found | {
-            "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
-            "eps_a_98_percent": measures.bulk(comm, fields["eps_a"], area),
-            "eps_b_98_percent": measures.bulk(comm, fields["eps_b"], area),
-            "log_eps_11": measures.extremes(comm, fields["log_eps_11"]),
-            "log_eps_22": measures.extremes(comm, fields["log_eps_22"]),
-            "shear_angle_deg": measures.extremes(comm, degrees),
-            "shear_angle_max_deg": math.degrees(measures.extremes(comm, gamma)[1]),
-            "eps_a": measures.extremes(comm, fields["eps_a"]),
-            "eps_b": measures.extremes(comm, fields["eps_b"]),
-        }
+        return found | self.ranges(result)
 
     def _by_zones(self, gamma, signed):
         """Mean shear angle of each zone of the theory [deg], and the width of their borders."""
@@ -181,8 +166,7 @@ class BiasSetup(StripSetup):
         found: dict[str, Any] = {}
         for name, zone in zones.items():
             inside = zone & (distance > width / 10)
-            mean = measures.mean(self.comm, gamma, 1.0 * inside)
-            if mean is not None:
+            if (mean := measures.mean(self.comm, gamma, 1.0 * inside)) is not None:
                 found[f"{name}_zone_shear_angle_deg"] = math.degrees(mean)
         found["transition_width_mm"] = transition_width(self.comm, self.strip, x, y, signed)
         return found
@@ -234,7 +218,3 @@ class BiasSetup(StripSetup):
             }
             labels = "shear angle from the crosshead / deg", "normalised shear force / (N/mm)"
             pictures.curves(folder / "measured.png", series, *labels)
-
-
-def _degrees(angle):
-    return None if angle is None else math.degrees(angle)

@@ -25,7 +25,7 @@ class Measured:
     force: np.ndarray
 
     def rows(self) -> list[dict[str, float]]:
-        """As rows of a history."""
+        """Rows as a history has them."""
         return [
             {"displacement_mm": float(d), "reaction_N": float(f)}
             for d, f in zip(self.displacement, self.force)

@@ -10,7 +10,7 @@ from ..job.job import Job, Result
 from ..material.laws.base import stresses_of_energy
 from ..material.paths import conjugate, gradient
 from ..results import measures
-from ..scene import output as reports
+from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..scene.supports import Supports, frame
 from .setup import CouponSetup
@@ -51,7 +51,7 @@ class FrameSetup(CouponSetup):
         """Lengthening of the frame's diagonal [mm] and the force along it [N], from the power of
         the frame's forces."""
         (strain, gamma), side, t = self.state(load), self.side, self.data.fabric.thickness
-        P = reports.virial(scene) / (side**2 * t)
+        P = scene_output.virial(scene) / (side**2 * t)
         tau = conjugate(P[None], self._deformation(load)[None])[0, 2]
         arm = side * (1 + strain) * math.sin(math.pi / 4 - gamma / 2)  # d(diagonal)/d(gamma)
         turned = (1 + strain) * math.cos(math.pi / 4 - gamma / 2)

@@ -62,12 +62,12 @@ class CouponSetup(Setup):
         raise NotImplementedError
 
     def resolved(self) -> dict[str, Any]:
-        """As in `Setup`: mesh and sides."""
+        """Mesh and sides of the sheet."""
         names = "nx", "ny", "size", "pattern", "element", "integration", *self.data.SIDES
         return {name: getattr(self.data, name) for name in names}
 
     def coarser(self) -> Any:
-        """As in `Setup`: with half the rectangles along each side; None for an own mesh."""
+        """The data with half the rectangles along each side; None for an own mesh."""
         data = self.data
         if data.outline:
             sides = self.high - self.low

@@ -41,7 +41,7 @@ class StripSetup(CouponSetup):
         raise NotImplementedError
 
     def integration(self) -> str:
-        """As in `CouponSetup`: inner points where cells off the yarns would lock, but not where
+        """Points of P2 cells: inner where cells off the yarns would lock, but not where
         yarns lie along the load, as their tension does not lock."""
         data, blank = self.data, self.blank
         if data.integration or not (blank.degree == 2 and blank.triangulated):
@@ -108,8 +108,28 @@ class StripSetup(CouponSetup):
             "follow only roughly"
         )
 
+    def near_centre(self) -> np.ndarray:
+        """Mask of the owned cells within an eighth of the width of the centre (cells,)."""
+        radius = (self.high - self.low)[1] / 8
+        return measures.near(self.comm, self.blank.midpoints(), self.centre, radius)
+
+    def ranges(self, result: Result) -> dict[str, Any]:
+        """Least and largest strains and shear angles, and those between which 98 % of the area
+        lies."""
+        fields, found = result.fields, dict[str, Any]()
+        degrees, area = np.degrees(fields["shear_angle"]), self.blank.areas()
+        for name in ("log_eps_11", "log_eps_22", "eps_a", "eps_b"):
+            found[name] = measures.extremes(self.comm, fields[name])
+            found[f"{name}_98_percent"] = measures.bulk(self.comm, fields[name], area)
+        low, high = measures.extremes(self.comm, degrees)
+        return found | {
+            "shear_angle_deg": (low, high),
+            "shear_angle_98_percent_deg": measures.bulk(self.comm, degrees, area),
+            "shear_angle_max_deg": max(-low, high),
+        }
+
     def reference_curves(self) -> Curves:
-        """As in `Setup`: the measured curves."""
+        """The measured curves."""
         return {
             f"measured: {each.file.removesuffix('.csv')}": (each.displacement, each.force)
             for each in self.laid

@@ -27,14 +27,14 @@ class TensileSetup(StripSetup):
         return ends(self.stroke)
 
     def order(self) -> float:
-        """As in `Setup`: of meshes that are halved, 1.5 to 1.6 with linear cells, 1.8 to 1.9 with
+        """Observed order: of meshes that are halved, 1.5 to 1.6 with linear cells, 1.8 to 1.9 with
         others, and less with inner points."""
         if self.data.integration == "inner":
             return INNER_ORDER
         return 1.5 if self.data.element in ("P1", "Q1") else 1.75
 
     def is_compared(self, curve: Curve) -> bool:
-        """As in `StripSetup`: a tension test along the yarns that the run pulls."""
+        """True for a tension test along the yarns that the run pulls."""
         data = self.data
         if data.fibre_angle % 90 or data.yarn_angle != 90 or data.weave_angle not in (None, 90):
             raise InputError(
@@ -46,7 +46,7 @@ class TensileSetup(StripSetup):
     def as_measured(
         self, curve: Curve, thickness: float, length: float, width: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """As in `StripSetup`: the strain is that of the grips."""
+        """Curve of the strip at the same strain of the grips."""
         if curve.free is None:
             self.warnings.append(
                 f"`measured` {curve.file} is of held sides (lateral: held), while the sides of the "
@@ -57,28 +57,15 @@ class TensileSetup(StripSetup):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Strains at the middle, of 98 % of the area and extreme, and the width at the middle."""
-        fields, blank, comm = result.fields, self.blank, self.comm
-        area, degrees = measures.areas(blank), np.degrees(fields["shear_angle"])
-        width = (self.high - self.low)[1]
-        near = measures.near(comm, blank.midpoints(), self.centre, width / 8)
-        strains = {name: fields[name] for name in ("log_eps_11", "log_eps_22")}
-        reaction = result.rows[-1]["reaction_N"]
-        at_middle = measures.mean(comm, fields["log_eps_22"], near * area)
-        extremes = {k: measures.extremes(comm, e) for k, e in strains.items()}
-        return {
+        near = self.near_centre() * self.blank.areas()
+        at_middle = measures.mean(self.comm, result.fields["log_eps_22"], near)
+        ranges, width = self.ranges(result), (self.high - self.low)[1]
+        section = width * self.data.fabric.thickness
+        return ranges | {
             "log_eps_22_middle": at_middle if self.has_centre else None,
-            **extremes,
-            **{f"{k}_98_percent": measures.bulk(comm, e, area) for k, e in strains.items()},
-            "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
-            "nominal_stress_MPa": reaction / (width * self.data.fabric.thickness),
-            "log_eps_11_max": extremes["log_eps_11"][1],
-            "log_eps_22_min": extremes["log_eps_22"][0],
-            "eps_a": measures.extremes(comm, fields["eps_a"]),
-            "eps_b": measures.extremes(comm, fields["eps_b"]),
-            "shear_angle_deg": measures.extremes(comm, degrees),
-            "shear_angle_max_deg": math.degrees(
-                max(map(abs, measures.extremes(comm, fields["shear_angle"])))
-            ),
+            "log_eps_11_max": ranges["log_eps_11"][1],
+            "log_eps_22_min": ranges["log_eps_22"][0],
+            "nominal_stress_MPa": result.rows[-1]["reaction_N"] / section,
             "width_at_middle_mm": self._width_at_middle(),
             **self.against_curves(result),
         }
@@ -95,8 +82,8 @@ class TensileSetup(StripSetup):
 
 
 def strains_across(result: Result) -> str:
-    """Words for the strain along yarns b at the middle, which finer meshes keep, and of the cell
-    with the least, which they need not."""
+    """Sentence on the strain along yarns b at the middle, which finer meshes keep, and on the least
+    of a cell, which they need not."""
     at = "no cell at the middle"
     if result.number("log_eps_22_middle") is not None:
         middle = result.told("log_eps_22_middle", ".2f", 100)

@@ -26,8 +26,8 @@ def coarsened(job: JobFields, made: Any) -> Any:
 def estimated(
     job: JobFields, result: Result, output: Output, problem: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """What the summary says of the errors of `result`, which `job` gave: `error` {quantity:
-    absolute error}, and what the run on the coarser mesh was. Empty, with a warning, if that run
+    """Entries of the summary on the errors of `result`, which `job` gave: `error` {quantity:
+    absolute error}, and facts on the run on the coarser mesh. Empty, with a warning, if that run
     fails.
 
     The curve's errors are then in the rows of the result and in history.csv, those of the fields in

@@ -1,4 +1,4 @@
-"""What a job is given."""
+"""The fields of a job."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from ..solve.settings import Settings
 
 @dataclass(frozen=True, kw_only=True)
 class JobFields(Settings):
-    """What a `Job` is given; it says what each field is."""
+    """Fields of a `Job`, which explains them."""
 
     scene: Scene = field(kw_only=False)
     error: bool = False

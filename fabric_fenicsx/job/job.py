@@ -16,7 +16,7 @@ from ..results.result import LAST_PICTURE, Result, draw_state
 from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.formatting import rounded
-from ..scene import output as reports
+from ..scene import output as scene_output
 from ..scene.fingerprint import of_scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
@@ -29,26 +29,51 @@ log = logging.getLogger("fabric_fenicsx")
 
 @dataclass(frozen=True, kw_only=True)
 class Job(JobFields):
-    """Load stepping of `scene` from rest to full load, with history, fields, checkpoint, summary.
+    """Load stepping of a scene from rest to full load, with history, fields and checkpoint.
 
-    All else are keywords, as in `Job(scene, steps=40)`: the solver's, which are the fields of
-    `Settings`, and
+    Parameters
+    ----------
+    scene : Scene
+        At rest, with new terms.
+    steps, max_step, tolerance, path_tolerance, viscosity, ...
+        Keywords of the solver, the fields of `Settings`.
+    error : bool
+        Estimate errors from the same run on a mesh twice as coarse.
+    coarser : callable, optional
+        Function that makes this job on that mesh.
+    order : float
+        Order of forces and energies in the size of cells, as observed in problems of this kind.
+    headlines : sequence of str
+        Quantities that get errors, nested ones as "draw_in.largest_mm".
+    measure : callable, optional
+        Function of scene and load factor to displacement [mm] and force [N] of the history, by
+        default of the first tool or support that moves.
+    columns : callable, optional
+        Function of the scene to more columns of the history {name: value}, on all ranks.
+    force_name : str
+        What the force is called.
+    modelled : float
+        Share of the sheet that symmetry leaves; the history has the force on the whole one, too.
+    quantities : callable, optional
+        Function of a `Result` to further entries of the summary.
+    tables, pictures : callable, optional
+        Functions of a `Result` and its folder that write and draw besides.
+    first_picture : callable, optional
+        Function that draws into the folder before the run, on all ranks.
+    warnings : iterable of str
+        Sentences with which the run begins.
+    beside : mapping
+        Curves drawn into curve.png as well {label: (displacements [mm], forces [N])}.
+    name : str
+        Of the study in the summary.
 
-    - error: whether errors are estimated from the same run on a mesh twice as coarse; coarser:
-      function that makes this job on that mesh; order: that of forces and energies in the size of
-      cells, as observed in problems of this kind; headlines: which quantities get errors, those of
-      nested ones as "draw_in.largest_mm"
-    - measure: function of scene and load factor to displacement [mm] and force [N] for the history;
-      by default those of the first tool or moving support; columns: function of the scene to more
-      of them, {name: value}, on all ranks; force_name: what that force is called;
-      modelled: share of a sheet that symmetry leaves, so that the history tells the whole one's
-      force, too
-    - quantities: function of a `Result` to what the summary says beside the rest; tables, pictures:
-      what to write and draw of it besides; first_picture: function that draws into the folder
-      before the run, on all ranks
-    - warnings: sentences that the run begins with
-    - beside: curves drawn into curve.png besides the run's, {label: (displacements [mm], forces
-      [N])}
+    Examples
+    --------
+    >>> sheet = ff.Blank.rectangle(40, 20, nx=2, element="P1")
+    >>> scene = ff.Scene(sheet, [ff.Membrane(ff.load("komeili"))], ff.clamped_ends(0.4))
+    >>> result = ff.Job(scene, steps=2).run()
+    >>> [row["load"] for row in result.rows]
+    [0.0, 0.5, 1.0]
     """
 
     def run(
@@ -61,16 +86,35 @@ class Job(JobFields):
         pictures: bool = True,
         problem: Mapping[str, Any] | None = None,
     ) -> Result:
-        """Run on all ranks; a `Result`.
+        """Run to full load, on all ranks.
 
-        out: the folder, None to keep no files; part: subfolder. resume: go on from the checkpoint
-        there, on any number of ranks; overwrite: lose the results there. problem: what a
-        checkpoint must agree in to be gone on from, besides the numbers of terms and supports.
-        Functions and large arrays that terms hold, and the code of own ones, are not compared.
+        Parameters
+        ----------
+        out : Output, path or None
+            The folder, None to keep no files; an `Output` says by itself how it is used.
+        part : str
+            Subfolder.
+        resume, overwrite : bool
+            Go on from the checkpoint there, on any number of ranks; lose the results there.
+        pictures : bool
+            Draw, too.
+        problem : mapping, optional
+            Entries in which a checkpoint must agree to be gone on from, besides the numbers of
+            terms and supports. Functions and large arrays that terms hold, and the code of own
+            ones, are not compared.
 
-        Raises InputError for a scene that was run before, and for input that can't be run or
-        written, SolverFailure, after all is written, if the full load was not reached or the result
-        is beyond the limits, and Interrupted after SIGINT or SIGTERM.
+        Returns
+        -------
+        Result
+
+        Raises
+        ------
+        InputError
+            For a scene that was run before, and for input that can't be run or written.
+        SolverFailure
+            After all is written, if the full load was not reached or a limit is exceeded.
+        Interrupted
+            After SIGINT or SIGTERM.
         """
         if self.error and not self.coarser:
             raise InputError(
@@ -105,7 +149,7 @@ class Job(JobFields):
 
     def _run(self, output, folder, problem, pictures):
         scene, comm = self.scene, self.scene.comm
-        parts = [entries(value, name) for name, value in problem.items()]  # which are told first
+        parts = [entries(value, name) for name, value in problem.items()]  # first in messages
         known_by = {k: v for part in parts for k, v in part.items()} | problem | of_scene(scene)
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
@@ -151,7 +195,7 @@ class Job(JobFields):
         scene.set_load(1.0)
         scene.recall(start.memory)
         scene.accept()
-        result.fields = reports.cell_fields(scene)
+        result.fields = scene_output.cell_fields(scene)
         drawn = scene.comm.bcast((folder / LAST_PICTURE).exists())
         if self.error and "error" not in result.summary:
             drawn = False
@@ -160,7 +204,7 @@ class Job(JobFields):
         return result
 
     def _estimate(self, output, result, problem, series):
-        """Add to result, history.csv, fields and summary.json how far they are off."""
+        """Add errors to result, history.csv, fields and summary.json."""
         facts = estimated(self, result, output, problem)
         result.summary = output.amend(result.folder, result.summary, **facts)
         if facts:
@@ -180,6 +224,6 @@ class Job(JobFields):
 
 
 def _material(scene):
-    """What a scene's terms are made of as material files' texts, "" of nothing."""
+    """Materials of a scene's terms as texts of files, "" of none."""
     known = materials_of(scene, scene.blank.whole)
     return "\n".join(dict.fromkeys(material.dumps() for material in known))

@@ -1,4 +1,4 @@
-"""A job under way: what is written with each state that it reaches."""
+"""A job under way, and the files that it writes with each state."""
 
 import logging
 from collections.abc import Mapping
@@ -17,13 +17,13 @@ from ..results.output import Output
 from ..results.result import Result
 from ..runtime import timing
 from ..runtime.signals import StopSignals
-from ..scene import output as reports
+from ..scene import output as scene_output
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
 from ..solve.progress import Accepted, Outcome, Progress
 from ..solve.report import Report
 from ..solve.stepping import LoadStepping
-from . import validity as belief
+from . import validity
 from .fields import JobFields
 
 log = logging.getLogger("fabric_fenicsx")
@@ -52,7 +52,7 @@ class Run:
         self.job, self.output, self.folder, self.scene = job, output, folder, job.scene
         self._newton, self._checkpoint, self._start = newton, checkpoint, start
         comm = self.scene.comm
-        for warning in [*job.warnings, *belief.warnings_at_start(self.scene)]:
+        for warning in [*job.warnings, *validity.warnings_at_start(self.scene)]:
             output.warn(warning)
         if comm.rank == 0:
             for old in [folder / "summary.json", *folder.glob("*.png")]:
@@ -80,7 +80,7 @@ class Run:
             self._start,
             on_accept=self._accept,
             on_reject=self._reject,
-            stop=lambda: signals() or belief.not_believed(self._wrong_now),
+            stop=lambda: signals() or validity.not_believed(self._wrong_now),
         )
         try:
             outcome = stepping.run()
@@ -98,12 +98,12 @@ class Run:
             output.say(
                 f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
             )
-        self._wrong_now = belief.beyond_limits_now(scene, self.job.limits)
+        self._wrong_now = validity.beyond_limits_now(scene, self.job.limits)
         measured = self._measure(scene, accepted.load)
         with timing.phase("output"):
             self.history.add(accepted, *measured, partial(self._further, measured[1]))
             if len(rows) == 1:
-                reports.summary(scene)  # so that names given twice are refused now, not at the end
+                scene_output.summary(scene)  # which refuses names given twice
         output.warn(viscous_words(rows, accepted.load))
         self._bar.update(accepted.load - self._bar.n)
         words = (
@@ -122,7 +122,7 @@ class Run:
     def _further(self, force, taken):
         """Columns of the history beside those `taken`: of the terms, and the whole sheet's force
         where symmetry leaves a share of it."""
-        share, found = self.job.modelled, reports.history(self.scene, taken)
+        share, found = self.job.modelled, scene_output.history(self.scene, taken)
         if self.job.columns:
             found |= self.job.columns(self.scene)
         return found if share == 1 else {"reaction_of_whole_N": force / share} | found
@@ -133,22 +133,22 @@ class Run:
             log.warning(words, load, report.iterations, report.reason)
 
     def _is_written(self):
-        """Whether the last accepted state is one of those written for ParaView."""
+        """True if the last accepted state is one of those written for ParaView."""
         rows = self.history.rows
         return (len(rows) - 1) % self.job.every == 0 or rows[-1]["load"] in self.job.milestones
 
     def _result(self, outcome: Outcome) -> Result:
         scene, output, rows = self.scene, self.output, self.history.rows
         with timing.phase("output"):
-            fields = reports.cell_fields(scene)
+            fields = scene_output.cell_fields(scene)
             if not self._is_written():
                 self.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, self.folder, scene)
         energy = self._energy()
-        for warning in belief.warnings_at_end(result, energy):
+        for warning in validity.warnings_at_end(result, energy):
             output.warn(warning)
-        wrong = belief.beyond_limits_at_end(scene, self.job.limits, rows, energy)
-        self.wrong = outcome.reason or belief.not_believed(self._wrong_now + wrong)
+        wrong = validity.beyond_limits_at_end(scene, self.job.limits, rows, energy)
+        self.wrong = outcome.reason or validity.not_believed(self._wrong_now + wrong)
         result.summary = output.summarise(
             self.folder,
             converged=not self.wrong,
@@ -167,14 +167,14 @@ class Run:
         return result
 
     def _facts(self):
-        """What the scene is, for the summary."""
+        """Facts on the scene, for the summary."""
         blank = self.scene.blank
         kind = "P" if compat.cell_name(blank.mesh) == "triangle" else "Q"
         return {
             "element": f"{kind}{blank.degree}",
             "dofs": blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim,
             "cells": blank.mesh.topology.index_map(2).size_global,
-            **reports.summary(self.scene),
+            **scene_output.summary(self.scene),
         }
 
     def _energy(self):

@@ -44,7 +44,7 @@ class Setup:
         return 1.0
 
     def force_name(self) -> str:
-        """What the force of `measure` is called."""
+        """Name of the force of `measure`."""
         return "reaction"
 
     def modelled_share(self) -> float:
@@ -56,7 +56,7 @@ class Setup:
         return "", ""
 
     def fingerprint(self) -> dict[str, Any]:
-        """What defines the run besides options and fabric: a checkpoint must agree in it."""
+        """Facts besides options and fabric in which a checkpoint must agree."""
         return {}
 
     def resolved(self) -> dict[str, Any]:
@@ -68,7 +68,7 @@ class Setup:
         return None
 
     def has_cheap_error(self) -> bool:
-        """Whether a study estimates errors unasked: the coarser run then costs a tenth to a third
+        """True if a study estimates errors unasked: the coarser run then costs a tenth to a third
         of the run."""
         cells = self.scene.blank.mesh.topology.index_map(2).size_global
         return 0 < self.data.CHEAP_FROM <= cells and self.coarser() is not None

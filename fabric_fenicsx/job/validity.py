@@ -1,4 +1,4 @@
-"""What speaks against a result: beyond limits, or worth a warning."""
+"""Validity of a result: limits that it exceeds, and warnings."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,7 +12,7 @@ from ..results.result import Result
 from ..results.shear import fabric_warnings
 from ..runtime.errors import NOT_BELIEVED
 from ..runtime.formatting import coordinates, percent, rounded
-from ..scene import output as reports
+from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
 
@@ -25,13 +25,13 @@ def not_believed(wrong: Sequence[str]) -> str:
 
 
 def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
-    """What no later state mends, a sentence each: tools too deep in the sheet, and yarns stretched
-    too far."""
-    depth, where = reports.deepest(scene)
+    """Sentences on what no later state mends: tools too deep in the sheet, and yarns stretched too
+    far."""
+    depth, where = scene_output.deepest(scene)
     wrong = limits.exceeded({"penetration": depth})
     if wrong:
         wrong = [f"{wrong[0]}; deepest is {where}"]
-    over = reports.overstretched(scene, limits.strain)
+    over = scene_output.overstretched(scene, limits.strain)
     if over > EDGES:
         wrong.append(
             f"yarns are stretched by more than {percent(limits.strain, 3)} in {percent(over, 3)} "
@@ -43,7 +43,7 @@ def beyond_limits_now(scene: Scene, limits: Limits) -> list[str]:
 def beyond_limits_at_end(
     scene: Scene, limits: Limits, rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
 ) -> list[str]:
-    """What is wrong with the run as a whole, a sentence each. rows: of its history; energy: as in
+    """Sentences on what is wrong with the run as a whole. rows: of its history; energy: as in
     summary.json [N mm]."""
     # the energy that is stored in stretching, with kinds that only some terms have, as metal's
     kept = energy["strain"] + sum(
@@ -52,19 +52,19 @@ def beyond_limits_at_end(
     found = {
         "imbalance": energy_balance(rows, energy)["energy_imbalance"],
         "viscous": energy["viscous"] / max(abs(kept), 1e-300),
-        "located": scene.supports.located_share(reports.outer_forces(scene)),
+        "located": scene.supports.located_share(scene_output.outer_forces(scene)),
     }
     wrong = limits.exceeded(found)
     if scene.blank.mesh.geometry.dim == 3:  # a plane sheet can't wrinkle
-        share, sheet = reports.most_shortened(scene, SHORTENED)
+        share, sheet = scene_output.most_shortened(scene, SHORTENED)
         words = [f"{each}; {_cure(scene)}" for each in limits.exceeded({"shortening": share})]
         wrong += [f"sheet {sheet}: {each}" if sheet else each for each in words]
     return wrong + _passed_through(scene)
 
 
 def _cure(scene):
-    """What to do against shortening, in words."""
-    if reports.locking(scene):
+    """Advice against shortening."""
+    if scene_output.locking(scene):
         return "cells lock, which shortens yarns, too: take another mesh first"
     fabrics = materials_of(scene, scene.blank.whole)
     doubt = any("d" in each.assumed_values() for each in fabrics)
@@ -86,7 +86,7 @@ def _passed_through(scene):
 
 
 def warnings_at_start(scene: Scene) -> list[str]:
-    """What speaks against a scene before it is loaded, in words."""
+    """Warnings of a scene before it is loaded."""
     found = [scene.check_held(), *(words for term in scene.terms for words in misspelt(term))]
     if scene.blank.mesh.geometry.dim == 3:  # strips do without the tools' modules
         from ..scene.tool_warnings import tool_warnings
@@ -96,10 +96,9 @@ def warnings_at_start(scene: Scene) -> list[str]:
 
 
 def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
-    """What speaks against the result though nothing failed, in words. energy: as of
-    `beyond_limits_at_end`."""
+    """Warnings of a result though nothing failed. energy: as of `beyond_limits_at_end`."""
     scene, untouched = result.scene, ""
-    if reports.tools(scene):
+    if scene_output.tools(scene):
         from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
@@ -120,7 +119,7 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
             "work of supports and tools and stored energy differ by "
             f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
         )
-    return [words for words in [*found, *reports.warnings(scene)] if words]
+    return [words for words in [*found, *scene_output.warnings(scene)] if words]
 
 
 def _crossing(scene):
@@ -137,7 +136,7 @@ def _crossing(scene):
 
 
 def _cause(energy):
-    """What may make work and energies differ, in words."""
+    """Likely reason why work and energies differ."""
     below = [kind for kind in energy if kind != "external_work" and energy[kind] < 0]
     if not below:
         return "take smaller steps (`max_step`), unless the sheet snapped"

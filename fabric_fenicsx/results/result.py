@@ -1,4 +1,4 @@
-"""What a run gives back: its summary, history and fields, to be asked and drawn."""
+"""Result of a run: its summary, history and fields, to be asked and drawn."""
 
 from __future__ import annotations
 
@@ -32,15 +32,28 @@ OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's sc
 
 @dataclass
 class Result:
-    """What a run gives back.
+    """Summary, history and fields of a run.
 
-    - summary: as in summary.json; in its `energy` are the energies of the last state by kind
-      (strain, bending, contact, friction, of metal metal and plastic, and those of own terms),
-      viscous, what regularisation took, and external_work [N mm]
-    - rows: the history, {column of history.csv: value} for each accepted step
-    - fields: {name: array (cells, ...)} of this rank's cells, with their `units` {name: unit}
-    - folder: where all is kept, None if nothing was
-    - scene: in its last state
+    Parameters
+    ----------
+    summary : dict
+        Content of summary.json. Its `energy` has the energies of the last state by kind (strain,
+        bending, contact, friction, of metal metal and plastic, and those of own terms), viscous,
+        which regularisation took, and external_work [N mm].
+    rows : list of dict
+        The history, {column of history.csv: value} for each accepted step.
+    fields : Fields
+        {name: array (cells, ...)} of this rank's cells, with their `units` {name: unit}.
+    folder : Path or None
+        Where all is kept, None if nothing was.
+    scene : Scene
+        In its last state.
+
+    Examples
+    --------
+    >>> result = ff.Tensile(nx=4, element="P1").job(steps=2).run()
+    >>> result.summary["converged"], len(result.rows), result.fields["shear_angle"].shape
+    (True, 3, (16,))
     """
 
     summary: dict[str, Any]

@@ -1,4 +1,4 @@
-"""The folder of a sweep: its press and runs, in sweep.json, and what each run has come to."""
+"""The folder of a sweep: its press and runs, in sweep.json, and the results of each run."""
 
 import dataclasses
 import hashlib
@@ -11,6 +11,7 @@ from typing import IO, Any
 
 from ..runtime.errors import InputError
 from ..runtime.files import lock_folder, replace_file
+from ..runtime.formatting import rounded
 from ..runtime.rules import did_you_mean
 from .varied import Values, folder_name, label
 
@@ -36,7 +37,7 @@ class Run:
         return label(self.values)
 
     def summary(self) -> dict[str, Any]:
-        """What it says of itself, {} if nothing yet."""
+        """Its summary.json, {} if there is none yet."""
         try:
             found = json.loads((self.folder / "summary.json").read_text())
         except (OSError, ValueError):
@@ -44,26 +45,31 @@ class Run:
         return found if isinstance(found, dict) else {}
 
     def is_believed(self) -> bool:
-        """Whether it reached the load and is believed."""
+        """True once it reached the load and is believed."""
         return bool(self.summary().get("converged"))
 
     def is_at_full_load(self) -> bool:
-        """Whether it reached the load, believed or not."""
+        """True once it reached the load, believed or not."""
         return self.summary().get("stroke_reached", 0) >= 1
 
     def is_done(self, options: Sequence[str]) -> bool:
-        """Whether nothing is left to do for it: it is at full load, or gave up by itself with
-        these options."""
-        if self.is_believed() or self.is_at_full_load():
-            return True
-        return self.status == 3 and self.options == list(options)
+        """True for a run at full load, and for one that gave up by itself with these options."""
+        gave_up = self.status == 3 and self.options == list(options)
+        return self.is_believed() or self.is_at_full_load() or gave_up
+
+    def doubt(self) -> str:
+        """Words on a run that is not believed, "" of others."""
+        if self.is_believed():
+            return ""
+        reached = self.summary().get("stroke_reached", 1.0)
+        return "not believed" if reached >= 1 else f"ended at load {rounded(reached)}"
 
     def numbers(self) -> dict[str, float]:
         """Its quantities that are one number {name with dots: number}, force and time first."""
         summary = self.summary()
         first = {name: summary.get(name) for name in ("reaction_N", "stroke_reached")}
         first["wall_s"] = summary.get("wall_s", {}).get("total")
-        return dict(_flat(first)) | dict(_flat(summary.get("quantities", {})))
+        return dict(_flat(first | summary.get("quantities", {})))
 
     def number(self, name: str) -> float:
         """The quantity `name`; InputError, which names the nearest, if it is not there."""
@@ -74,6 +80,12 @@ class Run:
                 f"{did_you_mean(name, numbers)}; allowed is one of {', '.join(numbers)}"
             )
         return numbers[name]
+
+
+def force_name(runs: Sequence[Run]) -> str:
+    """Name of the runs' force, if it is the same in all, else "force"."""
+    names = {run.summary().get("reaction_is", "force") for run in runs if run.summary()}
+    return names.pop() if len(names) == 1 else "force"
 
 
 def _flat(values, before=""):
@@ -97,9 +109,9 @@ class SweepFolder:
         self, path: Path, press: Path, keys: Sequence[str], overwrite: bool = False
     ) -> None:
         self.path, self.keys = path, list(keys)
-        self.press: dict[str, Any] = {"text": press.read_text(), "files": files_of(press)}
+        text, document = read_press(press)
+        self.press: dict[str, Any] = {"text": text, "files": _files_of(press, document)}
         self.facts: dict[str, Any] = {}
-        self.runs: dict[str, Run] = {}
         known = self._known()
         if known and not overwrite:
             self._refuse_another(known, press)
@@ -113,19 +125,19 @@ class SweepFolder:
             ) from None
         if not self._lock:
             raise InputError(f"--out {path} is in use by another sweep; allowed is another folder")
+        runs = [Run(**each | {"folder": path / each["folder"]}) for each in known.get("runs", ())]
         if overwrite:
-            self._forget(known)
-        elif known:
-            self.runs = {
-                each["folder"]: Run(**{**each, "folder": path / each["folder"]})
-                for each in known["runs"]
-            }
+            for run in runs:
+                shutil.rmtree(run.folder, ignore_errors=True)
+            for name in OWN:
+                (path / name).unlink(missing_ok=True)
+        self.runs = {} if overwrite else {run.folder.name: run for run in runs}
 
     def _known(self):
-        """What sweep.json has, {} where the folder is empty."""
+        """Content of sweep.json, {} where the folder is empty."""
         file = self.path / STATE
         if not file.exists():
-            if self.path.is_dir() and any(not each.name.startswith(".") for each in _in(self.path)):
+            if any(not each.name.startswith(".") for each in self.path.glob("*")):
                 raise InputError(
                     f"--out {self.path} holds files that no sweep wrote; allowed is a folder of a "
                     "sweep, an empty or a new one"
@@ -145,28 +157,18 @@ class SweepFolder:
 
     def _refuse_another(self, known, press):
         """InputError if what is known is of another press or varies other keys."""
-        allowed = "allowed is another --out, or --overwrite, which loses the runs there"
+        wrong = ""
         if known["press"] != self.press:
-            files, now = (
-                {"": each["text"], **each["files"]} for each in (known["press"], self.press)
-            )
+            files, now = ({"": p["text"], **p["files"]} for p in (known["press"], self.press))
             changed = next(name for name in {**files, **now} if files.get(name) != now.get(name))
+            wrong = f"runs of another press ({changed or press} has changed since)"
+        elif known["keys"] != self.keys:
+            wrong = f"a sweep over {', '.join(known['keys'])}, now it is {', '.join(self.keys)}"
+        if wrong:
             raise InputError(
-                f"--out {self.path} has runs of another press ({changed or press} has changed "
-                f"since); {allowed}"
+                f"--out {self.path} has {wrong}; allowed is another --out, or --overwrite, which "
+                "loses the runs there"
             )
-        if known["keys"] != self.keys:
-            raise InputError(
-                f"--out {self.path} has a sweep over {', '.join(known['keys'])}, now it is "
-                f"{', '.join(self.keys)}; {allowed}"
-            )
-
-    def _forget(self, known):
-        """Remove what the sweep before left."""
-        for each in known.get("runs", ()):
-            shutil.rmtree(self.path / each["folder"], ignore_errors=True)
-        for name in OWN:
-            (self.path / name).unlink(missing_ok=True)
 
     def run(self, values: Values) -> Run:
         """The run with these values, one of before or new."""
@@ -177,8 +179,7 @@ class SweepFolder:
         """Write sweep.json."""
         runs = [dataclasses.asdict(run) | {"folder": run.folder.name} for run in self.runs.values()]
         state = {"format": FORMAT, "keys": self.keys, "runs": runs, **self.facts}
-        text = json.dumps(state | {"press": self.press}, indent=2) + "\n"
-        replace_file(self.path / STATE, text)
+        replace_file(self.path / STATE, json.dumps(state | {"press": self.press}, indent=2) + "\n")
 
     def close(self) -> None:
         """Let others use the folder."""
@@ -187,14 +188,11 @@ class SweepFolder:
         self._lock = None
 
 
-def _in(folder):
-    return list(folder.iterdir())
-
-
-def read_press(file: Path) -> dict[str, Any]:
-    """The tables of a press file; InputError if it can't be read."""
+def read_press(file: Path) -> tuple[str, dict[str, Any]]:
+    """Text and tables of a press file; InputError if it can't be read."""
     try:
-        return tomllib.loads(file.read_text())
+        text = file.read_text()
+        return text, tomllib.loads(text)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         raise InputError(
@@ -202,11 +200,11 @@ def read_press(file: Path) -> dict[str, Any]:
         ) from None
 
 
-def files_of(press: Path) -> dict[str, str]:
+def _files_of(press, document):
     """The files {name in the press file: checksum} that it names, as of tools and materials, beside
     it or in the present folder."""
     found = {}
-    for text in _texts(read_press(press)):
+    for text in _texts(document):
         for file in (press.parent / text, Path(text)):
             try:
                 found[text] = hashlib.sha256(file.read_bytes()).hexdigest()

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,9 +32,9 @@ class _Search:
     def values(self, shares):
         return {each.key: spelled(each.at(share)) for each, share in zip(self.ranges, shares)}
 
-    def together(self, places):
-        """Have several places evaluated side by side."""
-        values = {str(self.values(place)): self.values(place) for place in places}
+    def side_by_side(self, places):
+        """Evaluate several places at a time."""
+        values = {str(found): found for found in map(self.values, places)}
         new = {key: each for key, each in values.items() if key not in self.found}
         if len(self.found) + len(new) > self.most:
             raise _Enough
@@ -45,38 +45,17 @@ class _Search:
     def __call__(self, shares):
         """The quantity at one place, inf where the run is not believed."""
         shares = np.atleast_1d(shares)
-        self.together([shares])
+        self.side_by_side([shares])
         return self.found[str(self.values(shares))][1]
 
 
 class Optimum(NamedTuple):
-    """The run in which `quantity` is least, of several that with the lowest first number; notes:
-    words on numbers at an end of their range, and on the others; of the `evaluations` `unbelieved`
-    are not believed."""
+    """The `run` in which a quantity is least, with the lowest first number of several such; text:
+    what a person is told; facts: what sweep.json keeps."""
 
-    quantity: str
     run: Run
-    value: float
-    notes: list[str]
-    evaluations: int
-    unbelieved: int
-
-    def words(self) -> str:
-        """What a person is told."""
-        text = f"least {self.quantity}: {rounded(self.value, 5)} at {self.run.label}, of "
-        text += f"{self.evaluations} runs"
-        if self.unbelieved:
-            text += f" ({self.unbelieved} not believed, left out)"
-        return "; ".join([text, *self.notes])
-
-    def facts(self) -> dict[str, Any]:
-        """What sweep.json keeps."""
-        return {
-            "quantity": self.quantity,
-            "value": self.value,
-            "values": dict(self.run.values),
-            "notes": self.notes,
-        }
+    text: str
+    facts: dict[str, object]
 
 
 def minimise(
@@ -96,47 +75,46 @@ def minimise(
     try:
         with np.errstate(invalid="ignore"):  # inf - inf
             if len(ranges) == 1:
-                search.together([(0.0,), (1.0,)])
+                search.side_by_side([(0.0,), (1.0,)])
                 fine = {"xatol": FINE, "maxiter": 10 * most}
                 optimize.minimize_scalar(search, bounds=(0, 1), method="bounded", options=fine)
             else:
-                search.together(FIRST)
+                search.side_by_side(FIRST)
                 simplex = {"initial_simplex": FIRST, "xatol": FINE, "fatol": math.inf}
-                bounds = [(0.0, 1.0)] * 2
-                optimize.minimize(
-                    search, FIRST[0], method="Nelder-Mead", bounds=bounds, options=simplex
-                )
+                how = {"method": "Nelder-Mead", "bounds": [(0.0, 1.0)] * 2, "options": simplex}
+                optimize.minimize(search, FIRST[0], **how)
     except _Enough:
         pass
-    found = list(search.found.values())
+    return _best(ranges, quantity, list(search.found.values()))
+
+
+def _best(ranges, quantity, found):
+    """The `Optimum` of what was found, pairs of run and value."""
     value = min(each for _, each in found)
-    key = ranges[0].key
-    best = [run for run, each in found if each <= value + 1e-12 * abs(value)]
-    run, *flat = sorted(best, key=lambda run: float(run.values[key]))
     if not math.isfinite(value):
         raise SolverFailure(f"none of {len(found)} runs is believed; table.csv has their reasons")
+    best = [run for run, each in found if each <= value + 1e-12 * abs(value)]
+    run, *others = sorted(best, key=lambda run: float(run.values[ranges[0].key]))
     unbelieved = sum(not math.isfinite(each) for _, each in found)
-    notes = [text for each in ranges if (text := _end(each, float(run.values[each.key])))]
-    if flat:
-        notes.append(f"as little in {len(flat)} more, up to {flat[-1].label}")
-    return Optimum(quantity, run, value, notes, len(found), unbelieved)
-
-
-def _end(range_, value):
-    """Words if `value` lies at an end of its range."""
-    for end, name in ((range_.low, "lower"), (range_.high, "upper")):
-        if math.isclose(value, end, rel_tol=1e-9):
-            return (
-                f"{range_.key} = {spelled(value)} is the {name} end of its range: the least may "
-                "lie beyond"
-            )
-    return ""
+    notes = [
+        f"{key} = {spelled(end)} is the {name} end of its range: the least may lie beyond"
+        for key, *ends in ranges
+        for end, name in zip(ends, ("lower", "upper"))
+        if math.isclose(float(run.values[key]), end, rel_tol=1e-9)
+    ]
+    if others:
+        notes.append(f"as little in {len(others)} more, up to {others[-1].label}")
+    text = f"least {quantity}: {rounded(value, 5)} at {run.label}, of {len(found)} runs"
+    text += f" ({unbelieved} not believed, left out)" if unbelieved else ""
+    facts = {"quantity": quantity, "value": value, "values": dict(run.values), "notes": notes}
+    return Optimum(run, "; ".join([text, *notes]), facts)
 
 
 def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
-    """Where `quantity` is below `limit`, in words, over the one number that the runs vary: between
-    runs at full load it is linear, over the logarithm where numbers are far apart. Runs that are
-    not believed, as where yarns shorten too much, count with a note.
+    """Sentence on where `quantity` is below `limit`, over the one number that the runs vary.
+
+    Between runs at full load it is linear, over the logarithm where numbers are far apart. Runs
+    that are not believed, as where yarns shorten too much, count with a note.
 
     Raises InputError for a quantity that a run does not have.
     """
@@ -148,7 +126,6 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
         return f"{asked}: no run came to full load"
     x = np.array([float(run.values[key]) for run in whole])
     y = np.array([run.number(quantity) for run in whole])
-    shown = np.log(x) if len(x) > 1 and is_wide(list(x)) else x
     notes = []
     if doubted := ", ".join(run.values[key] for run in whole if not run.is_believed()):
         notes.append(f"not believed: {name} = {doubted}")
@@ -157,29 +134,32 @@ def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
     slopes = np.sign(np.diff(y))
     if (slopes > 0).any() and (slopes < 0).any():
         notes.append("it neither falls nor rises throughout: look at trends.png")
-    notes.append(_how_good(whole, quantity))
-    under = y < limit
+    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes, _accuracy(whole, quantity)])
+
+
+def _where(x, y, limit, name):
+    """The first interval of x in which y is below the limit, in words."""
+    under, wide = y < limit, len(x) > 1 and is_wide(list(x))
     if not under.any():
         least = int(y.argmin())
-        where = f"in no run; the least is {rounded(y[least], 4)} at {name} = {spelled(x[least])}"
-        return "; ".join([f"{asked}: {where}", *notes])
+        return f"in no run; the least is {rounded(y[least], 4)} at {name} = {spelled(x[least])}"
 
     def crossing(k):
-        share = (limit - y[k]) / (y[k + 1] - y[k])
+        share, shown = (limit - y[k]) / (y[k + 1] - y[k]), np.log(x) if wide else x
         at = shown[k] + share * (shown[k + 1] - shown[k])
-        return rounded(float(np.exp(at) if shown is not x else at), 4)
+        return rounded(float(np.exp(at) if wide else at), 4)
 
     first = int(under.argmax())
-    begin = f"from {name} = {crossing(first - 1)} on" if first else ""
     after = np.flatnonzero(~under[first:])
-    end = f"up to {name} = {crossing(first + after[0] - 1)}" if len(after) else ""
-    where = " and ".join(filter(None, (begin, end))) or f"in all runs, from {name} = {x[0]:g} on"
-    interpolated = " (between runs, interpolated)" if begin or end else ""
-    return "; ".join([f"{asked}: {where}{interpolated}", *notes])
+    ends = [f"from {name} = {crossing(first - 1)} on"] if first else []
+    ends += [f"up to {name} = {crossing(first + after[0] - 1)}"] if len(after) else []
+    if not ends:
+        return f"in all runs, from {name} = {x[0]:g} on"
+    return f"{' and '.join(ends)} (between runs, interpolated)"
 
 
-def _how_good(runs, quantity):
-    """How far the cells may be off, in words."""
+def _accuracy(runs, quantity):
+    """Sentence on the error of the cells."""
     errors = [run.summary().get("error", {}).get(quantity) for run in runs]
     known = [abs(error) for error in errors if error is not None]
     if not known:

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
@@ -17,15 +17,15 @@ from tqdm import tqdm
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.formatting import rounded
 from ..runtime.ranks import RANKS_ENVIRONMENT
-from .check import check
 from .folder import Run, SweepFolder
-from .varied import Values, changes
+from .varied import Values, changes, label
 
-ENDS = "fabric form: "  # how the line begins that tells why a run ended
+ENDS = "fabric form: "  # begin of the line with the reason why a run ended
 CONSOLE = "console.txt"  # in a run's folder: what it printed
 LOOK = 0.05  # s between looks at whether a run has ended
 READ = 1.0  # s between looks at how far runs have come
 STOPS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+LAYOUT = "{l_bar}{bar}| {n:.1f} of {total} runs [{elapsed}<{remaining}]"  # of the progress bar
 
 
 class Form:
@@ -42,25 +42,24 @@ class Form:
 
     def check(self, values: Sequence[Values]) -> None:
         """InputError for the first values that the press file cannot have."""
-        words = [part for word in self.options for part in word.split("=", 1)]
-        law = words.index("--law-file") + 1 if "--law-file" in words else len(words)
-        check(self.press, values, words[law] if law < len(words) else None)
+        from ..forming.press import Press  # takes seconds to import
+        from ..material.presets import read_laws
+
+        words = [*(part for word in self.options for part in word.split("=", 1)), "--law-file", ""]
+        if law_file := words[words.index("--law-file") + 1]:
+            read_laws(law_file)
+        for each in values:
+            try:
+                Press.read(self.press, changes(each))
+            except InputError as error:
+                raise InputError(f"run {label(each)}: {error}") from None
 
 
 class Runner:
-    """Runs of a sweep's `folder` by the processes of a `program`, so many `jobs` at a time; say:
-    prints a line for each run that ends."""
+    """Runs of a sweep's `folder` by the processes of a `program`, so many `jobs` at a time."""
 
-    def __init__(
-        self,
-        folder: SweepFolder,
-        program: Form,
-        jobs: int | None = None,
-        say: Callable[[str], None] | None = None,
-    ) -> None:
-        self.folder, self.program = folder, program
-        self.jobs = jobs or len(os.sched_getaffinity(0))
-        self.say = say or _said
+    def __init__(self, folder: SweepFolder, program: Form, jobs: int) -> None:
+        self.folder, self.program, self.jobs = folder, program, jobs
 
     def all(self, values: Iterable[Values], bar: bool = True) -> list[Run]:
         """Have the runs with these values all done; returns them.
@@ -73,23 +72,28 @@ class Runner:
         for run in todo:  # before any starts, so that a run that another one ends is known, too
             run.status, run.reason = None, ""
         self.folder.save()
-        with _stopped_by() as stop, _Bar(len(todo), not bar) as progress:
-            _Together(self, todo, stop, progress).work()
+        disable = None if bar and todo else True  # None: where there is no terminal
+        with (
+            _signals_noted() as stop,
+            tqdm(total=len(todo), desc="sweep", bar_format=LAYOUT, disable=disable) as progress,
+        ):
+            _SideBySide(self, todo, stop, progress).work()
         return runs
 
 
-def _said(text):
+def _say(text):
     """Print a line above the bar, at once."""
     tqdm.write(text)
     sys.stdout.flush()
 
 
-class _Together:
+class _SideBySide:
     """Processes of the runs `todo` under way."""
 
     def __init__(self, runner, todo, stop, progress):
         self.runner, self.todo, self.stop, self.progress = runner, list(todo), stop, progress
         self.under_way: list[tuple[Run, subprocess.Popen, float]] = []
+        self.count, self.shown = len(todo), 0.0  # runs in all; when progress was shown last
 
     def work(self):
         """Run all; whatever happens, no process is left."""
@@ -104,7 +108,7 @@ class _Together:
                     self._start(self.todo.pop(0))
                 time.sleep(LOOK)
                 self._look()
-                self.progress.show(run for run, *_ in self.under_way)
+                self._show()
         finally:
             self._end()
 
@@ -143,34 +147,37 @@ class _Together:
             if run.summary().get("reason", "").startswith("stopped by"):
                 run.status = None  # by somebody else: the next call goes on with it
             self.runner.folder.save()
-            self.progress.ended()
-            self.runner.say(_line(run, time.monotonic() - began))
+            _say(_line(run, time.monotonic() - began))
+
+    def _show(self):
+        """Show the runs that ended and the loads that others have reached, now and then."""
+        if self.progress.disable or time.monotonic() < self.shown + READ:
+            return
+        self.shown = time.monotonic()
+        ended = self.count - len(self.todo) - len(self.under_way)
+        loads = sum(_load(run.folder / "history.csv") for run, *_ in self.under_way)
+        self.progress.update(ended + loads - self.progress.n)
 
     def _end(self):
         """Ask what is under way to end, which it does after its step; a further signal ends it at
         once."""
-        for _, process, _ in self.under_way:
+        processes = [process for _, process, _ in self.under_way]
+        for process in processes:
             process.terminate()  # alone: it ends by itself what it has started
-        if count := len(self.under_way):
-            self.runner.say(f"ending after their step: {count}; Ctrl-C again ends them at once")
-        asked, killed = len(self.stop), False
-        while any(process.poll() is None for _, process, _ in self.under_way):
-            if len(self.stop) > asked and not killed:
-                killed = True
-                for _, process, _ in self.under_way:
-                    _kill(process)
+        if processes:
+            _say(f"ending after their step: {len(processes)}; Ctrl-C again ends them at once")
+        asked = len(self.stop)
+        while any(process.poll() is None for process in processes):
+            if len(self.stop) > asked:
+                asked = len(self.stop)
+                for process in [each for each in processes if each.poll() is None]:
+                    with suppress(ProcessLookupError):
+                        os.killpg(process.pid, signal.SIGKILL)  # with all that it has started
             time.sleep(LOOK)
 
 
-def _kill(process):
-    """End a run and all that it has started."""
-    if process.poll() is None:
-        with suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-
-
 @contextmanager
-def _stopped_by() -> Iterator[list[int]]:
+def _signals_noted() -> Iterator[list[int]]:
     """The signals to stop that came while this is open."""
     came: list[int] = []
 
@@ -185,66 +192,36 @@ def _stopped_by() -> Iterator[list[int]]:
             signal.signal(each, handler)
 
 
-class _Bar:
-    """A progress bar in runs, with the loads that those under way have reached."""
-
-    def __init__(self, count, disable):
-        layout = "{l_bar}{bar}| {n:.1f} of {total} runs [{elapsed}<{remaining}]"
-        disable = True if disable or not count else None  # None: where there is no terminal
-        self._bar = tqdm(total=count, desc="sweep", bar_format=layout, disable=disable)
-        self._count, self._read = 0, 0.0
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *_):
-        self._bar.close()
-
-    def ended(self):
-        """One more has."""
-        self._count += 1
-
-    def show(self, runs):
-        """Show how far all have come, looked up now and then."""
-        if self._bar.disable or time.monotonic() < self._read + READ:
-            return
-        self._read = time.monotonic()
-        loads = [_load(run.folder / "history.csv") for run in runs]
-        self._bar.update(self._count + sum(loads) - self._bar.n)
-
-
 def _load(history):
     """The load factor in the last whole row of history.csv, 0 if there is none."""
     try:
         with open(history, newline="") as file:
-            rows = list(csv.DictReader(file))
-        return float(rows[-1]["load"])
+            return float([*csv.DictReader(file)][-1]["load"])
     except (OSError, ValueError, IndexError, KeyError, TypeError):
         return 0.0
 
 
 def _last_words(console):
-    """How a run says that it ended, else the last line that it printed; libraries of MPI may print
-    after it."""
+    """A run's sentence on how it ended, else the last line that it printed; libraries of MPI may
+    print after it."""
     lines = re.split(r"[\r\n]+", console.read_text(errors="replace").strip())
     own = [line for line in lines if line.startswith(ENDS)]
     return re.sub(rf"^{ENDS}(error: |stopped: )?", "", (own or lines)[-1]) or "no words"
 
 
 def _reason(run, words):
-    """Why a run that ended is not believed."""
+    """Reason why a run that ended is not believed."""
     if run.status < 0:
         name = signal.Signals(-run.status).name
         memory = " (as the system does when memory is short)" if name == "SIGKILL" else ""
         return f"ended by {name}{memory}"
     known = run.summary()
-    if run.status == 3 and not known.get("converged", True):
-        return str(known.get("reason", words))
-    return words
+    ended_by_itself = run.status == 3 and not known.get("converged", True)
+    return str(known.get("reason", words)) if ended_by_itself else words
 
 
 def _line(run, seconds):
-    """What is told of a run that ended."""
+    """The line that tells of a run that ended."""
     known = run.summary()
     if not run.is_believed():
         reached = known.get("stroke_reached", 0)

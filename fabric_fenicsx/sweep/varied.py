@@ -1,7 +1,6 @@
-"""What a sweep varies: values or ranges of keys of a press file, and the names of their runs."""
+"""Values or ranges of keys of a press file that a sweep varies, and the names of its runs."""
 
 import hashlib
-import itertools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -23,29 +22,25 @@ class Range(NamedTuple):
     high: float
 
     @property
-    def by_logarithm(self) -> bool:
-        """Whether factors count, not differences."""
-        return is_wide([self.low, self.high])
-
-    @property
     def ends(self) -> list[str]:
         """Both ends, as values."""
         return [spelled(self.low), spelled(self.high)]
 
     def at(self, share: float) -> float:
-        """The number at a share, 0 to 1, of the range, to `DIGITS` digits."""
+        """The number at a share, 0 to 1, of the range or of its logarithm, to `DIGITS` digits."""
         low, high = self.low, self.high
-        found = low * (high / low) ** share if self.by_logarithm else low + share * (high - low)
+        by_logarithm = is_wide([low, high])
+        found = low * (high / low) ** share if by_logarithm else low + share * (high - low)
         return min(max(float(f"{found:.{DIGITS}g}"), low), high)
 
 
 def is_wide(numbers: Sequence[float]) -> bool:
-    """Whether numbers are shown and sought by logarithm: above 0, and `WIDE` apart."""
+    """True for numbers above 0 that are `WIDE` apart, which are shown and sought by logarithm."""
     return min(numbers) > 0 and max(numbers) / min(numbers) >= WIDE * (1 - 1e-9)
 
 
 def number(text: str) -> float | None:
-    """The number that a value is, or None."""
+    """The number that a text is, or None."""
     try:
         return float(text)
     except ValueError:
@@ -66,7 +61,7 @@ def lists(words: Sequence[str]) -> dict[str, list[str]]:
         values = [part if number(part) is None else spelled(float(part)) for part in _parts(text)]
         if not all(values):
             raise InputError(f"--vary {word} has an empty value; allowed is KEY=VALUE,VALUE...")
-        if any(_is_range(value) for value in values):
+        if any(None not in _ends(value) for value in values):
             raise InputError(
                 f"--vary {word} is a range; allowed is one with --minimise, else KEY=VALUE,VALUE..."
             )
@@ -79,14 +74,14 @@ def ranges(words: Sequence[str]) -> list[Range]:
     found: dict[str, Range] = {}
     for word in words:
         key, text = _split(word, found, "KEY=LOW..HIGH")
-        low, _, high = (number(part) for part in text.partition(".."))
+        low, high = _ends(text)
         if low is None or high is None or not -math.inf < low < high < math.inf:
             raise InputError(
                 f"--vary {word} is no range; allowed with --minimise is KEY=LOW..HIGH "
                 "with numbers, LOW below HIGH"
             )
         found[key] = Range(key, low, high)
-    if not 1 <= len(found) <= 2:
+    if len(found) not in (1, 2):
         raise InputError(f"--minimise varies {len(found)} numbers; allowed is one or two --vary")
     return list(found.values())
 
@@ -98,6 +93,12 @@ def _split(word, taken, form):
     if key in taken:
         raise InputError(f"--vary {key} is given twice; allowed is all of its values behind one")
     return key, text
+
+
+def _ends(text):
+    """Both numbers of "LOW..HIGH", None for what is no number."""
+    low, _, high = text.partition("..")
+    return number(low), number(high)
 
 
 def _parts(text):
@@ -115,16 +116,6 @@ def _parts(text):
         else:
             parts[-1] += letter
     return [part.strip() for part in parts]
-
-
-def _is_range(value):
-    low, dots, high = value.partition("..")
-    return bool(dots) and number(low) is not None and number(high) is not None
-
-
-def combinations(varied: Mapping[str, Sequence[str]]) -> list[dict[str, str]]:
-    """The values {key: value} of each run: all combinations, the last key's changing first."""
-    return [dict(zip(varied, values)) for values in itertools.product(*varied.values())]
 
 
 def changes(values: Values) -> list[str]:

@@ -65,7 +65,7 @@ def test_more_pressure_of_the_holder_draws_in_less(press, capfd):
     ("vary", "message"),
     [
         ("holder.presure=1,2", "run presure=1: press.toml: holders.ring.presure is unknown"),
-        ("holder.pressure=0.1,-1", "run pressure=-1: press.toml: pressure of `PressureHolder` is"),
+        ("holder.pressure=0.1,-1", "run pressure=-1: press.toml: holders.ring.pressure is -1"),
         ("stage.2.steps=3", "run steps=3: press.toml: stage.2.steps: 2 of stage is unknown"),
     ],
 )

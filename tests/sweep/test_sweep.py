@@ -116,7 +116,7 @@ def test_bad_input_of_a_run_ends_the_sweep_with_its_sentence(run):
         (["--vary", "a=1", "--vary", "a=2"], "--vary a is given twice"),
         (["--vary", "a=1", "--below", "x"], "--below x is no quantity with a number"),
         (["--vary", "a=b", "--below", "x=1"], "a is b; allowed are numbers"),
-        (["--vary", "a=1", "--evaluations", "5"], "--evaluations is given; allowed is it with"),
+        (["--vary", "a=1", "--evaluations", "5"], "--evaluations needs --minimise"),
         (["--vary", "a=1,2", "--minimise", "x"], "is no range; allowed with --minimise is KEY"),
         (["--vary", "a=2..1", "--minimise", "x"], "is no range; allowed with --minimise is KEY"),
         (["--vary", "a=1", "--", "--out", "x"], "option --out is behind --; allowed are options"),

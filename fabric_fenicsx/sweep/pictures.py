@@ -1,0 +1,147 @@
+"""Pictures of a sweep: curves, trends and maps. Maps read fields of runs, which needs DOLFINx."""
+
+import csv
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.collections import PolyCollection
+
+from ..plot.pictures import cell_polygons, colour_scale, curves, plt
+from .folder import Run, force_name
+from .varied import is_wide, label, number
+
+PANELS, COLUMNS = 6, 6  # most trends, and most maps side by side
+
+
+def draw(files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str]) -> None:
+    """Draw curves, trends and maps of runs with results into `files`, each where there is something
+    to draw; names: labels of the quantities whose trends are drawn {quantity: label}."""
+    for file in files.values():
+        file.unlink(missing_ok=True)
+    if runs:
+        _draw_curves(files["curves"], runs)
+        _draw_trends(files["trends"], runs, dict(list(names.items())[:PANELS]))
+        _draw_maps(files["maps"], runs)
+
+
+def _draw_curves(path, runs):
+    series = {}
+    for run in runs:
+        try:
+            with open(run.folder / "history.csv", newline="") as file:
+                rows = [
+                    (float(row["displacement_mm"]), float(row["reaction_N"]))
+                    for row in csv.DictReader(file)
+                ]
+        except (OSError, KeyError, ValueError):
+            continue
+        if rows:
+            series[run.label] = (*zip(*rows), "-" if run.is_believed() else "--")
+    if series:
+        curves(path, series, "displacement / mm", f"{force_name(runs)} / N")
+
+
+def _draw_trends(path, runs, names):
+    keys = list(runs[0].values)
+    if len(keys) > 2 or any(number(run.values[keys[0]]) is None for run in runs):
+        return
+    columns = min(3, len(names))
+    rows = -(-len(names) // columns)
+    size = 4.2 * columns, 3.0 * rows + 0.4
+    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    for ax, (name, title) in zip(axes.flat, names.items()):
+        _draw_trend(ax, runs, name)
+        ax.set(ylabel=textwrap.fill(title, 26), xlabel=keys[0])
+        ax.grid(alpha=0.3)
+    for ax in axes.flat[len(names) :]:
+        ax.remove()
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def _draw_trend(ax, runs, name):
+    """A quantity at full load over the first key, with a line for each value of the second one."""
+    first, *second = runs[0].values
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        if run.is_at_full_load() and name in run.numbers():
+            groups.setdefault(label({k: run.values[k] for k in second}), []).append(run)
+    for group, mine in groups.items():
+        x = np.array([float(run.values[first]) for run in mine])
+        y = np.array([run.numbers()[name] for run in mine])
+        believed = np.array([run.is_believed() for run in mine])
+        (line,) = ax.plot(x, y, "-", lw=1.2, label=group)
+        ax.plot(x[believed], y[believed], "o", ms=5, color=line.get_color())
+        ax.plot(x[~believed], y[~believed], "x", ms=5, color=line.get_color())
+    places = sorted({float(run.values[first]) for run in runs})
+    if is_wide(places):
+        ax.set_xscale("log")
+        ax.minorticks_off()
+    if len(places) <= 6:
+        ax.set_xticks(places, [f"{place:g}" for place in places])
+    if second and 1 < len(groups) <= 8:
+        ax.legend(fontsize="x-small")
+
+
+def _sheet(folder):
+    """Polygons and fields {label: values} of the cells of a run's last state, the uppermost
+    last."""
+    from ..results.fields import read_last
+
+    grid = read_last(folder)
+    cells = grid.cells.reshape(grid.n_cells, -1)[:, 1:]
+    heights = (grid.points[:, 2] + grid.point_data["u"][:, 2])[cells].mean(1)
+    order = np.argsort(heights, kind="stable")
+    unknown = np.full(grid.n_cells, np.nan)  # as of metal
+    shear, a, b = (
+        np.asarray(grid.cell_data[name]) if name in grid.cell_data else unknown
+        for name in ("shear_angle", "shortening_a", "shortening_b")
+    )
+    values = {
+        "shear angle / deg": abs(np.degrees(shear))[order],
+        "shortening of yarns / %": 100 * np.maximum(a, b)[order],
+    }
+    return cell_polygons(grid)[order], values
+
+
+def _draw_maps(path, runs):
+    drawn = [run for run in runs if (run.folder / "fields.pvd").is_file()]
+    if not drawn:
+        return
+    sheets = [_sheet(run.folder) for run in drawn]
+    fields = {name: [values[name] for _, values in sheets] for name in sheets[0][1]}
+    fields = {name: f for name, f in fields.items() if np.isfinite(np.concatenate(f)).any()}
+    columns = _columns(runs) if len(drawn) == len(runs) else min(COLUMNS, len(drawn))
+    rows = -(-len(drawn) // columns)
+    sides = [np.ptp(polygons.reshape(-1, 2), axis=0) for polygons, _ in sheets]
+    length, width = np.max(sides, axis=0)
+    size = 2.6 * columns + 1.0, (2.5 * width / length + 0.45) * rows * len(fields) + 0.5
+    how = {"squeeze": False, "sharex": True, "sharey": True, "layout": "constrained"}
+    figure, axes = plt.subplots(rows * len(fields), columns, figsize=size, **how)
+    for k, (name, values) in enumerate(fields.items()):
+        mine = axes[k * rows : (k + 1) * rows]
+        colours = "viridis" if name.startswith("shear") else "magma_r"
+        _, *limits = colour_scale(colours, 0.0, float(np.nanmax(np.concatenate(values))))
+        for ax, run, (polygons, _), each in zip(mine.flat, drawn, sheets, values):
+            cells = PolyCollection(polygons, array=each, cmap=colours, antialiased=False)
+            cells.set_clim(*limits)
+            ax.add_collection(cells)
+            ax.autoscale_view()
+            ax.set_aspect("equal")
+            words = run.doubt()
+            ax.set_title(run.label + (f" ({words})" if words else ""), fontsize="x-small")
+        for ax in mine.flat[len(drawn) :]:
+            ax.set_axis_off()
+        figure.colorbar(cells, ax=list(mine.flat), label=name, shrink=0.9)
+    figure.savefig(path, dpi=120)
+    plt.close(figure)
+
+
+def _columns(runs):
+    """Maps in a row: all values of the last key where two keys make a full table, else what
+    fits."""
+    counts = [len({run.values[key] for run in runs}) for key in runs[0].values]
+    full = len(counts) == 2 and counts[0] * counts[1] == len(runs)
+    return counts[1] if full and counts[1] <= 2 * COLUMNS else min(COLUMNS, len(runs))
