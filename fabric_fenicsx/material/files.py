@@ -71,17 +71,17 @@ def take_units(document: dict[str, Any]) -> dict[str, str]:
 
 def read_numbers(
     table: Mapping[str, Any],
-    rules: Mapping[str, Rule],
+    rules: Mapping[str, Any],
     units: Mapping[str, str],
     where: str,
     also: tuple[str, ...] = (),
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """The numbers of one TOML table by the names of `rules`, in the package's units.
 
     The unit is in the key or in `units`. where: what stands before a key in messages; also: keys
     that belong to others. Raises InputError by key.
     """
-    found: dict[str, float] = {}
+    found: dict[str, Any] = {}
     spelled: dict[str, str] = {}
     for key, value in table.items():
         name = _name_of(key, rules)
@@ -90,10 +90,17 @@ def read_numbers(
         if name in found:
             raise InputError(f"{where}{key} repeats {where}{spelled[name]}; allowed is {name} once")
         power = power_of_key(name, rules[name].unit, key, units, where + key)
-        number = Decimal(repr(rules[name].check(where + key, value))).scaleb(power)
-        found[name] = rules[name].check(where + key, float(number))
+        checked = rules[name].check(where + key, value)
+        found[name] = rules[name].check(where + key, _scaled(checked, power))
         spelled[name] = key
     return found
+
+
+def _scaled(value, power):
+    """A number, or each of a list, times a power of ten, as exact as one typed by hand."""
+    if isinstance(value, tuple):
+        return tuple(_scaled(each, power) for each in value)
+    return float(Decimal(repr(value)).scaleb(power))
 
 
 def _name_of(key, rules):
@@ -113,7 +120,7 @@ def read_sheet_numbers(
     units: Mapping[str, str],
     also: tuple[str, ...] = (),
     rules: Mapping[str, Rule] | None = None,
-) -> tuple[dict[str, float], float | None]:
+) -> tuple[dict[str, Any], float | None]:
     """The numbers that a table has of thickness [mm], density [g/cm3] and the names of `rules`, and
     the areal weight [g/m2] if the density is from one: areal weight / thickness.
 

@@ -6,14 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
-from ..runtime.rules import Rule
-
 
 @dataclass(frozen=True)
 class Parameters:
     """Numbers with rules: `rules` names those fields that are checked, and how."""
 
-    rules: ClassVar[Mapping[str, Rule]] = {}
+    rules: ClassVar[Mapping[str, Any]] = {}
 
     def __post_init__(self) -> None:
         for name, rule in self.rules.items():

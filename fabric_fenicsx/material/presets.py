@@ -32,11 +32,29 @@ PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
 
 
 def load(source: str | os.PathLike[str]) -> Law:
-    """The preset of this name, else the material in the TOML file at this path; InputError if
-    neither exists.
+    """Load a fabric by the name of a preset or from a material file.
 
-    Its law is what the file says, `law = "NAME"`, by default `coupled`; `model = "fabric"` is
-    another way to say `law = "tabulated"`.
+    Parameters
+    ----------
+    source : str or path
+        `komeili`, the fabric of the paper's Table 1; `fabric`, the same without couplings; or the
+        path of a TOML file. That names its law, `law = "NAME"`, by default `coupled`;
+        `model = "fabric"` is another way to say `law = "tabulated"`.
+
+    Returns
+    -------
+    Law
+
+    Raises
+    ------
+    InputError
+        If there is neither a preset nor a file, and for what the file has wrong, by field.
+
+    Examples
+    --------
+    >>> fabric = ff.load("komeili")
+    >>> fabric.thickness, fabric.warp.b  # [mm], [MPa]
+    (1.0, 667.5)
     """
     if isinstance(source, str) and source in PRESETS:
         return PRESETS[source]
