@@ -1,4 +1,4 @@
-"""Units of what users give: powers of ten to the package's own, mm, MPa, g/cm3, rad."""
+"""Units in files: powers of ten to the package's own, mm, MPa, g/cm3, rad."""
 
 import math
 from collections.abc import Mapping

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
+from ...readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
 from ...readers.units import factors
 from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
@@ -60,10 +60,8 @@ def read_test(path: Path | str, thickness: float, stated: Stated) -> Curve | Com
 def _parse(file, lines, thickness, stated):
     problems = Problems()
     said = _said(_keys(lines, stated.keys.get(file, {}), problems), problems)
-    rows = [(n, text) for n, text in enumerate(lines, 1) if text.strip(" ,;\t")]
-    rows = [(n, text) for n, text in rows if not is_comment(text)]
     with problems:
-        cells = table_of(rows, lambda name: name in stated.columns or column_of(name) in COLUMNS)
+        cells = table_of(rows_of(lines), lambda name: name in stated.columns or column_of(name) in COLUMNS)
         table, unread = _table(cells, said, stated.columns, thickness, problems)
     problems.stop()
     if said.test == COMPACTION:

@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
+from ...readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
 from ...readers.units import ANGLE, STRAIN, factors
 from ...runtime.errors import InputError
 from ...runtime.rules import shown
@@ -269,9 +269,7 @@ def read_table(path: str | os.PathLike[str], kind: str) -> Curve:
 def _curve(lines, columns):
     """The curve in the lines of a file; InputError by row."""
     wanted = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns)
-    rows = [(n, text) for n, text in enumerate(lines, 1) if text.strip(" ,;\t")]
-    rows = [(n, text) for n, text in rows if not is_comment(text)]
-    table = table_of(rows, lambda name: name in dict(columns))
+    table = table_of(rows_of(lines), lambda name: name in dict(columns))
     if len(table.names) != 2:
         raise InputError(f"row {table.top} is no header of two columns; allowed is {wanted}")
     factors = {}
