@@ -23,11 +23,10 @@ Stresses are those of the law (`homogeneous.nominal`); nothing of the law is rep
 
 from .compaction import CompactionFit, fit_compaction
 from .fit import identify
-from .lines import coverage_lines, result_lines
 from .parameter import Assumed, Determined
 from .pictures import draw
 from .problem import true_values
-from .result import Identification
+from .result import Identification, coverage_lines, result_lines
 from .synthetic import PLANS, coverage, synthesise, synthesise_compaction
 
 __all__ = [

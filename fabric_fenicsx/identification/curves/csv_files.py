@@ -61,7 +61,9 @@ def _parse(file, lines, thickness, stated):
     problems = Problems()
     said = _said(_keys(lines, stated.keys.get(file, {}), problems), problems)
     with problems:
-        cells = table_of(rows_of(lines), lambda name: name in stated.columns or column_of(name) in COLUMNS)
+        cells = table_of(
+            rows_of(lines), lambda name: name in stated.columns or column_of(name) in COLUMNS
+        )
         table, unread = _table(cells, said, stated.columns, thickness, problems)
     problems.stop()
     if said.test == COMPACTION:
