@@ -60,7 +60,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
-        *(f"{test.file}: {text}" for test in (*curves, *sheet.compaction) for text in test.remarks),
+        *_remarks(curves),
+        *_remarks(sheet.compaction),
         *_fit_warnings(curves, found, softest, convex),
         *_parameter_warnings(determined, problem),
         *filter(None, (toe_warning(*each) for each in fits)),
@@ -83,6 +84,11 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         sheet.areal_weight,
         compaction,
     )
+
+
+def _remarks(tests):
+    """Sentences on what was left out of the files of tests."""
+    return [f"{test.file}: {text}" for test in tests for text in test.remarks]
 
 
 def _determined(problem, k, value, staged, error, half, at_bound):
@@ -200,7 +206,7 @@ def _fabric(value, sheet, compaction, assumed):
     known: dict[str, Any] = {n: value[n] for n in SHEAR}
     known |= {n: getattr(sheet, n) for n in ("thickness", "density", "fibre_density", "name")}
     known |= {"compaction": compaction.compaction} if compaction else {}
-    return WovenFabric(warp, weft, **known, assumed=sorted({base(name) for name in assumed}))
+    return WovenFabric(warp, weft, **known, assumed=tuple({base(name) for name in assumed}))
 
 
 def _physics(problem, fabric):

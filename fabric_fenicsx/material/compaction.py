@@ -41,7 +41,7 @@ class Compaction(Parameters):
     --------
     >>> ply = ff.Compaction(16.0, onset=1e-3, pressure=1e-3)
     >>> ply.thickness(np.array([1e-3, 1.0])).round(3).tolist()  # over the fabric's
-    [1.0, 0.701]
+    [1.0, 0.697]
     """
 
     rules: ClassVar[Mapping[str, Rule]] = {

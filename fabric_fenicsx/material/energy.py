@@ -112,5 +112,6 @@ def stresses_of_energy(
     (eq. 14 calls sigma_a at eps_b = 0, gamma = 0 sigma-hat). Kernel and elements must hit them.
     """
     strains = (np.atleast_1d(v).astype(float) for v in (eps_a, eps_b, gamma))
-    sigma_a, sigma_b, tau = Energy.derivatives(law, *np.broadcast_arrays(*strains), False).first
+    a, b, g = np.broadcast_arrays(*strains)
+    sigma_a, sigma_b, tau = Energy.derivatives(law, a, b, g, second=False).first
     return sigma_a, sigma_b, tau

@@ -137,6 +137,7 @@ def by_dolfinx(path: Path) -> SurfaceMesh:
 def by_pyvista(path: Path) -> SurfaceMesh:
     """By PyVista with VTK's own readers, of one mesh or of several blocks."""
     import pyvista
+    from vtkmodules.util.numpy_support import vtk_to_numpy
 
     try:
         reader = pyvista.get_reader(str(path))
@@ -152,7 +153,8 @@ def by_pyvista(path: Path) -> SurfaceMesh:
     if not isinstance(mesh, pyvista.UnstructuredGrid):
         mesh = mesh.cast_to_unstructured_grid()
     types, nodes = mesh.celltypes, mesh.cell_connectivity
-    ends = np.cumsum(sizes := _sizes(mesh))
+    offsets = vtk_to_numpy(mesh.GetCells().GetOffsetsArray())
+    ends, sizes = offsets[1:], np.diff(offsets)
     blocks, others = [], {}
     for kind, count in {*zip(types.tolist(), sizes.tolist())}:
         which = np.flatnonzero((types == kind) & (sizes == count))
@@ -163,13 +165,6 @@ def by_pyvista(path: Path) -> SurfaceMesh:
         else:
             blocks.append(_of_vtk(kind, name, nodes[ends[which][:, None] + np.arange(-count, 0)]))
     return SurfaceMesh.collected(mesh.points, blocks, others)
-
-
-def _sizes(mesh):
-    """Number of nodes of each cell."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    return np.diff(vtk_to_numpy(mesh.GetCells().GetOffsetsArray()))
 
 
 def _of_vtk(kind, name, cells):
