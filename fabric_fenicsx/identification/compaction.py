@@ -17,8 +17,8 @@ from .parameter import Assumed, Determined
 
 NAMES = "exponent", "onset", "pressure"
 UNITS = {"exponent": "-", "onset": "MPa", "pressure": "MPa"}
-BEYOND = 1.1  # times the measured thicknesses, to which they tell under which pressure the sheet is
-WIDEST = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}  # factor of an interval that tells
+BEYOND = 1.1  # times the measured thicknesses, up to which they show the pressure of the sheet
+WIDEST = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}  # factor of an interval
 EXPONENTS = 1.01, 1e3
 PRESSURES = 1e-3  # of the lowest measured pressure: least onset and pressure of the sheet
 EVALUATIONS = 300
@@ -38,7 +38,7 @@ class CompactionFit:
     warnings: list[str]
 
     def report(self) -> dict[str, Any]:
-        """All of it for JSON."""
+        """The result for JSON."""
         return {
             "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
             "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
@@ -56,13 +56,13 @@ class CompactionFit:
 
 def fit_compaction(sheet: Sheet) -> CompactionFit:
     """Exponent, onset and pressure of the `Compaction` that follows the sheet's compaction tests
-    best. InputError for tests that do not tell the exponent, or of plies of another thickness;
+    best. InputError for tests that do not determine the exponent, or of plies of another thickness;
     SolverFailure if the fit fails.
 
     Least squares of the logarithm of thickness over pressure, in logarithms of the three numbers,
-    so their 95 % intervals (t-distribution) are factors. Where the data do not tell the onset, as
-    where they begin far above it, it is the default or the lowest measured pressure, if that is
-    less. The intervals of the others are then those of a fit of all three.
+    so their 95 % intervals (t-distribution) are factors. An onset that the data do not
+    determine, as where they begin far above it, is the default or the lowest measured pressure, if
+    that is less. The intervals of the others are then those of a fit of all three.
     """
     problem, assumed = _Problem(sheet), {}
     fit = problem.fit()

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
-from ..material.homogeneous import nominal
+from ..material.homogeneous import nominal_tangent
 from ..material.laws.coupled import SHEAR, YARN, WovenFabric, Yarn
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
@@ -220,7 +220,7 @@ def _physics(problem, fabric):
     tension = e[(e[:, :2].max(1) > 0) & (e[:, :2].min(1) >= 0)]
     if tension.size:
         # by the kernel's tangent just inside tension; the kink at 0 belongs to compression
-        _, H = nominal(fabric, np.maximum(tension * [1, 1, 0], [1e-9, 1e-9, 0]), tangent=True)
+        _, H = nominal_tangent(fabric, np.maximum(tension * [1, 1, 0], [1e-9, 1e-9, 0]))
         convex = bool(np.all((H[:, 0] > 0) & (H[:, 0] * H[:, 1] - H[:, 2] ** 2 > 0)))
     return softest, convex
 
@@ -302,7 +302,7 @@ def _free(problem, reason):
 
 def _start(problem, default, reason, source, free):
     """Values that a fit begins with; higher terms that are not fitted are 0 beside a lower one that
-    is, which `source` then tells."""
+    is, as `source` then says."""
     names, theta = problem.names, default.copy()
     for k in reason:
         lower = names[k].replace(base(names[k]), HIGHER.get(base(names[k]), "-"))

@@ -153,15 +153,15 @@ class Problem:
         return {"warp": (0,), "weft": (1,)}.get(name.rpartition(".")[0], (0, 1))
 
     def has_contraction(self, name: str) -> bool:
-        """Whether a point shows the yarns of p_min `name` in tension under a negative strain
+        """True if a point shows the yarns of p_min `name` in tension under a negative strain
         across."""
         e, is_stress = self.strains, self.component < 2
         prescribed = [(e[:, i] > 0) & (e[:, 1 - i] < 0) & is_stress for i in (0, 1)]
         return any(i in self.free or prescribed[i].any() for i in self._yarns(name))
 
     def rests_on_form(self, name: str) -> bool:
-        """Whether only the form of free tests tells the p_min `name`: none of them has the strain
-        across, and no test of those yarns in tension prescribes it."""
+        """True if only the form of free tests determines the p_min `name`: none of them has the
+        strain across, and no test of those yarns in tension prescribes it."""
         held = (self.component < 2) & (self.along < 0)
         return not any(
             np.any(held & (self.strains[:, i] > 0) | (self.along == i) & (self.component == 3))

@@ -35,7 +35,7 @@ class Identification:
     compaction: CompactionFit | None = None  # None without a test of it: the default
 
     def remarks(self) -> list[str]:
-        """Lines for a material file that tell where its values are from."""
+        """Lines for a material file on the origin of its values."""
         lines = []
         if self.areal_weight is not None:
             lines.append(
@@ -65,7 +65,7 @@ class Identification:
         return self.assumed | {f"compaction.{name}": p for name, p in across.items()}
 
     def report(self) -> dict[str, Any]:
-        """All of it for JSON, with the r.m.s. error of each curve."""
+        """The result for JSON, with the r.m.s. error of each curve."""
         names = list(self.determined)
         return {
             "material": self.fabric.name,

@@ -31,9 +31,9 @@ class Range(NamedTuple):
     """Strains that a law's numbers are for.
 
     - strain: "eps_a", "eps_b" or "gamma", of which the size counts
-    - source: what says so, as "the table of warp"
+    - source: their origin, as "the table of warp"
     - low, high: the least and the greatest [-, rad]; infinite where it has no end
-    - beyond: what the law does beyond them, in words
+    - beyond: a sentence on the law beyond them
     """
 
     strain: str
@@ -44,7 +44,7 @@ class Range(NamedTuple):
 
 
 class Energy:
-    """A strain energy density, of which `energy` is given and all else follows."""
+    """A strain energy density: a subclass has `energy`, from which all else follows."""
 
     law: ClassVar[str] = ""
 
@@ -68,12 +68,12 @@ class Energy:
         except InputError:
             raise
         except Exception as error:
-            words = f"energy of law {self.law} fails ({type(error).__name__}: {error})"
-            raise InputError(f"{words}; {ALLOWED}") from error
+            text = f"energy of law {self.law} fails ({type(error).__name__}: {error})"
+            raise InputError(f"{text}; {ALLOWED}") from error
         for part in (a, b, shear):  # where NumPy takes numbers for objects it gives an array
             if isinstance(part, np.ndarray) and not isinstance(eps_a, np.ndarray):
-                words = f"energy of law {self.law} has a part of type {type(part).__name__}"
-                raise InputError(f"{words}; {ALLOWED}")
+                text = f"energy of law {self.law} has a part of type {type(part).__name__}"
+                raise InputError(f"{text}; {ALLOWED}")
         return a, b, shear
 
     def derivatives(

@@ -8,7 +8,7 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from ..readers.units import check_unit, power_of_key, suffixes
+from ..readers.units import UNITS, check_unit, suffixes
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule, above_zero, shown, unknown_key
 
@@ -78,20 +78,19 @@ def read_numbers(
 ) -> dict[str, Any]:
     """The numbers of one TOML table by the names of `rules`, in the package's units.
 
-    The unit is in the key or in `units`. where: what stands before a key in messages; also: keys
-    that belong to others. Raises InputError by key.
+    The unit is in the key, as `d_kPa` for the name d, or in `units`, the file's table {kind: unit}.
+    where: what stands before a key in messages; also: keys that belong to others. Raises InputError
+    by key.
     """
     found: dict[str, Any] = {}
     spelled: dict[str, str] = {}
     for key, value in table.items():
-        name = _name_of(key, rules)
-        if name is None:
-            raise unknown_key(key, (*rules, *also), where + key)
+        label = where + key
+        name, power = _meaning(key, rules, units, label, also)
         if name in found:
-            raise InputError(f"{where}{key} repeats {where}{spelled[name]}; allowed is {name} once")
-        power = power_of_key(name, rules[name].unit, key, units, where + key)
-        checked = rules[name].check(where + key, value)
-        found[name] = rules[name].check(where + key, _scaled(checked, power))
+            raise InputError(f"{label} repeats {where}{spelled[name]}; allowed is {name} once")
+        checked = rules[name].check(label, value)
+        found[name] = rules[name].check(label, _scaled(checked, power))
         spelled[name] = key
     return found
 
@@ -103,16 +102,27 @@ def _scaled(value, power):
     return float(Decimal(repr(value)).scaleb(power))
 
 
-def _name_of(key, rules):
-    """Which of the names in `rules` a key has, with a unit or without; None if it is none or, with
-    no known unit, rather another one misspelt."""
-    begun = [name for name in rules if key == name or key.startswith(f"{name}_")]
-    longest = max(begun, key=len, default=None)
-    for name in sorted(begun, key=len, reverse=True):
-        if key == name or key.removeprefix(f"{name}_") in suffixes(rules[name].unit):
-            return name
-    near = difflib.get_close_matches(key, list(rules), n=1)
-    return longest if near in ([], [longest]) else None
+def _meaning(key, rules, units, label, also):
+    """The name in `rules` that a key has, and the power of ten from its unit to the package's own;
+    InputError, which calls the key `label`, for one without or with another unit."""
+    for name, rule in rules.items():
+        kind, known = rule.unit, suffixes(rule.unit)
+        if key == name and kind and kind not in units:
+            keys = " or ".join(f"{name}_{unit}" for unit in known)
+            raise InputError(f"{label} has no unit; allowed is {keys}, or {kind} in [units]")
+        if key == name:
+            return name, UNITS[kind][units[kind]] if kind else 0
+        if key.startswith(f"{name}_") and (unit := key.removeprefix(f"{name}_")) in known:
+            return name, known[unit]
+    begun = max((name for name in rules if key.startswith(f"{name}_")), key=len, default="")
+    if not begun or difflib.get_close_matches(key, list(rules), n=1) not in ([], [begun]):
+        raise unknown_key(key, (*rules, *also), label)
+    if not (kind := rules[begun].unit):
+        raise InputError(
+            f"{label} has a unit, but {begun} is a pure number; allowed is the key {begun}"
+        )
+    unit = key.removeprefix(f"{begun}_")
+    raise unknown_key(unit, suffixes(kind), f"{label}: {kind} unit {unit!r}")
 
 
 def read_sheet_numbers(

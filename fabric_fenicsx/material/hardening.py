@@ -101,15 +101,15 @@ class Swift(Hardening):
         return cls(float(K), float(eps0), n)
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Yield stress [MPa]."""
         return self.K * (self.eps0 + p) ** self.n
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its derivative [MPa]."""
         return self.n * self.K * (self.eps0 + p) ** (self.n - 1)
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its integral from 0 [N mm/mm^3]."""
         power = self.n + 1
         return self.K / power * ((self.eps0 + p) ** power - self.eps0**power)
 
@@ -148,15 +148,15 @@ class Voce(Hardening):
     b: float
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Yield stress [MPa]."""
         return self.Y0 - self.Q * np.expm1(-self.b * p)
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its derivative [MPa]."""
         return self.Q * self.b * np.exp(-self.b * p)
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its integral from 0 [N mm/mm^3]."""
         return (self.Y0 + self.Q) * p + self.Q * np.expm1(-self.b * p) / self.b
 
 
@@ -237,16 +237,16 @@ class HardeningTable(Hardening):
         return within, p - within
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Yield stress [MPa]."""
         within, beyond = self._split(p)
         return self._curve(within) + beyond * self._slope(self.eps[-1])
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its derivative [MPa]."""
         return self._slope(self._split(p)[0])
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its integral from 0 [N mm/mm^3]."""
         within, beyond = self._split(p)
         end = self.sigma[-1] + beyond * self._slope(self.eps[-1]) / 2
         return self._work(within) + beyond * end

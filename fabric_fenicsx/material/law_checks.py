@@ -49,7 +49,7 @@ def check_couplings(names: Any, label: str = "couplings") -> frozenset[str]:
 
 
 def couples(law: Energy, name: str) -> bool:
-    """Whether the energy depends on two strains together where this coupling acts."""
+    """True if the energy depends on two strains together where this coupling acts."""
     second = Energy.derivatives(law, *np.transpose(PROBES[name])).second
     mixed = second[1:2] if name == "biaxial" else second[3:5]
     return bool(abs(mixed).max() > 1e-9 * abs(second).max())
@@ -82,12 +82,12 @@ def check_rest(law: Energy) -> None:
     stiffness."""
     found = Energy.derivatives(law, *np.transpose([(0.0, 0.0, 0.0), (0.01, 0.01, 0.1)]))
     stiffness = np.nanmax(abs(found.second[[0, 2, 5]]), 1, initial=0.0)
-    words = f"of law {law.law} is %.3g MPa in fabric as it lies, without strain; allowed is 0"
+    text = f"of law {law.law} is %.3g MPa in fabric as it lies, without strain; allowed is 0"
     if abs(W := found.parts[0].sum()) > 1e-9 * stiffness.max():
-        raise InputError(f"the energy {words % W}: take off what it is there")
+        raise InputError(f"the energy {text % W}: take off what it is there")
     for name, stress, scale in zip(("sigma_a", "sigma_b", "tau"), found.first[:, 0], stiffness):
         if not abs(stress) <= 1e-5 * scale:
-            raise InputError(f"the stress {name} {words % stress}")
+            raise InputError(f"the stress {name} {text % stress}")
     beside = Energy.derivatives(law, *np.array(3 * [[-LITTLE, LITTLE]])).second
     for name, k, scale in zip(("eps_a", "eps_b", "gamma"), beside[[0, 2, 5]], stiffness):
         if k.min() < -1e-6 * scale:

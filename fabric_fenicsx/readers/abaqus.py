@@ -130,7 +130,10 @@ def _add_elements(part, of, rows, path):
 
 def _assembled(placed, path):
     """The mesh of parts, each with the numbers of its instance."""
-    points, blocks, others, start = [], [], {}, 0
+    points: list[np.ndarray] = []
+    blocks: list[tuple[str, np.ndarray]] = []
+    others: dict[str, int] = {}
+    start = 0
     for part, move in placed:
         own = np.array(list(part.nodes), dtype=np.int64)
         order = np.argsort(own)

@@ -1,4 +1,4 @@
-"""What the libraries pass over in Nastran's decks: nodes in other coordinate systems."""
+"""A check of Nastran's decks that the libraries leave out: nodes in other coordinate systems."""
 
 from pathlib import Path
 

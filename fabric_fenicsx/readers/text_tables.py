@@ -28,7 +28,7 @@ _HEADER = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))
 
 
 class Problems(list[str]):
-    """Faults of a file, told at once: `with problems:` keeps an InputError of its block, `stop`
+    """Faults of a file, raised at once: `with problems:` keeps an InputError of its block, `stop`
     raises one of all that were kept."""
 
     def __enter__(self) -> "Problems":
@@ -89,7 +89,7 @@ def _decoded(data):
 
 
 def is_comment(line: str) -> bool:
-    """Whether a line begins with #, maybe in the quotes that a spreadsheet puts around it."""
+    """True if a line begins with #, maybe in the quotes that a spreadsheet puts around it."""
     return line.lstrip(' \t"').startswith("#")
 
 
@@ -163,10 +163,10 @@ def _unit(text):
 
 
 def _are_units(cells):
-    """Whether cells are units in brackets, or known ones without."""
-    told = [cell.strip() for cell in cells if cell.strip()]
-    return bool(told) and all(
-        re.fullmatch(r"\[.*\]|\(.*\)|mm|cm|s|k?N|%|deg|rad|[kMG]?Pa", c) for c in told
+    """True if cells are units in brackets, or known ones without."""
+    texts = [cell.strip() for cell in cells if cell.strip()]
+    return bool(texts) and all(
+        re.fullmatch(r"\[.*\]|\(.*\)|mm|cm|s|k?N|%|deg|rad|[kMG]?Pa", c) for c in texts
     )
 
 
@@ -196,7 +196,7 @@ def _delimiter(lines):
 
 
 def _longest_run(flags):
-    """Where the longest run of true flags begins, their number without any."""
+    """Place at which the longest run of true flags begins; their number without any."""
     runs = [[*run] for flag, run in groupby(range(len(flags)), flags.__getitem__) if flag]
     return max(runs, key=len)[0] if runs else len(flags)
 
@@ -234,7 +234,7 @@ def decimal_signs(table: TextTable, wanted: Iterable[int]) -> list[str]:
     """The sign before decimals in each column, "." or ","; InputError where both could be meant in
     one of the columns `wanted`.
 
-    A column that alone does not tell goes with the others, or has points.
+    A column of which alone it is not clear goes with the others, or has points.
     """
     columns, found = [], []
     for i in range(len(table.names)):

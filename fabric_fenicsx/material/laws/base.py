@@ -134,7 +134,7 @@ class Law(Material, Energy):
             )
 
     def assumed_values(self) -> dict[str, str]:
-        """As in `Material`: numbers of couplings that are off are left out."""
+        """Numbers that act and that no test has determined, {name: value with unit}."""
         return {name: self._value_text(name) for name in self.assumed if self._acts(name)}
 
     def _value_text(self, name):
@@ -142,11 +142,11 @@ class Law(Material, Energy):
         return f"{getattr(self, name):g}" + (f" {next(iter(UNITS[unit]))}" if unit else "")
 
     def _acts(self, name):
-        """Whether a number has an effect."""
+        """True if a number has an effect."""
         return True
 
     def thickness_under(self, pressure: float) -> float:
-        """As in `Material`, by its `compaction`."""
+        """Thickness of the sheet between faces that press it [MPa], in mm, by its `compaction`."""
         share = float(self.compaction.thickness(pressure)) if self.compaction else 1.0
         return share * self.thickness
 
@@ -213,9 +213,9 @@ class Law(Material, Energy):
     def sheet_table(self) -> dict[str, Any]:
         """A material file's content but for the law and its numbers."""
         known = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
-        told = {name: value for name, value in known.items() if value is not None}
-        told |= {"assumed": list(self.assumed)} if self.assumed else {}
-        return told | {"compaction": table_of(self.compaction)}
+        entries = {name: value for name, value in known.items() if value is not None}
+        entries |= {"assumed": list(self.assumed)} if self.assumed else {}
+        return entries | {"compaction": table_of(self.compaction)}
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:

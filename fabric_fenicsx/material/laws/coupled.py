@@ -159,7 +159,7 @@ class WovenFabric(Law):
 
     @property
     def is_balanced(self) -> bool:
-        """Whether warp and weft are equal."""
+        """True if warp and weft are equal."""
         return self.warp == self.weft
 
     def _yarns(self):
@@ -168,17 +168,17 @@ class WovenFabric(Law):
 
     @property
     def biaxial(self) -> bool:
-        """Whether k_TC acts (eqs 17, 18)."""
+        """True if k_TC acts (eqs 17, 18)."""
         return "biaxial" in self.couplings
 
     @property
     def tension_shear(self) -> bool:
-        """Whether W_ST acts (eqs 26, 27)."""
+        """True if W_ST acts (eqs 26, 27)."""
         return "tension_shear" in self.couplings
 
     @property
     def compression_shear(self) -> bool:
-        """Whether k_SC acts (eqs 28, 29)."""
+        """True if k_SC acts (eqs 28, 29)."""
         return "compression_shear" in self.couplings
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
@@ -308,7 +308,7 @@ class WovenFabric(Law):
         return k, k1 * k, (6 * y.s_C * (m * slope**2 + m2) + k1**2) * k
 
     def plausibility_warnings(self) -> list[str]:
-        """As in `Law`, of the parameters b and s1."""
+        """Sentences on a thickness, density, b or s1 that fabrics hardly have."""
         values = {f"b of {name}": yarn.b for name, yarn in self._yarns().items()}
         return self._implausible(values | {"s1": self.s1})
 

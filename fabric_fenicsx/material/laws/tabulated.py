@@ -195,7 +195,7 @@ class TabulatedFabric(Law):
 
     def ranges(self) -> tuple[Range, ...]:
         """Strains that the tables cover. Yarns of a table without compression have none, which
-        `plausibility_warnings` tells."""
+        `plausibility_warnings` says."""
         found = []
         for name, strain in CURVES.items():
             curve = getattr(self, name)
@@ -205,7 +205,8 @@ class TabulatedFabric(Law):
         return tuple(found)
 
     def plausibility_warnings(self) -> list[str]:
-        """As of any law, and of tables without compression, or in which the stress falls."""
+        """Sentences on numbers that fabrics hardly have, and on tables without compression or with
+        a stress that falls."""
         found = super().plausibility_warnings()
         for name in CURVES:
             curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
@@ -224,7 +225,7 @@ class TabulatedFabric(Law):
         return found
 
     def table(self) -> dict[str, Any]:
-        """All of it; a material file names CSV files in the place of the points."""
+        """The curves and the sheet; a material file names CSV files in the place of the points."""
         curves = {name: getattr(self, name) for name in CURVES}
         tables = {
             name: {"x": list(c.x), "y": list(c.y), "extrapolation": c.extrapolation}
