@@ -31,8 +31,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     determine nothing or are too few, SolverFailure if a fit fails."""
     if sheet.compaction and not curves:
         raise InputError(
-            "all tests are of compaction; allowed are one or more in the fabric's plane beside "
-            "them, or `fit_compaction`, which needs no others"
+            "all tests are of compaction; allowed are one or more in the fabric's plane, too, or "
+            "`fit_compaction`, which needs no others"
         )
     compaction = fit_compaction(sheet) if sheet.compaction else None
     problem = Problem(sheet, curves)
@@ -295,7 +295,7 @@ def _free(problem, reason):
     if len(problem.measured) <= len(free):
         raise InputError(
             f"there are {len(problem.measured)} measured values for {len(free)} parameters; "
-            "allowed are more values than parameters"
+            "allowed are more values"
         )
     return free
 

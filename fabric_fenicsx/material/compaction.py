@@ -70,8 +70,7 @@ def compaction_of(document: dict[str, Any], units: Mapping[str, str]) -> Compact
         return None
     if not isinstance(given, dict):
         raise InputError(
-            f"compaction is {shown(given)}; allowed is a table, [compaction], or false for fabric "
-            "that keeps its thickness"
+            f"compaction is {shown(given)}; allowed is a table [compaction], or false for none"
         )
     numbers = read_numbers(given, Compaction.rules, units, "compaction.")
     check_complete(numbers, Compaction.rules, "compaction.", "in [compaction]")

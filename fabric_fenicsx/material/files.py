@@ -10,10 +10,25 @@ from typing import Any
 
 from ..readers.units import UNITS, check_unit, suffixes
 from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, shown, unknown_key
+from ..runtime.rules import Rule, above_zero, did_you_mean, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
 FIBRES = {"fibre_density": above_zero("density")}
+
+
+def preset_or_file(
+    kind: str, source: Any, presets: Mapping[str, Any], read: Callable[[Any], Any]
+) -> Any:
+    """The preset of this name, else read(source) of a file; InputError, which calls it `kind`, if
+    neither exists."""
+    if isinstance(source, str) and source in presets:
+        return presets[source]
+    if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
+        return read(source)
+    raise InputError(
+        f"{kind} {shown(source)} is unknown{did_you_mean(source, presets)}; allowed is a preset "
+        f"({', '.join(presets)}) or a file that exists"
+    )
 
 
 def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
@@ -44,8 +59,7 @@ def write_whole(path: str | os.PathLike[str], text: str) -> None:
             part.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{path}: cannot be written ({_reason(error)}); "
-            "allowed is a file in a folder of this user"
+            f"{path}: cannot be written ({_reason(error)}); allowed is a folder of this user"
         ) from None
 
 
@@ -141,10 +155,7 @@ def read_sheet_numbers(
     weight = numbers.pop("areal_weight", None)
     if weight is not None and "thickness" in numbers:
         if "density" in numbers:
-            raise InputError(
-                "density and areal_weight are both given; "
-                "allowed is one, as each follows from the other"
-            )
+            raise InputError("density and areal_weight are both given; allowed is one of them")
         # from g/(m2 mm), rounded as a number typed by hand
         numbers["density"] = float(f"{1e-3 * weight / numbers['thickness']:.15g}")
     return numbers, weight

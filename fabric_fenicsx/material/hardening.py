@@ -212,16 +212,16 @@ class HardeningTable(Hardening):
         super().__post_init__()
         if len(self.eps) != len(self.sigma) or len(self.eps) < 2:
             raise InputError(
-                f"hardening.eps has {len(self.eps)} numbers and sigma {len(self.sigma)}; allowed "
-                "are two lists of 2 or more numbers, as many of each"
+                "hardening.eps and sigma differ in length or are too short; allowed are two lists "
+                "of 2 or more numbers"
             )
         last = -np.inf, 0.0
         for k, (p, stress) in enumerate(zip(self.eps, self.sigma)):
             rises = p > last[0] if k else p == 0
             if not (rises and stress > 0 and stress >= last[1]):
                 raise InputError(
-                    f"hardening.eps and sigma: point {k + 1} is {(p, stress)}; allowed are strains "
-                    "that rise from 0 and stresses above 0 that do not fall"
+                    f"hardening: point {k + 1} is {(p, stress)}; allowed are strains that rise "
+                    "from 0 and stresses above 0 that do not fall"
                 )
             last = p, stress
         from scipy.interpolate import PchipInterpolator  # takes long to import

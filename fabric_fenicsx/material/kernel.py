@@ -121,8 +121,7 @@ def _deformation(stretch, gradient, cauchy_green):
     rows, columns = given.shape[-2:] if given.ndim >= 2 else (0, 0)
     if (rows, columns) not in ((2, 2), (3, 2)) or (rows == 3 and gradient is None):
         raise InputError(
-            f"the strain measure has shape {given.shape}; "
-            "allowed is (n, 2, 2), for F also (n, 3, 2)"
+            f"the measure has shape {given.shape}; allowed is (n, 2, 2), for F also (n, 3, 2)"
         )
     given = given.reshape(-1, rows, columns)
     C = given if cauchy_green is not None else np.einsum("nki,nkj->nij", given, given)
@@ -131,16 +130,12 @@ def _deformation(stretch, gradient, cauchy_green):
         inverted = (np.linalg.det(given) <= 0) if rows == 2 else (J2 <= 0)
         bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C[:, 0, 0] <= 0) | inverted)
     if bad.size:
-        raise InputError(
-            f"the deformation at point {bad[0]} is {given[bad[0]].tolist()}; "
-            "allowed are finite ones with J > 0"
-        )
+        place = f"point {bad[0]} is {given[bad[0]].tolist()}"
+        raise InputError(f"the deformation at {place}; allowed are finite ones with J > 0")
     if gradient is None:
         skew = np.abs(given[:, 0, 1] - given[:, 1, 0]).max(initial=0.0)
         if skew > 1e-12 * np.abs(given).max(initial=0.0):
-            raise InputError(
-                "stretch or Cauchy-Green tensors are not symmetric; allowed are symmetric ones"
-            )
+            raise InputError("U or C is not symmetric; allowed are symmetric tensors")
     return given, C
 
 
@@ -150,8 +145,7 @@ def _directions(fibres, count):
     for name, v in (("a0", a), ("b0", b)):
         if len(v) not in (1, count) or not (np.abs((v**2).sum(1) - 1) < 1e-9).all():
             raise InputError(
-                f"fibres {name} of shape {v.shape} are not unit vectors, one or {count}; "
-                "allowed are unit vectors (2,) or (n, 2)"
+                f"fibres {name} have shape {v.shape}; allowed are unit vectors (2,) or ({count}, 2)"
             )
     if (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
         raise InputError("fibres a0 and b0 are parallel; allowed is any other angle")

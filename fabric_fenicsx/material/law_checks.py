@@ -71,10 +71,8 @@ def check_fields(law: Any) -> None:
     for field in dataclasses.fields(law):
         number = field.init and field.type in (float, "float")
         if number and field.name not in law.rules and field.name not in SHEET:
-            raise InputError(
-                f"{field.name} of law {law.law} has no rule; allowed is one for each number, in "
-                "`rules`"
-            )
+            allowed = "allowed is one for each number, in `rules`"
+            raise InputError(f"{field.name} of law {law.law} has no rule; {allowed}")
 
 
 def check_rest(law: Energy) -> None:

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 
 from ..readers.units import UNITS
 from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, check_complete, did_you_mean, shown
-from .files import SHEET, read_sheet_numbers, take_table, take_units
+from ..runtime.rules import Rule, above_zero, check_complete, shown
+from .files import SHEET, preset_or_file, read_sheet_numbers, take_table, take_units
 from .hardening import Hardening, Swift, hardening_from
 from .material import Material
 
@@ -127,11 +127,4 @@ def load_metal(source: str | os.PathLike[str]) -> Metal:
     >>> ff.load_metal("dc04").E
     186600.0
     """
-    if isinstance(source, str) and source in METALS:
-        return METALS[source]
-    if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        return Metal.from_toml(source)
-    raise InputError(
-        f"metal {shown(source)} is unknown{did_you_mean(source, METALS)}; allowed is a preset "
-        f"({', '.join(METALS)}) or a file that exists"
-    )
+    return preset_or_file("metal", source, METALS, Metal.from_toml)

@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import Any
 
 from ..runtime.errors import InputError
-from ..runtime.rules import did_you_mean, shown, unknown_key
-from .files import read_toml
+from ..runtime.rules import shown, unknown_key
+from .files import preset_or_file, read_toml
 from .laws import LAWS, Law
 from .laws.coupled import WovenFabric, Yarn
 
@@ -56,16 +56,12 @@ def load(source: str | os.PathLike[str]) -> Law:
     >>> fabric.thickness, fabric.warp.b  # [mm], [MPa]
     (1.0, 667.5)
     """
-    if isinstance(source, str) and source in PRESETS:
-        return PRESETS[source]
-    if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        folder = Path(source).parent
-        return read_toml(source, lambda document: _law(document).from_document(document, folder))
-    names = ", ".join(PRESETS)
-    raise InputError(
-        f"material {shown(source)} is unknown{did_you_mean(source, PRESETS)}; allowed is a preset "
-        f"({names}) or a file that exists"
-    )
+
+    def read(path):
+        folder = Path(path).parent
+        return read_toml(path, lambda document: _law(document).from_document(document, folder))
+
+    return preset_or_file("material", source, PRESETS, read)
 
 
 def read_laws(path: str | os.PathLike[str]) -> None:

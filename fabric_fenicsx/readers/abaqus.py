@@ -38,8 +38,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
     for keyword, options, rows in _blocks(path, path):
         if keyword in GENERATED:
             raise InputError(
-                f"mesh file {path} uses *{keyword}; allowed are nodes and elements as lists, as a "
-                "preprocessor writes them"
+                f"mesh file {path} uses *{keyword}; allowed are nodes and elements as lists"
             )
         if keyword in ("PART", "INSTANCE"):
             part = parts.setdefault(options.get("NAME", "").upper(), _Part())
@@ -141,7 +140,7 @@ def _assembled(placed, path):
             if (lost := np.setdiff1d(cells, own)).size:
                 raise InputError(
                     f"mesh file {path} has an element with node {lost[0]}, which *NODE does not "
-                    "give; allowed are nodes that are there"
+                    "have; allowed are nodes that are there"
                 )
             blocks.append((kind, order[np.searchsorted(own, cells, sorter=order)] + start))
         points.append(_moved(np.array(list(part.nodes.values())).reshape(-1, 3), move))

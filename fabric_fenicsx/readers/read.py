@@ -46,8 +46,7 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     check_file(path, what, allowed)
     if path.suffix.lower() == ".h5" and path.with_suffix(".xdmf").is_file():
         raise InputError(
-            f"{what} {path} has numbers alone; allowed is {path.with_suffix('.xdmf')}, which names "
-            "them"
+            f"{what} {path} has numbers alone; allowed is its {path.with_suffix('.xdmf')}"
         )
     if path.suffix.lower() in ENDINGS:
         check_coordinate_systems(path)

@@ -144,10 +144,8 @@ def _with_row_of_units(names, units, row, cells):
     below = [_unit(cell.strip(" []()")) for cell in cells] + [None] * len(units)
     for name, unit, other in zip(names, units, below):
         if unit and other and unit != other:
-            raise InputError(
-                f"row {row}: the unit of {name} is {other}, and {unit} in the header; allowed is "
-                "one"
-            )
+            units = f"{other}, and {unit} in the header"
+            raise InputError(f"row {row}: the unit of {name} is {units}; allowed is one")
     return [unit or other for unit, other in zip(units, below)]
 
 

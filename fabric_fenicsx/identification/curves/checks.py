@@ -42,10 +42,8 @@ def _value(value: float, column: str) -> str:
 def check_length(table: Table, least: int) -> None:
     """InputError for a table of fewer rows than `least`."""
     if len(table.rows) < least:
-        raise _fault(
-            table.rows[-1] if table.rows else table.top,
-            f"the file ends after {len(table.rows)} points; allowed is {least} or more",
-        )
+        end = f"the file ends after {len(table.rows)} points"
+        raise _fault([table.top, *table.rows][-1], f"{end}; allowed is {least} or more")
 
 
 def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) -> None:
@@ -87,11 +85,9 @@ def _check_monotone(table, runs, sign, way, unit=""):
     """A column that turns back."""
     x = table.columns[runs]
     for k in _first(np.diff(x) * sign <= 0) + 1:
-        raise _fault(
-            table.rows[k],
-            f"{runs} is {x[k]:.6g}{unit} after {x[k - 1]:.6g}{unit}; allowed is to {way} strictly "
-            "(keep one loading branch)",
-        )
+        allowed = f"to {way} strictly (keep one loading branch)"
+        text = f"{runs} is {x[k]:.6g}{unit} after {x[k - 1]:.6g}{unit}; allowed is {allowed}"
+        raise _fault(table.rows[k], text)
 
 
 def _check_reach(table, runs):
@@ -182,18 +178,12 @@ def check_compaction(table: Table) -> None:
     _check_monotone(table, "pressure", 1, "rise", " MPa")
     p, v = columns["pressure"], columns[column]
     if p[-1] < _RANGE_OF_PRESSURE * p[0]:
-        raise _fault(
-            rows[-1],
-            f"pressure ends at {p[-1] / p[0]:.2g} times the first; allowed is "
-            f"{_RANGE_OF_PRESSURE:g} times or more",
-        )
+        end = f"pressure ends at {p[-1] / p[0]:.2g} times the first"
+        raise _fault(rows[-1], f"{end}; allowed is {_RANGE_OF_PRESSURE:g} times or more")
     if (v[-1] <= v[0]) if is_share else (v[-1] >= v[0]):
-        raise _fault(
-            rows[-1],
-            f"{column} is {_value(v[-1], column)} under the highest pressure and "
-            f"{_value(v[0], column)} under the lowest; allowed is {'more' if is_share else 'less'} "
-            "under the highest",
-        )
+        low, high = (_value(each, column) for each in v[[0, -1]])
+        text = f"{column} is {high} under the highest pressure and {low} under the lowest"
+        raise _fault(rows[-1], f"{text}; allowed is {'more' if is_share else 'less'}")
 
 
 def check_fibres(tests: Sequence[CompactionTest], sheet: Sheet) -> None:
@@ -201,9 +191,8 @@ def check_fibres(tests: Sequence[CompactionTest], sheet: Sheet) -> None:
     for test in tests:
         if test.response.column == "fibre_volume_fraction" and sheet.fibre_density is None:
             raise InputError(
-                f"{test.file}: the column fibre_volume_fraction needs the density of the fibres; "
-                "allowed is a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example, or "
-                "the column thickness"
+                f"{test.file}: the column fibre_volume_fraction needs the fibres' density; allowed "
+                "is a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example"
             )
 
 

@@ -309,8 +309,8 @@ def _check_column(place, column, unit, keys, allowed):
         raise InputError(f"{place}: {keys.others[column]}")
     if column not in allowed:
         raise InputError(
-            f"{place}: the column {column} does not belong to the test {keys.test}; allowed are "
-            f"{', '.join(allowed)}"
+            f"{place}: the column {column} does not belong to the test {keys.test}; "
+            f"allowed are {', '.join(allowed)}"
         )
     if unit is None:
         raise InputError(

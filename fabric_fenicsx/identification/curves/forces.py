@@ -54,8 +54,7 @@ def _bias_strip(lengths):
     H, W = lengths["height"], lengths["width"]
     if H < 2 * W:
         raise InputError(
-            f"height is {H:g} mm and width {W:g} mm; allowed is a height of 2 widths or "
-            "more, for a zone of full shear"
+            f"height is {H:g} mm and width {W:g} mm; allowed is a height of 2 widths or more"
         )
     return H, W
 

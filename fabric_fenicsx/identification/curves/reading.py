@@ -28,16 +28,15 @@ def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError(
-            f"{folder} is not a folder; allowed is one with a sheet.toml and a CSV file for each "
-            "test"
+            f"{folder} is not a folder; allowed is one with a sheet.toml and a CSV file a test"
         )
     sheet = read_sheet(folder / "sheet.toml")
     named = sheet.stated.keys
     paths = sorted(p for p in folder.iterdir() if p.suffix.lower() in FILES or p.name in named)
     if not paths:
         raise InputError(
-            f"{folder} has no *.csv; allowed is a folder with a CSV file for each test, or files "
-            'of other names with a table [tests."NAME"] each in sheet.toml'
+            f"{folder} has no *.csv; allowed is a CSV file a test, or files of other names with a "
+            'table [tests."NAME"] each in sheet.toml'
         )
     tests, problems = [], Problems()
     for path in paths:
@@ -96,8 +95,7 @@ def _assumed(assumed, balanced, units):
         table = assumed.pop(yarn, {})
         if balanced and table:
             raise InputError(
-                f"assumed.{yarn} is given for a balanced fabric; allowed is [assumed] for "
-                "both directions"
+                f"assumed.{yarn} is given for a balanced fabric; allowed is [assumed] alone"
             )
         own = read_numbers(table, YARN, units, f"assumed.{yarn}.")
         values |= {f"{yarn}.{name}": value for name, value in own.items()}

@@ -129,8 +129,8 @@ class Law(Material, Energy):
         """InputError, which calls this fabric `label`, unless its law has these parameters."""
         if missing := [name for name in names if name not in self.parameters]:
             raise InputError(
-                f"{label} is of the law {self.law}, which has no {', '.join(missing)}; "
-                "allowed is a material of a law that has"
+                f"{label} is of the law {self.law}, which has no {', '.join(missing)}; allowed is "
+                "a law that has"
             )
 
     def assumed_values(self) -> dict[str, str]:
@@ -156,10 +156,8 @@ class Law(Material, Energy):
         """Share of the volume that is fibres where the sheet is `thickness` [mm] thick and `area`
         times as large as the flat fabric; InputError without a fibre density."""
         if self.fibre_density is None:
-            raise InputError(
-                f"fibre_density of material {self.label} is not known; allowed is a number above 0 "
-                "[g/cm3]"
-            )
+            allowed = "allowed is a number above 0 [g/cm3]"
+            raise InputError(f"fibre_density of material {self.label} is not known; {allowed}")
         fibres = self.density / self.fibre_density * self.thickness  # as a layer without pores [mm]
         return fibres / (np.asarray(thickness, float) * area)
 

@@ -73,17 +73,14 @@ class Curve(Parameters):
                     "one of the same sign"
                 )
             if k and e <= x[k - 1]:
+                before = f"{x[k - 1]:.6g}"
                 raise InputError(
-                    f"{point}: {e:.6g} comes after {x[k - 1]:.6g}; allowed are strains that rise "
-                    "strictly"
+                    f"{point}: {e:.6g} comes after {before}; allowed are rising strains"
                 )
         if len(x) < MIN_POINTS:
             raise InputError(f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more")
         if (0.0, 0.0) not in zip(x, y):
-            raise InputError(
-                "the curve has no point (0, 0); "
-                "allowed is one that is free of stress at zero strain"
-            )
+            raise InputError("the curve has no point (0, 0); allowed is one that passes there")
         if self.extrapolation not in _BEYOND:
             raise InputError(
                 f"extrapolation is {shown(self.extrapolation)}; allowed is {' or '.join(_BEYOND)}"
@@ -172,8 +169,7 @@ class TabulatedFabric(Law):
         super().__post_init__()
         if self.shear.x[0] < 0:
             raise InputError(
-                f"shear begins at {self.shear.x[0]:.6g}; allowed is to begin at 0; "
-                "the other sense is its mirror image"
+                f"shear begins at {self.shear.x[0]:.6g}; allowed is 0, as both senses are alike"
             )
         x, y = ((*(-u for u in v[:0:-1]), *v) for v in (self.shear.x, self.shear.y))
         object.__setattr__(self, "_both", Curve(x, y, self.shear.extrapolation))
