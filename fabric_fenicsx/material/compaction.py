@@ -10,7 +10,7 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule, above_zero, check_complete, shown
 from .files import read_numbers
-from .parameters import Parameters
+from .material import Parameters
 
 ITERATIONS = 6  # of Newton's method; three or four do
 SMALL = 1e-3  # of y, below which e^y - 1 - y is taken as a series

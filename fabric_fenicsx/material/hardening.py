@@ -22,7 +22,7 @@ from ..runtime.rules import (
     unknown_key,
 )
 from .files import read_numbers
-from .parameters import Parameters
+from .material import Parameters
 
 CURVES: "dict[str, type[Hardening]]" = {}  # by their names in material files
 

@@ -1,17 +1,42 @@
-"""Materials as files hold them."""
+"""Numbers with rules, of which materials are made, and materials as files hold them."""
 
+import copy
 import dataclasses
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import tomli_w
 
-from ..runtime.rules import Rule, check_complete, unknown_key
-from .compaction import compaction_of
-from .files import FIBRES, SHEET, read_sheet_numbers, read_toml, write_whole
-from .parameters import Parameters
+from ..runtime.rules import unknown_key
+from .files import read_toml, write_whole
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Numbers with rules: `rules` names those fields that are checked, and how."""
+
+    rules: ClassVar[Mapping[str, Any]] = {}
+
+    def __post_init__(self) -> None:
+        for name, rule in self.rules.items():
+            object.__setattr__(self, name, rule.check(name, getattr(self, name)))
+
+    def symbols(self, make: Callable[[float], Any]) -> Self:
+        """A copy, not checked, of which each number v of the energy is make(v); so make may give
+        UFL constants. Densities and compaction have no part in it; thickness comes last."""
+        new = copy.copy(self)
+        for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
+            value = getattr(self, field.name)
+            if field.name in ("density", "fibre_density", "compaction"):
+                continue
+            if isinstance(value, float):
+                object.__setattr__(new, field.name, make(value))
+            elif isinstance(value, Parameters):
+                object.__setattr__(new, field.name, value.symbols(make))
+        return new
 
 
 class Material(Parameters):
@@ -64,20 +89,3 @@ class Material(Parameters):
         """Read a file written by hand or by `to_toml`; InputError with file, field and what is
         allowed."""
         return read_toml(path, lambda document: cls.from_document(document, Path(path).parent))
-
-
-def sheet_fields(
-    document: dict[str, Any],
-    units: Mapping[str, str],
-    also: tuple[str, ...] = (),
-    rules: Mapping[str, Rule] | None = None,
-) -> dict[str, Any]:
-    """The fields that every law has, and the numbers of `rules`, from what a law leaves of a TOML
-    document; units: of its table [units], also: keys that the law took. Raises InputError by key,
-    and for a number that is missing."""
-    fields = {"name": document.pop("name", ""), "compaction": compaction_of(document, units)}
-    fields |= {"assumed": document.pop("assumed", ())}
-    known, rules = (*also, *fields), rules or {}
-    fields |= read_sheet_numbers(document, units, known, {**FIBRES, **rules})[0]
-    check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
-    return fields

@@ -12,7 +12,6 @@ from tempfile import TemporaryFile
 from ..runtime.errors import InputError
 from .abaqus import read_abaqus
 from .libraries import NotMine, by_dolfinx, by_gmsh, by_meshio, by_pyvista
-from .nastran import ENDINGS, check_coordinate_systems
 from .stl import read_stl
 from .surface_mesh import SurfaceMesh
 
@@ -25,6 +24,7 @@ LIBRARIES: tuple[tuple[str, Reader], ...] = (
     ("PyVista", by_pyvista),
 )
 READ = "a mesh that meshio, gmsh or PyVista reads"
+NASTRAN = (".bdf", ".nas", ".dat", ".fem")
 LONGEST = 160  # of a reader's reason, in letters
 DOUBT = re.compile(r"\b(warning|warn|error|err)\b", re.IGNORECASE)
 
@@ -48,8 +48,8 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
         raise InputError(
             f"{what} {path} has numbers alone; allowed is its {path.with_suffix('.xdmf')}"
         )
-    if path.suffix.lower() in ENDINGS:
-        check_coordinate_systems(path)
+    if path.suffix.lower() in NASTRAN:
+        _check_coordinate_systems(path)
     reasons: list[str] = []
     doubtful: list[SurfaceMesh] = []
     without: list[SurfaceMesh] = []
@@ -76,6 +76,23 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     raise InputError(
         f"{what} {path} cannot be read as {path.suffix or 'a mesh'} ({why}); allowed is {allowed}"
     )
+
+
+def _check_coordinate_systems(path):
+    """InputError for a GRID of a Nastran deck in a coordinate system of its own, as the libraries
+    take all places for basic ones."""
+    with open(path, encoding="latin-1") as file:
+        for line in (each for each in file if each[:4].upper() == "GRID"):
+            if "," in line:  # the third field, in free, large or small fields
+                system = (line.split(",") + ["", ""])[2].strip()
+            else:
+                card = line.expandtabs(8)
+                system = card[24:40] if card[:8].rstrip().endswith("*") else card[16:24]
+            if system.strip().isdecimal() and int(system):
+                raise InputError(
+                    f"mesh file {path} has a GRID in coordinate system {system.strip()} "
+                    f"({' '.join(line.split())}); allowed are basic ones, 0 or none"
+                )
 
 
 def _attempt(reader: Reader, path: Path) -> tuple[SurfaceMesh | None, str]:

@@ -1,6 +1,6 @@
 """A law of fabrics: the numbers that every one has, and what is asked of it."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -9,13 +9,13 @@ import numpy as np
 
 from ...readers.units import UNITS
 from ...runtime.errors import InputError
-from ...runtime.rules import shown, unknown_key
+from ...runtime.rules import Rule, check_complete, shown, unknown_key
 from .. import law_checks
-from ..compaction import Compaction, table_of
+from ..compaction import Compaction, compaction_of, table_of
 from ..energy import Derivatives, Energy, Range, stresses_of_energy
-from ..files import FIBRES, SHEET, take_units
+from ..files import FIBRES, SHEET, read_sheet_numbers, take_units
 from ..law_checks import COUPLINGS, check_couplings
-from ..material import Material, sheet_fields
+from ..material import Material
 
 __all__ = ["COUPLINGS", "LAWS", "Derivatives", "Law", "Material", "Range", "stresses_of_energy"]
 
@@ -221,6 +221,23 @@ class Law(Material, Energy):
         document.pop("law", None)
         found = sheet_fields(document, take_units(document), ("law", "units"), cls.rules)
         return cls(**found)
+
+
+def sheet_fields(
+    document: dict[str, Any],
+    units: Mapping[str, str],
+    also: tuple[str, ...] = (),
+    rules: Mapping[str, Rule] | None = None,
+) -> dict[str, Any]:
+    """The fields that every law has, and the numbers of `rules`, from what a law leaves of a TOML
+    document; units: of its table [units], also: keys that the law took. Raises InputError by key,
+    and for a number that is missing."""
+    fields = {"name": document.pop("name", ""), "compaction": compaction_of(document, units)}
+    fields |= {"assumed": document.pop("assumed", ())}
+    known, rules = (*also, *fields), rules or {}
+    fields |= read_sheet_numbers(document, units, known, {**FIBRES, **rules})[0]
+    check_complete(fields, (*SHEET, *rules), "", "at the top of the file")
+    return fields
 
 
 def coupling_variants(fabric: Law) -> dict[str, Law]:

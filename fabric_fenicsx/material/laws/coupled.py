@@ -23,9 +23,8 @@ from ..energy import Derivatives
 from ..files import read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
 from ..law_checks import COUPLINGS, check_couplings
-from ..material import sheet_fields
-from ..parameters import Parameters
-from .base import Law
+from ..material import Parameters
+from .base import Law, sheet_fields
 
 YARN: dict[str, Rule] = {
     "a": not_negative("stress"),

@@ -19,9 +19,8 @@ from ...runtime.rules import shown
 from ..energy import Derivatives, Range
 from ..files import take_units
 from ..functions import where
-from ..material import sheet_fields
-from ..parameters import Parameters
-from .base import Law
+from ..material import Parameters
+from .base import Law, sheet_fields
 
 MIN_POINTS = 3
 # in a file: compiling the form takes the square of their number, half a minute at 100
