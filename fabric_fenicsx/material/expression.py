@@ -10,7 +10,7 @@ from ufl.corealg.multifunction import MultiFunction
 from . import functions
 from .functions import negative, positive, sqrt, where
 from .laws import Law
-from .strains import nominal_strain, shear_angle
+from .strains import in_invariants, nominal_strain, shear_angle
 
 for _name, _made in (("log", ufl.ln), ("atan", ufl.atan)):
     getattr(functions, _name).register(Expr, _made)
@@ -43,24 +43,8 @@ def derivatives(
     W = _energy(q, law)
     W1 = [diff(W, x) for x in q]
     W2 = [[diff(W1[min(i, j)], q[max(i, j)]) for j in range(3)] for i in range(3)]
-    A = 1 / sqrt(I4 * I8 - I6**2)
-    a, b, g = 1 / sqrt(I4), 1 / sqrt(I8), I6 * A / 2
-    J = [[a / 2, 0, 0], [0, 0, b / 2], [-g * a**2, A, -g * b**2]]  # dq/dI
-    A3 = A**2 * A
-    g44, g88 = g * a**2 * (a**2 + I8 * A**2 / 2), g * b**2 * (b**2 + I4 * A**2 / 2)
-    g48, g46, g68 = g * A**2 / 2, -I8 * A3 / 2, -I4 * A3 / 2
-    H = [
-        [[-a * a**2 / 4, 0, 0], [0, 0, 0], [0, 0, 0]],
-        [[0, 0, 0], [0, 0, 0], [0, 0, -b * b**2 / 4]],
-        [[g44, g46, g48], [g46, I6 * A3, g68], [g48, g68, g88]],
-    ]  # d2q/dI2
-    three = range(3)
-    first = [sum(W1[k] * J[k][i] for k in three) for i in three]
-    moved = [[sum(W2[k][m] * J[m][i] for m in three) for i in three] for k in three]
-    second = [
-        [sum(J[k][i] * moved[k][j] + W1[k] * H[k][i][j] for k in three) for j in three]
-        for i in three
-    ]
+    first, second = in_invariants((I4, I6, I8), 1 / sqrt(I4 * I8 - I6**2), W1, W2)
+    assert second is not None
     return first, second
 
 

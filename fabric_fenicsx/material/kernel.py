@@ -23,7 +23,9 @@ from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
 from .laws import Law
-from .strains import check_weave_angle, nominal_strain, shear_angle
+from .strains import check_weave_angle, in_invariants, nominal_strain, shear_angle
+
+SQUARE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of aa, ab, bb, ag, bg, gg
 
 
 class State(NamedTuple):
@@ -84,27 +86,19 @@ def evaluate(
     gamma = shear_angle(I6, area, cosine, sine)
 
     W = fabric.derivatives(nominal_strain(I4), nominal_strain(I8), gamma, tangent)
-    slopes, bends = _in_invariants(W, I4, I6, I8, area)
+    W2 = None if W.second is None else W.second[SQUARE]
+    slopes, bends = in_invariants((I4, I6, I8), 1 / area, W.first, W2)
     # dI/dC in Voigt's 11, 22, 12: dI4/dC = a a, dI6/dC = sym(a b), dI8/dC = b b
-    M = [
-        np.stack(np.broadcast_arrays(a1 * a1, a2 * a2, a1 * a2), -1),
-        np.stack(np.broadcast_arrays(a1 * b1, a2 * b2, (a1 * b2 + a2 * b1) / 2), -1),
-        np.stack(np.broadcast_arrays(b1 * b1, b2 * b2, b1 * b2), -1),
-    ]
+    M = np.empty((3, len(C), 3))
+    M[0].T[:] = a1 * a1, a2 * a2, a1 * a2
+    M[1].T[:] = a1 * b1, a2 * b2, (a1 * b2 + a2 * b1) / 2
+    M[2].T[:] = b1 * b1, b2 * b2, b1 * b2
     # S = 2 dW/dC; eqs (11), (12)
-    S11, S22, S12 = np.moveaxis(2 * sum(w[:, None] * m for w, m in zip(slopes, M)), 1, 0)
-    S = np.stack([S11, S12, S12, S22], -1).reshape(-1, 2, 2)
+    S = 2 * sum(w[:, None] * m for w, m in zip(slopes, M))[:, [[0, 2], [2, 1]]]
     push = given
     if cauchy_green is not None:  # U of C in closed form (Cayley-Hamilton)
         J = np.sqrt(J2)
         push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
-    dSdE = None
-    if bends is not None:
-        dSdE = np.zeros((len(C), 3, 3))
-        for (i, j), bend in bends.items():
-            pair = (4 * bend)[:, None, None] * M[i][:, :, None] * M[j][:, None, :]
-            dSdE += pair if i == j else pair + pair.swapaxes(1, 2)
-
     return State(
         invariants=np.stack([I4, I6, I8, gamma], -1),
         energy=W.parts.sum(-1),
@@ -112,7 +106,7 @@ def evaluate(
         S=S,
         cauchy=np.einsum("nij,njk,nlk->nil", push, S, push) / np.sqrt(J2)[:, None, None],
         strain_state=1 + (I8 <= 1) + 2 * (I4 <= 1),
-        tangent=dSdE,
+        tangent=None if bends is None else 4 * np.einsum("ijn,inp,jnq->npq", bends, M, M),
     )
 
 
@@ -127,8 +121,7 @@ def _deformation(stretch, gradient, cauchy_green):
     rows, columns = given.shape[-2:] if given.ndim >= 2 else (0, 0)
     if (rows, columns) not in ((2, 2), (3, 2)) or (rows == 3 and gradient is None):
         raise InputError(
-            f"the strain measure has shape {given.shape}; "
-            "allowed is (n, 2, 2), for F also (n, 3, 2)"
+            f"the measure has shape {given.shape}; allowed is (n, 2, 2), for F also (n, 3, 2)"
         )
     given = given.reshape(-1, rows, columns)
     C = given if cauchy_green is not None else np.einsum("nki,nkj->nij", given, given)
@@ -137,16 +130,12 @@ def _deformation(stretch, gradient, cauchy_green):
         inverted = (np.linalg.det(given) <= 0) if rows == 2 else (J2 <= 0)
         bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C[:, 0, 0] <= 0) | inverted)
     if bad.size:
-        raise InputError(
-            f"the deformation at point {bad[0]} is {given[bad[0]].tolist()}; "
-            "allowed are finite ones with J > 0"
-        )
+        place = f"point {bad[0]} is {given[bad[0]].tolist()}"
+        raise InputError(f"the deformation at {place}; allowed are finite ones with J > 0")
     if gradient is None:
         skew = np.abs(given[:, 0, 1] - given[:, 1, 0]).max(initial=0.0)
         if skew > 1e-12 * np.abs(given).max(initial=0.0):
-            raise InputError(
-                "stretch or Cauchy-Green tensors are not symmetric; allowed are symmetric ones"
-            )
+            raise InputError("U or C is not symmetric; allowed are symmetric tensors")
     return given, C
 
 
@@ -156,34 +145,8 @@ def _directions(fibres, count):
     for name, v in (("a0", a), ("b0", b)):
         if len(v) not in (1, count) or not (np.abs((v**2).sum(1) - 1) < 1e-9).all():
             raise InputError(
-                f"fibres {name} of shape {v.shape} are not unit vectors, one or {count}; "
-                "allowed are unit vectors (2,) or (n, 2)"
+                f"fibres {name} have shape {v.shape}; allowed are unit vectors (2,) or ({count}, 2)"
             )
     if (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
         raise InputError("fibres a0 and b0 are parallel; allowed is any other angle")
     return a.T, b.T
-
-
-def _in_invariants(W, I4, I6, I8, area):
-    """First derivatives of the energy in I4, I6, I8, and its second ones {(i, j): (n,)}, None if
-    `W` has none, from those in the strains along a and b and gamma."""
-    (Wa, Wb, Wg), la, lb = W.first, np.sqrt(I4), np.sqrt(I8)
-    g4, g6, g8 = -I6 / (2 * I4 * area), 1 / area, -I6 / (2 * I8 * area)  # d(gamma)/d(I4, I6, I8)
-    slopes = [Wa / (2 * la) + Wg * g4, Wg * g6, Wb / (2 * lb) + Wg * g8]
-    if W.second is None:
-        return slopes, None
-    Waa, Wab, Wbb, Wag, Wbg, Wgg = W.second
-    W44, W88 = Waa / (4 * I4) - Wa / (4 * la**3), Wbb / (4 * I8) - Wb / (4 * lb**3)
-    W48, W4g, W8g = Wab / (4 * la * lb), Wag / (2 * la), Wbg / (2 * lb)
-    a3 = area**3
-    g44 = I6 / (2 * I4**2 * area) + I6 * I8 / (4 * I4 * a3)
-    g46, g48, g66, g68 = -I8 / (2 * a3), I6 / (4 * a3), I6 / a3, -I4 / (2 * a3)
-    g88 = I6 / (2 * I8**2 * area) + I6 * I4 / (4 * I8 * a3)
-    return slopes, {
-        (0, 0): W44 + 2 * W4g * g4 + Wgg * g4**2 + Wg * g44,
-        (2, 2): W88 + 2 * W8g * g8 + Wgg * g8**2 + Wg * g88,
-        (1, 1): Wgg * g6**2 + Wg * g66,
-        (0, 2): W48 + W4g * g8 + W8g * g4 + Wgg * g4 * g8 + Wg * g48,
-        (0, 1): W4g * g6 + Wgg * g4 * g6 + Wg * g46,
-        (1, 2): W8g * g6 + Wgg * g6 * g8 + Wg * g68,
-    }
