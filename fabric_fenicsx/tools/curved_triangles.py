@@ -75,15 +75,19 @@ class CurvedTriangles:
         )
         return np.unique(np.sort(ends, 1), axis=0)
 
-    def rings(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """All triangles at points (n,), with their corners: number among `points` (k,), number of
-        the corner 3 t + c (k,), and where each point's begin (n,)."""
-        order, starts = self.corners_at
-        count = starts[points + 1] - starts[points]
-        first = count.cumsum() - count
-        row = np.repeat(np.arange(len(points)), count)
-        corner = order[np.repeat(starts[points] - first, count) + np.arange(count.sum())]
-        return row, corner, first
+    def sides(
+        self, points: np.ndarray, triangle: np.ndarray, weights: np.ndarray, rim: float
+    ) -> np.ndarray:
+        """On which side (n,) of the surface points (n, 3) are, 1 in front and -1 behind, `rim`
+        beside an open edge; their closest points lie on triangles (n,) at barycentric coordinates
+        `weights` (n, 3)."""
+        arm = points - np.einsum("nc,nci->ni", weights, self.corners[triangle])
+        normal = np.einsum("nc,nci->ni", weights, self.normals[self.triangles[triangle]])
+        facet = self.facets[triangle]
+        beside = arm - row_dots(arm, facet)[:, None] * facet
+        beyond = ((weights <= 0) & (self.across.triangle[triangle] < 0)).any(1)
+        beyond &= row_dots(beside, beside) > 1e-18
+        return np.where(beyond, rim, np.copysign(1.0, row_dots(arm, normal)))
 
     def turns(self) -> tuple[np.ndarray, np.ndarray]:
         """Edges that are not sharp (k, 2), by their ends, and the turn of facets there (k,)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
 from ..runtime.rules import BELOW_180, POSITIVE
-from .closest_triangles import ClosestTriangles
+from .closest_triangles import boxes_around, closest
 from .curved_triangles import CurvedTriangles, row_dots
 from .files import read_triangles
 from .projection import Projection, least_radii
@@ -21,6 +21,7 @@ from .surfaces import Nearest, Surface
 from .triangles import repaired
 
 CREASE = 35.0  # deg
+KEPT = 4  # sets of points that are remembered, of so many different numbers
 
 
 class TriangulatedSurface(Surface):
@@ -75,7 +76,8 @@ class TriangulatedSurface(Surface):
             for which in (across.sharing == 1, across.sharing > 2, sharp & (across.triangle >= 0))
         )
         self.radii = least_radii(curved)
-        self._search, self._projection = ClosestTriangles(curved), Projection(curved)
+        self._boxes, self._projection = boxes_around(curved), Projection(curved)
+        self._rim_side, self._known = 1.0, {}
 
     @classmethod
     def read(
@@ -134,7 +136,7 @@ class TriangulatedSurface(Surface):
     def from_behind(self) -> TriangulatedSurface:
         """As in `Surface`: the gap beyond the rim has the other sign."""
         seen = copy(self)
-        seen._search = self._search.from_behind()
+        seen._rim_side, seen._known = -self._rim_side, {}
         seen._projection = self._projection.from_behind()
         return seen
 
@@ -144,37 +146,67 @@ class TriangulatedSurface(Surface):
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
-        search, curved = self._search, self.curved
-        candidates, gap = search.candidates(points, reach)
-        row, triangle, weights, distance = search.closest(
-            points, candidates.row, candidates.triangle
+        curved, (known, moved) = self.curved, self._known_near(points)
+        sought = np.flatnonzero(known.clear - moved <= reach)
+        row, triangle, weights, distance = closest(
+            self._boxes, points[sought], known.triangle[sought], curved.parts
         )
-        facet = self.facets[triangle]
-        arm = points[row] - np.einsum("nc,nci->ni", weights, curved.corners[triangle])
+        row = sought[row]
+        far = distance - curved.bulge > reach
+        moved[row], known.place[row], known.triangle[row] = 0.0, points[row], triangle
+        known.side[row[far]] = curved.sides(
+            points[row[far]], triangle[far], weights[far], self._rim_side
+        )
+        known.clear[row[far]] = distance[far] - curved.bulge
+        known.clear[row[~far]] = -np.inf
+        found = Nearest(
+            np.copysign(known.clear - moved, known.side),
+            self.facets[known.triangle],
+            np.zeros((len(points), 3, 3)),
+        )
+        rest = ~far
+        over = np.flatnonzero(rest & curved.flat[triangle])
+        arm = points[row[over]] - np.einsum(
+            "nc,nci->ni", weights[over], curved.corners[triangle[over]]
+        )
+        facet = self.facets[triangle[over]]
         high = row_dots(arm, facet)
         beside = arm - high[:, None] * facet
-        # known at once: what lies further than the reach, and what lies over planes
-        far = distance - curved.bulge > reach
-        flat = ~far & curved.flat[triangle] & (row_dots(beside, beside) <= 1e-22)
-        found = Nearest(gap, candidates.normal.copy(), np.zeros((len(points), 3, 3)))
-        sides = search.sides(points[row[far]], triangle[far], weights[far])
-        found.gap[row[far]] = (distance[far] - curved.bulge) * sides
-        found.gap[row[flat]], found.normal[row[flat]] = high[flat], facet[flat]
-        rest = np.flatnonzero(~far & ~flat)
+        inside = row_dots(beside, beside) <= 1e-22
+        flat, high = over[inside], high[inside]
+        found.gap[row[flat]], found.normal[row[flat]] = high, facet[inside]
+        rest[flat] = False
         at = row[rest]
         gap, normal, curvature = self._projection.nearest(points[at], triangle[rest], weights[rest])
         if curved.parts > 1:  # the nearest one counts
-            known = np.full(len(points), np.inf)
-            known[row[flat]] = abs(high[flat])
+            least = np.full(len(points), np.inf)
+            least[row[flat]] = abs(high)
             order = np.argsort(-abs(gap), kind="stable")
-            order = order[abs(gap[order]) < known[at[order]]]
+            order = order[abs(gap[order]) < least[at[order]]]
             at, gap, normal, curvature = at[order], gap[order], normal[order], curvature[order]
         found.gap[at], found.normal[at], found.curvature[at] = gap, normal, curvature
-        over = np.flatnonzero(candidates.plane >= 0)
-        facet = self.facets[candidates.plane[over]]
-        found.gap[over] = row_dots(points[over] - curved.middles[candidates.plane[over]], facet)
-        found.normal[over] = facet
         return found
+
+    def _known_near(self, points):
+        """What is known of as many points as these (n, 3), and how far each has moved since [mm]."""
+        n = len(points)
+        known = self._known.pop(n, None)
+        if known is None:
+            known = Known(np.zeros((n, 3)), np.full(n, -np.inf), np.ones(n), np.zeros(n, int))
+        self._known[n] = known
+        if len(self._known) > KEPT:
+            del self._known[next(iter(self._known))]  # that which was used least lately
+        return known, np.linalg.norm(points - known.place, axis=1)
+
+
+class Known(NamedTuple):
+    """Of n points when they were sought last: their `place` (n, 3), by how much they are surely
+    `clear` (n,) of the surface [mm], on which `side` (n,), and the closest `triangle` (n,)."""
+
+    place: np.ndarray
+    clear: np.ndarray
+    side: np.ndarray
+    triangle: np.ndarray
 
 
 def _read(path, chord):
