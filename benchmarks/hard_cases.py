@@ -6,12 +6,12 @@ import textwrap
 from bench.hard_cases import CASES, Setting, run_case
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.scenario import Scenario
+from fabric_fenicsx.coupons.coupon import Coupon
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 
 
 def options():
-    p = parser(Scenario, __doc__, "hard_cases", element="P1")
+    p = parser(Coupon, __doc__, "hard_cases", element="P1")
     p.group("test")
     p.option("--only", metavar="LETTERS", default="".join(CASES), help="cases to run")
     return p

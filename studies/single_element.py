@@ -2,7 +2,7 @@
 Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.scenario import Scenario
+from fabric_fenicsx.coupons.coupon import Coupon
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.sheets.blank import Blank
@@ -12,7 +12,7 @@ AGREEMENT = 1e-9  # of the stresses at a state, or of s1 where they are smaller
 
 
 def options():
-    p = parser(Scenario, __doc__, "single_element", element="Q1")
+    p = parser(Coupon, __doc__, "single_element", element="Q1")
     p.group("test")
     p.option(
         "--points",

@@ -4,7 +4,7 @@ p_min, c, d, s_C, and thresholds."""
 import numpy as np
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.scenario import Scenario
+from fabric_fenicsx.coupons.coupon import Coupon
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.verification.stability_maps import kernel_difference, stability_maps
 from fabric_fenicsx.verification.stability_thresholds import HIGH, LOW, thresholds
@@ -13,7 +13,7 @@ AGREEMENT = 1e-9  # of the kernel's stresses with the closed form, or of s1 wher
 
 
 def options():
-    p = parser(Scenario, __doc__, "stability_map")
+    p = parser(Coupon, __doc__, "stability_map")
     p.group("map")
     p.option(
         "--points",

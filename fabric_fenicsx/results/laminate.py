@@ -1,7 +1,8 @@
 """The middle ply of a formed laminate: numbers, and pictures as the paper has them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.path import Path as Polygon
@@ -17,6 +18,16 @@ from .result import OUTLIERS, Result
 
 BETWEEN = "sheet_pressure", "sliding_size"
 INWARDS = 1e-6  # mm, so that paths on planes of symmetry are within the metal
+
+
+def middle_of(sheets: Sequence[Any]) -> str:
+    """Name of the middle sheet, if it is of fabric, not the only one, and metal is on both sides of
+    it; otherwise ""."""
+    count = len(sheets)
+    middle = sheets[count // 2]
+    metals = [k for k, sheet in enumerate(sheets) if sheet.metal]
+    between = count > 1 and metals and min(metals) < count // 2 < max(metals)
+    return middle.name if middle.fabric and between else ""
 
 
 def middle_quantities(result: Result, name: str) -> dict[str, float]:
