@@ -21,13 +21,13 @@ CRACK, SHORT = 2e-3, 0.1
 class Repaired(NamedTuple):
     """Points (n, 3) [mm] and triangles (m, 3) without doubles and triangles without area, turned
     the same way round; normals (m, 3, 3) at their corners if given, 0 where there is none; how many
-    triangles were `turned`; one_sided: False where no way to turn them makes all agree."""
+    triangles were `turned`; two_sided: False where no way to turn them makes all agree."""
 
     points: np.ndarray
     triangles: np.ndarray
     normals: np.ndarray | None
     turned: int
-    one_sided: bool
+    two_sided: bool
 
 
 def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None) -> Repaired:
@@ -65,7 +65,7 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
     if not area.any():
         raise InputError("the surface has no triangle with an area; allowed is one at least")
     used, number = np.unique(cells[area], return_inverse=True)
-    cells, turn, one_sided = _agreeing(number.reshape(-1, 3))
+    cells, turn, two_sided = _agreeing(number.reshape(-1, 3))
     if given is not None:
         given = given[area]
         given[turn] = given[turn][:, [0, 2, 1]]
@@ -74,7 +74,7 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
         # at poles of a CAD model's faces there is none
         known = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
         given = np.where(known, given, 0.0)
-    return Repaired(x[used], cells, given, int(turn.sum()), one_sided)
+    return Repaired(x[used], cells, given, int(turn.sum()), two_sided)
 
 
 def _merged(x):

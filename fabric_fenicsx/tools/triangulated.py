@@ -24,34 +24,64 @@ CREASE = 35.0  # deg
 KEPT = 4  # sets of points that are remembered, of so many different numbers
 
 
+class Known(NamedTuple):
+    """Of n points when they were sought last: their `place` (n, 3), by how much they are surely
+    `clear` (n,) of the surface [mm], on which `side` (n,), and the closest `triangle` (n,)."""
+
+    place: np.ndarray
+    clear: np.ndarray
+    side: np.ndarray
+    triangle: np.ndarray
+
+
 class TriangulatedSurface(Surface):
-    """Surface through triangles (m, 3) over points (n, 3) [mm], closed or open; normals point to
-    the side from which the first triangle (of each connected part) turns anticlockwise, and the
-    others are turned to agree with it.
+    """Surface through triangles, curved where they stand for a curved one.
 
-    The triangles carry curved patches (`patches`) that go through their corners with common tangent
-    planes across edges. Edges across which facets turn by more than `crease` [deg] are sharp. Where
-    facets lie in one plane the surface is that plane; slivers take its normal. Normals at the
-    vertices are those which make arcs of the edges, or `normals` (m, 3, 3), one for each corner of
-    each triangle, as a CAD model gives them. With edges of length h the errors are h^3 to h^4 in
-    the gap and h^2 to h^3 in the normal where the curvature is smooth; triangles that lie across a
-    jump of the curvature err by h^2 and h there.
-    The gap is the distance to the nearest point of that surface, found by Newton's method, negative
-    behind it; normal and curvature are its derivatives. Beyond the rim of an open surface it is the
-    distance to the rim and positive on both sides, as there is no body. The nearest point is sought
-    from the closest point of the flat triangles, whose search is exact.
+    Curved patches go through the triangles' corners with common tangent planes across edges; where
+    facets lie in one plane the surface is that plane. With edges of length h the errors are h^3 to
+    h^4 in the gap and h^2 to h^3 in the normal where the curvature is smooth, h^2 and h across a
+    jump of it. Gap, normal and curvature are exact at the nearest point of the patches. Beyond the
+    rim of an open surface the gap is the distance to the rim and positive on both sides.
 
-    - points (n, 3) [mm] and triangles (m, 3), without doubles and triangles without area; facets
-      (m, 3): unit normals of these, areas (m,) [mm^2]
-    - normals (n, 3) at the points, averaged where edges are sharp; curved: the patches, as
-      `CurvedTriangles`
-    - rim (k, 2): points at the ends of edges of one triangle; forks (k, 2): of more than two;
-      sharp (k, 2): of sharp edges
-    - turned: how many triangles had to be; one_sided: False where none of the ways to turn them
-      agrees
+    Parameters
+    ----------
+    points : (n, 3)
+        [mm]
+    triangles : (m, 3)
+        Numbers of their points. The side from which the first one of a connected part turns
+        anticlockwise is outside; the others are turned to agree with it.
+    normals : (m, 3, 3)
+        At the corners of the triangles, as a CAD model has them; by default those which make arcs
+        of the edges.
+    crease : float
+        Angle across which an edge between facets is sharp [deg].
 
-    Raises InputError if no triangle has an area, for points, triangles or normals of a wrong shape
-    or not finite, and for a crease that is not above 0 and below 180.
+    Attributes
+    ----------
+    points, triangles, facets, areas, normals
+        Without doubles and triangles without area; unit normals (m, 3) and areas (m,) [mm2] of the
+        facets; normals (n, 3) at the points, averaged where edges are sharp.
+    rim, forks, sharp : (k, 2)
+        Points at the ends of edges of one triangle, of more than two, and of sharp ones.
+    turned, two_sided
+        Number of triangles that were turned; False if no way to turn them makes all agree.
+
+    Raises
+    ------
+    InputError
+        If no triangle has an area, for arrays of a wrong shape or not finite, and for a crease not
+        between 0 and 180.
+
+    References
+    ----------
+    D. J. Walton, D. S. Meek, A triangular G1 patch from boundary curves, Computer-Aided Design 28
+    (1996) 113.
+
+    Examples
+    --------
+    >>> roof = ff.TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]])
+    >>> roof.evaluate([[2, 2, 1]]).gap
+    array([1.])
     """
 
     def __init__(
@@ -63,7 +93,7 @@ class TriangulatedSurface(Surface):
     ) -> None:
         self.crease = BELOW_180.check("crease", crease)
         found = repaired(points, triangles, normals)
-        self.turned, self.one_sided = found.turned, found.one_sided
+        self.turned, self.two_sided = found.turned, found.two_sided
         self.curved = curved = CurvedTriangles(
             found.points, found.triangles, math.radians(self.crease), found.normals
         )
@@ -77,7 +107,8 @@ class TriangulatedSurface(Surface):
         )
         self.radii = least_radii(curved)
         self._boxes, self._projection = boxes_around(curved), Projection(curved)
-        self._rim_side, self._known = 1.0, {}
+        self._rim_side = 1.0
+        self._known: dict[int, Known] = {}
 
     @classmethod
     def read(
@@ -87,21 +118,38 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> Self:
-        """The surface in a file [mm]: STL, VTP, MSH, or any other that meshio, gmsh or PyVista
-        reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes up to
-        `chord` [mm] off them. Rank 0 of comm reads: gmsh meshes the same faces a little
-        differently each time, and all ranks need one tool.
+        """The surface in a file, in mm.
 
-        Raises InputError if it cannot be read or has no triangle, or for a chord that is not above
-        0.
+        Parameters
+        ----------
+        path
+            STL, VTP, MSH, or any other that meshio, gmsh or PyVista reads, where larger cells are
+            cut; or STEP, IGES or BREP, whose faces gmsh meshes.
+        chord : float
+            Distance of that mesh from the faces [mm].
+        crease : float
+            As for the surface [deg].
+        comm
+            Rank 0 reads: gmsh meshes the same faces a little differently each time, and all ranks
+            need one tool.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or has no triangle, or for a chord that is not above 0.
         """
         path, chord = Path(path), POSITIVE.check("chord", chord)
-        found, wrong = comm.bcast(_read(path, chord) if comm.rank == 0 else None)
-        if wrong:
+        found, wrong = None, ""
+        if comm.rank == 0:
+            try:
+                found = read_triangles(path, chord)
+            except InputError as error:
+                wrong = str(error)
+        found, wrong = comm.bcast((found, wrong))
+        if found is None:
             raise InputError(wrong)
-        points, triangles, normals = found
         try:
-            return cls(points, triangles, normals, crease)
+            return cls(*found, crease)
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
 
@@ -140,78 +188,70 @@ class TriangulatedSurface(Surface):
         seen._projection = self._projection.from_behind()
         return seen
 
-    def given(self) -> dict[str, Any]:
+    def fingerprint(self) -> dict[str, Any]:
         """The crease alone: triangles of a CAD file differ a little each time."""
         return {"crease": self.crease}
 
+    def __eq__(self, other: object) -> bool:
+        """Equality of crease and triangles."""
+        return (
+            isinstance(other, TriangulatedSurface)
+            and self.crease == other.crease
+            and np.array_equal(self.points, other.points)
+            and np.array_equal(self.triangles, other.triangles)
+        )
+
+    __hash__ = Surface.__hash__
+
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
-        curved, (known, moved) = self.curved, self._known_near(points)
+        curved, (known, moved) = self.curved, self._known_of(points)
         sought = np.flatnonzero(known.clear - moved <= reach)
         row, triangle, weights, distance = closest(
             self._boxes, points[sought], known.triangle[sought], curved.parts
         )
-        row = sought[row]
-        far = distance - curved.bulge > reach
+        row, far = sought[row], distance - curved.bulge > reach
         moved[row], known.place[row], known.triangle[row] = 0.0, points[row], triangle
+        known.clear[row] = np.where(far, distance - curved.bulge, -np.inf)
         known.side[row[far]] = curved.sides(
             points[row[far]], triangle[far], weights[far], self._rim_side
         )
-        known.clear[row[far]] = distance[far] - curved.bulge
-        known.clear[row[~far]] = -np.inf
-        found = Nearest(
-            np.copysign(known.clear - moved, known.side),
-            self.facets[known.triangle],
-            np.zeros((len(points), 3, 3)),
-        )
-        rest = ~far
-        over = np.flatnonzero(rest & curved.flat[triangle])
-        arm = points[row[over]] - np.einsum(
-            "nc,nci->ni", weights[over], curved.corners[triangle[over]]
-        )
-        facet = self.facets[triangle[over]]
+        far_gap, n = np.copysign(known.clear - moved, known.side), len(points)
+        found = Nearest(far_gap, self.facets[known.triangle], np.zeros((n, 3, 3)))
+        near = ~far
+        self._project(points, row[near], triangle[near], weights[near], found)
+        return found
+
+    def _project(self, points, row, triangle, weights, found):
+        """Put what belongs to points (n, 3) into `row` (k,) of what is found, sought from places on
+        triangles (k,): at once over flat ones, where a facet is the surface."""
+        curved, least = self.curved, np.full(len(points), np.inf)
+        over = np.flatnonzero(curved.flat[triangle])
+        feet = np.einsum("nc,nci->ni", weights[over], curved.corners[triangle[over]])
+        arm, facet = points[row[over]] - feet, self.facets[triangle[over]]
         high = row_dots(arm, facet)
         beside = arm - high[:, None] * facet
         inside = row_dots(beside, beside) <= 1e-22
-        flat, high = over[inside], high[inside]
-        found.gap[row[flat]], found.normal[row[flat]] = high, facet[inside]
-        rest[flat] = False
+        at = row[over[inside]]
+        found.gap[at], found.normal[at] = high[inside], facet[inside]
+        least[at] = abs(high[inside])
+        rest = np.ones(len(row), dtype=bool)
+        rest[over[inside]] = False
         at = row[rest]
         gap, normal, curvature = self._projection.nearest(points[at], triangle[rest], weights[rest])
         if curved.parts > 1:  # the nearest one counts
-            least = np.full(len(points), np.inf)
-            least[row[flat]] = abs(high)
             order = np.argsort(-abs(gap), kind="stable")
             order = order[abs(gap[order]) < least[at[order]]]
             at, gap, normal, curvature = at[order], gap[order], normal[order], curvature[order]
         found.gap[at], found.normal[at], found.curvature[at] = gap, normal, curvature
-        return found
 
-    def _known_near(self, points):
-        """What is known of as many points as these (n, 3), and how far each has moved since [mm]."""
+    def _known_of(self, points):
+        """The `Known` of as many points as these (n, 3), and how far each has moved since [mm]."""
         n = len(points)
-        known = self._known.pop(n, None)
-        if known is None:
-            known = Known(np.zeros((n, 3)), np.full(n, -np.inf), np.ones(n), np.zeros(n, int))
+        known = self._known.pop(n, None) or Known(
+            np.zeros((n, 3)), np.full(n, -np.inf), np.ones(n), np.zeros(n, dtype=np.int64)
+        )
         self._known[n] = known
         if len(self._known) > KEPT:
             del self._known[next(iter(self._known))]  # that which was used least lately
         return known, np.linalg.norm(points - known.place, axis=1)
-
-
-class Known(NamedTuple):
-    """Of n points when they were sought last: their `place` (n, 3), by how much they are surely
-    `clear` (n,) of the surface [mm], on which `side` (n,), and the closest `triangle` (n,)."""
-
-    place: np.ndarray
-    clear: np.ndarray
-    side: np.ndarray
-    triangle: np.ndarray
-
-
-def _read(path, chord):
-    """What `read_triangles` finds, or what is wrong with the file."""
-    try:
-        return read_triangles(path, chord), ""
-    except InputError as error:
-        return None, str(error)

@@ -446,7 +446,7 @@ def test_turned_surfaces():
     points = np.random.default_rng(0).uniform(-40, 40, (5000, 3))
     points = points[abs(block.evaluate(points).gap) < 4]
     check_derivatives(block, points[:1000])
-    assert block.radii == (6, math.inf) and block.given()["angles"].tolist() == [10, -70, 25]
+    assert block.radii == (6, math.inf) and block.fingerprint()["angles"].tolist() == [10, -70, 25]
     back = block.back(points)
     assert np.allclose(BLOCKS[1].evaluate(back).gap, block.evaluate(points).gap, atol=1e-12)
 
