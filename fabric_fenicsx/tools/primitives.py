@@ -284,7 +284,7 @@ class Block(Surface):
         allowed = f"a number above 0, up to {most:g}, half the block's least size"
         self.radius = Rule(allowed, lambda v: 0 < v <= most * ROUNDING).check("radius", radius)
         corner = self.radius if corner is None else corner
-        allowed = f"a number from the radius {self.radius:g} to {half:g}, half the block"
+        text = f"a number from the radius {self.radius:g} to {half:g}, half the block in the plan"
         fits = Rule(text, lambda v: self.radius <= v <= half * ROUNDING)
         self.corner = fits.check("corner", corner)
         self.centre = checked_vector("centre", centre)

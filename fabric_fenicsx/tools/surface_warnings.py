@@ -2,10 +2,9 @@
 
 import numpy as np
 from mpi4py import MPI
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..runtime.formatting import coordinates, rounded
+from ..runtime.graph import connected
 from .checks import UNITS
 from .surfaces import innermost
 from .tool import Tool
@@ -44,8 +43,7 @@ def hole_warning(tool: Tool) -> str:
     if not surface or not len(surface.rim):
         return ""
     x, (p, q) = surface.points, surface.rim.T
-    edges = coo_matrix((np.ones(len(p)), (p, q)), shape=(len(x), len(x)))
-    loop = connected_components(edges, directed=False)[1][p]
+    loop = connected(len(x), [p, q])[1][p]
     for number in np.unique(loop):
         around = x[surface.rim[loop == number]].reshape(-1, 3)
         width = float(np.ptp(around, axis=0).max())
