@@ -1,5 +1,6 @@
 """The triangles of the double dome."""
 
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fabric_fenicsx.meshes.double_dome import double_dome, main, write_step
+from fabric_fenicsx.meshes.double_dome import double_dome, write_step
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.checks import check_triangles
 from fabric_fenicsx.tools.double_dome import DoubleDome
@@ -126,5 +127,5 @@ def test_mistakes_end_with_one_sentence(options, words, monkeypatch, capsys, tmp
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["double_dome.py", *options])
     with pytest.raises(SystemExit) as end:
-        main()
+        runpy.run_path(str(SCRIPT), run_name="__main__")
     assert end.value.code == 2 and words in capsys.readouterr().err
