@@ -5,7 +5,54 @@ python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern cr
 specimen.msh
 """
 
-from fabric_fenicsx.meshes.specimen import main
+import argparse
+import math
+
+from fabric_fenicsx.meshes.specimen import PATTERNS, specimen, write
+from fabric_fenicsx.runtime.errors import InputError
+
+
+def main() -> None:
+    """Write what the command line asks for; exit status 2 for options that are not allowed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--length", type=float, default=200.0, help="along x [mm]")
+    parser.add_argument("--width", type=float, default=50.0, help="along y [mm]")
+    parser.add_argument("--nx", type=int, default=100, help="rectangles along the length")
+    parser.add_argument("--ny", type=int, default=25, help="rectangles across the width")
+    parser.add_argument("--pattern", choices=PATTERNS, default="crossed")
+    parser.add_argument(
+        "--fibre-angle",
+        type=float,
+        default=0.0,
+        help="of the yarns [deg], for patterns `along` and `yarns`",
+    )
+    parser.add_argument("--cell", choices=("triangle", "quadrilateral"), default="triangle")
+    parser.add_argument(
+        "--out", default="specimen.msh", help="file to write, of any format that gmsh writes"
+    )
+    args = parser.parse_args()
+    if not math.isfinite(args.fibre_angle):
+        parser.error(f"--fibre-angle is {args.fibre_angle}; allowed is a finite angle in deg")
+    for name in ("length", "width", "nx", "ny"):
+        if not 0 < getattr(args, name) < float("inf"):
+            parser.error(f"--{name} is {getattr(args, name)}; allowed is a finite value above 0")
+    sizes = args.length, args.width, args.nx, args.ny
+    try:
+        points, cells, kind = specimen(
+            *sizes, args.pattern, args.cell, math.radians(args.fibre_angle)
+        )
+    except InputError as error:
+        parser.error(str(error))
+    try:
+        open(args.out, "w").close()  # gmsh only logs that it could not write
+    except OSError as error:
+        parser.error(
+            f"--out {args.out} can't be written ({error.strerror}); allowed is a file "
+            "in a folder that is there"
+        )
+    write(args.out, points, cells, kind)
+    print(f"{args.out}: {len(points)} nodes, {len(cells)} {args.cell}s")
+
 
 if __name__ == "__main__":
     main()

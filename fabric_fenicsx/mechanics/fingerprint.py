@@ -39,7 +39,7 @@ def plain(value: Any) -> Any:
         at = {name: [np.asarray(way(load)) for load in (0.5, 1.0)] for name, way in ways.items()}
         return plain({"name": value.name, "surface": value.surface} | at)
     if isinstance(value, Surface):
-        return {"kind": kind} | plain(value.given())
+        return {"kind": kind} | plain(value.fingerprint())
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return plain({each.name: getattr(value, each.name) for each in dataclasses.fields(value)})
     return kind

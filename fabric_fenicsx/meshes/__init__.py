@@ -1,1 +1,1 @@
-"""Mesh generators of specimens and tools; each runs by itself too."""
+"""Meshes of specimens, outlines and tools; `meshes/` has a script for each."""

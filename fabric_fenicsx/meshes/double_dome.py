@@ -1,12 +1,6 @@
-"""Triangles of the double dome's surface, a quarter or all of it, finer on its roundings, for
-ParaView and as a tool; or the dome as a solid in a STEP file.
+"""Triangles of the double dome's surface, a quarter or all of it, finer on its roundings; or the
+dome as a solid in a STEP file."""
 
-python3 meshes/double_dome.py --depth 60 --saddle-depth 15 --size 10 --turn 10 --out double_dome.stl
-python3 meshes/double_dome.py --depth 60 --saddle-depth 15 --out double_dome.step
-"""
-
-import argparse
-import dataclasses
 import math
 import shutil
 import tempfile
@@ -14,16 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.tools.double_dome import DoubleDome
+from ..readers.libraries import own_model
+from ..runtime.errors import InputError
+from ..tools.double_dome import DoubleDome
+from .gmsh_cells import meshed
+
+SIZE, TURN = 10.0, 10.0  # of flat triangles' edges [mm], of the normal along an edge [deg]
 
 
 def double_dome(
     dome: DoubleDome | None = None,
     length: float = 520.0,
     width: float = 320.0,
-    size: float = 10.0,
-    turn: float = 10.0,
+    size: float = SIZE,
+    turn: float = TURN,
     quarter: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) [mm] on the surface and triangles (m, 3), seen from above anticlockwise.
@@ -44,27 +42,17 @@ def double_dome(
     return points, triangles
 
 
-def _check(dome, length, width, size=10.0, turn=10.0):
-    for name, value, high in (
-        ("length", length, math.inf),
-        ("width", width, math.inf),
-        ("size", size, math.inf),
-        ("turn", turn, 45),
-    ):
+def _check(dome, length, width, size=SIZE, turn=TURN):
+    given = {"length": length, "width": width, "size": size, "turn": turn}
+    for name, value in given.items():
+        high, allowed = (45, "below 45") if name == "turn" else (math.inf, "finite")
         if not 0 < value < high:
+            raise InputError(f"{name} is {value}; allowed is above 0 and {allowed}")
+    half_width = dome.dome_radius + dome.foot
+    for name, least in (("length", dome.dome_distance + 2 * half_width), ("width", 2 * half_width)):
+        if given[name] <= least:
             raise InputError(
-                f"{name} is {value}; allowed is above 0 and "
-                f"{'finite' if high == math.inf else f'below {high}'}"
-            )
-    foot = dome.foot
-    for name, value, half in (
-        ("length", length, dome.dome_distance / 2 + dome.dome_radius),
-        ("width", width, dome.dome_radius),
-    ):
-        if value <= 2 * (half + foot):
-            raise InputError(
-                f"{name} is {value:g}; allowed is above {2 * (half + foot):g}, "
-                "where the flange begins"
+                f"{name} is {given[name]:g}; allowed is above {least:g}, where the flange begins"
             )
 
 
@@ -76,12 +64,8 @@ def _quarter(dome, x, y, size, turn):
     # The flange's outline, from the x axis over the corner to the y axis, moved outwards by what
     # the profile is longer.
     along, up = (np.linspace(0, end, max(2, math.ceil(end / size) + 1)) for end in (x, y))
-    outline = np.vstack(
-        [
-            np.column_stack([np.full(len(up), x), up]),
-            np.column_stack([along, np.full(len(along), y)])[-2::-1],
-        ]
-    )
+    sides = [(x, each) for each in up] + [(each, y) for each in along[-2::-1]]
+    outline = np.array(sides)
     outline = outline + (dome.developed[-1] - dome.foot) * dome.plan(*outline.T)[1].T
 
     rounding, wall, fillet, flange = dome.developed
@@ -91,29 +75,16 @@ def _quarter(dome, x, y, size, turn):
         s = float(dome.plan(np.array([x]), np.array([y]))[0][0])
         return min(size, *(least + 0.3 * max(start - s, s - end, 0) for start, end, least in fine))
 
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("double dome")
-        geo = gmsh.model.geo
-        _lines_of_dome(geo, dome, outline)
-        geo.synchronize()
-        for option in ("MeshSizeExtendFromBoundary", "MeshSizeFromPoints", "MeshSizeFromCurvature"):
-            gmsh.option.setNumber(f"Mesh.{option}", 0)
-        gmsh.option.setNumber("Mesh.Algorithm", 6)
+    options = dict.fromkeys(("ExtendFromBoundary", "FromPoints", "FromCurvature"), 0.0)
+    options = {f"MeshSize{name}": value for name, value in options.items()}
+    with own_model(gmsh, Algorithm=6, **options):
+        _lines_of_dome(gmsh.model.geo, dome, outline)
+        gmsh.model.geo.synchronize()
         gmsh.model.mesh.setSizeCallback(size_at)
-        gmsh.model.mesh.generate(2)
-        tags, places, _ = gmsh.model.mesh.getNodes()
-        _, triangles = gmsh.model.mesh.getElementsByType(2)
-    finally:
-        gmsh.finalize()
-    number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    number[tags.astype(np.int64)] = np.arange(len(tags))
-    places = places.reshape(-1, 3)[:, :2]
+        places, triangles = meshed(gmsh)
+    places = places[:, :2]
     places[abs(places) < 1e-9 * x] = 0
-    used, triangles = np.unique(
-        number[triangles.astype(np.int64)], return_inverse=True
-    )  # without centres of arcs
+    used, triangles = np.unique(triangles, return_inverse=True)  # without centres of arcs
     return dome.lift(*places[used].T), triangles.reshape(-1, 3)
 
 
@@ -124,31 +95,20 @@ def _lines_of_dome(geo, dome, outline):
     centre, waist = np.array([dome.dome_distance / 2, 0.0]), dome.waist
     turn = -dome.plan(np.zeros(1), np.array([waist]))[2][0]
     middle = np.array([0.0, waist + 1 / turn]) if turn else None  # of the waist's arc
-    across = (
-        np.array([0.0, 1.0])
-        if middle is None
-        else (middle - centre) / np.linalg.norm(middle - centre)
-    )
+    across = np.array([0.0, 1.0]) if middle is None else middle - centre
+    across /= np.linalg.norm(across)
 
     def point(place):
         return geo.addPoint(*place, 0)
 
     dome_at = point(centre)
     waist_at = None if middle is None else point(middle)
-    corner = point((0, 0))
-    start, end, lines = (
-        corner,
-        corner,
-        [],
-    )  # the last level's points on the axes, and its lines between them
-    joint = None
+    start = end = point((0, 0))  # the last level's points on the axes
+    joint, lines = None, []  # and its lines between them
     for s in dome.developed:
         radius = dome.dome_radius + s
-        a, j, b = (
-            point(centre + [radius, 0]),
-            point(centre + radius * across),
-            point((0.0, waist + s)),
-        )
+        places = centre + [radius, 0], centre + radius * across, (0.0, waist + s)
+        a, j, b = map(point, places)
         curve = geo.addCircleArc(a, dome_at, j)
         rest = geo.addLine(j, b) if waist_at is None else geo.addCircleArc(j, waist_at, b)
         x, y = geo.addLine(start, a), geo.addLine(b, end)
@@ -175,9 +135,8 @@ def _mirrored(points, triangles, axis):
     image[off] = len(points) + np.arange(off.sum())
     mirror = np.ones(3)
     mirror[axis] = -1
-    return np.vstack([points, points[off] * mirror]), np.vstack(
-        [triangles, image[triangles][:, ::-1]]
-    )
+    points = np.vstack([points, points[off] * mirror])
+    return points, np.vstack([triangles, image[triangles][:, ::-1]])
 
 
 def write(path: Path | str, points: np.ndarray, triangles: np.ndarray) -> None:
@@ -223,41 +182,41 @@ def write_step(
 
     dome = dome or DoubleDome()
     _check(dome, length, width)
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("double dome")
-        occ = gmsh.model.occ
-        parts = [_sides(dome, outline) for outline in _outline(dome)]
-        occ.synchronize()
-        inner, outer = (
-            occ.addCurveLoop([_edge_at(dome, part[which], d) for part in parts])
-            for which, d in zip((0, -1), dome.roundings)
-        )
-        plate = occ.addRectangle(-length / 2, -width / 2, 0, length, width)
-        below = occ.extrude([(2, plate)], 0, 0, -base)
-        occ.synchronize()
-        rim = [tag for _, tag in gmsh.model.getBoundary([(2, plate)], oriented=False)]
-        _top(dome, inner)
-        occ.addPlaneSurface([occ.addCurveLoop(rim), outer])
-        occ.remove([*(each for each in below if each[0] == 3), (2, plate)])
-        occ.synchronize()
-        faces = occ.healShapes([], 1e-3, False, False, False, True, False)  # sews them
-        shell = occ.addSurfaceLoop([tag for dim, tag in faces if dim == 2], sewing=True)
-        solid = occ.addVolume([shell])
-        occ.synchronize()
-        occ.remove([each for each in gmsh.model.getEntities() if each != (3, solid)])
-        occ.synchronize()
-        with tempfile.TemporaryDirectory() as folder:
-            made = Path(folder) / "dome.step"  # gmsh knows the ending in small letters alone
-            gmsh.write(str(made))
+    with own_model(gmsh), tempfile.TemporaryDirectory() as folder:
+        _solid(gmsh, dome, length, width, base)
+        made = Path(folder) / "dome.step"  # gmsh knows the ending in small letters alone
+        gmsh.write(str(made))
+        try:
             shutil.copyfile(made, path)
-    except OSError as error:
-        raise InputError(
-            f"{path} cannot be written ({error.strerror}); allowed is a file like tool.step"
-        ) from None
-    finally:
-        gmsh.finalize()
+        except OSError as error:
+            raise InputError(
+                f"{path} cannot be written ({error.strerror}); allowed is a file like tool.step"
+            ) from None
+
+
+def _solid(gmsh, dome, length, width, base):
+    """Make the model of the dome on a plate, one solid."""
+    occ = gmsh.model.occ
+    parts = [_sides(dome, outline) for outline in _outline(dome)]
+    occ.synchronize()
+    inner, outer = (
+        occ.addCurveLoop([_edge_at(dome, part[which], d) for part in parts])
+        for which, d in zip((0, -1), dome.roundings)
+    )
+    plate = occ.addRectangle(-length / 2, -width / 2, 0, length, width)
+    below = occ.extrude([(2, plate)], 0, 0, -base)
+    occ.synchronize()
+    rim = [tag for _, tag in gmsh.model.getBoundary([(2, plate)], oriented=False)]
+    _top(dome, inner)
+    occ.addPlaneSurface([occ.addCurveLoop(rim), outer])
+    occ.remove([*(each for each in below if each[0] == 3), (2, plate)])
+    occ.synchronize()
+    faces = occ.healShapes([], 1e-3, False, False, False, True, False)  # sews them
+    shell = occ.addSurfaceLoop([tag for dim, tag in faces if dim == 2], sewing=True)
+    solid = occ.addVolume([shell])
+    occ.synchronize()
+    occ.remove([each for each in gmsh.model.getEntities() if each != (3, solid)])
+    occ.synchronize()
 
 
 def _outline(dome):
@@ -327,55 +286,3 @@ def _edge_at(dome, face, d):
         return abs(dome.plan(np.array([x]), np.array([y]))[0][0] - d)
 
     return min((tag for _, tag in gmsh.model.getBoundary([(2, face)], oriented=False)), key=off)
-
-
-def main() -> None:
-    """What `python3 meshes/double_dome.py` does; exit status 2 for options that do not fit."""
-    parser = argparse.ArgumentParser(
-        description=(__doc__ or "").partition("\n")[0],
-        argument_default=argparse.SUPPRESS,  # of options of triangles: `double_dome` has their own
-    )
-    dimensions = dataclasses.fields(DoubleDome)
-    for each in dimensions:
-        parser.add_argument(
-            f"--{each.name.replace('_', '-')}",
-            type=float,
-            default=each.default,
-            help=each.metadata["help"],
-        )
-    parser.add_argument("--length", type=float, default=520.0, help="of the flange along x [mm]")
-    parser.add_argument("--width", type=float, default=320.0, help="of the flange along y [mm]")
-    parser.add_argument(
-        "--size", type=float, help="of the edges where it is flat [mm], 10 by default"
-    )
-    parser.add_argument(
-        "--turn", type=float, help="of the normal along an edge on roundings [deg], 10 by default"
-    )
-    parser.add_argument("--quarter", action="store_true", help="only x >= 0, y >= 0")
-    parser.add_argument(
-        "--out",
-        default="double_dome.stl",
-        help="file to write, of any format that PyVista or meshio writes; or .step: a solid, whole "
-        "and without triangles",
-    )
-    args = parser.parse_args()
-    of_triangles = {
-        name: value for name, value in vars(args).items() if name in ("size", "turn", "quarter")
-    }
-    try:
-        dome = DoubleDome(**{each.name: getattr(args, each.name) for each in dimensions})
-        if args.out.lower().endswith((".step", ".stp")):
-            if of_triangles:
-                options = ", ".join(f"--{name}" for name in of_triangles)
-                raise InputError(
-                    f"{options} cannot be used for {args.out}, a solid without triangles; allowed "
-                    "is a file like tool.stl"
-                )
-            write_step(args.out, dome, args.length, args.width)
-            print(f"{args.out}: a solid")
-            return
-        points, triangles = double_dome(dome, args.length, args.width, **of_triangles)
-        write(args.out, points, triangles)
-    except InputError as error:
-        parser.error(str(error))
-    print(f"{args.out}: {len(points)} nodes, {len(triangles)} triangles")

@@ -1,24 +1,17 @@
-"""Triangles in an outline with holes, from a drawing (DXF), a table of points (CSV) or the boundary
-of a mesh.
+"""Triangles in an outline with holes."""
 
-python3 meshes/outline.py blank.dxf --size 8 --out blank.msh
-"""
-
-import argparse
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from fabric_fenicsx.meshes.double_dome import write
-from fabric_fenicsx.meshes.outline_files import read_outline
-from fabric_fenicsx.readers.libraries import own_model
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.formatting import coordinates, rounded
-from fabric_fenicsx.runtime.rules import BELOW_180, FINITE, POSITIVE
+from ..readers.libraries import own_model
+from ..runtime.errors import InputError
+from ..runtime.formatting import coordinates, rounded
+from ..runtime.rules import POSITIVE
+from .gmsh_cells import meshed
 
 PATTERNS = "unstructured", "along"
 DETAIL = 0.02  # distance from a curve, over the cells' size, up to which an edge stands for it
@@ -154,9 +147,8 @@ def _filled(faces, size_at):
     import gmsh
 
     options = {"MeshSizeMin": 0.0, "MeshSizeMax": 1e22, "Algorithm": 6.0}
-    options |= {
-        f"MeshSize{name}": 0.0 for name in ("FromPoints", "FromCurvature", "ExtendFromBoundary")
-    }
+    for source in ("FromPoints", "FromCurvature", "ExtendFromBoundary"):
+        options[f"MeshSize{source}"] = 0.0
     with own_model(gmsh, **options):
         geo = gmsh.model.geo
         known: dict[tuple[float, ...], int] = {}
@@ -175,15 +167,12 @@ def _filled(faces, size_at):
         geo.synchronize()
         gmsh.model.mesh.setSizeCallback(lambda dim, tag, x, y, *z: size_at(x, y))
         try:
-            gmsh.model.mesh.generate(2)
+            points, triangles = meshed(gmsh)
         except Exception as error:  # it raises no other kind
             raise InputError(
                 f"gmsh cannot mesh the outline ({error}); allowed is one without spikes and cracks"
             ) from None
-        tags, x, _ = gmsh.model.mesh.getNodes()
-        _, nodes = gmsh.model.mesh.getElementsByType(2)
-    order = np.argsort(tags)
-    return x.reshape(-1, 3)[order, :2], np.searchsorted(tags[order], nodes).reshape(-1, 3)
+    return points[:, :2], triangles
 
 
 def _along(sheet, size, size_at, yarns):
@@ -219,31 +208,3 @@ def _along(sheet, size, size_at, yarns):
         np.round(points / (1e-6 * size)), axis=0, return_index=True, return_inverse=True
     )
     return points[first], of.ravel()[np.concatenate(cells)]
-
-
-def main() -> None:
-    """What `python3 meshes/outline.py` does; exit status 2 for what is not allowed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
-    parser.add_argument("outline", type=Path, help="DXF, CSV of x and y [mm], or a mesh")
-    parser.add_argument("--size", type=float, required=True, help="of the cells' edges [mm]")
-    parser.add_argument("--pattern", choices=PATTERNS, default="unstructured")
-    parser.add_argument(
-        "--fibre-angle", type=float, default=0.0, help="from x to yarns a [deg], for `along`"
-    )
-    parser.add_argument(
-        "--yarn-angle", type=float, default=90.0, help="from yarns a to b [deg], for `along`"
-    )
-    parser.add_argument("--layer", help="of a DXF, or several with commas between them (all)")
-    parser.add_argument("--out", default="blank.msh", help="file to write, as .msh, .vtu or .stl")
-    args = parser.parse_args()
-    try:
-        a = math.radians(FINITE.check("--fibre-angle", args.fibre_angle))
-        b = a + math.radians(BELOW_180.check("--yarn-angle", args.yarn_angle))
-        sheet, told = read_outline(args.outline, args.layer)
-        points, cells, _, others = outline_mesh(sheet, args.size, args.pattern, (a, b))
-        write(args.out, points, cells)
-    except InputError as error:
-        parser.error(str(error))
-    for words in (*told, *others):
-        print(f"warning: {words}")
-    print(f"{args.out}: {len(points)} nodes, {len(cells)} triangles")

@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from fabric_fenicsx.readers.read import check_file, read_surface_mesh
-from fabric_fenicsx.readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
-from fabric_fenicsx.readers.units import factors
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.formatting import rounded
-
+from ..readers.read import check_file, read_surface_mesh
+from ..readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
+from ..readers.units import factors
+from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
 from .rings import joined, sheet_of
 
 READ = "a drawing (.dxf), a table of x and y (.csv, .txt), or a mesh"

@@ -9,8 +9,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.formatting import coordinates, rounded
+from ..runtime.errors import InputError
+from ..runtime.formatting import coordinates, rounded
 
 GAP = 1e-4  # of the lines' extent, up to which their ends meet
 

@@ -1,11 +1,6 @@
 """Rectangular specimen: structured (crossed, left, right), unstructured or with edges along yarns,
-of triangles or quadrilaterals.
+of triangles or quadrilaterals."""
 
-python3 meshes/specimen.py --length 200 --width 50 --nx 100 --ny 25 --pattern crossed --out
-specimen.msh
-"""
-
-import argparse
 import math
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,8 +8,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import Delaunay
 
-from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.runtime.rules import COUNT, POSITIVE
+from ..readers.libraries import own_model
+from ..runtime.errors import InputError
+from ..runtime.rules import COUNT, POSITIVE
+from .gmsh_cells import KINDS, meshed
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
 EDGE = 0.5  # least distance of corners of squares from the sheet's edges, over their size
@@ -166,35 +163,18 @@ def _unstructured(
 ) -> tuple[np.ndarray, np.ndarray, str]:
     import gmsh
 
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("specimen")
+    options = {"MeshSizeMin": size, "MeshSizeMax": size, "Algorithm": 6.0}
+    corners = 4 if cell == "quadrilateral" else 3
+    if corners == 4:
+        options |= {"RecombineAll": 1.0, "RecombinationAlgorithm": 3.0}  # blossom, no triangles
+    with own_model(gmsh, **options):
         occ = gmsh.model.occ
         sheet = occ.addRectangle(0, 0, 0, length, width)
         edges = [(1, occ.addLine(*(occ.addPoint(*end, 0) for end in line))) for line in lines]
         if edges:
             occ.fragment([(2, sheet)], edges)
         occ.synchronize()
-        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        gmsh.option.setNumber("Mesh.Algorithm", 6)
-        if cell == "quadrilateral":
-            gmsh.option.setNumber("Mesh.RecombineAll", 1)
-            gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)  # blossom, quadrilaterals only
-        gmsh.model.mesh.generate(2)
-        tags, x, _ = gmsh.model.mesh.getNodes()
-        number = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-        number[tags.astype(np.int64)] = np.arange(len(tags))
-        corners, gmsh_type = (4, 3) if cell == "quadrilateral" else (3, 2)
-        _, nodes = gmsh.model.mesh.getElementsByType(gmsh_type)
-        return (
-            x.reshape(-1, 3),
-            number[nodes.astype(np.int64)].reshape(-1, corners),
-            "quad" if corners == 4 else "triangle",
-        )
-    finally:
-        gmsh.finalize()
+        return *meshed(gmsh, corners), "quad" if corners == 4 else "triangle"
 
 
 def write(path: Path | str, points: np.ndarray, cells: np.ndarray, kind: str) -> None:
@@ -202,73 +182,21 @@ def write(path: Path | str, points: np.ndarray, cells: np.ndarray, kind: str) ->
     bottom, top) to a .msh file."""
     import gmsh
 
-    gmsh.initialize(readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("specimen")
+    with own_model(gmsh):
         sheet = gmsh.model.addDiscreteEntity(2)
         gmsh.model.mesh.addNodes(2, sheet, np.arange(1, len(points) + 1), points.ravel())
-        gmsh.model.mesh.addElementsByType(
-            sheet, 3 if kind == "quad" else 2, [], (cells + 1).ravel()
-        )
+        number = KINDS[4 if kind == "quad" else 3]
+        gmsh.model.mesh.addElementsByType(sheet, number, [], (cells + 1).ravel())
         gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [sheet]), "sheet")
         sides = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
         sides, count = np.unique(sides, axis=0, return_counts=True)
         sides = sides[count == 1]
         low, high = points.min(0), points.max(0)
         tolerance = 1e-9 * (high - low).max()
-        for name, axis, value in (
-            ("left", 0, low),
-            ("right", 0, high),
-            ("bottom", 1, low),
-            ("top", 1, high),
-        ):
+        edges = {"left": (0, low), "right": (0, high), "bottom": (1, low), "top": (1, high)}
+        for name, (axis, value) in edges.items():
             on = (np.abs(points[sides][:, :, axis] - value[axis]) <= tolerance).all(1)
             edge = gmsh.model.addDiscreteEntity(1)
             gmsh.model.mesh.addElementsByType(edge, 1, [], (sides[on] + 1).ravel())
             gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [edge]), name)
         gmsh.write(str(path))
-    finally:
-        gmsh.finalize()
-
-
-def main() -> None:
-    """What `python3 meshes/specimen.py` does; exit status 2 for options that are not allowed."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--length", type=float, default=200.0, help="along x [mm]")
-    parser.add_argument("--width", type=float, default=50.0, help="along y [mm]")
-    parser.add_argument("--nx", type=int, default=100, help="rectangles along the length")
-    parser.add_argument("--ny", type=int, default=25, help="rectangles across the width")
-    parser.add_argument("--pattern", choices=PATTERNS, default="crossed")
-    parser.add_argument(
-        "--fibre-angle",
-        type=float,
-        default=0.0,
-        help="of the yarns [deg], for patterns `along` and `yarns`",
-    )
-    parser.add_argument("--cell", choices=("triangle", "quadrilateral"), default="triangle")
-    parser.add_argument(
-        "--out", default="specimen.msh", help="file to write, of any format that gmsh writes"
-    )
-    args = parser.parse_args()
-    if not math.isfinite(args.fibre_angle):
-        parser.error(f"--fibre-angle is {args.fibre_angle}; allowed is a finite angle in deg")
-    for name in ("length", "width", "nx", "ny"):
-        if not 0 < getattr(args, name) < float("inf"):
-            parser.error(f"--{name} is {getattr(args, name)}; allowed is a finite value above 0")
-    sizes = args.length, args.width, args.nx, args.ny
-    try:
-        points, cells, kind = specimen(
-            *sizes, args.pattern, args.cell, math.radians(args.fibre_angle)
-        )
-    except InputError as error:
-        parser.error(str(error))
-    try:
-        open(args.out, "w").close()  # gmsh only logs that it could not write
-    except OSError as error:
-        parser.error(
-            f"--out {args.out} can't be written ({error.strerror}); allowed is a file "
-            "in a folder that is there"
-        )
-    write(args.out, points, cells, kind)
-    print(f"{args.out}: {len(points)} nodes, {len(cells)} {args.cell}s")

@@ -3,10 +3,9 @@
 import math
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
-from .facets import LAST, NEXT, corner_normals, facet_normals, topology
+from ..runtime.graph import connected
+from .facets import LAST, NEXT, corner_normals, facet_normals, topology, unit
 from .patches import curved
 
 FLAT = 1e-6  # distance from a plane of what lies in it, over the largest coordinate
@@ -22,11 +21,10 @@ class CurvedTriangles:
     - facets (m, 3): their unit normals; areas (m,) [mm^2]; normals (n, 3): averaged at the points
     - across: the neighbours, a `Topology`; vertices: smooth vertices, a `Corners`
     - parts, part (m,): number of regions that sharp edges bound, and in which one each triangle is
-    - flat (m,): whether a patch is its facet; plane (m,): a triangle that names the plane it lies
-      in, away from the rim and from sharp edges, otherwise -1
+    - flat (m,): whether a patch is its facet
     - corners_at: numbers 3 t + c of all corners, point by point, and where each point's begin
     - on_rim (n,): whether a point lies on the rim; bulge: largest distance of a patch from its
-      facet [mm]; longest: edge [mm]
+      facet [mm]
     """
 
     def __init__(
@@ -47,43 +45,43 @@ class CurvedTriangles:
         self.normals = self._average_normals()
         self.corners = corners = points[triangles]
         edges = np.roll(corners, -1, 1) - corners
-        self.longest = math.sqrt((edges**2).sum(2).max())
+        longest = math.sqrt((edges**2).sum(2).max())
         self.middles = corners.mean(1)
         order = np.argsort(triangles.ravel(), kind="stable")
         starts = np.searchsorted(triangles.ravel()[order], np.arange(len(points) + 1))
         self.corners_at = order, starts
         t, k = np.nonzero(~vertices.sharp)
-        graph = sparse.coo_matrix(
-            (np.ones(len(t)), (t, across.triangle[t, k])), shape=(len(triangles),) * 2
-        )
-        self.parts, self.part = connected_components(graph, directed=False)
+        self.parts, self.part = connected(len(triangles), [t, across.triangle[t, k]])
         self.bulge = float(self.patches.bulge.max())
         self.on_rim = np.zeros(len(points), dtype=bool)
         self.on_rim[self.ends(across.triangle < 0)] = True
         own = vertices.normals[vertices.name]
         aligned = ((own * self.facets[:, None]).sum(2) >= 1 - 1e-15).all(1)
         self.flat = aligned | (own == self.facets[:, None]).all((1, 2))
-        self.flat &= self.patches.bulge <= 1e-12 * self.longest
-        alone = self.flat & ~(vertices.sharp.any(1) | self.on_rim[triangles].any(1))
-        self.plane = np.where(alone, vertices.region, -1)
+        self.flat &= self.patches.bulge <= 1e-12 * longest
 
     def ends(self, which: np.ndarray) -> np.ndarray:
         """Points (k, 2) at the ends of the edges of which (m, 3) is true, each once."""
-        t, k = np.nonzero(which)
-        ends = np.column_stack(
-            [self.triangles[t, np.array(NEXT)[k]], self.triangles[t, np.array(LAST)[k]]]
-        )
-        return np.unique(np.sort(ends, 1), axis=0)
+        return np.unique(np.sort(self._ends(*np.nonzero(which)), 1), axis=0)
 
-    def rings(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """All triangles at points (n,), with their corners: number among `points` (k,), number of
-        the corner 3 t + c (k,), and where each point's begin (n,)."""
-        order, starts = self.corners_at
-        count = starts[points + 1] - starts[points]
-        first = count.cumsum() - count
-        row = np.repeat(np.arange(len(points)), count)
-        corner = order[np.repeat(starts[points] - first, count) + np.arange(count.sum())]
-        return row, corner, first
+    def _ends(self, triangle, edge):
+        return np.stack(
+            [self.triangles[triangle, NEXT[edge]], self.triangles[triangle, LAST[edge]]], -1
+        )
+
+    def sides(
+        self, points: np.ndarray, triangle: np.ndarray, weights: np.ndarray, rim: float
+    ) -> np.ndarray:
+        """On which side (n,) of the surface points (n, 3) are, 1 in front and -1 behind, `rim`
+        beside an open edge; their closest points lie on triangles (n,) at barycentric coordinates
+        `weights` (n, 3)."""
+        arm = points - np.einsum("nc,nci->ni", weights, self.corners[triangle])
+        normal = np.einsum("nc,nci->ni", weights, self.normals[self.triangles[triangle]])
+        facet = self.facets[triangle]
+        beside = arm - row_dots(arm, facet)[:, None] * facet
+        beyond = ((weights <= 0) & (self.across.triangle[triangle] < 0)).any(1)
+        beyond &= row_dots(beside, beside) > 1e-18
+        return np.where(beyond, rim, np.copysign(1.0, row_dots(arm, normal)))
 
     def turns(self) -> tuple[np.ndarray, np.ndarray]:
         """Edges that are not sharp (k, 2), by their ends, and the turn of facets there (k,)
@@ -92,15 +90,13 @@ class CurvedTriangles:
         other = self.across.triangle[t, k]
         once = t < other
         t, k, other = t[once], k[once], other[once]
-        ends = np.column_stack(
-            [self.triangles[t, np.array(NEXT)[k]], self.triangles[t, np.array(LAST)[k]]]
-        )
-        return ends, np.arccos(np.clip((self.facets[t] * self.facets[other]).sum(1), -1, 1))
+        cosine = (self.facets[t] * self.facets[other]).sum(1)
+        return self._ends(t, k), np.arccos(np.clip(cosine, -1, 1))
 
     def _average_normals(self):
         total = np.zeros_like(self.points)
         np.add.at(total, self.triangles, self.vertices.normals[self.vertices.name])
-        return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+        return unit(total)
 
 
 def row_dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -1,22 +1,19 @@
-"""The project's generic double dome."""
+"""The double dome of the forming benchmark, with dimensions of its own."""
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from functools import cached_property, wraps
 from typing import ClassVar
 
 import numpy as np
 
 from ..runtime.errors import InputError
+from ..runtime.fields import number
 from ..runtime.rules import FROM_ZERO, POSITIVE, Rule, did_you_mean
 from . import dome_equation as equation
 from .implicit import ImplicitSurface
 
 WALL = Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90)
-
-
-def _dimension(default, rule, text):
-    return field(default=default, metadata={"rule": rule, "help": text})
 
 
 def _in_range(given):
@@ -54,47 +51,63 @@ def _refusing_unknown(dome):
 @_refusing_unknown
 @dataclass(frozen=True)
 class DoubleDome(ImplicitSurface):
-    """The project's generic double dome: two round domes joined by a lower, narrower saddle, on a
-    flange z = 0.
+    """Two round domes joined by a lower, narrower saddle, on a flange z = 0.
 
     Seen from above, the outline is two circles, one a dome, joined by concave arcs tangent to both;
     in the middle between the domes it is narrowest, at the waist. It is where wall and flange
     would meet without the fillet. In a cut across the outline follow, from within, the flat top, a
-    rounding, the straight wall, a fillet and the flange; the fillet's foot is where the flange
-    begins. The saddle is the top between the domes, which sinks towards the middle.
-
-    - dome_distance: between the centres of the domes [mm]
-    - dome_radius: of a dome's outline [mm]
-    - waist: half width of the outline at the middle [mm]
-    - depth: height of the domes over the flange [mm]
-    - wall_angle: of the wall from the vertical [deg]
-    - top_radius: of the rounding between top and wall [mm]
-    - entry_radius: of the fillet between wall and flange [mm]
-    - saddle_depth: by which the top is lower at the middle [mm]
-    - saddle_length: along x, over which the top is lowered [mm]
+    rounding, the straight wall, a fillet and the flange. The saddle is the top between the domes,
+    which sinks towards the middle.
 
     F(x, y, z) = P(d(x, y), z / H(x)): d is the signed distance in the plan to the outline, with
     circles about (+-dome_distance / 2, 0); P is the signed distance in the (d, z) plane to the
-    profile of that cut; H lowers the saddle. The surface has continuous normals; its curvature
-    jumps between these parts. The body is beneath, the normal points up; `Flipped` turns it upside
-    down. The saddle also flattens fillet and rounding: see `radii` for the least radii. Raises
-    InputError, which lists all that is wrong: names that are no dimension, values out of their
-    range, and values that do not fit together.
+    profile of that cut; H lowers the saddle. The normals are continuous; the curvature jumps
+    between the parts. The body is beneath; `Flipped` turns it upside down. The saddle also flattens
+    fillet and rounding: `radii` has the least radii.
+
+    Parameters
+    ----------
+    dome_distance : float
+        Between the centres of the domes [mm].
+    dome_radius : float
+        Of a dome's outline [mm].
+    waist : float
+        Half width of the outline at the middle [mm].
+    depth : float
+        Height of the domes over the flange [mm].
+    wall_angle : float
+        Of the wall from the vertical [deg].
+    top_radius : float
+        Of the rounding between top and wall [mm].
+    entry_radius : float
+        Of the fillet between wall and flange [mm].
+    saddle_depth : float
+        By which the top is lower at the middle [mm].
+    saddle_length : float
+        Along x, over which the top is lowered [mm].
+
+    Raises
+    ------
+    InputError
+        With all that is wrong: names that are no dimension, values out of their range, and values
+        that do not fit together.
+
+    Examples
+    --------
+    >>> dome = ff.DoubleDome(depth=50)
+    >>> dome.evaluate([[152, 0, 52]]).gap
+    array([2.])
     """
 
-    dome_distance: float = _dimension(304.0, POSITIVE, "between the centres of the domes [mm]")
-    dome_radius: float = _dimension(65.0, POSITIVE, "of a dome's outline [mm]")
-    waist: float = _dimension(55.0, POSITIVE, "half width of the outline at the middle [mm]")
-    depth: float = _dimension(60.0, POSITIVE, "height of the domes over the flange [mm]")
-    wall_angle: float = _dimension(10.0, WALL, "of the wall from the vertical [deg]")
-    top_radius: float = _dimension(40.0, POSITIVE, "of the rounding between top and wall [mm]")
-    entry_radius: float = _dimension(15.0, POSITIVE, "of the fillet between wall and flange [mm]")
-    saddle_depth: float = _dimension(
-        15.0, FROM_ZERO, "by which the top is lower at the middle [mm]"
-    )
-    saddle_length: float = _dimension(
-        304.0, POSITIVE, "along x, over which the top is lowered [mm]"
-    )
+    dome_distance: float = number(304.0, POSITIVE, "between the centres of the domes [mm]")
+    dome_radius: float = number(65.0, POSITIVE, "of a dome's outline [mm]")
+    waist: float = number(55.0, POSITIVE, "half width of the outline at the middle [mm]")
+    depth: float = number(60.0, POSITIVE, "height of the domes over the flange [mm]")
+    wall_angle: float = number(10.0, WALL, "of the wall from the vertical [deg]")
+    top_radius: float = number(40.0, POSITIVE, "of the rounding between top and wall [mm]")
+    entry_radius: float = number(15.0, POSITIVE, "of the fillet between wall and flange [mm]")
+    saddle_depth: float = number(15.0, FROM_ZERO, "by which the top is lower at the middle [mm]")
+    saddle_length: float = number(304.0, POSITIVE, "along x, over which the top is lowered [mm]")
     # what follows from them; each dome has its own, ClassVar only says that they are no fields
     _shape: ClassVar[equation.Shape]
 
@@ -129,12 +142,10 @@ class DoubleDome(ImplicitSurface):
     @staticmethod
     def _misfits(given):
         """A sentence on each of `given` dimensions that does not fit the others; one that is nan
-        is judged in none."""
-        c, R, w, depth = (
-            given[name] for name in ("dome_distance", "dome_radius", "waist", "depth")
-        )
-        c /= 2
-        angle, top, entry = (given[name] for name in ("wall_angle", "top_radius", "entry_radius"))
+        counts in none."""
+        c, R, w = given["dome_distance"] / 2, given["dome_radius"], given["waist"]
+        depth, angle = given["depth"], given["wall_angle"]
+        top, entry = given["top_radius"], given["entry_radius"]
         radians = math.radians(angle)
         tangent, slope = math.tan(math.pi / 4 - radians / 2), depth * math.tan(radians)
         # half width at the middle where the circles overlap

@@ -5,18 +5,24 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import lsqr
 
+from ..runtime.graph import connected
+
 # the corners after and before corner k; edge k lies opposite it, from NEXT[k] to LAST[k]
-NEXT, LAST = [1, 2, 0], [2, 0, 1]
+NEXT, LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 FLAT_MEET = math.radians(1.0)  # flat regions that meet at more than this have a sharp edge
 # where the faces of a CAD model meet at more than this they have a sharp edge
 KINK = math.radians(5.0)
 # a flat region so many times larger than what it adjoins gives its normal to common vertices
 DOMINANT = 8.0
 PRIOR = 0.03  # weight of averaged normals beside the condition that edges are arcs
+
+
+def unit(v: np.ndarray) -> np.ndarray:
+    """Vectors (n, 3) with the length 1, or 0 as they are."""
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
 
 
 class Topology(NamedTuple):
@@ -31,12 +37,9 @@ class Topology(NamedTuple):
 
 def topology(triangles: np.ndarray) -> Topology:
     """The `Topology` of triangles (m, 3) that are turned the same way round where they meet."""
-    sides = np.sort(np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2), 1).astype(
-        np.int64
-    )
-    _, name, count = np.unique(
-        sides[:, 0] * (triangles.max() + 1) + sides[:, 1], return_inverse=True, return_counts=True
-    )
+    sides = np.sort(np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2), 1)
+    keys = sides.astype(np.int64) @ [triangles.max() + 1, 1]
+    _, name, count = np.unique(keys, return_inverse=True, return_counts=True)
     order = np.argsort(name, kind="stable")
     first = np.append(0, count.cumsum())[:-1]
     pair = first[count == 2]
@@ -68,7 +71,7 @@ def vertex_normals(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     total = np.zeros_like(points)
     weights = np.maximum((onwards**2).sum(2) * (back**2).sum(2), 1e-300)
     np.add.at(total, triangles, np.cross(onwards, back) / weights[..., None])
-    return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+    return unit(total)
 
 
 def flat_regions(
@@ -94,8 +97,7 @@ def flat_regions(
     order = np.argsort(area, kind="stable")
     # what bends out of its largest triangle's plane is tried again without that
     for _ in range(20):
-        graph = sparse.coo_matrix((np.ones(len(t)), (t, other)), shape=(len(left),) * 2)
-        number = connected_components(graph, directed=False)[1]
+        _, number = connected(len(left), [t, other])
         seed = np.empty(number.max() + 1, dtype=np.int64)
         seed[number[order]] = order  # the last is the largest
         seed = seed[number]
@@ -108,18 +110,16 @@ def flat_regions(
             break
     total = np.zeros_like(normal)
     np.add.at(total, region, normal * area[:, None])
-    total /= np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
-    return region, total[region], np.bincount(region, area, len(region))[region]
+    return region, unit(total)[region], np.bincount(region, area, len(region))[region]
 
 
 class Corners(NamedTuple):
-    """Corners of m triangles: smooth vertex `name` of each (m, 3), normals of these (s, 3), which
-    edges are sharp (m, 3), and a triangle that names the flat region of each (m,)."""
+    """Corners of m triangles: smooth vertex `name` of each (m, 3), normals of these (s, 3), and
+    which edges are sharp (m, 3)."""
 
     name: np.ndarray
     normals: np.ndarray
     sharp: np.ndarray
-    region: np.ndarray
 
 
 def corner_normals(
@@ -144,18 +144,16 @@ def corner_normals(
 
     def gathered(values):
         total = np.zeros((count, 3))
-        for c in range(3):
-            for i in range(3):
-                total[:, i] += np.bincount(name[:, c], values[:, c, i], count)
-        return total / np.maximum(np.linalg.norm(total, axis=1), 1e-300)[:, None]
+        np.add.at(total, name, values)
+        return unit(total)
 
-    normals = gathered(np.repeat((plane * area[:, None])[:, None], 3, 1))
+    normals = gathered((plane * area[:, None])[:, None])
     if given is not None:
         known = gathered(given)
-        return Corners(name, np.where(known.any(1)[:, None], known, normals), sharp, region)
+        return Corners(name, np.where(known.any(1)[:, None], known, normals), sharp)
     best, fixed = _planes_at_vertices(name, count, region, region_area, sure)
     normals[fixed] = plane[best[fixed]]
-    return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp, region)
+    return Corners(name, _arcs(points, triangles, name, normals, fixed), sharp)
 
 
 def _true_planes(points, triangles, across, region):
@@ -163,10 +161,8 @@ def _true_planes(points, triangles, across, region):
     low, high = np.full(len(points), len(triangles)), np.full(len(points), -1)
     np.minimum.at(low, triangles.ravel(), np.repeat(region, 3))
     np.maximum.at(high, triangles.ravel(), np.repeat(region, 3))
-    open_edge = across.triangle < 0
-    rim = np.zeros(len(points), dtype=bool)
-    for k in range(3):
-        rim[triangles[open_edge[:, k]][:, [NEXT[k], LAST[k]]]] = True
+    rim, (t, k) = np.zeros(len(points), dtype=bool), np.nonzero(across.triangle < 0)
+    rim[triangles[t, NEXT[k]]] = rim[triangles[t, LAST[k]]] = True
     inner = (low == high) & ~rim
     sure = np.zeros(len(triangles), dtype=bool)
     sure[low[inner]] = True
@@ -190,7 +186,7 @@ def _model_edges(across, given):
     for k in range(3):
         back = across.edge[:, k]
         for here, there in ((NEXT, LAST), (LAST, NEXT)):
-            n, o = given[:, here[k]], given[other[:, k], np.array(there)[back]]
+            n, o = given[:, here[k]], given[other[:, k], there[back]]
             sharp[:, k] |= n.any(1) & o.any(1) & ((n * o).sum(1) < math.cos(KINK))
     return sharp
 
@@ -198,14 +194,12 @@ def _model_edges(across, given):
 def _smooth_vertices(across, sharp):
     """How many smooth vertices there are, and that of each corner (m, 3): one for all corners that
     are joined across edges that are not sharp."""
-    m, nxt, last = len(sharp), np.array(NEXT), np.array(LAST)
     t, edge = np.nonzero(~sharp)
     o, back = across.triangle[t, edge], across.edge[t, edge]
-    rows = np.concatenate([3 * t + nxt[edge], 3 * t + last[edge]])
-    cols = np.concatenate([3 * o + last[back], 3 * o + nxt[back]])
-    graph = sparse.coo_matrix((np.ones(len(rows)), (rows, cols)), shape=(3 * m, 3 * m))
-    count, name = connected_components(graph, directed=False)
-    return count, name.reshape(m, 3)
+    one = np.concatenate([3 * t + NEXT[edge], 3 * t + LAST[edge]])
+    other = np.concatenate([3 * o + LAST[back], 3 * o + NEXT[back]])
+    count, name = connected(sharp.size, [one, other])
+    return count, name.reshape(sharp.shape)
 
 
 def _planes_at_vertices(name, count, region, region_area, sure):
@@ -230,31 +224,22 @@ def _arcs(points, triangles, name, normals, fixed):
     _, one = np.unique(np.sort(ends, 1) @ [len(normals), 1], return_index=True)
     ends, place = ends[one], place[one]
     free = ~fixed
-    chord = points[place[:, 1]] - points[place[:, 0]]
-    chord /= np.linalg.norm(chord, axis=1)[:, None]
+    chord = unit(points[place[:, 1]] - points[place[:, 0]])
     use = free[ends].any(1)
     ends, chord = ends[use], chord[use]
     if not len(ends):
         return normals
-    helper = np.eye(3)[abs(normals).argmin(1)]
-    x = np.cross(normals, helper)
-    x /= np.linalg.norm(x, axis=1)[:, None]
+    x = unit(np.cross(normals, np.eye(3)[abs(normals).argmin(1)]))
     frame = np.stack([x, np.cross(normals, x)], 1)
-    number = np.cumsum(free) - 1
-    n = 2 * free.sum()
-    rows, cols, values = [], [], []
-    for e in (0, 1):
-        on = np.flatnonzero(free[ends[:, e]])
-        slope = np.einsum("nai,ni->na", frame[ends[on, e]], chord[on])
-        for a in (0, 1):
-            rows.append(on)
-            cols.append(2 * number[ends[on, e]] + a)
-            values.append(slope[:, a])
-    J = sparse.csr_matrix(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=(len(ends), n)
+    slope = np.einsum("neai,ni->nea", frame[ends], chord)  # of both ends, along both tangents
+    row, end = np.nonzero(free[ends])
+    unknown = 2 * (np.cumsum(free) - 1)[ends[row, end]]
+    J = csr_matrix(
+        (slope[row, end].ravel(), (np.repeat(row, 2), (unknown[:, None] + [0, 1]).ravel())),
+        shape=(len(ends), 2 * free.sum()),
     )
     miss = ((normals[ends[:, 0]] + normals[ends[:, 1]]) * chord).sum(1)
     tilt = lsqr(J, -miss, damp=math.sqrt(PRIOR), atol=1e-6, btol=1e-6, iter_lim=200)[0]
     new = normals.copy()
     new[free] += np.einsum("na,nai->ni", tilt.reshape(-1, 2), frame[free])
-    return new / np.linalg.norm(new, axis=1)[:, None]
+    return unit(new)

@@ -16,8 +16,7 @@ TURN = 0.35  # rad, by which the faces of CAD models turn along an edge at most
 
 def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Points (n, 3) [mm] and triangles (m, 3) in a file, and of CAD models the normals at the
-    triangles' corners (m, 3, 3). Raises InputError for a file that cannot be read or has no
-    surface."""
+    triangles' corners (m, 3, 3)."""
     if path.suffix.lower() not in CAD:
         mesh = read_surface_mesh(path, "surface file", FORMATS)
         return mesh.points, _triangles(mesh), None
@@ -56,15 +55,13 @@ def _mesh_of_model(path, chord):
     """
     import gmsh
 
-    with own_model(gmsh):
+    options = {"MeshSizeFromPoints": 0.0, "MeshSizeExtendFromBoundary": 0.0, "Algorithm": 6.0}
+    options |= {"MeshSizeMax": 1e22}
+    with own_model(gmsh, MeshSizeFromCurvature=2 * np.pi / TURN, **options):
         faces = _faces_of_model(gmsh, path)
         low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
         most = np.linalg.norm(high - low) / 20
-        for option in ("FromPoints", "ExtendFromBoundary"):
-            gmsh.option.setNumber(f"Mesh.MeshSize{option}", 0)
         gmsh.option.setNumber("Mesh.MeshSizeMax", most)
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 2 * np.pi / TURN)
-        gmsh.option.setNumber("Mesh.Algorithm", 6)
         gmsh.model.mesh.generate(2)
         size_at = _sizes_by_curvature(gmsh, faces, chord, most)
         gmsh.model.mesh.clear()

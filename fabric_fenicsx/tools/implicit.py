@@ -16,28 +16,29 @@ AROUND = AROUND[AROUND.any(1)] / np.linalg.norm(AROUND[AROUND.any(1)], axis=1, k
 
 
 class ImplicitSurface(Surface):
-    """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method on its
-    Lagrangian.
+    """Surface F(x) = 0 with F < 0 in the body; the nearest point by Newton's method.
 
     An own one gives `implicit` and `radii`; `bound`, and `value` where F alone is cheaper, save
-    time:
+    time. Gap, normal and curvature are exact at the point found, whose distance from the surface
+    and from the foot of the normal is below 1e-11 mm. None may be found further away than `radii`,
+    where it can also be a point that is not the nearest of all. Rows are then NaN, unless F has one
+    sign all around at twice the reach: the surface is beyond it.
 
-        class Wave(ImplicitSurface):
-            radii = (25.0, 25.0)
-
-            def implicit(self, x):
-                zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25
-                gradient = np.array([-np.cos(x[0] / 5) / 5, zero, zero + 1])
-                hessian = np.array([[curve, zero, zero], [zero] * 3, [zero] * 3])
-                return x[2] - 25 * curve, gradient, hessian
-
-            def bound(self, F, x):
-                return abs(F) / 1.02  # by the gradient's largest length
-
-    Gap, normal and curvature are exact at the point found, whose distance from the surface and from
-    the foot of the normal is below 1e-11 mm. None may be found further away than `radii`, where it
-    can also be a point that is not the nearest of all. Rows are then NaN, unless F has one sign all
-    around at twice the reach: the surface is beyond it.
+    Examples
+    --------
+    >>> class Wave(ff.ImplicitSurface):
+    ...     radii = (25.0, 25.0)
+    ...
+    ...     def implicit(self, x):
+    ...         zero, curve = 0 * x[0], np.sin(x[0] / 5) / 25
+    ...         gradient = np.array([-np.cos(x[0] / 5) / 5, zero, zero + 1])
+    ...         hessian = np.array([[curve, zero, zero], [zero] * 3, [zero] * 3])
+    ...         return x[2] - 25 * curve, gradient, hessian
+    ...
+    ...     def bound(self, F, x):
+    ...         return abs(F) / 1.02  # by the gradient's largest length
+    >>> Wave().evaluate([[2.5 * np.pi, 0, 3]]).gap
+    array([2.])
     """
 
     def value(self, x: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..runtime.compiled import compiled
-from .facets import LAST, NEXT, Corners, Topology, facet_normals
+from .facets import LAST, NEXT, Corners, Topology, facet_normals, unit
 
 
 class Patches(NamedTuple):
@@ -34,13 +34,12 @@ def curved(
     P = points[triangles]
     N = corners.normals[corners.name]
     other = np.maximum(across.triangle, 0)
-    nxt, last = np.array(NEXT), np.array(LAST)
     legs = {}  # (from corner, to corner) -> from there to the next control point of the cubic
     for k in range(3):
         i, j = NEXT[k], LAST[k]
         back = across.edge[:, k]
         sharp = corners.sharp[:, k] & (across.triangle[:, k] >= 0)
-        for a, b, there in ((i, j, last), (j, i, nxt)):
+        for a, b, there in ((i, j, LAST), (j, i, NEXT)):
             second = np.where(sharp[:, None], N[other[:, k], there[back]], N[:, a])
             legs[a, b] = _leg(P[:, b] - P[:, a], N[:, a], second)
     net = {}  # exponents of the corners -> control point
@@ -57,13 +56,10 @@ def curved(
         net[name((i, 3), (j, 1))] = c0 + 0.75 * legs[i, j]
         net[name((i, 2), (j, 2))] = (c1 + c2) / 2
         net[name((i, 1), (j, 3))] = c3 + 0.75 * legs[j, i]
-    for k in range(3):
-        i, j = NEXT[k], LAST[k]
-        c0, c1, c2, c3 = P[:, i], P[:, i] + legs[i, j], P[:, j] + legs[j, i], P[:, j]
         e0, e1, e2 = 3 * (c1 - c0), 3 * (c2 - c1), 3 * (c3 - c2)
         # the derivative across the edge lies in the plane of the edge's own and of r, linear from
         # end to end
-        r0, r1 = (_unit(np.cross(N[:, a], e)) for a, e in ((i, e0), (j, e2)))
+        r0, r1 = (unit(np.cross(N[:, a], e)) for a, e in ((i, e0), (j, e2)))
         d0, d3 = 3 * legs[i, k], 3 * (legs[j, k] - legs[j, i])
         (a0, b0), (a1, b1) = _in(d0, e0, r0), _in(d3, e2, r1)
         d1 = (2 * a0 * e1 + a1 * e0 + b0 * r0 + b0 * r1 + b1 * r0) / 3
@@ -76,20 +72,10 @@ def curved(
     halves = 6 * (inner[:, 0] - inner[:, 1]).swapaxes(0, 1)
     normal = facet_normals(points, triangles)[0]
     ends = np.stack([np.stack([legs[i, NEXT[i]], legs[i, LAST[i]]], 1) for i in range(3)], 1)
-    reach = (
-        abs(np.einsum("mci,mi->mc", places, normal)).max(1)
-        + np.linalg.norm(halves, axis=2).max(1) / 12
-    )
-    return Patches(
-        P[:, 0].copy(),
-        np.concatenate([np.einsum("wc,mci->mwi", _MONOMIALS, places), halves], 1),
-        ends,
-        reach,
-    )
-
-
-def _unit(v):
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-300)
+    bulge = abs(np.einsum("mci,mi->mc", places, normal)).max(1)
+    bulge += np.linalg.norm(halves, axis=2).max(1) / 12
+    coefficients = np.concatenate([np.einsum("wc,mci->mwi", _MONOMIALS, places), halves], 1)
+    return Patches(P[:, 0].copy(), coefficients, ends, bulge)
 
 
 def _in(d, e, r):
@@ -106,10 +92,10 @@ def _leg(chord, normal, second):
     arc."""
     length = np.linalg.norm(chord, axis=1, keepdims=True)
     chord = chord / length
-    along = _unit(chord - (chord * normal).sum(1, keepdims=True) * normal)
+    along = unit(chord - (chord * normal).sum(1, keepdims=True) * normal)
     line = np.cross(normal, second)
     sine = np.linalg.norm(line, axis=1, keepdims=True)
-    line = _unit(line) * np.sign((line * chord).sum(1, keepdims=True))
+    line = unit(line) * np.sign((line * chord).sum(1, keepdims=True))
     along = np.where(sine > 0.05, line, along)
     cosine = (along * chord).sum(1, keepdims=True)
     lost = cosine < 0.5
@@ -123,20 +109,14 @@ _NAMES = [(4 - p - q, p, q) for p, q in _POWERS]
 
 
 def _derivative(by_u, by_v):
-    factor, which = np.zeros(15), np.zeros(15, dtype=np.int64)
-    for n, (p, q) in enumerate(_POWERS):
-        if p >= by_u and q >= by_v:
-            factor[n], which[n] = (
-                math.perm(p, by_u) * math.perm(q, by_v),
-                _POWERS.index((p - by_u, q - by_v)),
-            )
-    return factor, which
+    """Factor of each monomial's derivative, and which one it is."""
+    factors = [math.perm(p, by_u) * math.perm(q, by_v) for p, q in _POWERS]
+    which = [_POWERS.index((max(p - by_u, 0), max(q - by_v, 0))) for p, q in _POWERS]
+    return factors, which
 
 
-_FACTORS, _WHICH = (
-    np.array(a)
-    for a in zip(*(_derivative(*d) for d in ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2))))
-)
+_ORDERS = (0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2)
+_FACTORS, _WHICH = map(np.array, zip(*(_derivative(*order) for order in _ORDERS)))
 # monomials from control points: 4! / (i! j! k!) (1 - u - v)^i u^j v^k
 _MONOMIALS = np.zeros((15, 15))
 for _c, (_i, _j, _k) in enumerate(_NAMES):

@@ -12,27 +12,38 @@ from ..runtime.rules import FROM_ZERO, POSITIVE, Rule
 from .surfaces import Nearest, Surface
 from .values import checked_vector
 
+ROUNDING = 1 + 1e-12
+
 
 class Plane(Surface):
-    """Plane through `point` [mm]; the body lies on the side from which `normal` (of any length)
-    points away.
+    """Plane with the body behind it.
 
-    Raises InputError unless both are three finite numbers, `normal` not all 0.
+    Parameters
+    ----------
+    point : (3,)
+        Any point of the plane [mm].
+    normal : (3,)
+        Out of the body, of any length.
+
+    Raises
+    ------
+    InputError
+        Unless both are three finite numbers, `normal` not all 0.
+
+    Examples
+    --------
+    >>> ff.Plane((0, 0, 5), (0, 0, 1)).evaluate([[10, 20, 6]]).gap
+    array([1.])
     """
 
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
-        self.point, self.normal = (
-            checked_vector("point", point),
-            checked_vector("normal", normal, unit=True),
-        )
+        self.point = checked_vector("point", point)
+        self.normal = checked_vector("normal", normal, unit=True)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
-        return Nearest(
-            (points - self.point) @ self.normal,
-            np.tile(self.normal, (len(points), 1)),
-            np.zeros((len(points), 3, 3)),
-        )
+        normal = np.tile(self.normal, (len(points), 1))
+        return Nearest((points - self.point) @ self.normal, normal, np.zeros((len(points), 3, 3)))
 
 
 class _Round(Surface):
@@ -47,22 +58,37 @@ class _Round(Surface):
         self.radii = (self.radius, math.inf)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
         arm = (points - self.centre) @ self._across
         distance = np.linalg.norm(arm, axis=1)
         least = 1e-12 * self.radius  # at the centre any normal will do
         arm[distance < least] = least * self._any
-        arm_length = np.maximum(distance, least)
         normal = arm / np.linalg.norm(arm, axis=1)[:, None]
-        curvature = (self._across - normal[:, :, None] * normal[:, None, :]) / arm_length[
-            :, None, None
-        ]
+        bend = self._across - _outer(normal, normal)
+        curvature = bend / np.maximum(distance, least)[:, None, None]
         return Nearest(distance - self.radius, normal, curvature)
 
 
 class Sphere(_Round):
-    """Ball of `radius` [mm] about `centre` (3,) [mm]; InputError for a radius not above 0 or
-    another centre."""
+    """Ball.
+
+    Parameters
+    ----------
+    radius : float
+        Above 0 [mm].
+    centre : (3,)
+        [mm]
+
+    Raises
+    ------
+    InputError
+        For values out of their range.
+
+    Examples
+    --------
+    >>> near = ff.Sphere(10).evaluate([[0, 0, 12]])
+    >>> near.gap, near.normal
+    (array([2.]), array([[0., 0., 1.]]))
+    """
 
     _across, _any = np.eye(3), np.array([0.0, 0.0, 1.0])
 
@@ -71,11 +97,26 @@ class Sphere(_Round):
 
 
 class Cylinder(_Round):
-    """Endless round bar of `radius` [mm] along `axis` (3,), of any length, through `point` (3,)
-    [mm].
+    """Endless round bar.
 
-    Raises InputError for a radius not above 0, an axis that is all 0, or what is not three finite
-    numbers.
+    Parameters
+    ----------
+    point : (3,)
+        Any point of its axis [mm].
+    axis : (3,)
+        Direction, of any length.
+    radius : float
+        Above 0 [mm].
+
+    Raises
+    ------
+    InputError
+        For values out of their range.
+
+    Examples
+    --------
+    >>> ff.Cylinder((0, 0, 0), (1, 0, 0), 10).evaluate([[50, 0, 11]]).gap
+    array([1.])
     """
 
     def __init__(self, point: ArrayLike, axis: ArrayLike, radius: float) -> None:
@@ -87,22 +128,36 @@ class Cylinder(_Round):
 
 
 class Torus(Surface):
-    """Ring of round cross-section: a tube of radius `tube` [mm] about the circle of radius `ring`
-    [mm] around `axis` (3,), of any length, through `centre` (3,) [mm].
+    """Ring of round cross-section.
 
-    Raises InputError for a tube not above 0 or a ring not larger than the tube, and for what is not
-    three finite numbers.
+    Parameters
+    ----------
+    centre : (3,)
+        [mm]
+    axis : (3,)
+        Direction that it goes round, of any length.
+    ring : float
+        Radius of the circle in the middle of the tube, above `tube` [mm].
+    tube : float
+        Radius of the tube, above 0 [mm].
+
+    Raises
+    ------
+    InputError
+        For values out of their range.
+
+    Examples
+    --------
+    >>> ff.Torus((0, 0, 0), (0, 0, 1), ring=50, tube=5).evaluate([[50, 0, 7]]).gap
+    array([2.])
     """
 
     def __init__(self, centre: ArrayLike, axis: ArrayLike, ring: float, tube: float) -> None:
-        self.centre, self.axis = (
-            checked_vector("centre", centre),
-            checked_vector("axis", axis, unit=True),
-        )
+        self.centre = checked_vector("centre", centre)
+        self.axis = checked_vector("axis", axis, unit=True)
         self.tube = POSITIVE.check("tube", tube)
-        self.ring = Rule(
-            f"a number above the tube's radius {self.tube:g}", lambda v: v > self.tube
-        ).check("ring", ring)
+        wide = Rule(f"a number above the tube's radius {self.tube:g}", lambda v: v > self.tube)
+        self.ring = wide.check("ring", ring)
         self.radii = (self.tube, self.ring - self.tube)
         self._bar = Cylinder(self.centre, self.axis, self.ring)
 
@@ -122,13 +177,29 @@ class Torus(Surface):
 
 
 class Plate(Surface):
-    """Thick plate with an opening through it, like a die: its face lies in the plane z = centre[2]
-    with the normal up, and a rounding of `entry` [mm] leads into the opening's upright walls.
+    """Thick plate with an opening through it, like a die, its face up.
 
-    length, width: of the opening along x and y [mm], without the rounding; width None: a round one
-    of diameter `length`. corner: radius of the opening's corners in the plan [mm], 0: sharp ones; a
-    round opening has none to give. centre: of the opening, in the plane of the face (3,) [mm].
-    Raises InputError for values out of their range.
+    Parameters
+    ----------
+    length, width : float
+        Of the opening along x and y, without the rounding [mm]; without `width` it is round, of
+        diameter `length`.
+    corner : float
+        Radius of the opening's corners in the plan [mm], 0 by default: sharp. Not of a round one.
+    entry : float
+        Radius of the rounding between the face and the opening's upright walls [mm].
+    centre : (3,)
+        Of the opening, in the plane of the face [mm].
+
+    Raises
+    ------
+    InputError
+        For values out of their range.
+
+    Examples
+    --------
+    >>> ff.Plate(100, entry=5).evaluate([[70, 0, 2], [49, 0, -20]]).gap
+    array([2., 1.])
     """
 
     def __init__(
@@ -141,15 +212,14 @@ class Plate(Surface):
     ) -> None:
         if width is None and corner is not None:
             raise InputError(
-                f"corner is {corner}, but a round opening has none; allowed is to give width, too"
+                f"corner is {corner}, but a round opening has none: `corner` needs `width`"
             )
         self.length = POSITIVE.check("length", length)
         self.width = self.length if width is None else POSITIVE.check("width", width)
         half = min(self.length, self.width) / 2
         corner = half if width is None else 0.0 if corner is None else corner
-        self.corner = Rule(
-            f"a number from 0 to {half:g}, half the opening", lambda v: 0 <= v <= half * (1 + 1e-12)
-        ).check("corner", corner)
+        allowed = f"a number from 0 to {half:g}, half the opening"
+        self.corner = Rule(allowed, lambda v: 0 <= v <= half * ROUNDING).check("corner", corner)
         self.entry = FROM_ZERO.check("entry", entry)
         self.centre = checked_vector("centre", centre)
         self.radii = (self.entry or math.inf, self.corner or math.inf)
@@ -174,13 +244,28 @@ class Plate(Surface):
 
 
 class Block(Surface):
-    """Block with its top face in the plane z = centre[2] and all its edges rounded, like the punch
-    of a box.
+    """Block with all its edges rounded, like the punch of a box.
 
-    length, width, height: along x, y and z over all [mm]. radius: of the edges around top and
-    bottom [mm]. corner: radius of the upright edges in the plan [mm], at least `radius`; None: the
-    same, so that the corners are parts of balls. centre: of the top face (3,) [mm]. Raises
-    InputError for values out of their range.
+    Parameters
+    ----------
+    length, width, height : float
+        Along x, y and z, over all [mm].
+    radius : float
+        Of the edges around top and bottom [mm].
+    corner : float
+        Radius of the upright edges in the plan, from `radius`, which it is by default [mm].
+    centre : (3,)
+        Of the top face, in the plane z = centre[2] [mm].
+
+    Raises
+    ------
+    InputError
+        For values out of their range.
+
+    Examples
+    --------
+    >>> ff.Block(100, 60, 40, radius=5).evaluate([[0, 0, 3], [51, 0, -20]]).gap
+    array([3., 1.])
     """
 
     def __init__(
@@ -192,25 +277,21 @@ class Block(Surface):
         corner: float | None = None,
         centre: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
-        self.length, self.width, self.height = (
-            POSITIVE.check(name, value)
-            for name, value in (("length", length), ("width", width), ("height", height))
-        )
+        self.length, self.width = POSITIVE.check("length", length), POSITIVE.check("width", width)
+        self.height = POSITIVE.check("height", height)
         half = min(self.length, self.width) / 2
         most = min(half, self.height / 2)
-        self.radius = Rule(
-            f"a number above 0, up to {most:g}, half the block's least size",
-            lambda v: 0 < v <= most * (1 + 1e-12),
-        ).check("radius", radius)
-        self.corner = Rule(
-            f"a number from the radius {self.radius:g} to {half:g}, half the block in the plan",
-            lambda v: self.radius <= v <= half * (1 + 1e-12),
-        ).check("corner", self.radius if corner is None else corner)
+        allowed = f"a number above 0, up to {most:g}, half the block's least size"
+        self.radius = Rule(allowed, lambda v: 0 < v <= most * ROUNDING).check("radius", radius)
+        corner = self.radius if corner is None else corner
+        text = f"a number from the radius {self.radius:g} to {half:g}, half the block in the plan"
+        fits = Rule(text, lambda v: self.radius <= v <= half * ROUNDING)
+        self.corner = fits.check("corner", corner)
         self.centre = checked_vector("centre", centre)
         self.radii = (self.radius, math.inf)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`: the distance to a block with sharp edges within, less the radius."""
+        """Distance to a block with sharp edges within, less the radius."""
         x, y, z = (points - self.centre).T
         inner = self.length - 2 * self.radius, self.width - 2 * self.radius
         d, slope, bend = _from_rectangle(x, y, *inner, self.corner - self.radius)

@@ -1,13 +1,12 @@
-"""What speaks against a tool's surface before anything runs, a sentence each."""
+"""Warnings about a tool's surface before anything runs, a sentence each."""
 
 import numpy as np
 from mpi4py import MPI
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ..runtime.formatting import coordinates, rounded
+from ..runtime.graph import connected
 from .checks import UNITS
-from .surfaces import Flipped, Offset, Reversed, Surface, Turned
+from .surfaces import innermost
 from .tool import Tool
 from .triangulated import TriangulatedSurface
 
@@ -17,17 +16,16 @@ CURVED = 1.05  # times as much as `radii` say, from which they are wrong
 KINKS = 0.02  # share of the points at which it may be curved more
 
 
-def _innermost(surface: Surface) -> Surface:
-    while isinstance(surface, (Flipped, Offset, Reversed, Turned)):
-        surface = surface.surface
-    return surface
+def _triangles(tool):
+    surface, _ = innermost(tool.surface, np.empty((0, 3)))
+    return surface if isinstance(surface, TriangulatedSurface) else None
 
 
 def size_warning(tool: Tool, sheet: float) -> str:
     """A sentence if a tool of triangles is as small beside a sheet of this length [mm] as if it
     were in metres or inches, else ""."""
-    surface = _innermost(tool.surface)
-    if not isinstance(surface, TriangulatedSurface):
+    surface = _triangles(tool)
+    if not surface:
         return ""
     size = float(np.ptp(surface.points, axis=0).max())
     for unit, factor in UNITS.items():
@@ -41,12 +39,11 @@ def size_warning(tool: Tool, sheet: float) -> str:
 
 def hole_warning(tool: Tool) -> str:
     """A sentence if triangles of a tool leave an opening below `HOLE` of their extent, else ""."""
-    surface = _innermost(tool.surface)
-    if not isinstance(surface, TriangulatedSurface) or not len(surface.rim):
+    surface = _triangles(tool)
+    if not surface or not len(surface.rim):
         return ""
     x, (p, q) = surface.points, surface.rim.T
-    edges = coo_matrix((np.ones(len(p)), (p, q)), shape=(len(x), len(x)))
-    loop = connected_components(edges, directed=False)[1][p]
+    loop = connected(len(x), [p, q])[1][p]
     for number in np.unique(loop):
         around = x[surface.rim[loop == number]].reshape(-1, 3)
         width = float(np.ptp(around, axis=0).max())
@@ -63,7 +60,7 @@ def radii_warning(tool: Tool, places: np.ndarray, comm: MPI.Comm) -> str:
     """A sentence if an own surface is curved more than its `radii` say at the points nearest to the
     places (n, 3) [mm] of all ranks when the tool is at the end of its path, else ""."""
     surface = tool.surface
-    if isinstance(_innermost(surface), TriangulatedSurface):  # which finds them itself
+    if _triangles(tool):  # which finds them itself
         return ""
     x = places[:: max(1, len(places) // PROBED)] - np.asarray(tool.path(1.0), dtype=float)
     gap, normal, _ = surface.evaluate(x)

@@ -1,5 +1,5 @@
-"""Base classes of rigid surfaces: signed distance, normal and curvature at many points at once;
-surfaces moved or turned.
+"""Base class of rigid surfaces: signed distance, normal and curvature at many points at once; and
+surfaces that are moved, turned or seen from behind.
 
 A surface bounds a body; its normal points out of it, and the gap (signed distance) is positive
 outside.
@@ -20,10 +20,27 @@ from ..runtime.errors import InputError
 from ..runtime.rules import Rule
 from .values import checked_points, checked_vector
 
+Drawn = tuple[np.ndarray, np.ndarray, np.ndarray]  # points, normals and triangles
+
 
 class Nearest(NamedTuple):
-    """Surface seen from n points: gap (n,) [mm], its gradient normal (n, 3) and Hessian curvature
-    (n, 3, 3) [1/mm]."""
+    """Gap to a surface and its first and second derivative, at n points.
+
+    Parameters
+    ----------
+    gap : (n,)
+        Signed distance, positive outside the body [mm].
+    normal : (n, 3)
+        Its gradient, which points out of the body.
+    curvature : (n, 3, 3)
+        Its Hessian [1/mm].
+
+    Examples
+    --------
+    >>> near = ff.Sphere(10).evaluate([[0, 0, 12]])
+    >>> near.gap, near.normal
+    (array([2.]), array([[0., 0., 1.]]))
+    """
 
     gap: np.ndarray
     normal: np.ndarray
@@ -31,17 +48,20 @@ class Nearest(NamedTuple):
 
 
 class Surface:
-    """Base of all surfaces. An own one gives `nearest(points, reach)`, and `radii` where it is
-    curved:
-
-        class Floor(Surface):
-            def nearest(self, points, reach):
-                normal = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-                return Nearest(points[:, 2].copy(), normal, np.zeros((len(points), 3, 3)))
+    """Base of all surfaces; an own one gives `nearest(points, reach)`, and `radii` if curved.
 
     One that is known by an equation F(x) = 0 is less work as an `ImplicitSurface`. The gap must be
     the distance, the normal its gradient and the curvature its Hessian: forces and stiffness of
     contact are made of them. `Reversed`, `Offset`, `Flipped`, `Turned` and `Tool` take any surface.
+
+    Examples
+    --------
+    >>> class Floor(ff.Surface):
+    ...     def nearest(self, points, reach):
+    ...         normal = np.tile([0.0, 0.0, 1.0], (len(points), 1))
+    ...         return ff.Nearest(points[:, 2].copy(), normal, np.zeros((len(points), 3, 3)))
+    >>> ff.Reversed(Floor()).evaluate([[0, 0, 3]]).gap
+    array([-3.])
     """
 
     radii: tuple[float, float] = (math.inf, math.inf)
@@ -50,12 +70,20 @@ class Surface:
     Infinite where unknown."""
 
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:
-        """Gap, normal and curvature at `points` (n, 3) [mm]; rows are NaN where a point is not
-        finite.
+        """Gap, normal and curvature at points; rows are NaN where a point is not finite.
 
-        reach [mm]: where |gap| surely exceeds it, the gap need only do so too, with the right sign,
-        and normal and curvature need only be finite; so far points cost little. Raises InputError
-        for points of another shape and for a reach below 0.
+        Parameters
+        ----------
+        points : (n, 3)
+            Places [mm].
+        reach : float
+            Where |gap| surely exceeds it [mm], the gap need only do so too, with the right sign,
+            and normal and curvature need only be finite; so far points cost little.
+
+        Raises
+        ------
+        InputError
+            For points of another shape and for a reach below 0.
         """
         x = checked_points(points)
         if not reach >= 0:
@@ -68,26 +96,21 @@ class Surface:
             whole[finite] = part
         return found
 
-    def mesh(
-        self, low: ArrayLike, high: ArrayLike, size: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         """Points (n, 3) [mm], unit normals (n, 3) and triangles (m, 3), anticlockwise as the
         normals see them, to draw what lies between the corners low and high (3,) [mm]; edges are
         about `size` [mm] long. A surface of triangles gives these, all of them."""
         import pyvista
 
         low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-
         cells = np.ceil((high - low) / size).astype(int)
         grid = pyvista.ImageData(dimensions=cells + 1, spacing=(high - low) / cells, origin=low)
         # fit the cache
         parts = np.array_split(np.asarray(grid.points, dtype=float), 1 + grid.n_points // 20000)
         gap = np.concatenate([self.evaluate(part, 2 * size).gap for part in parts])
         contour = grid.contour([0.0], gap, compute_normals=False, method="flying_edges")
-        points, triangles = (
-            np.array(contour.points, dtype=float),
-            np.array(contour.faces).reshape(-1, 4)[:, 1:],
-        )
+        points = np.array(contour.points, dtype=float)
+        triangles = np.array(contour.faces).reshape(-1, 4)[:, 1:]
         for _ in range(2):  # on to the surface; the second finds what is left
             gap, normals, _ = self.evaluate(points, 2 * size)
             points = points - gap[:, None] * normals
@@ -105,18 +128,17 @@ class Surface:
         """Itself as `Reversed` wants it: an open surface is open from both sides."""
         return self
 
-    def given(self) -> dict[str, Any]:
-        """What tells it from another of its kind, by name: a checkpoint must agree in it."""
+    def fingerprint(self) -> dict[str, Any]:
+        """Public attributes, in which a checkpoint must agree."""
         return {name: value for name, value in vars(self).items() if not name.startswith("_")}
 
     def __eq__(self, other: object) -> bool:
-        """Whether the other is of the same kind and has the same numbers."""
+        """Equality of kind and numbers."""
         if type(self) is not type(other):
             return NotImplemented
-        mine, theirs = self.given(), other.given()  # type: ignore[attr-defined]
-        return mine.keys() == theirs.keys() and all(
-            np.array_equal(mine[k], theirs[k]) for k in mine
-        )
+        mine, others = self.fingerprint(), other.fingerprint()  # type: ignore[attr-defined]
+        same = (np.array_equal(mine[name], others[name]) for name in mine.keys() & others.keys())
+        return mine.keys() == others.keys() and all(same)
 
     def __hash__(self) -> int:
         return hash(type(self))
@@ -143,10 +165,46 @@ def radii_of(surface: Surface) -> tuple[float, float]:
     return inside, outside
 
 
-class Offset(Surface):
-    """`surface` moved along its normals by `distance` [mm], of either sign.
+class _Changed(Surface):
+    """Base of what is made of another `surface`."""
 
-    Raises InputError if a radius of the surface would shrink to 0, where that is known.
+    surface: Surface
+
+    def from_behind(self) -> Surface:
+        seen = copy(self)
+        seen.surface = self.surface.from_behind()
+        return seen
+
+    def back(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, 3) [mm] where they lie beside the surface that this one is made of."""
+        return points
+
+
+def innermost(surface: Surface, points: np.ndarray) -> tuple[Surface, np.ndarray]:
+    """The surface that others are made of, and points (n, 3) [mm] as they lie beside it."""
+    while isinstance(surface, _Changed):
+        surface, points = surface.surface, surface.back(points)
+    return surface, points
+
+
+class Offset(_Changed):
+    """A surface moved along its normals.
+
+    Parameters
+    ----------
+    surface : Surface
+    distance : float
+        Out of the body, or into it if negative [mm].
+
+    Raises
+    ------
+    InputError
+        If a radius of the surface would shrink to 0, where that is known.
+
+    Examples
+    --------
+    >>> ff.Offset(ff.Sphere(10), 2).evaluate([[0, 0, 15]]).gap
+    array([3.])
     """
 
     def __init__(self, surface: Surface, distance: float) -> None:
@@ -157,20 +215,12 @@ class Offset(Surface):
         self.distance = Rule(allowed, lambda v: -inside < v < outside).check(name, distance)
         self.radii = (inside + self.distance, outside - self.distance)
 
-    def from_behind(self) -> Surface:
-        """As in `Surface`."""
-        seen = copy(self)
-        seen.surface = self.surface.from_behind()
-        return seen
-
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
         gap, normal, curvature = self.surface.nearest(points, reach + abs(self.distance))
         return Nearest(gap - self.distance, normal, curvature)
 
-    def mesh(
-        self, low: ArrayLike, high: ArrayLike, size: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         """As in `Surface`."""
         room = abs(self.distance)
         low, high = np.subtract(low, room), np.add(high, room)
@@ -178,59 +228,101 @@ class Offset(Surface):
         return points + self.distance * normals, normals, triangles
 
 
-class Reversed(Surface):
-    """`surface` with the body on its other side: `Reversed(Offset(punch, clearance))` is the die of
-    a punch."""
+class Reversed(_Changed):
+    """A surface with the body on its other side.
+
+    Parameters
+    ----------
+    surface : Surface
+
+    Examples
+    --------
+    The die of a punch, 1 mm from it:
+
+    >>> die = ff.Reversed(ff.Offset(ff.Sphere(10), 1))
+    >>> die.evaluate([[0, 0, 10]]).gap
+    array([1.])
+    """
 
     def __init__(self, surface: Surface) -> None:
         self.surface, self.radii = surface.from_behind(), radii_of(surface)[::-1]
+
+    def from_behind(self) -> Surface:
+        """As in `Surface`."""
+        return self
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
         return Nearest(*(-a for a in self.surface.nearest(points, reach)))
 
-    def mesh(
-        self, low: ArrayLike, high: ArrayLike, size: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
         """As in `Surface`."""
         points, normals, triangles = self.surface.mesh(low, high, size)
         return points, -normals, triangles[:, ::-1]
 
 
-class Flipped(Surface):
-    """`surface` upside down: mirrored in the plane z = 0, the normal still pointing out of the
-    body."""
+class _Rigid(_Changed):
+    """A surface turned or mirrored about the origin, by the matrix `_turn` (3, 3)."""
+
+    _turn: np.ndarray
+
+    def back(self, points: np.ndarray) -> np.ndarray:
+        return points @ self._turn
+
+    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
+        gap, normal, curvature = self.surface.nearest(self.back(points), reach)
+        curvature = self._turn @ curvature @ self._turn.T
+        curvature = (curvature + curvature.swapaxes(1, 2)) / 2  # of rounding
+        return Nearest(gap, normal @ self._turn.T, curvature)
+
+    def mesh(self, low: ArrayLike, high: ArrayLike, size: float) -> Drawn:
+        ends = np.array([low, high], dtype=float).T
+        corners = self.back(np.stack(np.meshgrid(*ends), -1).reshape(-1, 3))
+        points, normals, triangles = self.surface.mesh(corners.min(0), corners.max(0), size)
+        triangles = triangles if np.linalg.det(self._turn) > 0 else triangles[:, ::-1]
+        return points @ self._turn.T, normals @ self._turn.T, triangles
+
+
+class Flipped(_Rigid):
+    """A surface upside down: mirrored in the plane z = 0, the normal still pointing out of the
+    body.
+
+    Parameters
+    ----------
+    surface : Surface
+
+    Examples
+    --------
+    >>> ff.Flipped(ff.Sphere(10, (0, 0, 30))).evaluate([[0, 0, -18]]).gap
+    array([2.])
+    """
+
+    _turn = np.diag([1.0, 1.0, -1.0])
 
     def __init__(self, surface: Surface) -> None:
         self.surface, self.radii = surface, radii_of(surface)
 
-    def from_behind(self) -> Surface:
-        """As in `Surface`."""
-        seen = copy(self)
-        seen.surface = self.surface.from_behind()
-        return seen
 
-    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
-        mirror = np.array([1.0, 1.0, -1.0])
-        gap, normal, curvature = self.surface.nearest(points * mirror, reach)
-        return Nearest(gap, normal * mirror, curvature * np.outer(mirror, mirror))
+class Turned(_Rigid):
+    """A surface turned about the origin.
 
-    def mesh(
-        self, low: ArrayLike, high: ArrayLike, size: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `Surface`."""
-        mirror = np.array([1.0, 1.0, -1.0])
-        ends = np.array([low, high]) * mirror
-        points, normals, triangles = self.surface.mesh(ends.min(0), ends.max(0), size)
-        return points * mirror, normals * mirror, triangles[:, ::-1]
+    Parameters
+    ----------
+    surface : Surface
+    angles : (3,)
+        First about the axis x, then about y, then about z, the axes standing still; anticlockwise
+        as seen from the axis' end [deg].
 
+    Raises
+    ------
+    InputError
+        Unless the angles are three finite numbers.
 
-class Turned(Surface):
-    """`surface` turned about the origin by `angles` (3,) [deg]: first about the axis x, then about
-    y, then about z, the axes standing still. A turn is anticlockwise as seen from the axis' end.
-
-    Raises InputError unless the angles are three finite numbers.
+    Examples
+    --------
+    >>> floor = ff.Plane((0, 0, 0), (0, 0, 1))
+    >>> ff.Turned(floor, (0, 90, 0)).evaluate([[3, 0, 0]]).gap
+    array([3.])
     """
 
     def __init__(self, surface: Surface, angles: ArrayLike) -> None:
@@ -238,30 +330,3 @@ class Turned(Surface):
         self.angles = checked_vector("angles of the turn [deg]", angles)
         # of a column of coordinates
         self._turn = Rotation.from_euler("xyz", self.angles, degrees=True).as_matrix()
-
-    def from_behind(self) -> Surface:
-        """As in `Surface`."""
-        seen = copy(self)
-        seen.surface = self.surface.from_behind()
-        return seen
-
-    def back(self, points: np.ndarray) -> np.ndarray:
-        """Points (n, 3) [mm] where they lie beside the surface before its turn."""
-        return points @ self._turn
-
-    def nearest(self, points: np.ndarray, reach: float) -> Nearest:
-        """As in `Surface`."""
-        gap, normal, curvature = self.surface.nearest(self.back(points), reach)
-        curvature = self._turn @ curvature @ self._turn.T
-        curvature = (curvature + curvature.swapaxes(1, 2)) / 2  # of rounding
-        return Nearest(gap, normal @ self._turn.T, curvature)
-
-    def mesh(
-        self, low: ArrayLike, high: ArrayLike, size: float
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `Surface`, of what lies in a box around the one asked for, before the turn."""
-        ends = np.array([low, high], dtype=float)
-        x, y, z = np.meshgrid(*ends.T)
-        ends = self.back(np.column_stack([x.ravel(), y.ravel(), z.ravel()]))
-        points, normals, triangles = self.surface.mesh(ends.min(0), ends.max(0), size)
-        return points @ self._turn.T, normals @ self._turn.T, triangles

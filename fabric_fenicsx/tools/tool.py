@@ -19,15 +19,32 @@ OfLoad = Callable[[float], ArrayLike]  # from the load factor to (3,)
 class Tool:
     """A rigid body that moves without turning: along a path, or along a line by force.
 
-    - surface: what bounds it; name: what summaries and errors call it
-    - path: its displacement (3,) [mm] at full load, to which it grows in proportion, or a function
-      of the load
-    - force: if given, (3,) [N] at full load, or a function of the load to it, along one direction;
-      the tool is moved on that line by `travel` [mm], beyond the path, which its contact finds
-    - displacement: (3,) [mm], where it is now; `at(load)` sets path and force
+    Parameters
+    ----------
+    surface : Surface
+        The body's boundary.
+    path : (3,) or function of the load factor to (3,)
+        Its displacement [mm]; three numbers are that at full load, to which it grows in proportion.
+    force : (3,) or function of the load factor to (3,)
+        If given, on the tool [N], always along one direction; the tool moves on that line by
+        `travel` [mm], beyond the path, which its contact finds.
+    name : str
+        The tool's name in summaries and errors.
 
-    Raises InputError for a path or force that does not give three finite numbers, a force that
-    turns, or a surface whose `radii` are no two numbers above 0.
+    Raises
+    ------
+    InputError
+        For a path or force that does not give three finite numbers, a force that turns, or a
+        surface whose `radii` are no two numbers above 0.
+
+    Examples
+    --------
+    >>> punch = ff.Tool(ff.Sphere(10), path=(0, 0, 20), name="punch")
+    >>> punch.at(0.5)
+    >>> punch.displacement
+    array([ 0.,  0., 10.])
+    >>> punch.evaluate([[0, 0, 25]]).gap
+    array([5.])
     """
 
     def __init__(
@@ -38,11 +55,9 @@ class Tool:
         name: str = "tool",
     ) -> None:
         if not isinstance(surface, Surface):
-            kind = surface.__name__ if isinstance(surface, type) else type(surface).__name__
-            raise InputError(
-                f"surface of {name} is {'the class' if isinstance(surface, type) else 'a'} {kind}; "
-                "allowed is a surface, as `Sphere(30)`"
-            )
+            is_class = isinstance(surface, type)
+            found = f"the class {surface.__name__}" if is_class else f"a {type(surface).__name__}"
+            raise InputError(f"surface of {name} is {found}; allowed is a surface, as `Sphere(30)`")
         self.name, self.surface = name, surface
         radii_of(surface)
         self.path: OfLoad = _growing(f"path of {name}", path)

@@ -5,11 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
+from ..runtime.graph import connected
 from .facets import LAST, NEXT, facet_normals, topology
 from .values import checked_points
 
@@ -21,13 +20,13 @@ CRACK, SHORT = 2e-3, 0.1
 class Repaired(NamedTuple):
     """Points (n, 3) [mm] and triangles (m, 3) without doubles and triangles without area, turned
     the same way round; normals (m, 3, 3) at their corners if given, 0 where there is none; how many
-    triangles were `turned`; one_sided: False where no way to turn them makes all agree."""
+    triangles were `turned`; two_sided: False where no way to turn them makes all agree."""
 
     points: np.ndarray
     triangles: np.ndarray
     normals: np.ndarray | None
     turned: int
-    one_sided: bool
+    two_sided: bool
 
 
 def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None = None) -> Repaired:
@@ -61,11 +60,13 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
     edges = np.roll(corners, -1, 1) - corners
     longest = (edges**2).sum(2).max(1, initial=0)
     area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-10 * longest
-    area &= _first(cells)
+    first = np.zeros(len(cells), dtype=bool)  # of those with the same three points
+    first[np.unique(np.sort(cells, 1), axis=0, return_index=True)[1]] = True
+    area &= first
     if not area.any():
         raise InputError("the surface has no triangle with an area; allowed is one at least")
     used, number = np.unique(cells[area], return_inverse=True)
-    cells, turn, one_sided = _agreeing(number.reshape(-1, 3))
+    cells, turn, two_sided = _agreeing(number.reshape(-1, 3))
     if given is not None:
         given = given[area]
         given[turn] = given[turn][:, [0, 2, 1]]
@@ -74,16 +75,15 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
         # at poles of a CAD model's faces there is none
         known = (given * facets).sum(2)[..., None] > math.cos(math.pi / 3)
         given = np.where(known, given, 0.0)
-    return Repaired(x[used], cells, given, int(turn.sum()), one_sided)
+    return Repaired(x[used], cells, given, int(turn.sum()), two_sided)
 
 
 def _merged(x):
     """Points without those that are others up to rounding, and the number among them of each."""
     x, number = np.unique(x, axis=0, return_inverse=True)
-    number = number.reshape(-1)
     pairs = cKDTree(x).query_pairs(SAME * abs(x).max(initial=0), output_type="ndarray")
     x, one = _joined(x, pairs)
-    return x, one[number]
+    return x, one[number.ravel()]
 
 
 def _closed(x, cells):
@@ -108,17 +108,9 @@ def _joined(x, pairs):
     """Points without the later ones of pairs (k, 2) that are one, and the number of each."""
     if not len(pairs):
         return x, np.arange(len(x))
-    graph = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(x),) * 2)
-    one = connected_components(graph, directed=False)[1]
+    _, one = connected(len(x), pairs.T)
     _, first = np.unique(one, return_index=True)
     return x[first], one
-
-
-def _first(cells):
-    """Mask (m,) without triangles whose three points another one before has."""
-    first = np.zeros(len(cells), dtype=bool)
-    first[np.unique(np.sort(cells, 1), axis=0, return_index=True)[1]] = True
-    return first
 
 
 def _agreeing(triangles):
@@ -131,10 +123,8 @@ def _agreeing(triangles):
     o, back = across.triangle[t, k], across.edge[t, k]
     same = (ends[t, k, 0] == ends[o, back, 0]).astype(np.int64)
     # each triangle twice, as it is and turned, joined with what agrees with it
-    rows = np.concatenate([t, t + m])
-    cols = np.concatenate([o + same * m, o + (1 - same) * m])
-    graph = sparse.coo_matrix((np.ones(len(rows)), (rows, cols)), shape=(2 * m, 2 * m))
-    label = connected_components(graph, directed=False)[1].reshape(2, m)
+    joined = [np.append(t, t + m), np.append(o + same * m, o + (1 - same) * m)]
+    label = connected(2 * m, joined)[1].reshape(2, m)
     _, first, part = np.unique(label.min(0), return_index=True, return_inverse=True)
     turn = label[0] != label[0][first][part]
     agrees = bool((label[0] != label[1]).all())

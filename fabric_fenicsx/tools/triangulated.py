@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from mpi4py import MPI
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
 from ..runtime.rules import BELOW_180, POSITIVE
-from .closest_triangles import ClosestTriangles
+from .closest_triangles import boxes_around, closest
 from .curved_triangles import CurvedTriangles, row_dots
 from .files import read_triangles
 from .projection import Projection, least_radii
@@ -21,36 +21,67 @@ from .surfaces import Nearest, Surface
 from .triangles import repaired
 
 CREASE = 35.0  # deg
+KEPT = 4  # sets of points that are remembered, of so many different numbers
+
+
+class Known(NamedTuple):
+    """Of n points when they were sought last: their `place` (n, 3), by how much they are surely
+    `clear` (n,) of the surface [mm], on which `side` (n,), and the closest `triangle` (n,)."""
+
+    place: np.ndarray
+    clear: np.ndarray
+    side: np.ndarray
+    triangle: np.ndarray
 
 
 class TriangulatedSurface(Surface):
-    """Surface through triangles (m, 3) over points (n, 3) [mm], closed or open; normals point to
-    the side from which the first triangle (of each connected part) turns anticlockwise, and the
-    others are turned to agree with it.
+    """Surface through triangles, curved where they stand for a curved one.
 
-    The triangles carry curved patches (`patches`) that go through their corners with common tangent
-    planes across edges. Edges across which facets turn by more than `crease` [deg] are sharp. Where
-    facets lie in one plane the surface is that plane; slivers take its normal. Normals at the
-    vertices are those which make arcs of the edges, or `normals` (m, 3, 3), one for each corner of
-    each triangle, as a CAD model gives them. With edges of length h the errors are h^3 to h^4 in
-    the gap and h^2 to h^3 in the normal where the curvature is smooth; triangles that lie across a
-    jump of the curvature err by h^2 and h there.
-    The gap is the distance to the nearest point of that surface, found by Newton's method, negative
-    behind it; normal and curvature are its derivatives. Beyond the rim of an open surface it is the
-    distance to the rim and positive on both sides, as there is no body. The nearest point is sought
-    from the closest point of the flat triangles, whose search is exact.
+    Curved patches go through the triangles' corners with common tangent planes across edges; where
+    facets lie in one plane the surface is that plane. With edges of length h the errors are h^3 to
+    h^4 in the gap and h^2 to h^3 in the normal where the curvature is smooth, h^2 and h across a
+    jump of it. Gap, normal and curvature are exact at the nearest point of the patches. Beyond the
+    rim of an open surface the gap is the distance to the rim and positive on both sides.
 
-    - points (n, 3) [mm] and triangles (m, 3), without doubles and triangles without area; facets
-      (m, 3): unit normals of these, areas (m,) [mm^2]
-    - normals (n, 3) at the points, averaged where edges are sharp; curved: the patches, as
-      `CurvedTriangles`
-    - rim (k, 2): points at the ends of edges of one triangle; forks (k, 2): of more than two;
-      sharp (k, 2): of sharp edges
-    - turned: how many triangles had to be; one_sided: False where none of the ways to turn them
-      agrees
+    Parameters
+    ----------
+    points : (n, 3)
+        [mm]
+    triangles : (m, 3)
+        Numbers of their points. The side from which the first one of a connected part turns
+        anticlockwise is outside; the others are turned to agree with it.
+    normals : (m, 3, 3)
+        At the corners of the triangles, as a CAD model has them; by default those which make arcs
+        of the edges.
+    crease : float
+        Angle across which an edge between facets is sharp [deg].
 
-    Raises InputError if no triangle has an area, for points, triangles or normals of a wrong shape
-    or not finite, and for a crease that is not above 0 and below 180.
+    Attributes
+    ----------
+    points, triangles, facets, areas, normals
+        Without doubles and triangles without area; unit normals (m, 3) and areas (m,) [mm2] of the
+        facets; normals (n, 3) at the points, averaged where edges are sharp.
+    rim, forks, sharp : (k, 2)
+        Points at the ends of edges of one triangle, of more than two, and of sharp ones.
+    turned, two_sided
+        Number of triangles that were turned; False if no way to turn them makes all agree.
+
+    Raises
+    ------
+    InputError
+        If no triangle has an area, for arrays of a wrong shape or not finite, and for a crease not
+        between 0 and 180.
+
+    References
+    ----------
+    D. J. Walton, D. S. Meek, A triangular G1 patch from boundary curves, Computer-Aided Design 28
+    (1996) 113.
+
+    Examples
+    --------
+    >>> roof = ff.TriangulatedSurface([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]])
+    >>> roof.evaluate([[2, 2, 1]]).gap
+    array([1.])
     """
 
     def __init__(
@@ -62,7 +93,7 @@ class TriangulatedSurface(Surface):
     ) -> None:
         self.crease = BELOW_180.check("crease", crease)
         found = repaired(points, triangles, normals)
-        self.turned, self.one_sided = found.turned, found.one_sided
+        self.turned, self.two_sided = found.turned, found.two_sided
         self.curved = curved = CurvedTriangles(
             found.points, found.triangles, math.radians(self.crease), found.normals
         )
@@ -75,7 +106,9 @@ class TriangulatedSurface(Surface):
             for which in (across.sharing == 1, across.sharing > 2, sharp & (across.triangle >= 0))
         )
         self.radii = least_radii(curved)
-        self._search, self._projection = ClosestTriangles(curved), Projection(curved)
+        self._boxes, self._projection = boxes_around(curved), Projection(curved)
+        self._rim_side = 1.0
+        self._known: dict[int, Known] = {}
 
     @classmethod
     def read(
@@ -85,21 +118,38 @@ class TriangulatedSurface(Surface):
         crease: float = CREASE,
         comm: MPI.Comm = MPI.COMM_SELF,
     ) -> Self:
-        """The surface in a file [mm]: STL, VTP, MSH, or any other that meshio, gmsh or PyVista
-        reads, where larger cells are cut; or STEP, IGES or BREP, whose faces gmsh meshes up to
-        `chord` [mm] off them. Rank 0 of comm reads: gmsh meshes the same faces a little
-        differently each time, and all ranks need one tool.
+        """The surface in a file, in mm.
 
-        Raises InputError if it cannot be read or has no triangle, or for a chord that is not above
-        0.
+        Parameters
+        ----------
+        path
+            STL, VTP, MSH, or any other that meshio, gmsh or PyVista reads, where larger cells are
+            cut; or STEP, IGES or BREP, whose faces gmsh meshes.
+        chord : float
+            Distance of that mesh from the faces [mm].
+        crease : float
+            As for the surface [deg].
+        comm
+            Rank 0 reads: gmsh meshes the same faces a little differently each time, and all ranks
+            need one tool.
+
+        Raises
+        ------
+        InputError
+            If the file cannot be read or has no triangle, or for a chord that is not above 0.
         """
         path, chord = Path(path), POSITIVE.check("chord", chord)
-        found, wrong = comm.bcast(_read(path, chord) if comm.rank == 0 else None)
-        if wrong:
+        found, wrong = None, ""
+        if comm.rank == 0:
+            try:
+                found = read_triangles(path, chord)
+            except InputError as error:
+                wrong = str(error)
+        found, wrong = comm.bcast((found, wrong))
+        if found is None:
             raise InputError(wrong)
-        points, triangles, normals = found
         try:
-            return cls(points, triangles, normals, crease)
+            return cls(*found, crease)
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
 
@@ -134,52 +184,74 @@ class TriangulatedSurface(Surface):
     def from_behind(self) -> TriangulatedSurface:
         """As in `Surface`: the gap beyond the rim has the other sign."""
         seen = copy(self)
-        seen._search = self._search.from_behind()
+        seen._rim_side, seen._known = -self._rim_side, {}
         seen._projection = self._projection.from_behind()
         return seen
 
-    def given(self) -> dict[str, Any]:
+    def fingerprint(self) -> dict[str, Any]:
         """The crease alone: triangles of a CAD file differ a little each time."""
         return {"crease": self.crease}
 
+    def __eq__(self, other: object) -> bool:
+        """Equality of crease and triangles."""
+        return (
+            isinstance(other, TriangulatedSurface)
+            and self.crease == other.crease
+            and np.array_equal(self.points, other.points)
+            and np.array_equal(self.triangles, other.triangles)
+        )
+
+    __hash__ = Surface.__hash__
+
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As in `Surface`."""
-        search, curved = self._search, self.curved
-        candidates, gap = search.candidates(points, reach)
-        row, triangle, weights, distance = search.closest(
-            points, candidates.row, candidates.triangle
+        curved, (known, moved) = self.curved, self._known_of(points)
+        sought = np.flatnonzero(known.clear - moved <= reach)
+        row, triangle, weights, distance = closest(
+            self._boxes, points[sought], known.triangle[sought], curved.parts
         )
-        facet = self.facets[triangle]
-        arm = points[row] - np.einsum("nc,nci->ni", weights, curved.corners[triangle])
+        row, far = sought[row], distance - curved.bulge > reach
+        moved[row], known.place[row], known.triangle[row] = 0.0, points[row], triangle
+        known.clear[row] = np.where(far, distance - curved.bulge, -np.inf)
+        known.side[row[far]] = curved.sides(
+            points[row[far]], triangle[far], weights[far], self._rim_side
+        )
+        far_gap, n = np.copysign(known.clear - moved, known.side), len(points)
+        found = Nearest(far_gap, self.facets[known.triangle], np.zeros((n, 3, 3)))
+        near = ~far
+        self._project(points, row[near], triangle[near], weights[near], found)
+        return found
+
+    def _project(self, points, row, triangle, weights, found):
+        """Put what belongs to points (n, 3) into `row` (k,) of what is found, sought from places on
+        triangles (k,): at once over flat ones, where a facet is the surface."""
+        curved, least = self.curved, np.full(len(points), np.inf)
+        over = np.flatnonzero(curved.flat[triangle])
+        feet = np.einsum("nc,nci->ni", weights[over], curved.corners[triangle[over]])
+        arm, facet = points[row[over]] - feet, self.facets[triangle[over]]
         high = row_dots(arm, facet)
         beside = arm - high[:, None] * facet
-        # known at once: what lies further than the reach, and what lies over planes
-        far = distance - curved.bulge > reach
-        flat = ~far & curved.flat[triangle] & (row_dots(beside, beside) <= 1e-22)
-        found = Nearest(gap, candidates.normal.copy(), np.zeros((len(points), 3, 3)))
-        sides = search.sides(points[row[far]], triangle[far], weights[far])
-        found.gap[row[far]] = (distance[far] - curved.bulge) * sides
-        found.gap[row[flat]], found.normal[row[flat]] = high[flat], facet[flat]
-        rest = np.flatnonzero(~far & ~flat)
+        inside = row_dots(beside, beside) <= 1e-22
+        at = row[over[inside]]
+        found.gap[at], found.normal[at] = high[inside], facet[inside]
+        least[at] = abs(high[inside])
+        rest = np.ones(len(row), dtype=bool)
+        rest[over[inside]] = False
         at = row[rest]
         gap, normal, curvature = self._projection.nearest(points[at], triangle[rest], weights[rest])
         if curved.parts > 1:  # the nearest one counts
-            known = np.full(len(points), np.inf)
-            known[row[flat]] = abs(high[flat])
             order = np.argsort(-abs(gap), kind="stable")
-            order = order[abs(gap[order]) < known[at[order]]]
+            order = order[abs(gap[order]) < least[at[order]]]
             at, gap, normal, curvature = at[order], gap[order], normal[order], curvature[order]
         found.gap[at], found.normal[at], found.curvature[at] = gap, normal, curvature
-        over = np.flatnonzero(candidates.plane >= 0)
-        facet = self.facets[candidates.plane[over]]
-        found.gap[over] = row_dots(points[over] - curved.middles[candidates.plane[over]], facet)
-        found.normal[over] = facet
-        return found
 
-
-def _read(path, chord):
-    """What `read_triangles` finds, or what is wrong with the file."""
-    try:
-        return read_triangles(path, chord), ""
-    except InputError as error:
-        return None, str(error)
+    def _known_of(self, points):
+        """The `Known` of as many points as these (n, 3), and how far each has moved since [mm]."""
+        n = len(points)
+        known = self._known.pop(n, None) or Known(
+            np.zeros((n, 3)), np.full(n, -np.inf), np.ones(n), np.zeros(n, dtype=np.int64)
+        )
+        self._known[n] = known
+        if len(self._known) > KEPT:
+            del self._known[next(iter(self._known))]  # that which was used least lately
+        return known, np.linalg.norm(points - known.place, axis=1)

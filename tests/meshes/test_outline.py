@@ -1,16 +1,19 @@
 """Triangles in an outline with holes."""
 
+import runpy
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 from shapely import affinity
 
-from fabric_fenicsx.meshes.outline import PATTERNS, main, outline_mesh
+from fabric_fenicsx.meshes.outline import PATTERNS, outline_mesh
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.mesh_checks import checked_mesh
 
+SCRIPT = Path(__file__).parents[2] / "meshes" / "outline.py"
 YARNS = np.radians([30, 120])
 NOTCHED = [(0, 0), (200, 0), (200, 60), (180, 60), (180, 80), (200, 80), (200, 150), (0, 150)]
 HOLE = shapely.get_coordinates(shapely.Point(60, 90).buffer(15, quad_segs=200))
@@ -122,9 +125,9 @@ def test_by_itself(tmp_path, monkeypatch, capsys):
     table.write_text("x,y\n0,0\n100,0\n100,80\n0,80\n")
     words = ["outline.py", str(table), "--size", "10", "--pattern", "along", "--fibre-angle", "30"]
     monkeypatch.setattr(sys, "argv", [*words, "--out", str(tmp_path / "ply.msh")])
-    main()
+    runpy.run_path(str(SCRIPT), run_name="__main__")
     assert "nodes" in capsys.readouterr().out and (tmp_path / "ply.msh").is_file()
     monkeypatch.setattr(sys, "argv", [*words, "--size", "200"])
     with pytest.raises(SystemExit) as end:
-        main()
+        runpy.run_path(str(SCRIPT), run_name="__main__")
     assert end.value.code == 2 and "allowed is up to half" in capsys.readouterr().err

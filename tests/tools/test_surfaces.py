@@ -2,8 +2,6 @@
 
 import inspect
 import math
-import re
-import textwrap
 from dataclasses import fields
 
 import numpy as np
@@ -446,7 +444,7 @@ def test_turned_surfaces():
     points = np.random.default_rng(0).uniform(-40, 40, (5000, 3))
     points = points[abs(block.evaluate(points).gap) < 4]
     check_derivatives(block, points[:1000])
-    assert block.radii == (6, math.inf) and block.given()["angles"].tolist() == [10, -70, 25]
+    assert block.radii == (6, math.inf) and block.fingerprint()["angles"].tolist() == [10, -70, 25]
     back = block.back(points)
     assert np.allclose(BLOCKS[1].evaluate(back).gap, block.evaluate(points).gap, atol=1e-12)
 
@@ -630,9 +628,9 @@ def test_bad_parameters(make, sentence):
 
 
 def test_the_double_dome_says_what_its_dimensions_are():
-    told = " ".join(inspect.getdoc(DoubleDome).split())
+    told = " ".join(inspect.getdoc(DoubleDome).lower().split())
     for each in fields(DoubleDome):
-        assert f"- {each.name}: {each.metadata['help']}" in told
+        assert f"{each.name} : float {each.metadata['help']}" in told
     assert list(inspect.signature(DoubleDome).parameters) == [e.name for e in fields(DoubleDome)]
 
 
@@ -645,20 +643,6 @@ def test_tool_moves():
     tool = Tool(Sphere(10, [0, 0, 0]), path=lambda load: (load**2, 0, 0), name="die")
     tool.at(3)
     assert np.array_equal(tool.displacement, [9, 0, 0]) and tool.evaluate([[20, 0, 0]]).gap == [1]
-
-
-@pytest.mark.parametrize("surface", [Surface, ImplicitSurface])
-def test_examples_in_docstrings_are_surfaces(surface):
-    lines = inspect.getdoc(surface).splitlines()
-    code = "\n".join(line for line in lines if line.startswith("    "))
-    names = {"np": np, "Surface": Surface, "ImplicitSurface": ImplicitSurface, "Nearest": Nearest}
-    exec(textwrap.dedent(code), names)
-    own = names[re.search(r"class (\w+)", code)[1]]()
-    x = np.array([[0.3, 0.2, 2.0], [7.0, -3.0, 1.5]])
-    found, step = own.evaluate(x), 1e-6
-    for axis in range(3):
-        moved = own.evaluate(x + step * np.eye(3)[axis]).gap - found.gap
-        assert moved / step == pytest.approx(found.normal[:, axis], abs=1e-5)
 
 
 def test_curvature_is_a_number_at_a_centre_of_curvature():

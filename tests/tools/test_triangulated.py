@@ -279,7 +279,7 @@ def test_triangles_turned_against_each_other_are_put_right():
     points, triangles = refined_sphere(4)
     triangles[10::3] = triangles[10::3, ::-1]
     surface = TriangulatedSurface(10 * points, triangles)
-    assert surface.turned == len(triangles[10::3]) and surface.one_sided
+    assert surface.turned == len(triangles[10::3]) and surface.two_sided
     assert np.allclose(np.einsum("ij,ij->i", surface.normals, surface.points), 10, atol=0.3)
     inwards = surface.turned_round().evaluate([[0, 0, 12]])
     assert inwards.gap == pytest.approx(-surface.evaluate([[0, 0, 12]]).gap, abs=1e-12)
@@ -343,7 +343,7 @@ def test_surfaces_that_are_none():
     strip = TriangulatedSurface(
         points, np.vstack([np.column_stack([i, low, high]), np.column_stack([i, high, i + n])])
     )
-    assert not strip.one_sided and TriangulatedSurface(p, t).one_sided
+    assert not strip.two_sided and TriangulatedSurface(p, t).two_sided
 
 
 @pytest.mark.versions
