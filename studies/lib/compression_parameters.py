@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..material.laws import Law
+from fabric_fenicsx.material.laws import Law
 
 BASE = {"p_min": 0.75, "E_C": 1.3, "s_C": 100.0}  # E_C [MPa] = 2 d, of a yarn in compression
 VARIED = {
@@ -36,7 +36,7 @@ def with_lost_ellipticity(grid: Any) -> Any:
 
 def shear_contrast(grid: Any) -> float:
     """Contrast of the shear angle of a ply's PyVista grid [deg], as in `results.forming`."""
-    from ..results import forming
+    from fabric_fenicsx.results import forming
 
     return float(np.degrees(forming.contrast(grid, "shear_angle")))
 

@@ -35,9 +35,12 @@ class PinJointedStrip:
     @cached_property
     def _gaps(self) -> np.ndarray:
         """Lengths (2,) of alpha and of beta between the clamps [mm]."""
-        return self.length * abs(self._coordinates[:, 0]) - self.width * abs(
-            self._coordinates[:, 1]
-        )
+        length, width = abs(self._coordinates).T
+        return self.length * length - self.width * width
+
+    def _along_yarns(self, x, y):
+        """alpha and beta of places x, y (n,), (2, n)."""
+        return self._coordinates @ np.stack(np.broadcast_arrays(x, y))
 
     @property
     def locked(self) -> str:
@@ -94,13 +97,9 @@ class PinJointedStrip:
     def held(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """Whether the yarns a and b through places x, y (n,) end in a clamp, (2, n), and the
         places' distance to the lines where that changes, (n,) [mm]."""
-        places = self._coordinates @ np.stack(
-            np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        )
-        of_length, of_width = (
-            self.length * self._coordinates[:, :1],
-            self.width * self._coordinates[:, 1:],
-        )
+        places = self._along_yarns(x, y)
+        of_length = self.length * self._coordinates[:, :1]
+        of_width = self.width * self._coordinates[:, 1:]
         low, high = np.minimum(0, of_width), np.maximum(0, of_width)
         clamped = [(places >= low + at) & (places <= high + at) for at in (0, of_length)]
         distance = np.min(
@@ -120,9 +119,7 @@ class PinJointedStrip:
         if self.locked:
             return []
         middle = self._coordinates @ [self.length / 2, self.width / 2]
-        places = self._coordinates @ np.stack(
-            np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        )
+        places = self._along_yarns(x, y)
         # from the strip's middle towards its ends; it is the same turned by half a turn
         places = (places - middle[:, None]) * np.sign(self._coordinates[:, :1])
         clamp, half = self.width * abs(self._coordinates[:, 1]), self._gaps / 2

@@ -1,0 +1,1 @@
+"""What single studies compute, beside the scripts that people run."""
