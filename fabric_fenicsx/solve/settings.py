@@ -1,4 +1,4 @@
-"""What is asked of the solver: each option declared once, with default, rule and help."""
+"""Options of the solver, each declared once with default, rule and help."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -23,9 +23,9 @@ class Settings:
       fails is halved; one that passes uncut lets the next grow
     - tolerance: the residual's norm over that of the forces on the sheet; path_tolerance: a looser
       one of the states between the start and full load or a milestone, None: the same
-    - viscosity: "auto" lets steps that halving does not mend have a drag on every node, which is
-      strengthened until they pass. It fades in those that follow, at full load in steps without
-      load, so the last state is in equilibrium without it
+    - viscosity: "auto" puts a drag on every node in steps that halving does not mend, which is
+      strengthened until they pass, and weakened in those that follow, at full load in steps without
+      load: the last state is in equilibrium without it
     - accuracy: largest distance of a state from the straight continuation of the path, over the
       displacement's norm, for scenes that depend on the path; steps beyond twice that are cut.
       None: any
@@ -33,8 +33,7 @@ class Settings:
       is halved. None: any
     - linear_solver: one of `solve.linear.LINEAR_SOLVERS`
     - every: accepted steps between states written for ParaView
-    - limits: beyond which a result is not believed
-    - milestones: load factors to be hit exactly
+    - limits: see `Limits`; milestones: load factors to be hit exactly
 
     Raises InputError for a value that is not allowed.
     """
