@@ -18,7 +18,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from .runtime import cache_folders as home
+from .runtime import cache_folders
 from .runtime.jit_cache import TIMEOUT, compiled
 from .runtime.signals import end_with_reader
 
@@ -28,9 +28,9 @@ if not OLD:
     import basix.ufl
 
 end_with_reader()  # after petsc4py, which has a handler of its own
-if home.moved:  # DOLFINx may have been imported before, and has taken the place that was then
+if cache_folders.moved:  # DOLFINx may have been imported before, and has taken the place that was then
     _DEFAULTS = getattr(dolfinx.jit, f"DOLFINX_DEFAULT_JIT_{'PARAMETERS' if OLD else 'OPTIONS'}")
-    _DEFAULTS["cache_dir"] = (home.moved / "fenics", _DEFAULTS["cache_dir"][1])
+    _DEFAULTS["cache_dir"] = (cache_folders.moved / "fenics", _DEFAULTS["cache_dir"][1])
 
 # None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional
 # may be computed side by side; sums may be taken in another order and quotients as products; and
