@@ -61,17 +61,10 @@ class Limits:
         0.1, POSITIVE, "penetration of tools into the sheet, over its thickness", GROUP
     )
     strain: float = number(
-        0.1,
-        POSITIVE,
-        "nominal strain of yarns in tension, singular points at edges left out",
-        GROUP,
+        0.1, POSITIVE, "nominal strain of yarns in tension, but for singular points", GROUP
     )
     shortening: float = number(
-        0.05,
-        POSITIVE,
-        "area in which compression shortens yarns by more than 2 %, over the sheet's: a real ply "
-        "wrinkles there",
-        GROUP,
+        0.05, POSITIVE, "area in which compression shortens yarns by more than 2 %", GROUP
     )
     located: float = number(
         0.05, POSITIVE, "forces of supports that only locate, over all from outside", GROUP

@@ -65,9 +65,7 @@ class LineSearch:
             report.cuts += 1
             length = _between(low, high)
             if high.length - low.length <= SHORTEST:
-                raise SolveFailed(
-                    Termination.INVERTED if met_inverted else Termination.LINE_SEARCH
-                )
+                raise SolveFailed(Termination.INVERTED if met_inverted else Termination.LINE_SEARCH)
         self._trial.copy(x)
         return here.energy
 

@@ -1,11 +1,9 @@
 """Check of the derivatives that a law, a term or a surface gives, by finite differences."""
 
-from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import ArrayLike
 
 from ..material.laws import Law
 from ..mechanics.assembly import Assembly
@@ -95,7 +93,7 @@ def check_derivatives(
     elif isinstance(thing, Surface):
         name, rows = f"surface {type(thing).__name__}", [*_of_surface(thing, at)]
     elif isinstance(at, Scene) and thing in at.terms:
-        name, rows = f"term {thing.name}", [*_of_term(thing, at, load, size, remarks)]
+        name, (rows, remarks) = f"term {thing.name}", _of_term(thing, at, load, size)
     else:
         raise InputError(
             f"derivatives of {thing!r} are asked for with {at!r}; allowed are a law, a surface "
@@ -109,13 +107,11 @@ def check_derivatives(
     return "\n".join([f"{name}: {head}\n{table}", *remarks])
 
 
-def _place(point: np.ndarray) -> str:
+def _place(point):
     return f"at ({', '.join(f'{v:.4g}' for v in point)})"
 
 
-def _row(
-    names: str, given: np.ndarray, found: np.ndarray, places: np.ndarray, kinks: float = KINKS
-) -> Row:
+def _row(names, given, found, places, kinks=KINKS):
     """The difference of `given` and `found` (n, ...) at that of the `places` (n, k) which is the
     worst but for the share `kinks` of them."""
     off = abs(given - found).reshape(len(places), -1).max(1)
@@ -125,7 +121,7 @@ def _row(
     return Row(names, float(off[i] / scale) if np.isfinite(off[i]) else np.nan, _place(places[i]))
 
 
-def _central(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, h: float) -> np.ndarray:
+def _central(f, x, h):
     """Differences of f at x (n, 3) along each of the three axes, (..., 3)."""
     return np.stack([(f(x + h * e) - f(x - h * e)) / (2 * h) for e in np.eye(3)], -1)
 
@@ -133,27 +129,27 @@ def _central(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray, h: float) -> 
 # -- laws
 
 
-def _states(at: ArrayLike | None) -> np.ndarray:
+def _states(at):
     low, high = RANGES.T
     drawn = np.random.default_rng(0).uniform(low, high, (500, 3))
     return drawn if at is None else np.asarray(at, float)
 
 
-def _parts(law: Law, x: np.ndarray) -> np.ndarray:
+def _parts(law, x):
     """Parts of the energy at states x (n, 3), (n, 3) [MPa]."""
     with np.errstate(all="ignore"):  # sides of a case that do not count
         return np.stack([part + np.zeros(len(x)) for part in law.parts(*x.T)], -1)
 
 
-def _energy(law: Law, x: np.ndarray) -> np.ndarray:
+def _energy(law, x):
     return _parts(law, x).sum(1)
 
 
-def _stresses(law: Law, x: np.ndarray) -> np.ndarray:
+def _stresses(law, x):
     return law.derivatives(*np.ascontiguousarray(x.T), False).first.T
 
 
-def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
+def _of_law(law, at):
     x, rest, none = _states(at), np.zeros((1, 3)), "at (0, 0, 0)"
     law.check_shapes()
     every = np.vstack([rest, x])
@@ -185,16 +181,16 @@ def _of_law(law: Law, at: ArrayLike | None) -> Iterator[Row]:
     jumps, where = _jumps(law, np.vstack([x, *(x[:100] * e for e in np.eye(3))]))
     i = int(jumps.argmax())
     yield Row("energies on both sides of a state", float(jumps[i]), _place(where[i]))
-    below = max(_below_rest(law, x * e) for e in [np.ones(3), *np.eye(3)])
-    yield Row("energies below that at rest and none", *below, "the energy is below that at rest by")
+    below = []
+    for states in (x * e for e in [np.ones(3), *np.eye(3)]):
+        rise = _energy(law, states) - W[0]
+        depth = -float(rise.min()) / max(abs(rise).max(), TINY)
+        below.append((max(depth, 0.0), _place(states[rise.argmin()])))
+    words = "the energy is below that at rest by"
+    yield Row("energies below that at rest and none", *max(below), words)
 
 
-def _below_rest(law: Law, x: np.ndarray) -> tuple[float, str]:
-    W = _energy(law, x) - _energy(law, np.zeros((1, 3)))
-    return max(-float(W.min()) / max(abs(W).max(), TINY), 0.0), _place(x[W.argmin()])
-
-
-def _jumps(law: Law, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _jumps(law, x):
     """Largest jump of a part of the energy, over its largest, on the path from rest to each state x
     (n, 3), (n,), and its state, (n, 3): there the change of the energy is not the work of the
     stresses, however short the path is made."""
@@ -211,7 +207,7 @@ def _jumps(law: Law, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (abs(_parts(law, two) - _parts(law, one)) / largest).max(1), two
 
 
-def _remarks_on_shear(law: Law, at: ArrayLike | None) -> list[str]:
+def _remarks_on_shear(law, at):
     """A remark if shear takes no energy, or if that at gamma and -gamma differs."""
     x = _states(at)
     W = _energy(law, x)
@@ -230,7 +226,7 @@ def _remarks_on_shear(law: Law, at: ArrayLike | None) -> list[str]:
 # -- surfaces
 
 
-def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
+def _of_surface(surface, at):
     x = np.asarray(np.empty((0, 3)) if at is None else at, float)
     if not len(x):
         raise InputError("a surface is checked at no points; allowed are some near it, (n, 3)")
@@ -260,7 +256,7 @@ def _of_surface(surface: Surface, at: ArrayLike | None) -> Iterator[Row]:
         yield _row("distances and bounds of them", *both, x[found])
 
 
-def _of_radii(surface: Surface, feet: np.ndarray, curvature: np.ndarray) -> Row:
+def _of_radii(surface, feet, curvature):
     """The share by which a surface is curved more than its least radii allow, at points on it."""
     bent = np.linalg.eigvalsh(np.nan_to_num(curvature))
     inside, outside = 1 / np.asarray(surface.radii)
@@ -275,19 +271,17 @@ def _of_radii(surface: Surface, feet: np.ndarray, curvature: np.ndarray) -> Row:
 # -- terms
 
 
-def _of_term(
-    term: Term, scene: Scene, load: float, size: float | None, remarks: list[str]
-) -> Iterator[Row]:
+def _of_term(term, scene, load, size):
+    """Rows on forces and tangent of a term, and remarks."""
     probe = _Probe(term, scene, size)
     try:
-        yield from _compared(probe, load, remarks)
+        return _compared(probe, load)
     finally:
         scene.set(probe.before)
         term.set_load(0.0)
 
 
-def _compared(probe: "_Probe", load: float, remarks: list[str]) -> Iterator[Row]:
-    """Rows on the term's forces and tangent at `load`; adds to the remarks on its energies."""
+def _compared(probe, load):
     term, size, whole, d, h = probe.term, probe.size, probe.whole, probe.direction, probe.step
     term.set_load(0.0)
     rest = probe.energy(-size * probe.moved)
@@ -303,13 +297,13 @@ def _compared(probe: "_Probe", load: float, remarks: list[str]) -> Iterator[Row]
     e = d / 2 + f / max(largest, TINY)
     slope = (probe.energy(1e3 * h * e) - probe.energy(-1e3 * h * e)) / (2e3 * h)
     work = whole(f * e)
-    yield Row(
-        "forces and differences of energies",
-        abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), TINY),
-        f"for displacements of about {size:.3g} mm, the `size`",
-    )
-    names = "tangent and differences of forces"
-    yield _row(names, whole(Kd), whole(change), whole(probe.places), 0.0)
+    off = abs(slope - work.sum()) / max(abs(slope), abs(work).sum(), TINY)
+    where, names = f"for displacements of about {size:.3g} mm, the `size`", "differences of"
+    rows = [
+        Row(f"forces and {names} energies", off, where),
+        _row(f"tangent and {names} forces", whole(Kd), whole(change), whole(probe.places), 0.0),
+    ]
+    remarks = []
     stored = probe.energy(0.0)
     if term.energy_kind and stored < -1e-6 * size * total:
         remarks.append(
@@ -322,15 +316,14 @@ def _compared(probe: "_Probe", load: float, remarks: list[str]) -> Iterator[Row]
             f"the energy of the sheet as it lies is {rest:.3g} N mm, without a force: take it "
             "off, as the energy balance knows no work that has gone into it"
         )
-    if not largest:
-        remarks.append(NO_FORCES)
+    return rows, [*remarks, NO_FORCES] if not largest else remarks
 
 
 class _Probe:
     """A term alone in its scene, with the sheet displaced by about `size` [mm] from where it is,
     along `moved`, and from there along `direction`: rough ones, the same on any number of ranks."""
 
-    def __init__(self, term: Term, scene: Scene, size: float | None) -> None:
+    def __init__(self, term, scene, size):
         self.term, self.scene, self.comm, blank = term, scene, scene.comm, scene.blank
         self.assembly = Assembly(blank, [term])
         total = self.comm.allreduce(np.array([blank.areas().sum(), len(blank.areas())]), MPI.SUM)
@@ -343,24 +336,24 @@ class _Probe:
         self.moved = np.sin(angles[:gdim]).T.ravel()
         self.direction = np.sin(angles[gdim:]).T.ravel()
 
-    def move(self, by: float | np.ndarray) -> None:
+    def move(self, by):
         """Displace the sheet, and by so much more."""
         self.x.array[:] = self.before.array + self.size * self.moved + by
         self.scene.set(self.x)
 
-    def energy(self, by: float | np.ndarray) -> float:
+    def energy(self, by):
         """Energy of the term on all ranks [N mm]."""
         self.move(by)
         return sum(self.assembly.energies().values())
 
-    def forces(self, by: float | np.ndarray) -> np.ndarray:
+    def forces(self, by):
         """Forces on this rank's owned displacements [N]."""
         self.move(by)
         f = self.scene.u.duplicate()
         self.assembly.residual(f)
         return f.array.copy()
 
-    def stiffness(self) -> np.ndarray:
+    def stiffness(self):
         """The tangent times the direction."""
         d, direction, term = self.direction, self.scene.u.duplicate(), self.term
         direction.array[:] = d
@@ -373,7 +366,7 @@ class _Probe:
             found[: c.size] -= c * pushed / k if k > 0 else 0.0
         return found
 
-    def check_adds(self, f: np.ndarray) -> None:
+    def check_adds(self, f):
         """InputError if the array of forces loses its content; f: the term's forces."""
         alone = np.zeros_like(self.scene.blank.u.x.array)
         scale = 1.0 + abs(f).max(initial=0.0)
@@ -387,7 +380,7 @@ class _Probe:
                 "to add to the array, as `f[dofs] += forces`"
             )
 
-    def check_places(self) -> None:
+    def check_places(self):
         """InputError if places of the tangent change with the displacement but not `pattern`."""
         found = []
         for by in (-1, -2, 0):
@@ -401,6 +394,6 @@ class _Probe:
                 "elsewhere; allowed are always the same, unless `pattern` counts up"
             )
 
-    def whole(self, values: np.ndarray) -> np.ndarray:
+    def whole(self, values):
         """Rows (nodes, k) of all ranks."""
         return np.concatenate(self.comm.allgather(values.reshape(len(self.places), -1)))
