@@ -44,8 +44,7 @@ class PinJointedStrip:
 
     @property
     def locked(self) -> str:
-        """Why the strip can't lengthen, if it can't: which yarns run from clamp to clamp; else
-        empty."""
+        """Reason why the strip can't lengthen, if it can't: yarns from clamp to clamp; else ""."""
         small = 1e-9 * self.length
         # alpha is constant along yarns b
         names = [name for name, gap in zip("ba", self._gaps) if gap <= small]
@@ -95,8 +94,8 @@ class PinJointedStrip:
         )
 
     def held(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Whether the yarns a and b through places x, y (n,) end in a clamp, (2, n), and the
-        places' distance to the lines where that changes, (n,) [mm]."""
+        """Mask (2, n) of yarns a and b through places x, y (n,) that end in a clamp, and the places'
+        distance to the lines where that changes, (n,) [mm]."""
         places = self._along_yarns(x, y)
         of_length = self.length * self._coordinates[:, :1]
         of_width = self.width * self._coordinates[:, 1:]
@@ -109,9 +108,9 @@ class PinJointedStrip:
         return (clamped[0] | clamped[1])[::-1], distance * abs(math.sin(self.b - self.a))
 
     def beside_clamps(self, x: ArrayLike, y: ArrayLike) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Where the turn of yarns a, then of yarns b, sets in: for each, which of the places x, y
-        (n,) count, and their distance into the zone where it has (n,) [mm]; an empty list if the
-        strip is `locked`.
+        """Borders of the zones in which yarns a, then yarns b, have turned: for each a mask of the
+        places x, y (n,) that count, and their distance into the zone (n,) [mm]; an empty list if
+        the strip is `locked`.
 
         There count, at both ends of the strip, those whose other yarn ends in the middle third of
         the clamp, as far as both zones reach along all of it.

@@ -15,8 +15,8 @@ def cache() -> Path:
 
 
 def ensure_cache() -> None:
-    """Where nothing can be written in `cache`, let XDG_CACHE_HOME be a temporary folder of this
-    user from here on; rank 0 warns."""
+    """Let XDG_CACHE_HOME be a temporary folder of this user from here on if nothing can be written
+    in `cache`; rank 0 warns."""
     global moved
     try:
         _make(cache() / "fenics")

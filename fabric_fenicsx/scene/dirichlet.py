@@ -116,7 +116,7 @@ class FixedDofs:
         self.work.recall(np.hstack([known, fixed]))
 
     def _located(self, sizes):
-        """Of `sizes` those of supports that only locate the sheet, and still hold it."""
+        """The `sizes` of supports that only locate the sheet, and still hold it."""
         return {s.name: sizes[s.name] for s in self if s.locates and self.locates}
 
     def located_share(self, sizes: dict[str, float]) -> float:

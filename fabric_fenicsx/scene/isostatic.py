@@ -10,7 +10,7 @@ from .rigid_motions import TURNS
 from .supports import Support
 
 PLANE = 1e-6  # of a blank's size, within which nodes lie in one plane
-FIRM, HELD = 0.05, 1e-6  # share of a motion left by those held before, from which a node holds it
+FIRM, LOOSE = 0.05, 1e-6  # share of a motion left by those held before, from which a node holds it
 
 
 def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, Support]:
@@ -19,8 +19,8 @@ def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, S
     found, near = {}, PLANE * _size(blank)
     x, comm = blank.coordinates(), blank.mesh.comm
     for support in supports:
-        fixed = not callable(support.value) and not any(support.value)
-        if support.components not in ((0,), (1,)) or not fixed or support.locates:
+        moves = callable(support.value) or any(support.value)
+        if support.components not in ((0,), (1,)) or moves or support.locates:
             continue
         (axis,) = support.components
         across = np.concatenate(comm.allgather(blank.along(x[support.where(x.T)].T)[axis]))
@@ -39,7 +39,7 @@ def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
 
 
 def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support]:
-    places, moved, held = _nodes(blank, part, kept)
+    places, moved, fixed = _nodes(blank, part, kept)
     now = (places + moved - (places + moved).mean(0)) / _size(blank)
     gdim = places.shape[1]
     motions = gdim + len(TURNS[gdim])
@@ -47,11 +47,11 @@ def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support
     for axis in planes_of_symmetry(blank, kept):  # and no turn but about the axis
         turns = np.eye(motions)[gdim:]
         across = turns[[2]] if gdim == 2 else np.delete(turns, axis, 0)
-        basis = _with(basis, np.vstack([_row(now[0], axis), across]), HELD)
-    basis = _with(basis, [_row(now[k], axis) for k, axis in zip(*np.nonzero(held))], HELD)
+        basis = _with(basis, np.vstack([_row(now[0], axis), across]), LOOSE)
+    basis = _with(basis, [_row(now[k], axis) for k, axis in zip(*np.nonzero(fixed))], LOOSE)
     found: dict[int, list[int]] = {}
-    corners = _corners(places, held)
-    for least in (FIRM, HELD):
+    corners = _corners(places, fixed)
+    for least in (FIRM, LOOSE):
         for k in corners:
             for axis in range(gdim) if k == corners[0] else reversed(range(gdim)):
                 more = _with(basis, [_row(now[k], axis)], least)
@@ -69,21 +69,21 @@ def _nodes(blank, part, kept):
     """Places and displacements (n, gdim) along the frame's axes [mm] of the sheet's nodes of all
     ranks, sorted by place, and a mask of the components that `kept` supports fix."""
     owned, gdim = len(part.nodes), blank.mesh.geometry.dim
-    x, held = blank.coordinates()[:owned], np.zeros((owned, gdim))
+    x, fixed = blank.coordinates()[:owned], np.zeros((owned, gdim))
     for support in kept:
-        held[np.ix_(np.flatnonzero(support.where(x.T)), support.components)] = 1
+        fixed[np.ix_(np.flatnonzero(support.where(x.T)), support.components)] = 1
     u = blank.u.x.array[: owned * gdim].reshape(-1, gdim)
-    mine = np.hstack([blank.along(x.T).T, u, held])[part.nodes]
+    mine = np.hstack([blank.along(x.T).T, u, fixed])[part.nodes]
     rows = np.concatenate(blank.mesh.comm.allgather(mine))
     rows = rows[np.lexsort((rows[:, :gdim] / _size(blank)).round(9).T[::-1])]
-    places, moved, held = np.split(rows, [gdim, 2 * gdim], axis=1)
-    return places, moved, held > 0
+    places, moved, fixed = np.split(rows, [gdim, 2 * gdim], axis=1)
+    return places, moved, fixed > 0
 
 
-def _corners(places, held):
+def _corners(places, fixed):
     """Three nodes far from each other, the first one held most or in the middle."""
     middle = np.linalg.norm(places - places.mean(0), axis=1)
-    counts = held.sum(1)
+    counts = fixed.sum(1)
     first = _largest(-middle - 1e3 * middle.max() * (counts.max() - counts))
     offsets = places - places[first]
     second = _largest(np.linalg.norm(offsets, axis=1))

@@ -1,1 +1,1 @@
-"""What single studies compute, beside the scripts that people run."""
+"""Calculations of single studies, for the scripts one folder up."""

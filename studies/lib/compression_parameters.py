@@ -1,4 +1,4 @@
-"""Which compression parameters Figs 12 to 14 of Schäfer et al. vary, and a formed ply in one
+"""Compression parameters as Figs 12 to 14 of Schäfer et al. vary them, and a formed ply in one
 row."""
 
 import textwrap
@@ -65,8 +65,8 @@ def row(
 
 
 def title(row: Mapping[str, Any]) -> str:
-    """What stands above the map of a ply: its parameter and, if it was not formed to the end, how
-    far it was and why not."""
+    """Title of a ply's map: its parameter and, if it was not formed to the end, the load reached and
+    the reason."""
     words = f"{row['parameter']} = {row['value']:g}"
     if row["reason"]:
         words += f": ends at load {row['stroke_reached']:.2f}\n"

@@ -1,4 +1,4 @@
-"""From which strains, parameters and shear angles the law loses convexity and ellipticity.
+"""Strains, parameters and shear angles from which the law loses convexity and ellipticity.
 
 What can be done with `material.stability` at states, sought along paths of yarn strains.
 """
