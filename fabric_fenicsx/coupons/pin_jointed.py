@@ -94,8 +94,8 @@ class PinJointedStrip:
         )
 
     def held(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Mask (2, n) of yarns a and b through places x, y (n,) that end in a clamp, and the places'
-        distance to the lines where that changes, (n,) [mm]."""
+        """Mask (2, n) of yarns a and b through places x, y (n,) that end in a clamp, and distances
+        of the places to the lines where that changes, (n,) [mm]."""
         places = self._along_yarns(x, y)
         of_length = self.length * self._coordinates[:, :1]
         of_width = self.width * self._coordinates[:, 1:]

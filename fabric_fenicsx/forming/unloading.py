@@ -15,7 +15,8 @@ from ..mechanics.protocols import Loaded, Pressing
 from ..mechanics.release_forces import RELEASED, FadingForces
 from ..runtime.errors import InputError
 from ..scene.isostatic import isostatic, planes_of_symmetry
-from ..scene.scene import OF_CELLS, Scene, memory_of
+from ..scene.memory import OF_CELLS, memory_of
+from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.blank import Part
 

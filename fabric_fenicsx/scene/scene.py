@@ -8,27 +8,16 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
-from ..mechanics.output import arrays, asked
-from ..mechanics.protocols import (
-    Anticipates,
-    DrivenByForce,
-    KeepsGaps,
-    Lagged,
-    Remembers,
-    RemembersCells,
-    Touching,
-)
+from ..mechanics.protocols import Anticipates, DrivenByForce, KeepsGaps, Lagged, Touching
 from ..mechanics.term import Term
 from ..mechanics.term_checks import bind, check_answers, check_number
 from ..runtime.errors import InputError
 from ..runtime.timing import phase
 from ..sheets.blank import Blank
 from .dirichlet import FixedDofs
+from .memory import memory_of, recall
 from .rigid_motions import check_held, is_held_by_friction
 from .supports import Supports
-
-OF_CELLS = "cells "  # before the names of what terms remember of cells
-MEMORIES = ("", Remembers, "memory"), (OF_CELLS, RemembersCells, "cell_memory")
 
 
 class Scene:
@@ -147,31 +136,14 @@ class Scene:
         return self.comm.allreduce(sum(term.work() for term in self.terms))
 
     def memory(self) -> dict[str, np.ndarray]:
-        """History of terms and supports, {name: array (owned nodes, k)}, or (owned cells, k) where
-        the name begins with `OF_CELLS`."""
+        """Memory of terms and supports, named as in `memory_of`."""
         return memory_of(self.terms) | {"supports": self.supports.memory()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Give terms and supports back their `memory`, of the present displacement and load. Raises
         InputError, on all ranks, if a term's memory is another one then."""
         for i, term in enumerate(self.terms):
-            given = {key: memory[f"{place}{i} {key}"] for place, key in _memory(term)}
-            if not isinstance(term, (Remembers, RemembersCells)):
-                continue
-            try:
-                term.recall(given)
-            except KeyError as error:
-                raise InputError(
-                    f"`recall` of term {term.name} asks for {error}; allowed is what its memory "
-                    f"has: {', '.join(given)}"
-                ) from error
-            found = {key: values for (_, key), values in _memory(term).items()}
-            lost = [key for key, values in found.items() if not _equal(values, given[key])]
-            if lost := self.comm.allreduce(lost):
-                raise InputError(
-                    f"`recall` of term {term.name} leaves {lost[0]} other than it was given; "
-                    "allowed is to take back all that `memory` and `cell_memory` give"
-                )
+            recall(term, i, memory)
         self.supports.recall(memory["supports"])
 
     def set(self, x: PETSc.Vec) -> None:
@@ -201,15 +173,15 @@ class Scene:
         moved.array[self.fixed_dofs] = 0
         return moved
 
+    @phase("assemble")
     def residual(self, r: PETSc.Vec) -> None:
         """Make r the internal forces on free degrees of freedom, 0 on fixed ones [N]; all of them
         are kept in `forces`."""
-        with phase("assemble"):
-            self._assembly.residual(self.forces)
-            self.forces.copy(r)
-            r.array[self.fixed_dofs] = 0
-            if self.drag:
-                r.axpy(self.drag, self._dragged())
+        self._assembly.residual(self.forces)
+        self.forces.copy(r)
+        r.array[self.fixed_dofs] = 0
+        if self.drag:
+            r.axpy(self.drag, self._dragged())
 
     def create_matrix(self) -> PETSc.Mat:
         """A matrix for `tangent`, with the rigid motions for multigrid."""
@@ -219,14 +191,13 @@ class Scene:
         A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
         return A
 
+    @phase("assemble")
     def tangent(self, A: PETSc.Mat, with_supports: bool = True) -> None:
         """Make A the second derivative of the energy [N/mm], with unit rows and columns at the
         supports."""
-        given = (self.supports.bcs, self._free) if with_supports else ()
-        with phase("assemble"):
-            self._assembly.tangent(A, *given)
-            if self.drag:
-                A.shift(self.drag)
+        self._assembly.tangent(A, *((self.supports.bcs, self._free) if with_supports else ()))
+        if self.drag:
+            A.shift(self.drag)
 
     @property
     def keeps_gaps(self) -> bool:
@@ -286,27 +257,3 @@ class Scene:
     def applied_forces(self) -> list[np.ndarray]:
         """Forces of each tool and load (owned dofs,) [N]."""
         return self._assembly.applied_forces()
-
-
-def _equal(found, given):
-    """Equality up to rounding."""
-    scale = np.abs(given).max(initial=0.0, where=np.isfinite(given))
-    return np.allclose(found, given, 1e-9, 1e-9 * scale, equal_nan=True)
-
-
-def memory_of(terms: Iterable[Term]) -> dict[str, np.ndarray]:
-    """History of `terms` by their numbers; see `Scene.memory`."""
-    memory: dict[str, np.ndarray] = {}
-    for i, term in enumerate(terms):
-        memory |= {f"{place}{i} {key}": v for (place, key), v in _memory(term).items()}
-    return memory
-
-
-def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:
-    """History of a term, {("" or `OF_CELLS`, name): array}."""
-    memory: dict[tuple[str, str], np.ndarray] = {}
-    for place, protocol, method in MEMORIES:
-        if isinstance(term, protocol):
-            found = arrays(term, method, asked(term, method, "array"))
-            memory |= {(place, name): values for name, values in found.items()}
-    return memory

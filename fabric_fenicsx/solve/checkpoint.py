@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from ..scene.scene import OF_CELLS
+from ..scene.memory import OF_CELLS
 from ..sheets.blank import Blank
 from .progress import Progress
 from .viscosity import Viscosity

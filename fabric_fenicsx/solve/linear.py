@@ -14,24 +14,15 @@ PREFIX = "fabric_"  # of PETSc's options
 MUMPS = {"mat_mumps_icntl_7": 4, "mat_mumps_icntl_8": 0}
 # PORD ends the process where all unknowns are coupled, as in a single cell: minimum degree there
 FULL = {"mat_mumps_icntl_7": 0}
+DIRECT = {"ksp_type": "preonly", **MUMPS}
+# flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times stiffer
+# than shear
+ITERATIVE = {"ksp_type": "fcg", "ksp_rtol": 1e-8, "ksp_max_it": 2000}
 LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
-    "mumps-cholesky": {
-        "ksp_type": "preonly",
-        "pc_type": "cholesky",
-        "mat_mumps_icntl_24": 1,
-        **MUMPS,
-    },
-    "mumps-lu": {"ksp_type": "preonly", "pc_type": "lu", **MUMPS},
-    # flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times
-    # stiffer than shear
-    "cg-gamg": {
-        "ksp_type": "fcg",
-        "pc_type": "gamg",
-        "pc_gamg_agg_nsmooths": 0,
-        "ksp_rtol": 1e-8,
-        "ksp_max_it": 2000,
-    },
-    "cg-hypre": {"ksp_type": "fcg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
+    "mumps-cholesky": DIRECT | {"pc_type": "cholesky", "mat_mumps_icntl_24": 1},
+    "mumps-lu": DIRECT | {"pc_type": "lu"},
+    "cg-gamg": ITERATIVE | {"pc_type": "gamg", "pc_gamg_agg_nsmooths": 0},
+    "cg-hypre": ITERATIVE | {"pc_type": "hypre"},
 }
 MEMORY_MARGIN = 14  # MUMPS' option for memory beyond its estimate [%]
 NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness across itself

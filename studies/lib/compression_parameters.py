@@ -65,8 +65,8 @@ def row(
 
 
 def title(row: Mapping[str, Any]) -> str:
-    """Title of a ply's map: its parameter and, if it was not formed to the end, the load reached and
-    the reason."""
+    """Title of a ply's map: its parameter and, if it was not formed to the end, the load that was
+    reached and the reason."""
     words = f"{row['parameter']} = {row['value']:g}"
     if row["reason"]:
         words += f": ends at load {row['stroke_reached']:.2f}\n"
