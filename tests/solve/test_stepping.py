@@ -59,7 +59,7 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     steps = [b - a for a, b in zip(loads, loads[1:])]
     assert loads[-1] == 1
     assert reasons and all("of the step's work is not in the energies" in r for r in reasons)
-    # the first step is judged, too, and in the finest ones it is as it is
+    # the first step must meet it, too, and the finest ones need not
     assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * FINEST / 0.25 <= 1.5
 
 
