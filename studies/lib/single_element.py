@@ -14,7 +14,7 @@ from fabric_fenicsx.material.laws.base import stresses_of_energy
 from fabric_fenicsx.material.paths import PATHS, conjugate, gradient
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.scene import output as reports
+from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
@@ -91,7 +91,7 @@ class Comparison:
                 yield row
 
     def panels(self) -> dict[str, dict]:
-        """PANELS as `results.pictures.panels` draws them."""
+        """PANELS as `plot.pictures.panels` draws them."""
         series: dict[str, dict] = {}
         for title, entries in PANELS.items():
             series[title] = {}
@@ -153,7 +153,7 @@ def prescribed(scene: Scene, strains: np.ndarray) -> tuple[np.ndarray, float]:
     for k in range(len(F)):
         membrane.blank.u.x.array[:] = (x @ (F[k] - np.eye(2)).T).ravel()
         scene.residual(r)
-        P[k] = reports.virial(scene) / membrane.fabric.thickness
+        P[k] = output.virial(scene) / membrane.fabric.thickness
         mismatch = max(mismatch, membrane.state()[3])
     return conjugate(P, F), mismatch
 
