@@ -17,7 +17,7 @@ from ..results import measures
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..scene.supports import Supports, clamped_ends
-from ..verification.pin_jointed import PinJointedStrip
+from .pin_jointed import PinJointedStrip
 from .strip import INNER_ORDER, StripSetup
 from .transition import transition_width
 
