@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
+from .chain_rule import in_invariants
 from .laws import Law
 from .strains import check_weave_angle, nominal_strain, shear_angle
 
@@ -84,7 +85,7 @@ def evaluate(
     gamma = shear_angle(I6, area, cosine, sine)
 
     W = fabric.derivatives(nominal_strain(I4), nominal_strain(I8), gamma, tangent)
-    slopes, bends = _in_invariants(W, I4, I6, I8, area)
+    slopes, bends = in_invariants(W.first, W.second, I4, I6, I8, area)
     # dI/dC in Voigt's 11, 22, 12: dI4/dC = a a, dI6/dC = sym(a b), dI8/dC = b b
     M = [
         np.stack(np.broadcast_arrays(a1 * a1, a2 * a2, a1 * a2), -1),
@@ -99,7 +100,7 @@ def evaluate(
         J = np.sqrt(J2)
         push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
     dSdE = None
-    if bends is not None:
+    if bends:
         dSdE = np.zeros((len(C), 3, 3))
         for (i, j), bend in bends.items():
             pair = (4 * bend)[:, None, None] * M[i][:, :, None] * M[j][:, None, :]
@@ -162,28 +163,3 @@ def _directions(fibres, count):
     if (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
         raise InputError("fibres a0 and b0 are parallel; allowed is any other angle")
     return a.T, b.T
-
-
-def _in_invariants(W, I4, I6, I8, area):
-    """First derivatives of the energy in I4, I6, I8, and its second ones {(i, j): (n,)}, None if
-    `W` has none, from those in the strains along a and b and gamma."""
-    (Wa, Wb, Wg), la, lb = W.first, np.sqrt(I4), np.sqrt(I8)
-    g4, g6, g8 = -I6 / (2 * I4 * area), 1 / area, -I6 / (2 * I8 * area)  # d(gamma)/d(I4, I6, I8)
-    slopes = [Wa / (2 * la) + Wg * g4, Wg * g6, Wb / (2 * lb) + Wg * g8]
-    if W.second is None:
-        return slopes, None
-    Waa, Wab, Wbb, Wag, Wbg, Wgg = W.second
-    W44, W88 = Waa / (4 * I4) - Wa / (4 * la**3), Wbb / (4 * I8) - Wb / (4 * lb**3)
-    W48, W4g, W8g = Wab / (4 * la * lb), Wag / (2 * la), Wbg / (2 * lb)
-    a3 = area**3
-    g44 = I6 / (2 * I4**2 * area) + I6 * I8 / (4 * I4 * a3)
-    g46, g48, g66, g68 = -I8 / (2 * a3), I6 / (4 * a3), I6 / a3, -I4 / (2 * a3)
-    g88 = I6 / (2 * I8**2 * area) + I6 * I4 / (4 * I8 * a3)
-    return slopes, {
-        (0, 0): W44 + 2 * W4g * g4 + Wgg * g4**2 + Wg * g44,
-        (2, 2): W88 + 2 * W8g * g8 + Wgg * g8**2 + Wg * g88,
-        (1, 1): Wgg * g6**2 + Wg * g66,
-        (0, 2): W48 + W4g * g8 + W8g * g4 + Wgg * g4 * g8 + Wg * g48,
-        (0, 1): W4g * g6 + Wgg * g4 * g6 + Wg * g46,
-        (1, 2): W8g * g6 + Wgg * g6 * g8 + Wg * g68,
-    }

@@ -1,7 +1,5 @@
 """The membrane: in-plane strain energy of a blank."""
 
-from itertools import combinations_with_replacement
-
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -10,12 +8,12 @@ from ufl.core.expr import Expr
 
 from ... import dolfinx_compat as compat
 from ...material import kernel, stability
-from ...material.expression import derivatives, energy_density
 from ...material.laws import Law
 from ...material.presets import checked_fabric
 from ...material.strains import SHORTENED, nominal_strain, share_name
 from ...runtime.errors import InputError
 from ...runtime.rules import COUNT
+from .. import membrane_energy
 from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
 from .mesh_warnings import band_warning, locking_warning
@@ -105,19 +103,17 @@ class Membrane(Term):
             )
         law, straight, rest = self._constants(mesh)
         self._a0, self._b0 = straight or self._fibres()
-        fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
+        yarns = membrane_energy.deformed(blank.displacement, self._a0, self._b0)
         cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
         rest = cosine if rest is None else rest
-        self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
-        self._ufl = law, fa, fb, cosine, rest
+        self._ufl = law, yarns, cosine, rest
         self._drawn = INNER if self.integration == "inner" else 1.0
         dx = self.part.dx(self.degree, self._drawn)
         # shares of the energy, and how they are integrated
         self._rules = [(1.0, dx)]
         if self.integration == "inner":
             self._rules = [(1 - OUTER_SHARE, dx), (OUTER_SHARE, self.part.dx(self.degree))]
-        density = law.thickness * energy_density(*self._invariants, rest, law)
-        self.energy = sum(share * density * dx for share, dx in self._rules)
+        self.energy = membrane_energy.energy(yarns, rest, law, self._rules)
 
     @property
     def made_of(self) -> Law:
@@ -125,35 +121,10 @@ class Membrane(Term):
         return self.fabric
 
     def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
-        """As in `Varied`, with fewer operations than UFL's own derivatives take."""
-        law, fa, fb, _, rest = self._ufl
-        first, second = derivatives(*self._invariants, rest, law)
-        (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
-        gdim = len(fa)
-        # how each component of fa and fb moves the invariants
-        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [
-            [0, fa[i], 2 * fb[i]] for i in range(gdim)
-        ]
-        forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
-        pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
-        stiffness = [[None] * 2 * gdim for _ in range(2 * gdim)]
-        for i, j in combinations_with_replacement(range(2 * gdim), 2):
-            geometric = [2 * S4, S6, 2 * S8][i // gdim + j // gdim] if i % gdim == j % gdim else 0
-            stiffness[i][j] = stiffness[j][i] = (
-                sum(c * D for c, D in zip(moved[j], pulled[i])) + geometric
-            )
-        dv, dw = ([yarn[i] for yarn in self._stretched(x) for i in range(gdim)] for x in (v, w))
-        answers = [sum(k * y for k, y in zip(row, dw)) for row in stiffness]
-        once, twice = (sum(x * y for x, y in zip(dv, each)) for each in (forces, answers))
-        return (
-            sum(share * once * dx for share, dx in self._rules),
-            sum(share * twice * dx for share, dx in self._rules),
-        )
-
-    def _stretched(self, u):
-        """What displacement `u` adds to the yarns' vectors a0, b0."""
-        gradient = ufl.grad(self.blank.in_space(u))
-        return ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0)
+        """As in `Varied`, by hand, as `ufl.derivative`'s take twice the time."""
+        law, yarns, _, rest = self._ufl
+        dv, dw = (membrane_energy.added(self.blank.in_space(x), self._a0, self._b0) for x in (v, w))
+        return membrane_energy.variations(yarns, dv, dw, rest, law, self._rules)
 
     def _constants(self, mesh):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
@@ -185,7 +156,7 @@ class Membrane(Term):
         UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the part's
         cells."""
         if self._points is None:
-            law, fa, fb, cosine, rest = self._ufl
+            law, (fa, fb), cosine, rest = self._ufl
             sine = ufl.sqrt(1 - cosine**2)
             f1, f2 = fa, (fb - cosine * fa) / sine
             C = ufl.as_matrix(
@@ -194,7 +165,7 @@ class Membrane(Term):
             # FFCx from 0.9 names code by the variable's number, and would compile each one anew
             C = ufl.classes.Variable(C, ufl.classes.Label(0))
             b = ufl.as_vector([cosine, sine])
-            W = energy_density(
+            W = membrane_energy.energy_density(
                 C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b)), rest, law
             )
             S = 2 * ufl.diff(W, C)
