@@ -11,8 +11,9 @@ from mpi4py import MPI
 from ..job.job import Job, Result
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.materials import materials_of
-from ..mechanics.protocols import Loaded, Pressing
+from ..mechanics.protocols import Pressing
 from ..mechanics.release_forces import RELEASED, FadingForces
+from ..mechanics.term import overrides
 from ..runtime.errors import InputError
 from ..scene.isostatic import isostatic, planes_of_symmetry
 from ..scene.scene import OF_CELLS, Scene, memory_of
@@ -99,7 +100,7 @@ def _stays(term, together):
     """Whether a term is of the sheets, not of what forms them."""
     if isinstance(term, SheetContact):
         return together
-    if isinstance(term, (Pressing, Loaded)):
+    if isinstance(term, Pressing) or overrides(term, "applied_forces"):
         return False
     return term.energy_kind is not None or term.energy is None
 

@@ -138,7 +138,7 @@ class EdgeTension(Term):
         f[: len(self._lengths)] -= self._now * self._lengths
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Loaded`."""
+        """As in `Term`."""
         return self._now * self._lengths
 
     def _travel(self):

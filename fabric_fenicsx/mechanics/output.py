@@ -10,15 +10,14 @@ from mpi4py import MPI
 
 from ..runtime.errors import InputError
 from ..sheets.blank import Part
-from .protocols import TellsCells, TellsHistory, TellsNodes, TellsSummary
-from .term import Term
+from .term import Term, overrides
 
-# method of terms: the role that has it, what it gives, and where that is told
-REPORTS: dict[str, tuple[type, str, str]] = {
-    "history": (TellsHistory, "column", "history.csv"),
-    "summary": (TellsSummary, "entry", "summary.json"),
-    "cell_fields": (TellsCells, "field", "the sheet"),
-    "nodal_fields": (TellsNodes, "field", "the sheet"),
+# method of terms: what it gives, and to what
+OUTPUT = {
+    "history": ("column", "history.csv"),
+    "summary": ("entry", "summary.json"),
+    "cell_fields": ("field", "the sheet"),
+    "nodal_fields": ("field", "the sheet"),
 }
 
 
@@ -92,14 +91,14 @@ def on_part(part: Part, values: np.ndarray, unit: str = "") -> Value:
 
 
 def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dict[str, Value]:
-    """What `terms` tell by their `method`, one of `REPORTS`, merged. Raises InputError for one of
+    """What `terms` tell by their `method`, one of `OUTPUT`, merged. Raises InputError for one of
     the names `taken`, for a name that two terms give without a rule, for what JSON can't hold, and
     on all ranks for a field of another size than the rank's cells or nodes."""
-    role, noun, place = REPORTS[method]
+    noun, place = OUTPUT[method]
     found: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in terms:
-        if not isinstance(term, role):
+        if not overrides(term, method):
             continue
         given = asked(term, method, noun)
         mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}

@@ -79,7 +79,7 @@ class FadingForces(Term):
         self._work.accept(*self._state())
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`: their potential, and what was released up to the present state."""
+        """As in `Term`: their potential, and what was released up to the present state."""
         released = self._released - self._since_accepted()
         released *= self.blank.mesh.comm.rank == 0  # known to all
         return {None: -self._share * self._travel() - released, RELEASED: released}
@@ -99,7 +99,7 @@ class FadingForces(Term):
         return dofs, dofs, np.full(len(dofs), self._share * self._stiffness)
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Loaded`: those at the start, as none are left in the end, and a residual must be
+        """As in `Term`: those at the start, as none are left in the end, and a residual must be
         small beside something."""
         return self._forces
 
@@ -109,7 +109,7 @@ class FadingForces(Term):
         return {"work": np.tile(known, (self._count, 1)), "start": self._start_rows()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Remembers`."""
+        """As in `Term`."""
         rows = self.blank.mesh.comm.allgather(memory["work"][:1])
         known = next(row[0] for row in rows if len(row))
         self._work.recall(known[:-1].reshape(-1, 4))

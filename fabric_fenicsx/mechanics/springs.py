@@ -159,7 +159,7 @@ class Springs(Term):
         return self._rows, self._cols, (self._share[:, None, None] * stiff).ravel()
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Loaded`."""
+        """As in `Term`."""
         f = np.zeros(self.blank.u.x.array.size)
         self.add_forces(f)
         return -f[: self.blank.V.dofmap.index_map.size_local * self.blank.mesh.geometry.dim]

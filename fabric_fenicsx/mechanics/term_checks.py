@@ -17,11 +17,10 @@ from ufl.constantvalue import ScalarValue, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from ..runtime.errors import InputError
-from . import protocols as roles
+from . import protocols
 from .fingerprint import of_attributes
 from .output import asked
-from .protocols import StoresKinds
-from .term import SceneFacts, Term
+from .term import SceneFacts, Term, overrides
 
 OF_A_RUN = "viscous", "external_work"  # energies that a run has beside those of terms
 MOTIONS = "move", "turn", "lift", "slide", "stretch"  # that a term may resist
@@ -52,14 +51,12 @@ def bind(term: Term, scene: SceneFacts) -> None:
             f"term {term.name} is in the scene twice; allowed is a term once, so two that act "
             "alike are two objects"
         )
-    kept = [method for method in ("memory", "cell_memory") if hasattr(term, method)]
-    if hasattr(term, "recall") != bool(kept):
+    kept = [method for method in ("memory", "cell_memory") if overrides(term, method)]
+    if overrides(term, "recall") != bool(kept):
         has, lacks = (kept[0], "recall") if kept else ("recall", "memory")
-        raise InputError(
-            f"term {term.name} has `{has}` but no `{lacks}`; allowed are both, or none"
-        )
+        raise InputError(f"`{has}` of term {term.name} needs `{lacks}`")
     unbound = copy(term)
-    term.given = of_attributes(term)
+    term.fingerprint = of_attributes(term)
     term.unbound = unbound
     term.bound_to, term.blank = weakref.ref(scene), scene.blank
     term.part = scene.blank.part(term.part_name)
@@ -70,15 +67,14 @@ def bind(term: Term, scene: SceneFacts) -> None:
         raise
     if term.energy is not None:
         _check_form(term)
-    own = type(term)
-    if term.energy is None and own.add_forces is Term.add_forces:
+    if term.energy is None and not overrides(term, "add_forces"):
         raise InputError(
             f"term {term.name} has neither an energy nor forces; allowed is `self.energy` in "
             "`set_up`, or `add_forces`"
         )
-    one_kind = own.stored is not Term.stored and not isinstance(term, StoresKinds)
+    one_kind = overrides(term, "stored") and not overrides(term, "energies")
     stores = term.energy is not None or one_kind
-    if term.energy_kind is None and stores and own.work is Term.work:
+    if term.energy_kind is None and stores and not overrides(term, "work"):
         raise InputError(
             f"term {term.name} stores an energy that has no name; allowed is an `energy_kind`, "
             "its column in history.csv, or, of a load, `work`"
@@ -124,10 +120,9 @@ def kinds_of(term: Term, before: list[str | None] | None = None) -> list[str | N
 
 
 def misspelt(term: Term) -> list[str]:
-    """Warnings of a term's methods whose names are nearly those of a role."""
-    homes = [each for each in vars(roles).values() if hasattr(each, "__mro__")]
-    homes = [Term, *(each for each in homes if each.__module__ == roles.__name__)]
-    known = {name.replace("ies", "y"): name for home in homes for name in vars(home)}
+    """Warnings of a term's methods whose names are nearly those that a run asks for."""
+    homes = [each for each in vars(protocols).values() if isinstance(each, type)]
+    known = {name.replace("ies", "y"): name for home in [Term, *homes] for name in vars(home)}
     found = []
     for name, _ in inspect.getmembers(type(term), callable):
         near = get_close_matches(name.replace("ies", "y"), known, 1, 0.81)
@@ -191,7 +186,7 @@ def check_answers(term: Term) -> None:
     blank, comm = term.blank, term.blank.mesh.comm
     size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
     check_number(term, "stored", term.stored())
-    if isinstance(term, StoresKinds) and kinds_of(term):
+    if overrides(term, "energies") and kinds_of(term):
         for value in term.energies().values():
             check_number(term, "energies", value)
     given: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]

@@ -7,8 +7,9 @@ import numpy as np
 from mpi4py import MPI
 
 from ..mechanics.output import Fields, told
-from ..mechanics.protocols import Penetrated, Pressing, Strained, Touching, Warns
-from ..mechanics.shell.mesh_warnings import locking_warning
+from ..mechanics.protocols import Penetrated, Pressing, Touching
+from ..mechanics.shell.membrane import Membrane
+from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnings
 from ..tools.tool import Tool
 from .scene import Scene
 
@@ -72,23 +73,23 @@ def deepest(scene: Scene) -> tuple[float, str]:
 def overstretched(scene: Scene, strain: float) -> float:
     """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`; of
     several sheets the largest."""
-    return max((term.overstretched(strain) for term in _strained(scene)), default=0.0)
+    return max((term.overstretched(strain) for term in _membranes(scene)), default=0.0)
 
 
 def most_shortened(scene: Scene, strain: float) -> tuple[float, str]:
     """As `overstretched`, in which compression shortens them by more, and the name of the sheet
     that it is of."""
-    known = [(term.shortened(strain), term.part.name) for term in _strained(scene)]
+    known = [(term.shortened(strain), term.part.name) for term in _membranes(scene)]
     return max(known, key=lambda each: each[0], default=(0.0, ""))
 
 
 def locking(scene: Scene) -> list[str]:
     """Sentences on cells that lock, one for each sheet of which there is something to say."""
-    return [words for term in _strained(scene) if (words := locking_warning(term))]
+    return [words for term in _membranes(scene) if (words := locking_warning(term))]
 
 
-def _strained(scene):
-    return [term for term in scene.terms if isinstance(term, Strained)]
+def _membranes(scene):
+    return [term for term in scene.terms if isinstance(term, Membrane)]
 
 
 def virial(scene: Scene) -> np.ndarray:
@@ -112,7 +113,8 @@ def outer_forces(scene: Scene) -> dict[str, float]:
 
 def warnings(scene: Scene) -> list[str]:
     """What speaks against the state though nothing failed, in words."""
-    given = [term.warnings() for term in scene.terms if isinstance(term, Warns)]
+    given = [membrane_warnings(term) for term in _membranes(scene)]
+    given += [term.warnings() for term in scene.terms]
     found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
     located = scene.supports.locating_warning(outer_forces(scene))
     return [*found, *filter(None, [located])]

@@ -9,16 +9,8 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
 from ..mechanics.output import arrays, asked
-from ..mechanics.protocols import (
-    Anticipates,
-    DrivenByForce,
-    KeepsGaps,
-    Lagged,
-    Remembers,
-    RemembersCells,
-    Touching,
-)
-from ..mechanics.term import Term
+from ..mechanics.protocols import Anticipates, DrivenByForce, KeepsGaps, Touching
+from ..mechanics.term import Term, overrides
 from ..mechanics.term_checks import bind, check_answers, check_number
 from ..runtime.errors import InputError
 from ..runtime.timing import phase
@@ -28,7 +20,7 @@ from .rigid_motions import check_held, is_held_by_friction
 from .supports import Supports
 
 OF_CELLS = "cells "  # before the names of what terms remember of cells
-PLACES = ("", Remembers, "memory"), (OF_CELLS, RemembersCells, "cell_memory")
+PLACES = ("", "memory"), (OF_CELLS, "cell_memory")
 
 
 class Scene:
@@ -56,7 +48,7 @@ class Scene:
                 f"the scene of {blank.name} has no elastic term; allowed is a membrane or the like"
             )
         self._assembly = Assembly(blank, self.terms)
-        self._lagged = [term for term in self.terms if isinstance(term, Lagged)]
+        self._lagged = [term for term in self.terms if overrides(term, "update_lagged")]
         self._anticipating = [term for term in self.terms if isinstance(term, Anticipates)]
         self._keeping = [term for term in self.terms if isinstance(term, KeepsGaps)]
         self._driven = [term for term in self.terms if isinstance(term, DrivenByForce)]
@@ -136,7 +128,7 @@ class Scene:
         """Give terms and supports back their `memory`, of the present displacement and load."""
         for i, term in enumerate(self.terms):
             given = {key: memory[f"{place}{i} {key}"] for place, key in _memory(term)}
-            if isinstance(term, (Remembers, RemembersCells)):
+            if overrides(term, "recall"):
                 self._recall(term, given)
         self.supports.recall(memory["supports"])
 
@@ -293,8 +285,8 @@ def memory_of(terms: Iterable[Term]) -> dict[str, np.ndarray]:
 def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:
     """What a term remembers, {("" or `OF_CELLS`, name): array}."""
     memory: dict[tuple[str, str], np.ndarray] = {}
-    for place, role, method in PLACES:
-        if isinstance(term, role):
+    for place, method in PLACES:
+        if overrides(term, method):
             found = arrays(term, method, asked(term, method, "array"))
             memory |= {(place, name): values for name, values in found.items()}
     return memory

@@ -13,9 +13,9 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..material.laws import Law
-from ..mechanics.assembly import triplets, variations
-from ..mechanics.protocols import DrivenByForce, Remembers, RemembersCells, StoresKinds
-from ..mechanics.term import Term
+from ..mechanics.assembly import triplets
+from ..mechanics.protocols import DrivenByForce
+from ..mechanics.term import Term, overrides
 from ..mechanics.term_checks import check_answers
 from ..mechanics.triplets import TripletPlaces
 from ..runtime.errors import InputError
@@ -300,7 +300,7 @@ def _compared(probe: "_Probe", load: float, remarks: list[str]) -> Iterator[Row]
             "sheet in place of resisting it"
         )
     still = term.energy_kind and not probe.before.norm() and pushed <= 1e-9 * largest
-    if still and not isinstance(term, (Remembers, RemembersCells)) and rest > size * total:
+    if still and not overrides(term, "recall") and rest > size * total:
         remarks.append(
             f"the energy of the sheet as it lies is {rest:.3g} N mm, without a force: take it "
             "off, as the energy balance knows no work that has gone into it"
@@ -327,7 +327,7 @@ class _Probe:
         v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
         self.forms = []
         if term.energy is not None:
-            self.forms = [compat.form(each) for each in (term.energy, *variations(term, v, w))]
+            self.forms = [compat.form(each) for each in (term.energy, *term.variations(v, w))]
 
     def move(self, by: float | np.ndarray) -> None:
         """Displace the sheet, and by so much more."""
@@ -343,8 +343,7 @@ class _Probe:
         """Energy of the term on all ranks [N mm]."""
         term = self.term
         form = fem.assemble_scalar(self.forms[0]) if self.forms else 0.0
-        kinds = term.energies() if isinstance(term, StoresKinds) else {"": term.stored()}
-        return self.comm.allreduce(form + sum(kinds.values()), MPI.SUM)
+        return self.comm.allreduce(form + sum(term.energies().values()), MPI.SUM)
 
     def energy(self, by: np.ndarray) -> float:
         """That of the displaced sheet."""

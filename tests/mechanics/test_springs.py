@@ -125,4 +125,8 @@ def test_bad_input_is_refused(given, options, words):
 
 def test_a_checkpoint_knows_the_springs():
     springs = alone(strip(), Springs(END, 5.0, 20.0, arm=(30.0, 0)))
-    assert {"stiffness": 5.0, "preload": 20.0, "arm": [30.0, 0]}.items() <= springs.given.items()
+    assert {
+        "stiffness": 5.0,
+        "preload": 20.0,
+        "arm": [30.0, 0],
+    }.items() <= springs.fingerprint.items()

@@ -16,8 +16,6 @@ from ...runtime.rules import COUNT
 from .. import membrane_energy
 from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
-from .mesh_warnings import band_warning, locking_warning
-from .range_warning import range_warnings
 
 # Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that
 # UFL estimates for this energy would take thousands of points.
@@ -120,8 +118,8 @@ class Membrane(Term):
         """The fabric."""
         return self.fabric
 
-    def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
-        """As in `Varied`, by hand, as `ufl.derivative`'s take twice the time."""
+    def variations(self, v: Expr, w: Expr) -> list[ufl.Form]:
+        """As in `Term`, by hand: see `membrane_energy`."""
         law, yarns, _, rest = self._ufl
         dv, dw = (membrane_energy.added(self.blank.in_space(x), self._a0, self._b0) for x in (v, w))
         return membrane_energy.variations(yarns, dv, dw, rest, law, self._rules)
@@ -265,7 +263,7 @@ class Membrane(Term):
             name: on_part(self.part, values, UNITS.get(name, "-")) for name, values in found.items()
         }
 
-    def _invariants_at_points(self):
+    def invariants_at_points(self):
         """I4, I6, I8 (cells, points) and shear angle, at a third of the cost of `state`."""
         F, b, _ = self.at_points()
         fa, fb = F[..., 0], F[..., 0] * b[..., :1] + F[..., 1] * b[..., 1:]
@@ -283,7 +281,7 @@ class Membrane(Term):
         wrinkles, also the largest shortening of yarns in a cell, and the share of the part's area
         in which it is more than `SHORTENED`."""
         comm = self.blank.mesh.comm
-        stable = stability.least_ellipticity(self.fabric, self._invariants_at_points())
+        stable = stability.least_ellipticity(self.fabric, self.invariants_at_points())
         found = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
         if self.blank.mesh.geometry.dim == 3:
             most = self.shortening().max(1)
@@ -304,19 +302,20 @@ class Membrane(Term):
         }
 
     def overstretched(self, strain: float) -> float:
-        """As in `Strained`, by the larger mean of a cell's two yarns."""
-        stretches = np.sqrt(self._invariants_at_points()[..., [0, 2]])
+        """Share of the area, 0 to 1, of all ranks, in which the larger mean of a cell's two yarns
+        is stretched by more than the nominal `strain`."""
+        stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
         return self._share(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
 
     def shortened(self, strain: float) -> float:
-        """As in `Strained`, by the larger mean of a cell's two yarns."""
+        """As `overstretched`, in which yarns are shortened by more."""
         return self._share(self.shortening().max(1) > strain)
 
     def shortening(self) -> np.ndarray:
         """How much both yarns are shortened under compression, means over the part's cells (cells,
         2): the nominal strain, as far as the yarn's stress is what that strain alone gives. What
         yarns contract beside stretched ones, free of stress, is not in it."""
-        invariants = self._invariants_at_points()
+        invariants = self.invariants_at_points()
         I4, _, I8, gamma = invariants.reshape(-1, 4).T
         eps_a, eps_b, none = nominal_strain(I4), nominal_strain(I8), 0 * I4
 
@@ -335,19 +334,3 @@ class Membrane(Term):
         areas = self.blank.areas()[self.part.cells]
         inside, whole = self.blank.mesh.comm.allreduce(np.array([areas[cells].sum(), areas.sum()]))
         return float(inside / whole)
-
-    def warnings(self) -> list[str]:
-        """As in `Warns`: cells that lock, bands, and strains beyond the law's ranges."""
-        found = locking_warning(self), band_warning(self), *range_warnings(self)
-        return [text for text in found if text]
-
-    def strains_at_points(self) -> np.ndarray:
-        """Nominal strains along a and b [-] and the shear angle [rad] at each quadrature point of
-        the part's cells, (3, cells, points)."""
-        I4, _, I8, gamma = np.moveaxis(self._invariants_at_points(), -1, 0)
-        return np.stack([nominal_strain(I4), nominal_strain(I8), gamma])
-
-    def least_ellipticity(self) -> np.ndarray:
-        """The least ellipticity indicator of each of the part's cells, (cells,) [-]."""
-        found = stability.evaluate(self.fabric, self._invariants_at_points())
-        return found.ellipticity.min(1)

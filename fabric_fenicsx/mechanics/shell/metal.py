@@ -135,7 +135,7 @@ class SheetMetal(Term):
         return sum(self.energies().values())
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`; infinite where the sheet is curved within its thickness."""
+        """As in `Term`; infinite where the sheet is curved within its thickness."""
         response = self._state().response
         found = {
             "metal": np.vdot(self._volumes, elastic_energy(self.metal, response.elastic)),
@@ -167,7 +167,7 @@ class SheetMetal(Term):
         return {"elastic": self._of_owned(self._elastic), "plastic": self._of_owned(self._plastic)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Remembers`."""
+        """As in `Term`."""
         self._elastic, self._plastic = (
             memory[name].reshape(self._owned, *now.shape[1:])[self._here]
             for name, now in (("elastic", self._elastic), ("plastic", self._plastic))
