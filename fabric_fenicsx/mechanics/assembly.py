@@ -21,6 +21,17 @@ if TYPE_CHECKING:
     from .triplets import TripletPlaces
 
 
+def assembled(form: ufl.Form) -> np.ndarray:
+    """A linear form at this rank's owned degrees of freedom, (owned dofs,)."""
+    return _owned(compat.form(form))
+
+
+def _owned(form):
+    f = fem_petsc.assemble_vector(form)
+    f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return f.array.copy()
+
+
 def triplets(terms: Iterable[Term]) -> Triplets:
     """Rows, columns and values (k,) of the tangents of all terms that are no forms."""
     found = [[np.asarray(part) for part in term.tangent()] for term in terms]
@@ -86,11 +97,7 @@ class Assembly:
         """Forces of each tool and load (owned dofs,) [N], beside which a residual is to be
         small."""
         found = [term.applied_forces() for term in self._loaded]
-        for form in self._loads:
-            f = fem_petsc.assemble_vector(form)
-            f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-            found.append(-f.array)
-        return found
+        return found + [-_owned(form) for form in self._loads]
 
     def residual(self, f: PETSc.Vec) -> None:
         """Make f (local dofs,) the derivative of all energies [N]."""

@@ -6,15 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 import ufl
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.rules import FROM_ZERO, shown
 from ..tools.values import checked_vector, length_of
+from .assembly import assembled
 from .contact.nodes import values_at
 from .output import Value, joined, total
 from .term import SceneFacts, Term, Triplets
@@ -23,24 +22,44 @@ LEAST = 1e-9  # length of a spring, over its first, from which it has a directio
 
 
 class Springs(Term):
-    """Springs that pull nodes of the sheet to fixed anchors, each along the line between them, by
-    preload + stiffness * elongation. A spring never pushes: where that is below 0 it is slack.
+    """Springs that pull nodes of the sheet to fixed anchors, along the line between them.
 
-    - where: function of undeformed points (3, n) [mm] to a mask (n,): which nodes. If it marks
-      sides of the sheet's outer edge, at both of their ends, each node on them counts by its share
-      of their length; otherwise all nodes count alike
-    - stiffness [N/mm], preload [N]: of all these springs together, 0 or more, not both 0. So they
-      do not depend on the mesh. Of a quarter they are those of the modelled part
-    - anchor: the point (gdim,) [mm] to which all go, or `arm`: the vector (gdim,) [mm] from each
-      undeformed node to its own, so that all are parallel
-    - name: what history and summary call them, and errors
+    Each pulls with preload + stiffness * elongation, and never pushes: below 0 it is slack. With
+    the preload alone the pull is constant, as of a weight over a roller. Stored energies count from
+    where the sheet lies undeformed, so they are below 0 where springs have helped to move it.
+    history.csv has the sum of the pulls, summary.json their force on the sheet, too.
 
-    With the preload alone the pull is constant, as of a weight over a roller. Stored energies are
-    counted from where the sheet lies undeformed; so they are below 0 where springs have helped to
-    move it. history.csv has the sum of the pulls, summary.json their force on the sheet, too.
+    Parameters
+    ----------
+    where : callable
+        Function of undeformed points (3, n) [mm] to a mask (n,). If it marks sides of the sheet's
+        outer edge, at both of their ends, each node on them counts by its share of their length;
+        otherwise all nodes count alike.
+    stiffness, preload : float
+        [N/mm] and [N], of all these springs together, from 0, not both 0. So they do not depend on
+        the mesh. Of a quarter they are those of the modelled part.
+    anchor : array_like, (gdim,)
+        Point [mm] to which all go, or:
+    arm : array_like, (gdim,)
+        Vector [mm] from each undeformed node to its own anchor, so that all are parallel.
+    name : str
+        Name in history, summary and errors.
 
-    Raises InputError for numbers out of their range, unless one of `anchor` and `arm` is given, for
-    a `where` that marks no node, and for an anchor at a node.
+    Raises
+    ------
+    InputError
+        For numbers out of their range, unless one of `anchor` and `arm` is given, for a `where`
+        that marks no node, and for an anchor at a node.
+
+    Examples
+    --------
+    >>> strip = ff.Blank.rectangle(20, 10, nx=2)
+    >>> clip = ff.Springs(lambda x: x[0] > 19.9, 2.0, preload=1.0, arm=(50, 0))
+    >>> held = ff.Support("left", lambda x: x[0] < 0.1, (0, 1))
+    >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili")), clip], [held])
+    >>> strip.u.interpolate(lambda x: (-0.01 * x[0], 0 * x[1]))
+    >>> round(clip.pull(), 6)  # 1 N and 2 N/mm of 0.2 mm
+    1.4
     """
 
     name, energy_kind = "springs", "springs"
@@ -120,9 +139,7 @@ class Springs(Term):
         except InputError:  # none is marked, on any rank
             pass
         else:
-            lengths = fem_petsc.assemble_vector(compat.form(side))
-            lengths.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-            found = lengths.array[::gdim].copy()
+            found = assembled(side)[::gdim].copy()
         whole = blank.mesh.comm.allreduce(float(found.sum()))
         if not whole:
             raise InputError(

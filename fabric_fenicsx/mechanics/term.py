@@ -30,8 +30,8 @@ class SceneFacts(Protocol):
 
 
 def overrides(term: Term, method: str) -> bool:
-    """Whether a term's class has a `method` of its own in place of that of `Term`."""
-    return getattr(type(term), method) is not getattr(Term, method)
+    """True if a term has a `method` of its own in place of that of `Term`."""
+    return method in vars(term) or getattr(type(term), method) is not getattr(Term, method)
 
 
 class Term:

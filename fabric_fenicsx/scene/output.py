@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.output import Fields, told
+from ..mechanics.output import Fields, merged
 from ..mechanics.protocols import Penetrated, Pressing, Touching
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnings
@@ -26,23 +26,23 @@ OF_A_SUMMARY = (
 
 def history(scene: Scene, taken: Collection[str] = ()) -> dict[str, Any]:
     """What the terms add to a row of history.csv, beside the columns `taken`."""
-    return {name: each.value for name, each in told(scene.terms, "history", taken).items()}
+    return {name: each.value for name, each in merged(scene.terms, "history", taken).items()}
 
 
 def summary(scene: Scene) -> dict[str, Any]:
     """What the terms say of themselves and the state in summary.json."""
-    given = told(scene.terms, "summary", OF_A_SUMMARY)
+    given = merged(scene.terms, "summary", OF_A_SUMMARY)
     return {"terms": [t.name for t in scene.terms]} | {k: v.value for k, v in given.items()}
 
 
 def cell_fields(scene: Scene) -> Fields:
     """Fields on this rank's owned cells, (cells, ...)."""
-    return Fields(told(scene.terms, "cell_fields", OF_A_SHEET))
+    return Fields(merged(scene.terms, "cell_fields", OF_A_SHEET))
 
 
 def nodal_fields(scene: Scene, taken: Collection[str] = ()) -> Fields:
     """Fields at this rank's nodes, ghosts too, (nodes, ...), beside those `taken` by cells."""
-    fields = Fields(told(scene.terms, "nodal_fields", (*OF_A_SHEET, *taken)))
+    fields = Fields(merged(scene.terms, "nodal_fields", (*OF_A_SHEET, *taken)))
     for name, values in fields.items():
         fields[name] = scene.blank.with_ghosts(values)
     return fields

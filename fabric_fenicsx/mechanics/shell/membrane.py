@@ -37,27 +37,51 @@ UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"}
 
 
 class Membrane(Term):
-    """Strain energy W(I4, I6, I8) t of `fabric` over the undeformed sheet: eqs (5)-(7), (30).
+    """Strain energy W(I4, I6, I8) t of a fabric over the undeformed sheet, eqs (5) to (9), (30).
 
-    Material values enter as constants of the form, so fabrics that differ only in numbers share one
-    compiled form. quadrature_degree: by default that of `QUADRATURE_DEGREE`.
+    The formulas are in `mechanics.membrane_energy`, W itself in the law.
 
-    integration: `inner`, on quadratic triangles with straight sides, takes nearly all of the energy
-    at three points that are nearer to a cell's centre than those of `full`, by the factor `INNER`.
-    They see the gradients of strains times that factor, so yarns in tension resist these less, and
-    cells that do not follow the yarns do not lock (reduced integration as projected strains: Malkus
-    and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978; locking of fibres: ten Thije and
-    Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). `OUTER_SHARE` of the
-    energy stays at the points of `full`, so that no corner of a cell turns over unseen. Where
-    stretched yarns end at a free edge it is too soft by a part of a row of cells.
+    Parameters
+    ----------
+    fabric : Law
+        The law and its numbers. Fabrics that differ only in numbers share one compiled form.
+    quadrature_degree : int, optional
+        By default that of `QUADRATURE_DEGREE`.
+    integration : {"full", "inner"}
+        `inner`, on quadratic triangles with straight sides, takes nearly all of the energy at three
+        points nearer to a cell's centre, by the factor `INNER`. They see the gradients of strains
+        times that factor, so cells that do not follow the yarns do not lock [1]_, [2]_, [3]_.
+        `OUTER_SHARE` of the energy stays at the points of `full`, so that no corner of a cell turns
+        over unseen. Where stretched yarns end at a free edge it is too soft by a part of a row of
+        cells.
+    weave_angle : float, optional
+        Angle between the yarns of the weave without shear [rad], from which the shear angle counts.
+        By default the initial angle of the blank, as in eq. (8). With any other the blank has
+        stress as it lies.
 
-    weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
-    angle counts. The default is the initial angle of the blank, as in eq. (8). With any other the
-    blank has stress as it lies.
+    Raises
+    ------
+    InputError
+        For a weave_angle that is not above 0 and below pi; in a scene for an element that is not in
+        `QUADRATURE_DEGREE`, or that `inner` is not for, and for a law with energy or stress at
+        rest.
 
-    Raises InputError for a weave_angle that is not above 0 and below pi, and in a scene for an
-    element that is not listed in `QUADRATURE_DEGREE`, or that `inner` is not for, and for a law
-    with energy or stress at rest.
+    References
+    ----------
+    .. [1] Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978: reduced integration as
+       projected strains.
+    .. [2] ten Thije and Akkerman, Composites A 39, 2008: locking of fibres.
+    .. [3] Hamila and Boisse, Composites A 53, 2013.
+
+    Examples
+    --------
+    A strip that is stretched by 1 % with its width held:
+
+    >>> strip = ff.Blank.rectangle(20, 10, nx=2)
+    >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili"))])
+    >>> strip.u.interpolate(lambda x: (0.01 * x[0], 0 * x[1]))
+    >>> round(scene.energy(), 3)  # (a eps^3 + b eps^2) t A [N mm]
+    14.176
     """
 
     name, energy_kind = "membrane", "strain"
@@ -183,13 +207,9 @@ class Membrane(Term):
         return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
-        """`kernel.State` at every quadrature point of the part's cells, arrays (cells, points,
-        ...), with the deformed fibres fa, fb (cells, points, 3) and the kernel's mismatch on this
-        rank.
-
-        Mismatch: largest |S_UFL - S_kernel| over max(|S_kernel|, s1), the smallest stiffness of the
-        law, or 1 MPa if it does not resist shear.
-        """
+        """`kernel.State` at every quadrature point, arrays (cells, points, ...), the deformed
+        fibres fa, fb (cells, points, 3), and the kernel's mismatch on this rank: the largest
+        |S_UFL - S_kernel| over max(|S_kernel|, s1), or over 1 MPa for a law without shear."""
         F, b, S_ufl = self.at_points()
         cells, points = F.shape[:2]
         b = b.reshape(-1, 2)
@@ -203,16 +223,10 @@ class Membrane(Term):
         difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
         least = self.fabric.shear_stiffness or 1.0
         mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
-        shaped = state._replace(
-            **{
-                k: v.reshape(cells, points, *v.shape[1:])
-                for k, v in state._asdict().items()
-                if v is not None
-            }
-        )
-        fa = F[:, :, :, 0]
+        known = {name: values for name, values in state._asdict().items() if values is not None}
+        shaped = {name: v.reshape(cells, points, *v.shape[1:]) for name, v in known.items()}
         fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
-        return shaped, fa, fb, mismatch
+        return state._replace(**shaped), F[..., 0], fb, mismatch
 
     @property
     def weights(self) -> np.ndarray:
@@ -240,17 +254,14 @@ class Membrane(Term):
             return np.einsum("q,cq...->c...", self.weights, values)
 
         I4, I6, I8, I10 = np.moveaxis(state.invariants, -1, 0)
-        parts = mean(state.energy_parts)
+        parts, gamma, short = mean(state.energy_parts), mean(I10), self.shortening()
         found = {"a": mean(fa), "b": mean(fb)}
         found |= {"eps_a": mean(np.sqrt(I4) - 1), "eps_b": mean(np.sqrt(I8) - 1)}
-        found |= dict(zip(("shortening_a", "shortening_b"), self.shortening().T))
-        found |= {
-            "log_eps_11": mean(np.log(I4)) / 2,
-            "log_eps_22": mean(np.log(I8)) / 2,
-            "shear_angle": mean(I10),
-        }
-        found |= {"I4": mean(I4), "I6": mean(I6), "I8": mean(I8), "I10": found["shear_angle"]}
-        found |= {"energy_a": parts[:, 0], "energy_b": parts[:, 1], "energy_shear": parts[:, 2]}
+        found |= {"shortening_a": short[:, 0], "shortening_b": short[:, 1]}
+        found |= {"log_eps_11": mean(np.log(I4)) / 2, "log_eps_22": mean(np.log(I8)) / 2}
+        found |= {"shear_angle": gamma, "I4": mean(I4), "I6": mean(I6), "I8": mean(I8)}
+        found |= {"I10": gamma, "energy_a": parts[:, 0], "energy_b": parts[:, 1]}
+        found["energy_shear"] = parts[:, 2]
         found["strain_state"] = (1 + (found["eps_b"] <= 0) + 2 * (found["eps_a"] <= 0)).astype(
             np.int32
         )
@@ -276,10 +287,9 @@ class Membrane(Term):
         return np.stack([I4, I6, I8, gamma], -1)
 
     def history(self) -> dict[str, Value]:
-        """`min_stability`, the least ellipticity indicator of all points: a band is the material's
-        only where it is negative, see `material.stability`. In space, where shortening hides
-        wrinkles, also the largest shortening of yarns in a cell, and the share of the part's area
-        in which it is more than `SHORTENED`."""
+        """`min_stability`, the least ellipticity indicator of all points, negative where the law
+        itself allows a band. In space also the largest shortening of yarns in a cell, and the share
+        of the area in which it is above `SHORTENED`: there it hides wrinkles."""
         comm = self.blank.mesh.comm
         stable = stability.least_ellipticity(self.fabric, self.invariants_at_points())
         found = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
@@ -290,7 +300,7 @@ class Membrane(Term):
         return found
 
     def summary(self) -> dict[str, Value]:
-        """What the sheet is made of and how it is integrated, and the kernel's mismatch."""
+        """Material, integration and the kernel's mismatch."""
         mismatch = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
         known = {"couplings": sorted(self.fabric.couplings), "material": self.fabric.name}
         by_part = {"parts": joined({self.part.name: known})}
@@ -312,9 +322,9 @@ class Membrane(Term):
         return self._share(self.shortening().max(1) > strain)
 
     def shortening(self) -> np.ndarray:
-        """How much both yarns are shortened under compression, means over the part's cells (cells,
-        2): the nominal strain, as far as the yarn's stress is what that strain alone gives. What
-        yarns contract beside stretched ones, free of stress, is not in it."""
+        """Shortening of both yarns under compression, means over cells (cells, 2): the nominal
+        strain, as far as the yarn's stress is what that strain alone gives. Contraction beside
+        stretched yarns, free of stress, is not in it."""
         invariants = self.invariants_at_points()
         I4, _, I8, gamma = invariants.reshape(-1, 4).T
         eps_a, eps_b, none = nominal_strain(I4), nominal_strain(I8), 0 * I4
