@@ -131,7 +131,7 @@ class Assembly:
         return A
 
     def places_changed(self) -> bool:
-        """Whether `tangent` has other places than the matrix made last, on any rank."""
+        """True if `tangent` has other places than the matrix made last, on any rank."""
         return self._comm.allreduce(self._pattern != self._patterns(), MPI.LOR)
 
     def tangent(

@@ -1,4 +1,4 @@
-"""What a scene's sheets are made of, as their terms know it."""
+"""Materials of a scene's sheets, as their terms know them."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""What only contact with tools and sheets can do, beside what every `Term` can.
+"""Protocols of contact with tools and sheets, beside the methods of every `Term`.
 
 Whoever needs it asks `isinstance(term, PROTOCOL)`: having the methods is enough. Arrays and numbers
 are those of this rank's part, if nothing else is said.

@@ -104,7 +104,7 @@ class FadingForces(Term):
         return self._forces
 
     def memory(self) -> dict[str, np.ndarray]:
-        """What all ranks know of the work done, the same at each node (nodes, k)."""
+        """Work done, the same row at each node (nodes, k), and the nodes' start."""
         known = np.append(self._work.memory(), self._released)
         return {"work": np.tile(known, (self._count, 1)), "start": self._start_rows()}
 
@@ -123,7 +123,7 @@ class FadingForces(Term):
         return self._start.reshape(self._count, -1).copy()
 
     def _travel(self):
-        """Of this rank's forces, less what the springs take [N mm]."""
+        """Work of this rank's forces, less that of the springs [N mm]."""
         moved = self._moved()
         return float((self._forces - self._stiffness / 2 * moved) @ moved)
 

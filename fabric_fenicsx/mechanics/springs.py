@@ -114,19 +114,19 @@ class Springs(Term):
         self._rows = np.repeat(dofs, gdim, axis=1).ravel().astype(PETSc.IntType)
         self._cols = np.tile(dofs, gdim).ravel().astype(PETSc.IntType)
 
-    def _vector(self, told, given):
+    def _vector(self, argument, given):
         """`arm` or `anchor` along the frame's axes, (gdim,)."""
         gdim = self.blank.mesh.geometry.dim
         plane = gdim == 2 and length_of(given) == 3
         hint = ", or three on a blank made with `spatial=True`" if plane else ""
-        name = f"{told} of {self.name} [mm]"
+        name = f"{argument} of {self.name} [mm]"
         vector = checked_vector(name, given, size=gdim, hint=hint)
-        if told == "arm":
+        if argument == "arm":
             checked_vector(name, given, unit=True, size=gdim)  # so not all 0
         return self.blank.frame @ vector
 
     def _shares(self):
-        """Of each owned node, 0 where it has no spring, (owned nodes,); 1 in all."""
+        """Share of each owned node, (owned nodes,), 0 where it has no spring; 1 in all."""
         blank = self.blank
         owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
 
@@ -196,7 +196,7 @@ class Springs(Term):
         return {f"{'_'.join(self.name.split())}_pull_N": total(self.pull())}
 
     def summary(self) -> dict[str, Value]:
-        """By the name of these springs: their pull, their force, and the longest elongation."""
+        """Pull, force and the longest elongation, under the name of these springs."""
         longer = (self._now()[1] - self._lengths).max(initial=-np.inf)
         facts = {
             "pull_N": self.pull(),

@@ -45,7 +45,7 @@ def bind(term: Term, scene: SceneFacts) -> None:
                 "allowed is a term in one scene, so each scene needs its own"
             )
         return
-    _check_words(term)
+    _check_names(term)
     if sum(each is term for each in scene.terms) > 1:
         raise InputError(
             f"term {term.name} is in the scene twice; allowed is a term once, so two that act "
@@ -81,7 +81,7 @@ def bind(term: Term, scene: SceneFacts) -> None:
         )
 
 
-def _check_words(term):
+def _check_names(term):
     if not (isinstance(term.name, str) and term.name.strip()):
         raise InputError(
             f"`name` of a term of class {type(term).__name__} is {term.name!r}; allowed is "
@@ -96,10 +96,10 @@ def _check_words(term):
         )
 
 
-def _check_kind(term, told, kind):
+def _check_kind(term, where, kind):
     if not (isinstance(kind, str) and kind.isidentifier()) or kind in OF_A_RUN:
         raise InputError(
-            f"`{told}` of term {term.name} is {kind!r}; allowed is a name of letters, digits and "
+            f"`{where}` of term {term.name} is {kind!r}; allowed is a name of letters, digits and "
             f"_, other than {' and '.join(OF_A_RUN)}, which every run has for something else"
         )
 
@@ -133,7 +133,7 @@ def misspelt(term: Term) -> list[str]:
 
 
 def _explain(error, term, gdim):
-    """Say in our words what UFL and DOLFINx say in theirs."""
+    """Replace messages of UFL and DOLFINx by clearer ones."""
     if "nsupported dtype" in str(error):
         raise InputError(
             f"term {term.name} holds a number in `fem.Constant` that is no float; allowed "
@@ -212,7 +212,7 @@ def check_number(term: Term, method: str, value: Any) -> None:
 
 
 def _wrong_triplets(given: Any, size: int) -> str:
-    """What is wrong with what `tangent` gives; "" if nothing is."""
+    """Fault in the answer of `tangent`, "" if there is none."""
     if not isinstance(given, (tuple, list)) or len(given) != 3:
         return shown(given)
     rows, cols, values = (np.asarray(each) for each in given)

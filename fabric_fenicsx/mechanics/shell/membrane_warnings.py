@@ -103,7 +103,7 @@ def locking_warning(membrane: Membrane) -> str:
 
 
 def _of_linear_cells(membrane, taken):
-    """What locking does to a result, and what to take instead, in words."""
+    """Effect of locking on a result, and a cure, as text."""
     blank = membrane.blank
     if blank.mesh.geometry.dim == 2:
         cure = 'P2 with `integration="inner"`, P3 or `pattern="yarns"`'
@@ -113,7 +113,7 @@ def _of_linear_cells(membrane, taken):
 
 
 def _excess(taken, ratio):
-    """How much too high a strip's force is, in words."""
+    """Excess of a strip's force, as text."""
     if taken > LITTLE:
         return "forces say nothing"
     return (
@@ -123,7 +123,7 @@ def _excess(taken, ratio):
 
 
 def _is_at_rest(membrane):
-    """Whether the sheet has no more strain energy than yarns strained by `NOISE` all over it."""
+    """True if the sheet has no more strain energy than yarns strained by `NOISE` all over it."""
     energy, areas = membrane.state()[0].energy, membrane.blank.areas()[membrane.part.cells]
     strains = NOISE * np.eye(3)[:, :2]
     most = membrane.fabric.derivatives(*strains, second=False).parts.max()
@@ -200,11 +200,11 @@ def _beyond(membrane, known, strains):
         if share > 0:
             yield (
                 f"in {percent(share, 3)} of {part.name or membrane.blank.name} {known.strain} is "
-                f"beyond {known.source}, which ends at {_told(end, known)}: it reaches "
-                f"{_told(furthest, known)}; {known.beyond}"
+                f"beyond {known.source}, which ends at {_text(end, known)}: it reaches "
+                f"{_text(furthest, known)}; {known.beyond}"
             )
 
 
-def _told(strain: float, known: Range) -> str:
+def _text(strain: float, known: Range) -> str:
     angle = known.strain == "gamma"
     return f"{rounded(math.degrees(strain), 4)} deg" if angle else percent(strain, 4)

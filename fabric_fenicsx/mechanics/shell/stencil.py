@@ -1,5 +1,4 @@
-"""What terms on `MorleyCells` ask of nodes beyond their rank: motions in, forces and stiffness
-out."""
+"""Nodes of `MorleyCells` beyond the rank: motions in, forces and stiffness out."""
 
 import numpy as np
 from petsc4py import PETSc
@@ -28,7 +27,7 @@ class Stencil:
         self._gathered = GatheredNodes(cells.blank, self._nodes)
 
     def displacement(self) -> np.ndarray:
-        """Of the nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
+        """Motion of nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
         U, at = self._gathered.displacement(), self._mirrored
         U[at] = np.einsum("nij,nj->ni", self._mirrors[self._codes[at]], U[at])
         return U
