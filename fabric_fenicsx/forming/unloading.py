@@ -12,7 +12,7 @@ from ..job.job import Job, Result
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.materials import materials_of
 from ..mechanics.protocols import Pressing
-from ..mechanics.release_forces import RELEASED, FadingForces
+from ..mechanics.release_forces import RELEASED, ReleaseForces
 from ..mechanics.term import overrides
 from ..runtime.errors import InputError
 from ..scene.isostatic import isostatic, planes_of_symmetry
@@ -35,7 +35,7 @@ def unloading(
         unloaded = ff.unloading(formed).run("dome/unloaded")
 
     In it there are neither tools nor holders nor loads. The forces that these, and supports,
-    exerted on the nodes in the formed state fade, see `FadingForces`. The sheets go on with what
+    exerted on the nodes in the formed state fade, see `ReleaseForces`. The sheets go on with what
     they remember, as metal does of its plastic strains. Planes of symmetry stay, and supports named
     in `keep`. What rigid motions these leave is held by few nodes of each sheet, see `isostatic`:
     these stay where they are and bear nothing in the end.
@@ -67,7 +67,7 @@ def unloading(
     memory, formed = _memory(own), blank.u.x.array.copy()
     held = isostatic(blank, kept)
     blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
-    forces = FadingForces(_thinnest(before))
+    forces = ReleaseForces(_thinnest(before))
     terms = [copy(term.unbound) for term in own]
     scene = Scene(blank, [*terms, forces], [*map(_where_it_was, kept), *held])
     blank.u.x.array[:] = formed

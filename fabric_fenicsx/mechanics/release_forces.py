@@ -17,7 +17,7 @@ POWER = 6
 GONE = 0.9  # load factor from which there are none, so that what is lagged settles in the last step
 
 
-class FadingForces(Term):
+class ReleaseForces(Term):
     """Forces on the nodes, as tools exerted them, that fade with the load factor: all of them at
     load 0, none from 0.9 on.
 
@@ -32,10 +32,10 @@ class FadingForces(Term):
     the motion since then. Raises InputError for a reach that is not above 0.
     """
 
-    name = "fading forces"
+    name = "release forces"
 
     def __init__(self, reach: float) -> None:
-        self.reach = POSITIVE.check("reach of fading forces [mm]", reach)
+        self.reach = POSITIVE.check("reach of release forces [mm]", reach)
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
