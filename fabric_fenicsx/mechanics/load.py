@@ -12,17 +12,19 @@ from numpy.typing import ArrayLike
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.rules import FINITE, Rule
+from ..sheets.blank import Blank
 from ..tools.values import checked_vector, length_of
 from .assembly import assembled
 from .term import SceneFacts, Term
 from .work import Work
 
 
-def _direction(name: str, direction: ArrayLike, gdim: int) -> np.ndarray:
-    """`direction` (gdim,) at length 1; InputError if it has none."""
-    plane = gdim == 2 and length_of(direction) == 3
+def vector_on(blank: Blank, name: str, vector: ArrayLike, unit: bool = False) -> np.ndarray:
+    """`vector` (gdim,), if `unit` at length 1; InputError, which calls it `name`, if it is none."""
+    gdim = blank.mesh.geometry.dim
+    plane = gdim == 2 and length_of(vector) == 3
     hint = ", or three on a blank made with `spatial=True`" if plane else ""
-    return checked_vector(f"direction of {name}", direction, True, gdim, hint)
+    return checked_vector(name, vector, unit, gdim, hint)
 
 
 def check_over_load(name: str, rule: Rule, given: float | Callable[[float], float]) -> None:
@@ -42,6 +44,7 @@ def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load
 class _DeadLoad(Term):
     """A load whose work is its size `_now` times `_travel`."""
 
+    _load: float
     _now: float
 
     def accept(self) -> None:
@@ -51,6 +54,9 @@ class _DeadLoad(Term):
     def work(self) -> float:
         """Done on this rank's part since the last accepted state [N mm]."""
         return self._work.since(*self._state())
+
+    def _travel(self) -> float:
+        raise NotImplementedError
 
     def _start(self):
         self._work = Work(1)
@@ -100,7 +106,7 @@ class DeadPressure(_DeadLoad):
         """As in `Term`."""
         blank = scene.blank
         self._constant = fem.Constant(blank.mesh, 0.0)
-        unit = _direction(self.name, self._direction, blank.mesh.geometry.dim)
+        unit = vector_on(blank, f"direction of {self.name}", self._direction, unit=True)
         moved = ufl.dot(blank.displacement, ufl.as_vector(unit.tolist())) * self.part.dx()
         self.energy = -self._constant * moved
         self._moved = compat.form(moved)
@@ -156,7 +162,8 @@ class EdgeTension(_DeadLoad):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         blank = scene.blank
-        unit = _direction(f"{self.name} on {blank.name}", self._direction, blank.mesh.geometry.dim)
+        name = f"direction of {self.name} on {blank.name}"
+        unit = vector_on(blank, name, self._direction, unit=True)
         along = ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(unit.tolist()))
         try:
             ds = self.part.ds(self._edge)

@@ -70,10 +70,6 @@ def least(value: Any, unit: str = "") -> Value:
     unit : str
         Unit of a field.
 
-    Returns
-    -------
-    Value
-
     Examples
     --------
     >>> gap = ff.least(0.2)
@@ -93,10 +89,6 @@ def largest(value: Any, unit: str = "") -> Value:
     unit : str
         Unit of a field.
 
-    Returns
-    -------
-    Value
-
     Examples
     --------
     >>> slip = ff.largest(np.array([1.0, -3.0]), "mm")
@@ -115,10 +107,6 @@ def total(value: Any, unit: str = "") -> Value:
         Of this term.
     unit : str
         Unit of a field.
-
-    Returns
-    -------
-    Value
 
     Examples
     --------

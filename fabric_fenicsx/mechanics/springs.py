@@ -12,9 +12,9 @@ from petsc4py import PETSc
 
 from ..runtime.errors import InputError
 from ..runtime.rules import FROM_ZERO, shown
-from ..tools.values import checked_vector, length_of
 from .assembly import assembled
 from .contact.nodes import values_at
+from .load import vector_on
 from .output import Value, joined, total
 from .term import SceneFacts, Term, Triplets
 
@@ -116,13 +116,10 @@ class Springs(Term):
 
     def _vector(self, argument, given):
         """`arm` or `anchor` along the frame's axes, (gdim,)."""
-        gdim = self.blank.mesh.geometry.dim
-        plane = gdim == 2 and length_of(given) == 3
-        hint = ", or three on a blank made with `spatial=True`" if plane else ""
         name = f"{argument} of {self.name} [mm]"
-        vector = checked_vector(name, given, size=gdim, hint=hint)
+        vector = vector_on(self.blank, name, given)
         if argument == "arm":
-            checked_vector(name, given, unit=True, size=gdim)  # so not all 0
+            vector_on(self.blank, name, given, unit=True)  # so not all 0
         return self.blank.frame @ vector
 
     def _shares(self):

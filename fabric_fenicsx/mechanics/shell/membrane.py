@@ -1,5 +1,7 @@
 """The membrane: in-plane strain energy of a blank."""
 
+from functools import cached_property
+
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -103,7 +105,6 @@ class Membrane(Term):
         if quadrature_degree is not None:
             quadrature_degree = COUNT.check("`quadrature_degree`", quadrature_degree)
         self._quadrature_degree = quadrature_degree
-        self._points: compat.PointEvaluation | None = None
         # displacements, values at points
         self._evaluated: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -173,29 +174,27 @@ class Membrane(Term):
         tangent = [ufl.dot(project, f) for f in fibres]
         return [f / ufl.sqrt(ufl.dot(f, f)) for f in tangent]
 
+    @cached_property
+    def _points(self):
+        """F by columns, the cosine between the yarns, and UFL's S, at all points."""
+        law, (fa, fb), cosine, rest = self._ufl
+        sine = ufl.sqrt(1 - cosine**2)
+        f1, f2 = fa, (fb - cosine * fa) / sine
+        C = ufl.as_matrix([[ufl.dot(x, y) for y in (f1, f2)] for x in (f1, f2)])
+        # FFCx from 0.9 names code by the variable's number, and would compile each one anew
+        C = ufl.classes.Variable(C, ufl.classes.Label(0))
+        b = ufl.as_vector([cosine, sine])
+        I6, I8 = ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b))
+        S = 2 * ufl.diff(membrane_energy.energy_density(C[0, 0], I6, I8, rest, law), C)
+        values = ufl.as_vector([*f1, *f2, cosine, S[0, 0], S[1, 1], S[0, 1]])
+        return compat.PointEvaluation(
+            values, self.blank.mesh, self.degree, self.part.cells, self._drawn
+        )
+
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
         UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the part's
         cells."""
-        if self._points is None:
-            law, (fa, fb), cosine, rest = self._ufl
-            sine = ufl.sqrt(1 - cosine**2)
-            f1, f2 = fa, (fb - cosine * fa) / sine
-            C = ufl.as_matrix(
-                [[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]
-            )
-            # FFCx from 0.9 names code by the variable's number, and would compile each one anew
-            C = ufl.classes.Variable(C, ufl.classes.Label(0))
-            b = ufl.as_vector([cosine, sine])
-            W = membrane_energy.energy_density(
-                C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b)), rest, law
-            )
-            S = 2 * ufl.diff(W, C)
-            flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
-            values = ufl.as_vector([*flat, cosine, S[0, 0], S[1, 1], S[0, 1]])
-            self._points = compat.PointEvaluation(
-                values, self.blank.mesh, self.degree, self.part.cells, self._drawn
-            )
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
             self._evaluated = u.copy(), self._points()
@@ -231,9 +230,6 @@ class Membrane(Term):
     @property
     def weights(self) -> np.ndarray:
         """Quadrature weights over the points of a cell (points,), summing to one."""
-        if not self._points:
-            self.at_points()
-        assert self._points
         return self._points.weights / self._points.weights.sum()
 
     # -- results

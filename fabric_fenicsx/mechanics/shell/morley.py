@@ -254,28 +254,15 @@ class MorleyCells:
 
     def _known_beyond(self, slopes):
         """Data of this rank's cells and of those beyond them, as a `_Beyond`."""
-        count, dim = self.count, self.corners.shape[2]
-        parts = [
-            slopes.reshape(count, 18),
-            self.six,
-            self.plane,
-            self.opposite.reshape(count, 3 * dim),
-            self.trust[:, None],
-        ]
-        wide = sum(part.shape[1] for part in parts)
-        sent = dolfinx.la.vector(self.index_map, wide * self.per_cell)
-        known = sent.array.reshape(-1, wide)
-        known[:count] = np.concatenate(parts, 1)
+        parts = _Beyond(slopes, self.six, self.plane, self.opposite, self.trust)
+        widths = [math.prod(part.shape[1:]) for part in parts]
+        sent = dolfinx.la.vector(self.index_map, sum(widths) * self.per_cell)
+        known = np.split(sent.array.reshape(-1, sum(widths)), np.cumsum(widths)[:-1], 1)  # views
+        for values, part in zip(known, parts):
+            values[: self.count] = part.reshape(self.count, values.shape[1])
         sent.scatter_forward()
-        ends = np.cumsum([part.shape[1] for part in parts])[:-1]
-        theirs, six, plane, opposite, trust = np.split(known, ends, 1)
-        return _Beyond(
-            theirs.reshape(-1, 3, 6),
-            six,
-            plane.astype(int),
-            opposite.reshape(-1, 3, dim),
-            trust[:, 0],
-        )
+        pairs = zip(known, parts)
+        return _Beyond(*(v.reshape(-1, *p.shape[1:]).astype(p.dtype) for v, p in pairs))
 
     def _bends(self, slopes, known):
         """Slopes of the edges less those of the plane cell (cells, 3, 12), of the 12 nodes'
