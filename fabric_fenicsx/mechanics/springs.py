@@ -87,8 +87,7 @@ class Springs(Term):
                 "a mask (n,)"
             )
         if (anchor is None) == (arm is None):
-            given = "neither" if anchor is None else "both"
-            raise InputError(f"{name} have {given} of `anchor` and `arm`; allowed is one of them")
+            raise InputError(f"{name} need one of `anchor` and `arm`")
         self._where, self._anchor, self._arm = where, anchor, arm
 
     def set_up(self, scene: SceneFacts) -> None:

@@ -1,5 +1,4 @@
-"""Guards of terms: as a scene takes them, once before a run, and in `check_derivatives`. Errors
-name the term."""
+"""Checks of terms: as a scene takes them, once before a run, and in `check_derivatives`."""
 
 import inspect
 import weakref
@@ -41,16 +40,12 @@ def bind(term: Term, scene: SceneFacts) -> None:
     if term.bound_to is not None:
         if term.bound_to() is not scene:
             raise InputError(
-                f"term {term.name} is in another scene already; "
-                "allowed is a term in one scene, so each scene needs its own"
+                f"term {term.name} is in another scene already; each scene needs terms of its own"
             )
         return
     _check_names(term)
     if sum(each is term for each in scene.terms) > 1:
-        raise InputError(
-            f"term {term.name} is in the scene twice; allowed is a term once, so two that act "
-            "alike are two objects"
-        )
+        raise InputError(f"term {term.name} is in the scene twice; two alike must be two objects")
     kept = [method for method in ("memory", "cell_memory") if overrides(term, method)]
     if overrides(term, "recall") != bool(kept):
         has, lacks = (kept[0], "recall") if kept else ("recall", "memory")
@@ -68,16 +63,13 @@ def bind(term: Term, scene: SceneFacts) -> None:
     if term.energy is not None:
         _check_form(term)
     if term.energy is None and not overrides(term, "add_forces"):
-        raise InputError(
-            f"term {term.name} has neither an energy nor forces; allowed is `self.energy` in "
-            "`set_up`, or `add_forces`"
-        )
+        raise InputError(f"term {term.name} needs `self.energy`, set in `set_up`, or `add_forces`")
     one_kind = overrides(term, "stored") and not overrides(term, "energies")
     stores = term.energy is not None or one_kind
     if term.energy_kind is None and stores and not overrides(term, "work"):
         raise InputError(
-            f"term {term.name} stores an energy that has no name; allowed is an `energy_kind`, "
-            "its column in history.csv, or, of a load, `work`"
+            f"term {term.name} stores an energy and needs an `energy_kind`, its column in "
+            "history.csv, or, as a load, `work`"
         )
 
 
@@ -142,7 +134,7 @@ def _explain(error, term, gdim):
     if gdim == 2 and ("out of bounds" in str(error) or "out of range" in str(error)):
         raise InputError(
             f"term {term.name} asks for more than the {gdim} components that vectors have on "
-            "a sheet in its plane; allowed are these, or a blank made with `spatial=True`"
+            "a sheet in its plane; a third needs a blank made with `spatial=True`"
         ) from error
 
 
@@ -152,8 +144,7 @@ def _check_form(term):
     form, of = term.energy, f"energy of term {term.name}"
     if not isinstance(form, ufl.Form):
         raise InputError(
-            f"{of} is {shown(form)}, which is not integrated; "
-            "allowed is a form, as `W * self.part.dx(degree)`"
+            f"{of} is {shown(form)}, which is not integrated; a form is `W * self.part.dx(degree)`"
         )
     if form.arguments():
         raise InputError(
@@ -176,7 +167,7 @@ def _check_form(term):
     if term.part_name and any(each.subdomain_id() == "everywhere" for each in form.integrals()):
         raise InputError(
             f"term {term.name} is on a part, but its energy is integrated over the whole "
-            "sheet; allowed is `self.part.dx(degree)` in place of `ufl.dx`"
+            "sheet; it needs `self.part.dx(degree)` in place of `ufl.dx`"
         )
 
 

@@ -93,9 +93,7 @@ class Bending(Term):
         elif modulus is None and D_a is not None:
             given = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
         else:
-            raise InputError(
-                f"bending has D_a = {D_a!r} and modulus = {modulus!r}; allowed is one of them"
-            )
+            raise InputError("bending needs one of `D_a` and `modulus`")
         self._given = {
             name: FROM_ZERO.check(f"`{name}` of the bending", value)
             for name, value in given.items()
@@ -106,8 +104,8 @@ class Bending(Term):
         blank, given, fabric = scene.blank, self._given, fabric_of(scene, self.part)
         if blank.mesh.geometry.dim == 2 and not self.in_plane:
             raise InputError(
-                f"bending of {blank.name} is asked for in a plane with in_plane 0, where nothing "
-                "bends; allowed is a blank made with `spatial=True`, or in_plane above 0"
+                f"bending of {blank.name} needs a blank made with `spatial=True`, or `in_plane` "
+                "above 0"
             )
         if not blank.triangulated:
             raise InputError(
@@ -117,8 +115,8 @@ class Bending(Term):
         if "modulus" in given:
             if fabric is None:
                 raise InputError(
-                    f"bending of {blank.name} is given a modulus, and no term of the scene has a "
-                    "fabric; allowed are D_a, D_b, D_t"
+                    f"`modulus` of the bending of {blank.name} needs a fabric, which no term of "
+                    "the scene has; `D_a` needs none"
                 )
             D = plate_stiffness(given["modulus"], fabric.thickness)
             self.stiffnesses = np.array(

@@ -121,8 +121,8 @@ class Membrane(Term):
         self.degree = self._quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
         if self.integration == "inner" and not (blank.degree == 2 and blank.triangulated):
             raise InputError(
-                f"integration is inner and {blank.name} of degree {blank.degree} on {cell}s; "
-                "allowed is a sheet of quadratic triangles (P2) with straight sides"
+                f"integration `inner` needs quadratic triangles (P2) with straight sides; "
+                f"{blank.name} is of degree {blank.degree} on {cell}s"
             )
         law, straight, rest = self._constants(mesh)
         self._a0, self._b0 = straight or self._fibres()
