@@ -106,7 +106,10 @@ class ReleaseForces(Term):
     def memory(self) -> dict[str, np.ndarray]:
         """Work done, the same row at each node (nodes, k), and the nodes' start."""
         known = np.append(self._work.memory(), self._released)
-        return {"work": np.tile(known, (self._count, 1)), "start": self._start_rows()}
+        return {
+            "work": np.tile(known, (self._count, 1)),
+            "start": self._start.reshape(self._count, -1),
+        }
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """As in `Term`."""
@@ -118,9 +121,6 @@ class ReleaseForces(Term):
     def nodal_fields(self) -> dict[str, Value]:
         """`springback` along x, y, z."""
         return {"springback": Value(self.springback() @ self.blank.frame, "mm")}
-
-    def _start_rows(self):
-        return self._start.reshape(self._count, -1).copy()
 
     def _travel(self):
         """Work of this rank's forces, less that of the springs [N mm]."""
