@@ -11,8 +11,9 @@ from mpi4py import MPI
 from ..job.job import Job, Result
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.materials import materials_of
-from ..mechanics.protocols import Loaded, Pressing
-from ..mechanics.release_forces import RELEASED, FadingForces
+from ..mechanics.protocols import Pressing
+from ..mechanics.release_forces import RELEASED, ReleaseForces
+from ..mechanics.term import overrides
 from ..runtime.errors import InputError
 from ..scene.isostatic import isostatic, planes_of_symmetry
 from ..scene.memory import OF_CELLS, memory_of
@@ -84,7 +85,7 @@ def unloading(
     memory, formed = _memory(own), blank.u.x.array.copy()
     held = isostatic(blank, kept)
     blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
-    forces = FadingForces(_thinnest(before))
+    forces = ReleaseForces(_thinnest(before))
     terms = [copy(term.unbound) for term in own]
     scene = Scene(blank, [*terms, forces], [*map(_where_it_was, kept), *held])
     blank.u.x.array[:] = formed
@@ -117,7 +118,7 @@ def _stays(term, together):
     """Whether a term is of the sheets, not of what forms them."""
     if isinstance(term, SheetContact):
         return together
-    if isinstance(term, (Pressing, Loaded)):
+    if isinstance(term, Pressing) or overrides(term, "applied_forces"):
         return False
     return term.energy_kind is not None or term.energy is None
 

@@ -10,7 +10,6 @@ from petsc4py import PETSc
 from tqdm import tqdm
 
 from .. import dolfinx_compat as compat
-from ..mechanics.protocols import Prestressed
 from ..results.curve import default_measure
 from ..results.history import ENERGIES, History, energy_balance, viscous_words
 from ..results.output import Output
@@ -187,4 +186,4 @@ class Run:
 
 
 def _is_prestressed(scene):
-    return any(isinstance(term, Prestressed) and term.prestressed for term in scene.terms)
+    return any(term.prestressed for term in scene.terms)

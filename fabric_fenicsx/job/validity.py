@@ -127,10 +127,11 @@ def _crossing(scene):
     if not scene.blank.parts:
         return ""
     from ..mechanics.contact.sheet_contact import SheetContact
-    from ..mechanics.release_forces import FadingForces
+    from ..mechanics.release_forces import ReleaseForces
 
     fading, touching = (
-        any(isinstance(term, kind) for term in scene.terms) for kind in (FadingForces, SheetContact)
+        any(isinstance(term, kind) for term in scene.terms)
+        for kind in (ReleaseForces, SheetContact)
     )
     return "" if fading and not touching else crossing_warning(scene.blank)
 

@@ -1,16 +1,15 @@
-"""A law's energy and its derivatives as UFL expressions that compile to quick C."""
+"""A law's energy as a UFL expression that compiles to quick C."""
 
 import ufl
-from ufl import conditional, diff, gt, lt, variable
+from ufl import conditional, gt, lt
 from ufl.classes import Condition, Exp, IntValue, Product, Variable
 from ufl.core.expr import Expr
 from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
 from . import functions
-from .functions import negative, positive, sqrt, where
+from .functions import negative, positive, where
 from .laws import Law
-from .strains import in_invariants, nominal_strain, shear_angle
 
 for _name, _made in (("log", ufl.ln), ("atan", ufl.atan)):
     getattr(functions, _name).register(Expr, _made)
@@ -22,39 +21,10 @@ positive.register(Expr, lambda x: conditional(gt(x, 0), 1.0, 0.0) * x)
 negative.register(Expr, lambda x: (1 - conditional(gt(x, 0), 1.0, 0.0)) * x)
 
 
-def energy_density(I4: Expr, I6: Expr, I8: Expr, cos_angle: Expr, law: Law) -> Expr:
-    """W [MPa = N mm per mm3 of undeformed fabric] of the invariants of eqs (5)-(7), scalar UFL.
-
-    cos_angle: a0·b0, or the cosine of the weave's own angle if shear counts from that; any but
-    +-1. law: one of plain numbers, or of UFL constants in their place (`Law.symbols`).
-    """
-    return _energy(_strains(I4, I6, I8, cos_angle), law)
-
-
-def derivatives(
-    I4: Expr, I6: Expr, I8: Expr, cos_angle: Expr, law: Law
-) -> tuple[list[Expr], list[list[Expr]]]:
-    """First, [3], and second, [3][3], derivatives of `energy_density` in (I4, I6, I8), in UFL.
-
-    UFL derives the energy in the strains. The chain rule from these to the invariants is written
-    out: the compiled kernel then has a third of the operations.
-    """
-    q = [variable(strain) for strain in _strains(I4, I6, I8, cos_angle)]
-    W = _energy(q, law)
-    W1 = [diff(W, x) for x in q]
-    W2 = [[diff(W1[min(i, j)], q[max(i, j)]) for j in range(3)] for i in range(3)]
-    first, second = in_invariants((I4, I6, I8), 1 / sqrt(I4 * I8 - I6**2), W1, W2)
-    assert second is not None
-    return first, second
-
-
-def _strains(I4, I6, I8, cos_angle):
-    gamma = shear_angle(I6, sqrt(I4 * I8 - I6**2), cos_angle, sqrt(1 - cos_angle**2))
-    return [nominal_strain(I4), nominal_strain(I8), gamma]
-
-
-def _energy(strains, law):
-    return map_expr_dag(_Quick(), ufl.as_ufl(sum(law.parts(*strains))))
+def energy_in_ufl(law: Law, eps_a: Expr, eps_b: Expr, gamma: Expr) -> Expr:
+    """W of a law [MPa] as a scalar UFL expression of the strains. The law is one of plain numbers,
+    or of UFL constants in their place (`Law.symbols`)."""
+    return map_expr_dag(_Quick(), ufl.as_ufl(sum(law.parts(eps_a, eps_b, gamma))))
 
 
 class _Quick(MultiFunction):

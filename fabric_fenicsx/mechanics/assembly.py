@@ -11,24 +11,25 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from petsc4py import PETSc
-from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
-from .protocols import Loaded, StoresKinds, Varied
-from .term import Term, Triplets
+from .term import Term, Triplets, overrides
 from .term_checks import kinds_of
 
 if TYPE_CHECKING:
     from .triplets import TripletPlaces
 
 
-def variations(term: Term, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
-    """First variation of a term's `energy` in v, and second in v and w (UFL arguments)."""
-    if isinstance(term, Varied):
-        return term.variations(v, w)
-    first = ufl.derivative(term.energy, term.blank.u, v)
-    return first, ufl.derivative(first, term.blank.u, w)
+def assembled(form: ufl.Form) -> np.ndarray:
+    """A linear form at this rank's owned degrees of freedom, (owned dofs,)."""
+    return _owned(compat.form(form))
+
+
+def _owned(form):
+    f = fem_petsc.assemble_vector(form)
+    f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    return f.array.copy()
 
 
 def triplets(terms: Iterable[Term]) -> Triplets:
@@ -44,17 +45,15 @@ class Assembly:
 
     def __init__(self, blank: Blank, terms: Sequence[Term]) -> None:
         self._blank, self._terms, self._comm = blank, terms, blank.mesh.comm
-        # asked once, as Protocols take long to tell
-        self._storing = {i: t for i, t in enumerate(terms) if isinstance(t, StoresKinds)}
-        self._loaded = [term for term in terms if isinstance(term, Loaded)]
+        self._loaded = [term for term in terms if overrides(term, "applied_forces")]
         v, w = ufl.TestFunction(blank.V), ufl.TrialFunction(blank.V)
         # one form is of one part and one edge, as these share their number
-        on: dict[tuple, list[tuple[ufl.Form, ufl.Form]]] = {}
+        on: dict[tuple, list[Sequence[ufl.Form]]] = {}
         self._energies: list[tuple[str | None, fem.Form]] = []
         self._loads: list[fem.Form] = []  # first variations of loads that are forms
         for term in terms:
             if term.energy is not None:
-                pair = variations(term, v, w)
+                pair = term.variations(v, w)
                 on.setdefault((term.part_name, *_marked(term.energy)), []).append(pair)
                 self._energies.append((term.energy_kind, compat.form(term.energy)))
                 if term.energy_kind is None and term not in self._loaded:
@@ -76,14 +75,14 @@ class Assembly:
         parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
         changed = False
         for i, term in enumerate(self._terms):
-            if i in self._storing:
-                if i not in self._kinds:
-                    self._kinds[i] = kinds_of(term)
-                given = self._storing[i].energies()
-                changed |= given.keys() != {*self._kinds[i]}
-                parts += [(kind, given.get(kind, 0.0)) for kind in self._kinds[i]]
-            else:
+            if not overrides(term, "energies"):
                 parts.append((term.energy_kind, term.stored()))
+                continue
+            if i not in self._kinds:
+                self._kinds[i] = kinds_of(term)
+            found = term.energies()
+            changed |= found.keys() != {*self._kinds[i]}
+            parts += [(kind, found.get(kind, 0.0)) for kind in self._kinds[i]]
         values = np.array([*(value for _, value in parts), changed], dtype=float)
         total = self._comm.allreduce(values, MPI.SUM)
         if total[-1]:  # on some rank
@@ -98,11 +97,7 @@ class Assembly:
         """Forces of each tool and load (owned dofs,) [N], beside which a residual is to be
         small."""
         found = [term.applied_forces() for term in self._loaded]
-        for form in self._loads:
-            f = fem_petsc.assemble_vector(form)
-            f.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-            found.append(-f.array)
-        return found
+        return found + [-_owned(form) for form in self._loads]
 
     def residual(self, f: PETSc.Vec) -> None:
         """Make f (local dofs,) the derivative of all energies [N]."""
@@ -136,7 +131,7 @@ class Assembly:
         return A
 
     def places_changed(self) -> bool:
-        """Whether `tangent` has other places than the matrix made last, on any rank."""
+        """True if `tangent` has other places than the matrix made last, on any rank."""
         return self._comm.allreduce(self._pattern != self._patterns(), MPI.LOR)
 
     def tangent(

@@ -1,4 +1,4 @@
-"""Numbers that objects were given, as plain data that tells them from others."""
+"""Attributes of objects as plain data, which a checkpoint compares."""
 
 import dataclasses
 import tomllib
@@ -63,7 +63,7 @@ def entries(value: Any, path: str) -> dict[str, Any]:
 
 
 def of_attributes(thing: object) -> dict[str, Any]:
-    """What the constructor of an object, or who set its attributes since, left in it."""
+    """Attributes of an object as plain data, {name: value}."""
     found: dict[str, Any] = {}
     for name, value in vars(thing).items():
         found |= value if isinstance(value, Mapping) else {name.lstrip("_"): value}

@@ -25,7 +25,7 @@ class GatheredNodes:
         return self._of(self._u)
 
     def values(self, owned: np.ndarray) -> np.ndarray:
-        """Of values at this rank's owned nodes (nodes, gdim) those here, (n, gdim)."""
+        """Values here, (n, gdim), from those at each rank's owned nodes (nodes, gdim)."""
         self._sum.array[:] = owned.ravel()
         return self._of(self._sum)
 

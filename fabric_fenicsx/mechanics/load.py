@@ -7,23 +7,24 @@ from collections.abc import Callable
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import ArrayLike
-from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.rules import FINITE, Rule
+from ..sheets.blank import Blank
 from ..tools.values import checked_vector, length_of
+from .assembly import assembled
 from .term import SceneFacts, Term
 from .work import Work
 
 
-def _direction(name: str, direction: ArrayLike, gdim: int) -> np.ndarray:
-    """`direction` (gdim,) at length 1; InputError if it has none."""
-    plane = gdim == 2 and length_of(direction) == 3
+def vector_on(blank: Blank, name: str, vector: ArrayLike, unit: bool = False) -> np.ndarray:
+    """`vector` (gdim,), if `unit` at length 1; InputError, which calls it `name`, if it is none."""
+    gdim = blank.mesh.geometry.dim
+    plane = gdim == 2 and length_of(vector) == 3
     hint = ", or three on a blank made with `spatial=True`" if plane else ""
-    return checked_vector(f"direction of {name}", direction, True, gdim, hint)
+    return checked_vector(name, vector, unit, gdim, hint)
 
 
 def check_over_load(name: str, rule: Rule, given: float | Callable[[float], float]) -> None:
@@ -40,9 +41,60 @@ def at_load(name: str, rule: Rule, given: float | Callable[[float], float], load
     return rule.check(f"{name} at load {load:g}", given(load))
 
 
-class DeadPressure(Term):
-    """Load of `pressure` [MPa] per undeformed area along a fixed `direction` (gdim,), growing with
-    the load factor. Raises InputError for numbers that are not finite."""
+class _DeadLoad(Term):
+    """A load whose work is its size `_now` times `_travel`."""
+
+    _load: float
+    _now: float
+
+    def accept(self) -> None:
+        """Count `work` from the present state."""
+        self._work.accept(*self._state())
+
+    def work(self) -> float:
+        """Done on this rank's part since the last accepted state [N mm]."""
+        return self._work.since(*self._state())
+
+    def _travel(self) -> float:
+        raise NotImplementedError
+
+    def _start(self):
+        self._work = Work(1)
+        self.set_load(0.0)
+        self.accept()
+
+    def _state(self):
+        return self._load, np.array([self._now]), np.array([self._travel()])
+
+
+class DeadPressure(_DeadLoad):
+    """Pressure per undeformed area along a fixed direction, growing with the load factor.
+
+    The energy is a UFL form: minus int p u . n dA.
+
+    Parameters
+    ----------
+    pressure : float
+        At full load [MPa].
+    direction : array_like, (gdim,)
+        Along which it pushes; of any length.
+
+    Raises
+    ------
+    InputError
+        For numbers that are not finite, and a direction of length 0.
+
+    Examples
+    --------
+    >>> ply = ff.Blank.rectangle(20, 10, nx=2, spatial=True)
+    >>> gas = ff.DeadPressure(0.02, (0, 0, -1))
+    >>> terms = [ff.Membrane(ff.load("komeili")), gas]
+    >>> scene = ff.Scene(ply, terms, ff.clamped_ends(0.1))
+    >>> scene.set_load(0.5)
+    >>> ply.u.interpolate(lambda x: (0 * x[0], 0 * x[0], 0 * x[0] - 2.0))
+    >>> round(gas.work(), 6)  # the mean force, 0.005 MPa of 200 mm^2, over 2 mm [N mm]
+    2.0
+    """
 
     name = "dead pressure"
 
@@ -53,37 +105,47 @@ class DeadPressure(Term):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         blank = scene.blank
-        self._now = fem.Constant(blank.mesh, 0.0)
-        unit = _direction(self.name, self._direction, blank.mesh.geometry.dim)
+        self._constant = fem.Constant(blank.mesh, 0.0)
+        unit = vector_on(blank, f"direction of {self.name}", self._direction, unit=True)
         moved = ufl.dot(blank.displacement, ufl.as_vector(unit.tolist())) * self.part.dx()
-        self.energy = -self._now * moved
-        self._moved, self._work = compat.form(moved), Work(1)
-        self.set_load(0.0)
-        self.accept()
+        self.energy = -self._constant * moved
+        self._moved = compat.form(moved)
+        self._start()
 
     def set_load(self, load: float) -> None:
         """Set the load factor."""
-        self._load, self._now.value = load, load * self._pressure
+        self._load = load
+        self._now = self._constant.value = load * self._pressure
 
-    def accept(self) -> None:
-        """Count `work` from the present state."""
-        self._work.accept(*self._state())
-
-    def work(self) -> float:
-        """Done on this rank's part since the last accepted state [N mm]."""
-        return self._work.since(*self._state())
-
-    def _state(self):
-        pressure = float(self._now.value)
-        return self._load, np.array([pressure]), np.array([fem.assemble_scalar(self._moved)])
+    def _travel(self):
+        return fem.assemble_scalar(self._moved)
 
 
-class EdgeTension(Term):
-    """Pull of grippers: `tension` [N/mm] along a fixed `direction` (gdim,) on an undeformed edge.
+class EdgeTension(_DeadLoad):
+    """Pull of grippers along a fixed direction on an undeformed edge.
 
-    tension: a number, there from the start, or a function of the load factor. edge: function of
-    points (3, n) [mm] to a mask (n,), true at both ends of the edge's sides. Raises InputError if
-    it marks no side, and for numbers that are not finite.
+    Parameters
+    ----------
+    tension : float or callable
+        Per length of edge [N/mm]: a number, there from the start, or a function of the load factor.
+    direction : array_like, (gdim,)
+        Along which it pulls; of any length.
+    edge : callable
+        Function of points (3, n) [mm] to a mask (n,), true at both ends of the edge's sides.
+
+    Raises
+    ------
+    InputError
+        If `edge` marks no side, and for numbers that are not finite.
+
+    Examples
+    --------
+    >>> strip = ff.Blank.rectangle(20, 10, nx=2)
+    >>> pull = ff.EdgeTension(0.3, (1, 0), lambda x: x[0] > 19.9)
+    >>> held = ff.Support("left", lambda x: x[0] < 0.1, (0, 1))
+    >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili")), pull], [held])
+    >>> round(pull.applied_forces().sum(), 6)  # [N]
+    3.0
     """
 
     name = "edge tension"
@@ -100,34 +162,21 @@ class EdgeTension(Term):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         blank = scene.blank
-        unit = _direction(f"{self.name} on {blank.name}", self._direction, blank.mesh.geometry.dim)
+        name = f"direction of {self.name} on {blank.name}"
+        unit = vector_on(blank, name, self._direction, unit=True)
         along = ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(unit.tolist()))
         try:
             ds = self.part.ds(self._edge)
         except InputError as error:
             raise InputError(f"{self.name}: {error}") from error
-        lengths = fem_petsc.assemble_vector(compat.form(along * ds))
-        lengths.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         # of the edge at each owned degree of freedom
-        self._lengths, self._u, self._work = lengths.array.copy(), blank.u, Work(1)
-        self.set_load(0.0)
-        self.accept()
+        self._lengths, self._u = assembled(along * ds), blank.u
+        self._start()
 
     def set_load(self, load: float) -> None:
         """Set the load factor; InputError if the tension there is not finite."""
         self._load = load
         self._now = at_load(f"{self.name} [N/mm]", FINITE, self._tension, load)
-
-    def accept(self) -> None:
-        """Count `work` from the present state."""
-        self._work.accept(*self._state())
-
-    def work(self) -> float:
-        """Done on this rank's part since the last accepted state [N mm]."""
-        return self._work.since(*self._state())
-
-    def _state(self):
-        return self._load, np.array([self._now]), np.array([self._travel()])
 
     def stored(self) -> float:
         """As in `Term`."""
@@ -138,7 +187,7 @@ class EdgeTension(Term):
         f[: len(self._lengths)] -= self._now * self._lengths
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Loaded`."""
+        """As in `Term`."""
         return self._now * self._lengths
 
     def _travel(self):

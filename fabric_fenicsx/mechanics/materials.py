@@ -1,4 +1,4 @@
-"""What a scene's sheets are made of, as their terms know it."""
+"""Materials of a scene's sheets, as their terms know them."""
 
 from collections.abc import Iterator
 
@@ -7,7 +7,6 @@ import numpy as np
 from ..material.laws import Law
 from ..material.laws.base import Material
 from ..sheets.blank import Part
-from .protocols import MadeOf
 from .term import SceneFacts
 
 
@@ -17,7 +16,7 @@ def materials_of(scene: SceneFacts, part: Part) -> Iterator[Material]:
     here = part, scene.blank.whole
     for term in scene.terms:
         on_it = part.is_whole or scene.blank.part(term.part_name) in here
-        if on_it and isinstance(term, MadeOf):
+        if on_it and term.made_of is not None:
             yield term.made_of
 
 

@@ -1,4 +1,4 @@
-"""What terms tell of a state: columns of history.csv, entries of summary.json, fields."""
+"""Output of terms: columns of history.csv, entries of summary.json, fields."""
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -10,22 +10,36 @@ from mpi4py import MPI
 
 from ..runtime.errors import InputError
 from ..sheets.blank import Part
-from .protocols import TellsCells, TellsHistory, TellsNodes, TellsSummary
-from .term import Term
+from .term import Term, overrides
 
-# method of terms: the role that has it, what it gives, and where that is told
-REPORTS: dict[str, tuple[type, str, str]] = {
-    "history": (TellsHistory, "column", "history.csv"),
-    "summary": (TellsSummary, "entry", "summary.json"),
-    "cell_fields": (TellsCells, "field", "the sheet"),
-    "nodal_fields": (TellsNodes, "field", "the sheet"),
+# method of terms: what it gives, and to what
+OUTPUT = {
+    "history": ("column", "history.csv"),
+    "summary": ("entry", "summary.json"),
+    "cell_fields": ("field", "the sheet"),
+    "nodal_fields": ("field", "the sheet"),
 }
 
 
 class Value(NamedTuple):
-    """A value that a term tells. unit: of a field; merge: function of the value of the terms before
-    and of this one to that of both, None if no two terms may tell it. A `value` that is a function
-    is called with all that was told, {name: value}, as soon as that is merged."""
+    """A value that a term gives in `history`, `summary`, `cell_fields` or `nodal_fields`.
+
+    Parameters
+    ----------
+    value : number, array, or what JSON can hold
+        A function is called with all merged values, {name: value}, in place of which its result is
+        taken.
+    unit : str
+        Unit of a field.
+    merge : callable, optional
+        Function of the values of the terms before and of this one to that of both; without it no
+        two terms may give the same name.
+
+    Examples
+    --------
+    >>> ff.Value(np.zeros(3), "MPa").unit
+    'MPa'
+    """
 
     value: Any
     unit: str = ""
@@ -35,9 +49,9 @@ class Value(NamedTuple):
 class Fields(dict[str, np.ndarray]):
     """Fields {name: array (cells, ...) or (nodes, ...)}, with their `units` {name: unit}."""
 
-    def __init__(self, told: Mapping[str, Value]) -> None:
-        super().__init__({name: given.value for name, given in told.items()})
-        self.units = {name: given.unit for name, given in told.items() if given.unit}
+    def __init__(self, given: Mapping[str, Value]) -> None:
+        super().__init__({name: each.value for name, each in given.items()})
+        self.units = {name: each.unit for name, each in given.items() if each.unit}
 
     def __missing__(self, name: str) -> NoReturn:
         raise InputError(
@@ -47,23 +61,64 @@ class Fields(dict[str, np.ndarray]):
 
 
 def least(value: Any, unit: str = "") -> Value:
-    """The least one counts, of arrays entry by entry."""
+    """Value of which the least of all terms counts.
+
+    Parameters
+    ----------
+    value : number or array
+        Of arrays entry by entry.
+    unit : str
+        Unit of a field.
+
+    Examples
+    --------
+    >>> gap = ff.least(0.2)
+    >>> gap.merge(0.5, gap.value)
+    0.2
+    """
     return Value(value, unit, np.minimum if isinstance(value, np.ndarray) else min)
 
 
 def largest(value: Any, unit: str = "") -> Value:
-    """The largest one counts, of arrays (n,) or (n, 3) the number or vector of the largest size;
-    NaN has none."""
+    """Value of which the largest of all terms counts.
+
+    Parameters
+    ----------
+    value : number or array, (n,) or (n, 3)
+        Of arrays the number or vector of the largest size; NaN has none.
+    unit : str
+        Unit of a field.
+
+    Examples
+    --------
+    >>> slip = ff.largest(np.array([1.0, -3.0]), "mm")
+    >>> slip.merge(np.array([-2.0, 0.5]), slip.value).tolist()
+    [-2.0, -3.0]
+    """
     return Value(value, unit, _larger if isinstance(value, np.ndarray) else max)
 
 
 def total(value: Any, unit: str = "") -> Value:
-    """The sum over the terms counts; it is not over ranks."""
+    """Value of which the sum over the terms counts; the sum over ranks is the term's.
+
+    Parameters
+    ----------
+    value : number or array
+        Of this term.
+    unit : str
+        Unit of a field.
+
+    Examples
+    --------
+    >>> pull = ff.total(2.0)
+    >>> pull.merge(0.5, pull.value)
+    2.5
+    """
     return Value(value, unit, lambda before, now: before + now)
 
 
 def last(value: Any, unit: str = "") -> Value:
-    """The value of the last term counts."""
+    """Value of which that of the last term counts."""
     return Value(value, unit, lambda before, now: now)
 
 
@@ -91,31 +146,33 @@ def on_part(part: Part, values: np.ndarray, unit: str = "") -> Value:
     return Value(part.spread(values), unit, over)
 
 
-def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dict[str, Value]:
-    """What `terms` tell by their `method`, one of `REPORTS`, merged. Raises InputError for one of
-    the names `taken`, for a name that two terms give without a rule, for what JSON can't hold, and
-    on all ranks for a field of another size than the rank's cells or nodes."""
-    role, noun, place = REPORTS[method]
+def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dict[str, Value]:
+    """Output of `terms` by their `method`, one of `OUTPUT`, merged.
+
+    Raises InputError for one of the names `taken`, for a name that two terms give without a rule,
+    for what JSON can't hold, and on all ranks for a field of another size than the rank's cells or
+    nodes.
+    """
+    noun, place = OUTPUT[method]
+    check: Callable[..., Mapping[str, Any]] = arrays if noun == "field" else _known_to_json
     found: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in terms:
-        if not isinstance(term, role):
+        if not overrides(term, method):
             continue
         given = asked(term, method, noun)
         mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}
         derived = {k for k, v in given.items() if isinstance(v, Value) and callable(v.value)}
         plain = {name: each.value for name, each in mine.items() if name not in derived}
-        check: Callable[..., Mapping[str, Any]] = arrays if noun == "field" else _known_to_json
         checked = check(term, method, plain, noun)
         for name, each in mine.items():
-            before = found.get(name)
+            before, value = found.get(name), checked.get(name, each.value)
             if name in givers and (before is None or each.merge is None):
                 rule = ", or a rule that merges both, as `largest(value)`" if before else ""
                 raise InputError(
                     f"`{method}` of term {term.name} gives the {noun} {name}, which "
                     f"{givers[name]} already; allowed is another name{rule}"
                 )
-            value = checked.get(name, each.value)
             if before is not None and each.merge is not None:
                 value = each.merge(before.value, value)
             found[name] = each._replace(value=value)
@@ -128,7 +185,7 @@ def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dic
 
 
 def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
-    """What a term's `method` returns; InputError if that is no dict."""
+    """Answer of a term's `method`; InputError if that is no dict."""
     given = getattr(term, method)()
     if not isinstance(given, Mapping):
         raise InputError(
@@ -141,7 +198,7 @@ def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
 def arrays(
     term: Term, method: str, given: Mapping[str, Any], noun: str = "array"
 ) -> dict[str, np.ndarray]:
-    """What a term's `method` gives, as arrays; InputError, on all ranks, for what is no number and
+    """Answer of a term's `method` as arrays; InputError, on all ranks, for what is no number and
     for another size than the rank's cells or nodes."""
     whole = term.blank.whole
     what, size = ("cells", whole.cells.size) if "cell" in method else ("nodes", whole.nodes.size)

@@ -1,47 +1,16 @@
-"""Roles that a term may have beside those of every `Term`.
+"""Protocols of contact with tools and sheets, beside the methods of every `Term`.
 
-Who needs one asks `isinstance(term, ROLE)`: a term has a role as soon as it has its methods and
-attributes. Arrays and numbers are those of this rank's part, if nothing else is said.
+Whoever needs it asks `isinstance(term, PROTOCOL)`: having the methods is enough. Arrays and numbers
+are those of this rank's part, if nothing else is said.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
-import ufl
-from ufl.core.expr import Expr
 
-from ..material.laws.base import Material
 from ..tools.tool import Tool
-
-# -- energy, forces and stiffness
-
-
-@runtime_checkable
-class Varied(Protocol):
-    """Has derivatives of its `energy` that are cheaper than those that UFL finds."""
-
-    def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
-        """First variation of `energy` in v, and second in v and w (UFL arguments)."""
-
-
-@runtime_checkable
-class StoresKinds(Protocol):
-    """Stores energies of several kinds. A run then asks neither `stored` nor, unless the term also
-    has a form, `energy_kind`."""
-
-    def energies(self) -> dict[str | None, float]:
-        """{kind: N mm}, always the same kinds on all ranks; None: minus the work of a load."""
-
-
-@runtime_checkable
-class Loaded(Protocol):
-    """Knows forces beside which a residual is to be small. A load that is a form does without."""
-
-    def applied_forces(self) -> np.ndarray:
-        """(owned dofs,) [N]."""
 
 
 @runtime_checkable
@@ -69,44 +38,6 @@ class DrivenByForce(Protocol):
     def compliance(self) -> tuple[np.ndarray, float] | None:
         """c (owned dofs,) and k [N/mm], by which the tool takes c c^T / k from the tangent; None
         for a tool on a path."""
-
-
-# -- load steps
-
-
-@runtime_checkable
-class Lagged(Protocol):
-    """Holds something during a solve as it was before. Solutions are loose until that settles."""
-
-    def update_lagged(self) -> bool:
-        """After a solve: update what was held, if that is off by more than allowed; whether it
-        was, so that the solve must be repeated. The same on all ranks."""
-
-
-@runtime_checkable
-class Remembers(Protocol):
-    """Has a memory at nodes, which a checkpoint must keep."""
-
-    def memory(self) -> dict[str, np.ndarray]:
-        """What accepted states left, {name: array (owned nodes, k)}."""
-
-    def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """Take back what `memory` and `cell_memory` gave, at the displacement and load of then."""
-
-
-@runtime_checkable
-class RemembersCells(Protocol):
-    """Has a memory in cells, which a checkpoint must keep."""
-
-    def cell_memory(self) -> dict[str, np.ndarray]:
-        """What accepted states left, {name: array (owned cells, k)}, by names that `memory` does
-        not use."""
-
-    def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Remembers`."""
-
-
-# -- tools and materials
 
 
 @runtime_checkable
@@ -142,58 +73,6 @@ class Rubbing(Protocol):
 
 
 @runtime_checkable
-class MadeOf(Protocol):
-    """Knows what its part of the sheet is made of."""
-
-    @property
-    def made_of(self) -> Material:
-        """A fabric or a metal."""
-
-
-# -- what is told of a state, on all ranks; values as in `mechanics.reports`
-
-
-@runtime_checkable
-class TellsHistory(Protocol):
-    """Has columns of history.csv."""
-
-    def history(self) -> Mapping[str, Any]:
-        """{column: number}, the same columns each time."""
-
-
-@runtime_checkable
-class TellsSummary(Protocol):
-    """Has entries of summary.json."""
-
-    def summary(self) -> Mapping[str, Any]:
-        """{entry: what JSON can hold}, also at load 0."""
-
-
-@runtime_checkable
-class TellsCells(Protocol):
-    """Has fields on cells."""
-
-    def cell_fields(self) -> Mapping[str, Any]:
-        """{field: array (owned cells, ...)}."""
-
-
-@runtime_checkable
-class TellsNodes(Protocol):
-    """Has fields at nodes."""
-
-    def nodal_fields(self) -> Mapping[str, Any]:
-        """{field: array (owned nodes,) or (owned nodes, k)}."""
-
-
-@runtime_checkable
-class Warns(Protocol):
-    """Knows what speaks against a state though nothing failed."""
-
-    def warnings(self) -> list[str]:
-        """Sentences."""
-
-
-@runtime_checkable
 class Penetrated(Protocol):
     """Lets sheet and tool, or two sheets, overlap a little."""
 
@@ -201,23 +80,4 @@ class Penetrated(Protocol):
         """Deepest overlap in any accepted state, over the sheet's thickness, of all ranks."""
 
     def where_deepest(self) -> str:
-        """In words, what was so deep in the sheet, and where."""
-
-
-@runtime_checkable
-class Strained(Protocol):
-    """Knows how far yarns are stretched and shortened."""
-
-    def overstretched(self, strain: float) -> float:
-        """Share of the area, 0 to 1, in which yarns are stretched by more than the nominal
-        `strain`, of all ranks."""
-
-    def shortened(self, strain: float) -> float:
-        """As `overstretched`, in which they are shortened by more."""
-
-
-@runtime_checkable
-class Prestressed(Protocol):
-    """May have stress in the sheet as it lies, before load."""
-
-    prestressed: bool
+        """The tool or sheet that was so deep in the sheet, and where, as text."""

@@ -17,7 +17,7 @@ POWER = 6
 GONE = 0.9  # load factor from which there are none, so that what is lagged settles in the last step
 
 
-class FadingForces(Term):
+class ReleaseForces(Term):
     """Forces on the nodes, as tools exerted them, that fade with the load factor: all of them at
     load 0, none from 0.9 on.
 
@@ -32,10 +32,10 @@ class FadingForces(Term):
     the motion since then. Raises InputError for a reach that is not above 0.
     """
 
-    name = "fading forces"
+    name = "release forces"
 
     def __init__(self, reach: float) -> None:
-        self.reach = POSITIVE.check("reach of fading forces [mm]", reach)
+        self.reach = POSITIVE.check("reach of release forces [mm]", reach)
 
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
@@ -79,7 +79,7 @@ class FadingForces(Term):
         self._work.accept(*self._state())
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`: their potential, and what was released up to the present state."""
+        """As in `Term`: their potential, and what was released up to the present state."""
         released = self._released - self._since_accepted()
         released *= self.blank.mesh.comm.rank == 0  # known to all
         return {None: -self._share * self._travel() - released, RELEASED: released}
@@ -99,17 +99,20 @@ class FadingForces(Term):
         return dofs, dofs, np.full(len(dofs), self._share * self._stiffness)
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Loaded`: those at the start, as none are left in the end, and a residual must be
+        """As in `Term`: those at the start, as none are left in the end, and a residual must be
         small beside something."""
         return self._forces
 
     def memory(self) -> dict[str, np.ndarray]:
-        """What all ranks know of the work done, the same at each node (nodes, k)."""
+        """Work done, the same row at each node (nodes, k), and the nodes' start."""
         known = np.append(self._work.memory(), self._released)
-        return {"work": np.tile(known, (self._count, 1)), "start": self._start_rows()}
+        return {
+            "work": np.tile(known, (self._count, 1)),
+            "start": self._start.reshape(self._count, -1),
+        }
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Remembers`."""
+        """As in `Term`."""
         rows = self.blank.mesh.comm.allgather(memory["work"][:1])
         known = next(row[0] for row in rows if len(row))
         self._work.recall(known[:-1].reshape(-1, 4))
@@ -119,11 +122,8 @@ class FadingForces(Term):
         """`springback` along x, y, z."""
         return {"springback": Value(self.springback() @ self.blank.frame, "mm")}
 
-    def _start_rows(self):
-        return self._start.reshape(self._count, -1).copy()
-
     def _travel(self):
-        """Of this rank's forces, less what the springs take [N mm]."""
+        """Work of this rank's forces, less that of the springs [N mm]."""
         moved = self._moved()
         return float((self._forces - self._stiffness / 2 * moved) @ moved)
 

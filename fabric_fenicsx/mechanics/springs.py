@@ -6,16 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 import ufl
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
 
-from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.rules import FROM_ZERO, shown
-from ..tools.values import checked_vector, length_of
+from .assembly import assembled
 from .contact.nodes import values_at
+from .load import vector_on
 from .output import Value, joined, total
 from .term import SceneFacts, Term, Triplets
 
@@ -23,24 +22,44 @@ LEAST = 1e-9  # length of a spring, over its first, from which it has a directio
 
 
 class Springs(Term):
-    """Springs that pull nodes of the sheet to fixed anchors, each along the line between them, by
-    preload + stiffness * elongation. A spring never pushes: where that is below 0 it is slack.
+    """Springs that pull nodes of the sheet to fixed anchors, along the line between them.
 
-    - where: function of undeformed points (3, n) [mm] to a mask (n,): which nodes. If it marks
-      sides of the sheet's outer edge, at both of their ends, each node on them counts by its share
-      of their length; otherwise all nodes count alike
-    - stiffness [N/mm], preload [N]: of all these springs together, 0 or more, not both 0. So they
-      do not depend on the mesh. Of a quarter they are those of the modelled part
-    - anchor: the point (gdim,) [mm] to which all go, or `arm`: the vector (gdim,) [mm] from each
-      undeformed node to its own, so that all are parallel
-    - name: what history and summary call them, and errors
+    Each pulls with preload + stiffness * elongation, and never pushes: below 0 it is slack. With
+    the preload alone the pull is constant, as of a weight over a roller. Stored energies count from
+    where the sheet lies undeformed, so they are below 0 where springs have helped to move it.
+    history.csv has the sum of the pulls, summary.json their force on the sheet, too.
 
-    With the preload alone the pull is constant, as of a weight over a roller. Stored energies are
-    counted from where the sheet lies undeformed; so they are below 0 where springs have helped to
-    move it. history.csv has the sum of the pulls, summary.json their force on the sheet, too.
+    Parameters
+    ----------
+    where : callable
+        Function of undeformed points (3, n) [mm] to a mask (n,). If it marks sides of the sheet's
+        outer edge, at both of their ends, each node on them counts by its share of their length;
+        otherwise all nodes count alike.
+    stiffness, preload : float
+        [N/mm] and [N], of all these springs together, from 0, not both 0. So they do not depend on
+        the mesh. Of a quarter they are those of the modelled part.
+    anchor : array_like, (gdim,)
+        Point [mm] to which all go, or:
+    arm : array_like, (gdim,)
+        Vector [mm] from each undeformed node to its own anchor, so that all are parallel.
+    name : str
+        Name in history, summary and errors.
 
-    Raises InputError for numbers out of their range, unless one of `anchor` and `arm` is given, for
-    a `where` that marks no node, and for an anchor at a node.
+    Raises
+    ------
+    InputError
+        For numbers out of their range, unless one of `anchor` and `arm` is given, for a `where`
+        that marks no node, and for an anchor at a node.
+
+    Examples
+    --------
+    >>> strip = ff.Blank.rectangle(20, 10, nx=2)
+    >>> clip = ff.Springs(lambda x: x[0] > 19.9, 2.0, preload=1.0, arm=(50, 0))
+    >>> held = ff.Support("left", lambda x: x[0] < 0.1, (0, 1))
+    >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili")), clip], [held])
+    >>> strip.u.interpolate(lambda x: (-0.01 * x[0], 0 * x[1]))
+    >>> round(clip.pull(), 6)  # 1 N and 2 N/mm of 0.2 mm
+    1.4
     """
 
     name, energy_kind = "springs", "springs"
@@ -68,8 +87,7 @@ class Springs(Term):
                 "a mask (n,)"
             )
         if (anchor is None) == (arm is None):
-            given = "neither" if anchor is None else "both"
-            raise InputError(f"{name} have {given} of `anchor` and `arm`; allowed is one of them")
+            raise InputError(f"{name} need one of `anchor` and `arm`")
         self._where, self._anchor, self._arm = where, anchor, arm
 
     def set_up(self, scene: SceneFacts) -> None:
@@ -95,19 +113,16 @@ class Springs(Term):
         self._rows = np.repeat(dofs, gdim, axis=1).ravel().astype(PETSc.IntType)
         self._cols = np.tile(dofs, gdim).ravel().astype(PETSc.IntType)
 
-    def _vector(self, told, given):
+    def _vector(self, argument, given):
         """`arm` or `anchor` along the frame's axes, (gdim,)."""
-        gdim = self.blank.mesh.geometry.dim
-        plane = gdim == 2 and length_of(given) == 3
-        hint = ", or three on a blank made with `spatial=True`" if plane else ""
-        name = f"{told} of {self.name} [mm]"
-        vector = checked_vector(name, given, size=gdim, hint=hint)
-        if told == "arm":
-            checked_vector(name, given, unit=True, size=gdim)  # so not all 0
+        name = f"{argument} of {self.name} [mm]"
+        vector = vector_on(self.blank, name, given)
+        if argument == "arm":
+            vector_on(self.blank, name, given, unit=True)  # so not all 0
         return self.blank.frame @ vector
 
     def _shares(self):
-        """Of each owned node, 0 where it has no spring, (owned nodes,); 1 in all."""
+        """Share of each owned node, (owned nodes,), 0 where it has no spring; 1 in all."""
         blank = self.blank
         owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
 
@@ -120,9 +135,7 @@ class Springs(Term):
         except InputError:  # none is marked, on any rank
             pass
         else:
-            lengths = fem_petsc.assemble_vector(compat.form(side))
-            lengths.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-            found = lengths.array[::gdim].copy()
+            found = assembled(side)[::gdim].copy()
         whole = blank.mesh.comm.allreduce(float(found.sum()))
         if not whole:
             raise InputError(
@@ -159,7 +172,7 @@ class Springs(Term):
         return self._rows, self._cols, (self._share[:, None, None] * stiff).ravel()
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Loaded`."""
+        """As in `Term`."""
         f = np.zeros(self.blank.u.x.array.size)
         self.add_forces(f)
         return -f[: self.blank.V.dofmap.index_map.size_local * self.blank.mesh.geometry.dim]
@@ -179,7 +192,7 @@ class Springs(Term):
         return {f"{'_'.join(self.name.split())}_pull_N": total(self.pull())}
 
     def summary(self) -> dict[str, Value]:
-        """By the name of these springs: their pull, their force, and the longest elongation."""
+        """Pull, force and the longest elongation, under the name of these springs."""
         longer = (self._now()[1] - self._lengths).max(initial=-np.inf)
         facts = {
             "pull_N": self.pull(),

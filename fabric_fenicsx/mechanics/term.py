@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 import ufl
 from petsc4py import PETSc
+from ufl.core.expr import Expr
 
+from ..material.laws.base import Material
 from ..runtime.errors import InputError
 from ..sheets.blank import Blank, Part
 
@@ -18,44 +20,66 @@ NO_TANGENT: Triplets = (np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), 
 
 
 class SceneFacts(Protocol):
-    """What a scene tells its terms: its blank, and the terms on it, the one that asks among
-    them."""
+    """A scene as its terms see it."""
 
     blank: Blank
 
     @property
     def terms(self) -> Sequence[Term]:
-        """In the order in which they were given."""
+        """All terms on the blank, in the given order."""
+
+
+def overrides(term: Term, method: str) -> bool:
+    """True if a term has a `method` of its own in place of that of `Term`."""
+    return method in vars(term) or getattr(type(term), method) is not getattr(Term, method)
 
 
 class Term:
-    """An energy or a load on the scene's sheet.
-
-    An own term overrides what it needs of this class. Whatever else a term can do, as holding
-    something during a solve, telling fields or keeping a memory, is a role: it has the methods of
-    one of the Protocols in `mechanics.roles`, and so is asked for them.
+    """An energy or a load on the scene's sheet; a subclass overrides what it needs.
 
     Arrays and numbers are those of this rank's part, if nothing else is said. Degrees of freedom
     are those of `blank.u`: components along the axes of the blank's frame.
 
-    - name: what summaries and errors call it
-    - energy_kind: under which its energy is added up: KIND_energy_Nmm in history.csv, KIND in the
-      `energy` of summary.json; None for loads. Only the sum of a kind is told, as "strain" of
-      several membranes; so an own term has a kind of its own, unless its energy is to be counted
-      among that of others. The package's kinds are strain, bending, contact, friction, metal and
-      plastic
-    - resists: rigid motions of the sheet that it may resist: "move" and "turn", or only those out
-      of its plane, "lift", or within it, "slide"; "stretch" if it alone can hold the sheet
-      together, though it is no form. Motions that neither supports nor terms hold are refused
-    - energy: a UFL form in `blank.u`, integrated over the sheet by `self.part.dx(degree)` or over
-      an edge by `self.part.ds(edge, degree)` [N mm]; for a load, minus its work. None if the term
-      is no form: it then has `stored`, `add_forces` and `tangent`
-    - pattern: a number that changes when the places of `tangent` do
-    - blank: the sheet, known in `set_up`; `blank.mesh.comm` is the MPI communicator, and
-      `blank.V.dofmap.index_map` numbers the nodes; part: what of it the term is on; part_name: its
-      name, see `on`
-    - given: what the attributes were before `set_up`, as plain data; a checkpoint must agree in it
-    - unbound: the term as it was then, of which another scene may take a copy
+    Attributes
+    ----------
+    name : str
+        Name in summaries and errors.
+    energy_kind : str or None
+        Kind under which the energy is summed: KIND_energy_Nmm in history.csv, KIND in the `energy`
+        of summary.json; None for loads. The package has strain, bending, contact, friction, metal
+        and plastic; an own term needs another kind to be seen by itself.
+    resists : tuple of str
+        Rigid motions of the sheet that the term may resist: "move" and "turn", or only those out of
+        its plane, "lift", or within it, "slide"; "stretch" if the term alone can hold the sheet
+        together, though it is no form. A scene in which a rigid motion stays free is refused.
+    energy : ufl.Form or None
+        Form in `blank.u`, integrated by `part.dx(degree)` or `part.ds(edge, degree)` [N mm]; for a
+        load, minus its work. None if `stored`, `add_forces` and `tangent` take its place.
+    pattern : int
+        Number that changes when the places of `tangent` do.
+    prestressed : bool
+        True if the sheet may have stress as it lies, before load.
+    blank, part : Blank, Part
+        The sheet and the part of it that the term is on, known in `set_up`. `blank.mesh.comm` is
+        the MPI communicator, `blank.V.dofmap.index_map` numbers the nodes.
+    fingerprint : dict
+        Attributes before `set_up` as plain data, in which a checkpoint must agree.
+    unbound : Term
+        The term before `set_up`, of which another scene may take a copy.
+
+    Examples
+    --------
+    >>> import ufl
+    >>> class Bedding(ff.Term):
+    ...     name = energy_kind = "bedding"
+    ...
+    ...     def set_up(self, scene):
+    ...         u = scene.blank.u
+    ...         self.energy = 0.5 * 0.05 * ufl.inner(u, u) * self.part.dx(2)
+    >>> strip = ff.Blank.rectangle(20, 10, nx=2)
+    >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili")), Bedding()], ff.clamped_ends(0.1))
+    >>> sorted(scene.energies())
+    ['bedding', 'strain']
     """
 
     name = "term"
@@ -63,10 +87,11 @@ class Term:
     resists: tuple[str, ...] = ()
     energy: ufl.Form | None = None
     pattern = 0
+    prestressed = False
     blank: Blank
     part: Part
     part_name = ""
-    given: dict[str, Any]
+    fingerprint: dict[str, Any]
     unbound: Self
     # weak, as circles of solver objects end at another time on each rank
     bound_to: weakref.ref[SceneFacts] | None = None
@@ -78,8 +103,23 @@ class Term:
             raise AttributeError(f"{type(self).__name__} has no attribute `{name}`{when}")
 
     def on(self, part: str) -> Self:
-        """Restrict the term to a part of the blank: a sheet of a stack, or a patch; itself.
-        InputError for what is no name, and where it is on a part already."""
+        """Restrict the term to a part of the blank: a sheet of a stack, or a patch.
+
+        Parameters
+        ----------
+        part : str
+            Name of the part.
+
+        Returns
+        -------
+        Term
+            The term itself.
+
+        Raises
+        ------
+        InputError
+            For what is no name, and for a term that is on a part already.
+        """
         if self.part_name or not (isinstance(part, str) and part):
             raise InputError(
                 f"term {self.name} is put on {part!r}; allowed is the name of one part, once"
@@ -91,20 +131,49 @@ class Term:
     def set_up(self, scene: SceneFacts) -> None:
         """Make what needs the sheet; `blank` and `part` are known."""
 
+    @property
+    def made_of(self) -> Material | None:
+        """Fabric or metal of the term's part of the sheet."""
+        return None
+
+    # -- energy, forces and stiffness
+
     def stored(self) -> float:
         """Energy that is no form [N mm]; for a load, minus its work."""
         return 0.0
 
+    def energies(self) -> dict[str | None, float]:
+        """Energies that are no form, {kind: N mm}, always the same kinds on all ranks; None: minus
+        the work of a load. A term of several kinds overrides this in place of `stored`."""
+        return {self.energy_kind: self.stored()}
+
     def add_forces(self, f: np.ndarray) -> None:
-        """Add the derivative of `stored` to f (local dofs,), ghosts included [N]."""
+        """Add the derivative of the energies to f (local dofs,), ghosts included [N]."""
 
     def tangent(self) -> Triplets:
-        """Second derivative of `stored` [N/mm]: rows, columns (k,), GLOBAL degrees of freedom, the
-        same ones as long as `pattern` is the same, and values (k,), to be summed."""
+        """Second derivative of the energies [N/mm]: rows, columns (k,), GLOBAL degrees of freedom,
+        the same ones as long as `pattern` is the same, and values (k,), to be summed."""
         return NO_TANGENT
+
+    def variations(self, v: Expr, w: Expr) -> Sequence[ufl.Form]:
+        """First variation of the form `energy` in v, and second in v and w (UFL arguments)."""
+        first = ufl.derivative(self.energy, self.blank.u, v)
+        return first, ufl.derivative(first, self.blank.u, w)
+
+    def applied_forces(self) -> np.ndarray:
+        """Forces of a load or tool (owned dofs,) [N], beside which a residual is to be small. A
+        load that is a form does without."""
+        raise NotImplementedError
+
+    # -- load steps
 
     def set_load(self, load: float) -> None:
         """Set the load factor, and go back to the last accepted state in all else."""
+
+    def update_lagged(self) -> bool:
+        """Update, after a solve, what was held during it, if that is off by more than allowed. True
+        on all ranks if so: the solve is repeated."""
+        return False
 
     def accept(self) -> None:
         """Take the present state as the last accepted one."""
@@ -112,3 +181,36 @@ class Term:
     def work(self) -> float:
         """Work of a load or tool since the last accepted state [N mm]."""
         return 0.0
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Memory of accepted states for a checkpoint, {name: array (owned nodes, k)}."""
+        return {}
+
+    def cell_memory(self) -> dict[str, np.ndarray]:
+        """Memory in cells, {name: array (owned cells, k)}, by names that `memory` does not use."""
+        return {}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """Take back `memory` and `cell_memory`, at the displacement and load of then."""
+
+    # -- output: {name: value or `Value`}, the same names each time
+
+    def history(self) -> Mapping[str, Any]:
+        """Columns of history.csv, numbers that are the same on all ranks."""
+        return {}
+
+    def summary(self) -> Mapping[str, Any]:
+        """Entries of summary.json, the same on all ranks, also at load 0."""
+        return {}
+
+    def cell_fields(self) -> Mapping[str, Any]:
+        """Fields on cells, arrays (owned cells, ...)."""
+        return {}
+
+    def nodal_fields(self) -> Mapping[str, Any]:
+        """Fields at nodes, arrays (owned nodes,) or (owned nodes, k)."""
+        return {}
+
+    def warnings(self) -> list[str]:
+        """Sentences on what speaks against the state though nothing failed."""
+        return []

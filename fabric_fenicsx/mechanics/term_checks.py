@@ -1,5 +1,4 @@
-"""Guards of terms: as a scene takes them, once before a run, and in `check_derivatives`. Errors
-name the term."""
+"""Checks of terms: as a scene takes them, once before a run, and in `check_derivatives`."""
 
 import inspect
 import weakref
@@ -17,11 +16,10 @@ from ufl.constantvalue import ScalarValue, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from ..runtime.errors import InputError
-from . import protocols as roles
+from . import protocols
 from .fingerprint import of_attributes
 from .output import asked
-from .protocols import StoresKinds
-from .term import SceneFacts, Term
+from .term import SceneFacts, Term, overrides
 
 OF_A_RUN = "viscous", "external_work"  # energies that a run has beside those of terms
 MOTIONS = "move", "turn", "lift", "slide", "stretch"  # that a term may resist
@@ -42,24 +40,18 @@ def bind(term: Term, scene: SceneFacts) -> None:
     if term.bound_to is not None:
         if term.bound_to() is not scene:
             raise InputError(
-                f"term {term.name} is in another scene already; "
-                "allowed is a term in one scene, so each scene needs its own"
+                f"term {term.name} is in another scene already; each scene needs terms of its own"
             )
         return
-    _check_words(term)
+    _check_names(term)
     if sum(each is term for each in scene.terms) > 1:
-        raise InputError(
-            f"term {term.name} is in the scene twice; allowed is a term once, so two that act "
-            "alike are two objects"
-        )
-    kept = [method for method in ("memory", "cell_memory") if hasattr(term, method)]
-    if hasattr(term, "recall") != bool(kept):
+        raise InputError(f"term {term.name} is in the scene twice; two alike must be two objects")
+    kept = [method for method in ("memory", "cell_memory") if overrides(term, method)]
+    if overrides(term, "recall") != bool(kept):
         has, lacks = (kept[0], "recall") if kept else ("recall", "memory")
-        raise InputError(
-            f"term {term.name} has `{has}` but no `{lacks}`; allowed are both, or none"
-        )
+        raise InputError(f"`{has}` of term {term.name} needs `{lacks}`")
     unbound = copy(term)
-    term.given = of_attributes(term)
+    term.fingerprint = of_attributes(term)
     term.unbound = unbound
     term.bound_to, term.blank = weakref.ref(scene), scene.blank
     term.part = scene.blank.part(term.part_name)
@@ -70,22 +62,18 @@ def bind(term: Term, scene: SceneFacts) -> None:
         raise
     if term.energy is not None:
         _check_form(term)
-    own = type(term)
-    if term.energy is None and own.add_forces is Term.add_forces:
-        raise InputError(
-            f"term {term.name} has neither an energy nor forces; allowed is `self.energy` in "
-            "`set_up`, or `add_forces`"
-        )
-    one_kind = own.stored is not Term.stored and not isinstance(term, StoresKinds)
+    if term.energy is None and not overrides(term, "add_forces"):
+        raise InputError(f"term {term.name} needs `self.energy`, set in `set_up`, or `add_forces`")
+    one_kind = overrides(term, "stored") and not overrides(term, "energies")
     stores = term.energy is not None or one_kind
-    if term.energy_kind is None and stores and own.work is Term.work:
+    if term.energy_kind is None and stores and not overrides(term, "work"):
         raise InputError(
-            f"term {term.name} stores an energy that has no name; allowed is an `energy_kind`, "
-            "its column in history.csv, or, of a load, `work`"
+            f"term {term.name} stores an energy and needs an `energy_kind`, its column in "
+            "history.csv, or, as a load, `work`"
         )
 
 
-def _check_words(term):
+def _check_names(term):
     if not (isinstance(term.name, str) and term.name.strip()):
         raise InputError(
             f"`name` of a term of class {type(term).__name__} is {term.name!r}; allowed is "
@@ -100,10 +88,10 @@ def _check_words(term):
         )
 
 
-def _check_kind(term, told, kind):
+def _check_kind(term, where, kind):
     if not (isinstance(kind, str) and kind.isidentifier()) or kind in OF_A_RUN:
         raise InputError(
-            f"`{told}` of term {term.name} is {kind!r}; allowed is a name of letters, digits and "
+            f"`{where}` of term {term.name} is {kind!r}; allowed is a name of letters, digits and "
             f"_, other than {' and '.join(OF_A_RUN)}, which every run has for something else"
         )
 
@@ -124,10 +112,9 @@ def kinds_of(term: Term, before: list[str | None] | None = None) -> list[str | N
 
 
 def misspelt(term: Term) -> list[str]:
-    """Warnings of a term's methods whose names are nearly those of a role."""
-    homes = [each for each in vars(roles).values() if hasattr(each, "__mro__")]
-    homes = [Term, *(each for each in homes if each.__module__ == roles.__name__)]
-    known = {name.replace("ies", "y"): name for home in homes for name in vars(home)}
+    """Warnings of a term's methods whose names are nearly those that a run asks for."""
+    homes = [each for each in vars(protocols).values() if isinstance(each, type)]
+    known = {name.replace("ies", "y"): name for home in [Term, *homes] for name in vars(home)}
     found = []
     for name, _ in inspect.getmembers(type(term), callable):
         near = get_close_matches(name.replace("ies", "y"), known, 1, 0.81)
@@ -138,7 +125,7 @@ def misspelt(term: Term) -> list[str]:
 
 
 def _explain(error, term, gdim):
-    """Say in our words what UFL and DOLFINx say in theirs."""
+    """Replace messages of UFL and DOLFINx by clearer ones."""
     if "nsupported dtype" in str(error):
         raise InputError(
             f"term {term.name} holds a number in `fem.Constant` that is no float; allowed "
@@ -147,7 +134,7 @@ def _explain(error, term, gdim):
     if gdim == 2 and ("out of bounds" in str(error) or "out of range" in str(error)):
         raise InputError(
             f"term {term.name} asks for more than the {gdim} components that vectors have on "
-            "a sheet in its plane; allowed are these, or a blank made with `spatial=True`"
+            "a sheet in its plane; a third needs a blank made with `spatial=True`"
         ) from error
 
 
@@ -157,8 +144,7 @@ def _check_form(term):
     form, of = term.energy, f"energy of term {term.name}"
     if not isinstance(form, ufl.Form):
         raise InputError(
-            f"{of} is {shown(form)}, which is not integrated; "
-            "allowed is a form, as `W * self.part.dx(degree)`"
+            f"{of} is {shown(form)}, which is not integrated; a form is `W * self.part.dx(degree)`"
         )
     if form.arguments():
         raise InputError(
@@ -181,7 +167,7 @@ def _check_form(term):
     if term.part_name and any(each.subdomain_id() == "everywhere" for each in form.integrals()):
         raise InputError(
             f"term {term.name} is on a part, but its energy is integrated over the whole "
-            "sheet; allowed is `self.part.dx(degree)` in place of `ufl.dx`"
+            "sheet; it needs `self.part.dx(degree)` in place of `ufl.dx`"
         )
 
 
@@ -191,7 +177,7 @@ def check_answers(term: Term) -> None:
     blank, comm = term.blank, term.blank.mesh.comm
     size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
     check_number(term, "stored", term.stored())
-    if isinstance(term, StoresKinds) and kinds_of(term):
+    if overrides(term, "energies") and kinds_of(term):
         for value in term.energies().values():
             check_number(term, "energies", value)
     given: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]
@@ -217,7 +203,7 @@ def check_number(term: Term, method: str, value: Any) -> None:
 
 
 def _wrong_triplets(given: Any, size: int) -> str:
-    """What is wrong with what `tangent` gives; "" if nothing is."""
+    """Fault in the answer of `tangent`, "" if there is none."""
     if not isinstance(given, (tuple, list)) or len(given) != 3:
         return shown(given)
     rows, cols, values = (np.asarray(each) for each in given)

@@ -131,7 +131,7 @@ def _add(own, others, places, values):
 
 @compiled
 def _find(starts, cols, place, first, rows, wanted):
-    """Of entries at global `rows` and columns `wanted` (k,) their `place`, `NOWHERE` in rows of
+    """The `place` of entries at global `rows` and columns `wanted` (k,), `NOWHERE` in rows of
     others. starts, cols: of this rank's rows, which begin with the `first`."""
     places = np.full(len(rows), NOWHERE, dtype=place.dtype)
     for k in range(len(rows)):

@@ -14,7 +14,9 @@ def of_scene(scene: Scene) -> dict[str, Any]:
     the same on any number of ranks."""
     found: dict[str, Any] = {"terms": ", ".join(term.name for term in scene.terms)}
     for i, term in enumerate(scene.terms, 1):
-        given = {k: v for name, each in term.given.items() for k, v in entries(each, name).items()}
+        given = {
+            k: v for name, each in term.fingerprint.items() for k, v in entries(each, name).items()
+        }
         found |= {f"{name} of term {i}, {term.name}": v for name, v in given.items()}
     found["supports"] = ", ".join(support.name for support in scene.supports)
     farthest = scene.comm.allreduce(abs(scene.supports.values(1.0)).max(initial=0.0), MPI.MAX)

@@ -5,12 +5,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..mechanics.output import arrays, asked
-from ..mechanics.protocols import Remembers, RemembersCells
-from ..mechanics.term import Term
+from ..mechanics.term import Term, overrides
 from ..runtime.errors import InputError
 
 OF_CELLS = "cells "  # begins the names of arrays in cells
-METHODS = ("", Remembers, "memory"), (OF_CELLS, RemembersCells, "cell_memory")
+METHODS = ("", "memory"), (OF_CELLS, "cell_memory")
 
 
 def memory_of(terms: Iterable[Term]) -> dict[str, np.ndarray]:
@@ -27,7 +26,7 @@ def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
     """Give the term of that number back its part of `memory`. Raises InputError, on all ranks, if
     its memory is another one then."""
     given = {key: memory[f"{place}{number} {key}"] for place, key in _memory(term)}
-    if not isinstance(term, (Remembers, RemembersCells)):
+    if not overrides(term, "recall"):
         return
     try:
         term.recall(given)
@@ -48,8 +47,8 @@ def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
 def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:
     """Arrays by (beginning of their name, own name)."""
     found: dict[tuple[str, str], np.ndarray] = {}
-    for place, protocol, method in METHODS:
-        if isinstance(term, protocol):
+    for place, method in METHODS:
+        if overrides(term, method):
             own = arrays(term, method, asked(term, method, "array"))
             found |= {(place, key): values for key, values in own.items()}
     return found

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.output import Fields, told
-from ..mechanics.protocols import Penetrated, Pressing, Strained, Touching, Warns
-from ..mechanics.shell.mesh_warnings import locking_warning
+from ..mechanics.output import Fields, merged
+from ..mechanics.protocols import Penetrated, Pressing, Touching
+from ..mechanics.shell.membrane import Membrane
+from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnings
 from ..tools.tool import Tool
 from .scene import Scene
 
@@ -25,23 +26,23 @@ OF_A_SUMMARY = (
 
 def history(scene: Scene, taken: Collection[str] = ()) -> dict[str, Any]:
     """Entries of the terms in a row of history.csv, beside the columns `taken`."""
-    return {name: each.value for name, each in told(scene.terms, "history", taken).items()}
+    return {name: each.value for name, each in merged(scene.terms, "history", taken).items()}
 
 
 def summary(scene: Scene) -> dict[str, Any]:
     """Entries of the terms in summary.json."""
-    given = told(scene.terms, "summary", OF_A_SUMMARY)
+    given = merged(scene.terms, "summary", OF_A_SUMMARY)
     return {"terms": [t.name for t in scene.terms]} | {k: v.value for k, v in given.items()}
 
 
 def cell_fields(scene: Scene) -> Fields:
     """Fields on this rank's owned cells, (cells, ...)."""
-    return Fields(told(scene.terms, "cell_fields", OF_A_SHEET))
+    return Fields(merged(scene.terms, "cell_fields", OF_A_SHEET))
 
 
 def nodal_fields(scene: Scene, taken: Collection[str] = ()) -> Fields:
     """Fields at this rank's nodes, ghosts too, (nodes, ...), beside those `taken` by cells."""
-    fields = Fields(told(scene.terms, "nodal_fields", (*OF_A_SHEET, *taken)))
+    fields = Fields(merged(scene.terms, "nodal_fields", (*OF_A_SHEET, *taken)))
     for name, values in fields.items():
         fields[name] = scene.blank.with_ghosts(values)
     return fields
@@ -72,23 +73,23 @@ def deepest(scene: Scene) -> tuple[float, str]:
 def overstretched(scene: Scene, strain: float) -> float:
     """Share of the sheet's area, 0 to 1, in which yarns are stretched by more than `strain`; of
     several sheets the largest."""
-    return max((term.overstretched(strain) for term in _strained(scene)), default=0.0)
+    return max((term.overstretched(strain) for term in _membranes(scene)), default=0.0)
 
 
 def most_shortened(scene: Scene, strain: float) -> tuple[float, str]:
     """Share of a sheet's area in which compression shortens yarns by more than `strain`, and the
     name of the sheet: the one with the largest share."""
-    known = [(term.shortened(strain), term.part.name) for term in _strained(scene)]
+    known = [(term.shortened(strain), term.part.name) for term in _membranes(scene)]
     return max(known, key=lambda each: each[0], default=(0.0, ""))
 
 
 def locking(scene: Scene) -> list[str]:
     """Warnings of cells that lock, one for each sheet at most."""
-    return [text for term in _strained(scene) if (text := locking_warning(term))]
+    return [text for term in _membranes(scene) if (text := locking_warning(term))]
 
 
-def _strained(scene):
-    return [term for term in scene.terms if isinstance(term, Strained)]
+def _membranes(scene):
+    return [term for term in scene.terms if isinstance(term, Membrane)]
 
 
 def virial(scene: Scene) -> np.ndarray:
@@ -112,7 +113,8 @@ def outer_forces(scene: Scene) -> dict[str, float]:
 
 def warnings(scene: Scene) -> list[str]:
     """Doubts about the state though nothing failed, as sentences."""
-    given = [term.warnings() for term in scene.terms if isinstance(term, Warns)]
+    given = [membrane_warnings(term) for term in _membranes(scene)]
+    given += [term.warnings() for term in scene.terms]
     found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
     located = scene.supports.locating_warning(outer_forces(scene))
     return [*found, *filter(None, [located])]

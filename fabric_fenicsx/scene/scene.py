@@ -8,8 +8,8 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
-from ..mechanics.protocols import Anticipates, DrivenByForce, KeepsGaps, Lagged, Touching
-from ..mechanics.term import Term
+from ..mechanics.protocols import Anticipates, DrivenByForce, KeepsGaps, Touching
+from ..mechanics.term import Term, overrides
 from ..mechanics.term_checks import bind, check_answers, check_number
 from ..runtime.errors import InputError
 from ..runtime.timing import phase
@@ -64,8 +64,7 @@ class Scene:
                 f"the scene of {blank.name} has no elastic term; it needs one, as a membrane"
             )
         self._assembly = Assembly(blank, self.terms)
-        # asked once, as Protocols take long to tell
-        self._lagged = [term for term in self.terms if isinstance(term, Lagged)]
+        self._lagged = [term for term in self.terms if overrides(term, "update_lagged")]
         self._anticipating = [term for term in self.terms if isinstance(term, Anticipates)]
         self._keeping = [term for term in self.terms if isinstance(term, KeepsGaps)]
         self._driven = [term for term in self.terms if isinstance(term, DrivenByForce)]

@@ -7,8 +7,8 @@ from mpi4py import MPI
 
 from ..material.laws import Law
 from ..mechanics.assembly import Assembly
-from ..mechanics.protocols import DrivenByForce, Remembers, RemembersCells
-from ..mechanics.term import Term
+from ..mechanics.protocols import DrivenByForce
+from ..mechanics.term import Term, overrides
 from ..mechanics.term_checks import check_answers
 from ..runtime.errors import InputError
 from ..runtime.rules import FINITE, POSITIVE
@@ -311,7 +311,7 @@ def _compared(probe, load):
             "sheet in place of resisting it"
         )
     still = term.energy_kind and not probe.before.norm() and pushed <= 1e-9 * largest
-    if still and not isinstance(term, (Remembers, RemembersCells)) and rest > size * total:
+    if still and not overrides(term, "recall") and rest > size * total:
         remarks.append(
             f"the energy of the sheet as it lies is {rest:.3g} N mm, without a force: take it "
             "off, as the energy balance knows no work that has gone into it"

@@ -13,11 +13,11 @@ from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
-from fabric_fenicsx.material.expression import energy_density
 from fabric_fenicsx.material.laws import COUPLINGS, Law
 from fabric_fenicsx.material.laws.law58 import Law58
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS
+from fabric_fenicsx.mechanics.membrane_energy import energy_density
 from fabric_fenicsx.runtime.errors import InputError
 
 LAW58 = Law58(1335.0, 900.0, 2e4, 0.0, 1e-3, 0.025, 0.6, 0.8)

@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
-from fabric_fenicsx.material.expression import energy_density
+from fabric_fenicsx.mechanics.membrane_energy import energy_density
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen

@@ -155,7 +155,7 @@ def test_a_load_on_one_sheet_of_a_stack(name):
 def test_a_checkpoint_knows_the_pull():
     blank = strip(False)
     pull = alone(blank, EdgeTension(TENSION, (1, 0), end(blank, LENGTH)))
-    assert pull.given["tension"] == TENSION
+    assert pull.fingerprint["tension"] == TENSION
 
 
 def test_edge_tension_on_a_sheet_without_that_edge():

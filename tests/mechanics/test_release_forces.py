@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from builders import Elastic, alone, march, near, sheet
 
-from fabric_fenicsx.mechanics.release_forces import FadingForces
+from fabric_fenicsx.mechanics.release_forces import ReleaseForces
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.mpi
 
 def pulled():
     """A strip in its plane, stretched by 1 %, and the forces that hold it so."""
-    blank, forces = sheet(LENGTH, WIDTH, 8, 2, "left"), FadingForces(REACH)
+    blank, forces = sheet(LENGTH, WIDTH, 8, 2, "left"), ReleaseForces(REACH)
     held = [Support("grip", near(0, 0.0), (0,)), Support("side", near(1, 0.0), (1,))]
     scene = Scene(blank, [Elastic(), forces], held)
     x = blank.coordinates()
@@ -55,9 +55,9 @@ def test_they_are_whole_at_the_start_and_gone_in_the_end():
 
 def test_a_reach_is_above_zero():
     with pytest.raises(
-        InputError, match=r"reach of fading forces \[mm\] is 0.0; allowed is a numb"
+        InputError, match=r"reach of release forces \[mm\] is 0.0; allowed is a numb"
     ):
-        FadingForces(0.0)
+        ReleaseForces(0.0)
 
 
 def test_springs_fade_with_the_forces_and_begin_where_these_were_taken():
@@ -82,7 +82,7 @@ def test_what_was_released_is_remembered_on_any_node():
     scene, forces = pulled()
     march(Newton(scene), 10)
     kept, told = forces.memory(), forces.energies()["released"]
-    other = alone(sheet(LENGTH, WIDTH, 8, 2, "left"), FadingForces(REACH))
+    other = alone(sheet(LENGTH, WIDTH, 8, 2, "left"), ReleaseForces(REACH))
     other.blank.u.x.array[:] = scene.blank.u.x.array
     other.take(forces.applied_forces())
     other.set_load(1.0)

@@ -110,7 +110,7 @@ def test_springs_on_one_sheet_of_a_stack():
             r"stiffness of springs \[N/mm\] is -1.0; allowed is a number",
         ),
         ((END, 0.0), {"arm": (1, 0)}, "stiffness and preload of springs are both 0; allowed is"),
-        ((END, 1.0), {}, "springs have neither of `anchor` and `arm`; allowed is one of them"),
+        ((END, 1.0), {}, "springs need one of `anchor` and `arm`"),
         ((END, 1.0), {"arm": (0, 0)}, r"arm of springs \[mm\] is \(0, 0\); allowed are two finite"),
         ((END, 1.0), {"arm": (0, 0, 1)}, "two finite numbers.*, or three on a blank made with"),
         ((END, 1.0), {"anchor": (LENGTH, 0)}, "an anchor at a node that they hold, so no direc"),
@@ -125,4 +125,8 @@ def test_bad_input_is_refused(given, options, words):
 
 def test_a_checkpoint_knows_the_springs():
     springs = alone(strip(), Springs(END, 5.0, 20.0, arm=(30.0, 0)))
-    assert {"stiffness": 5.0, "preload": 20.0, "arm": [30.0, 0]}.items() <= springs.given.items()
+    assert {
+        "stiffness": 5.0,
+        "preload": 20.0,
+        "arm": [30.0, 0],
+    }.items() <= springs.fingerprint.items()

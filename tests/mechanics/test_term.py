@@ -98,14 +98,14 @@ def test_a_term_that_is_no_form_is_solved_for_like_any():
 def test_a_term_is_in_one_scene():
     membrane, blanks = Membrane(KOMEILI), [sheet(20.0, 10.0, 4, 2) for _ in range(2)]
     Scene(blanks[0], [membrane])
-    with pytest.raises(InputError, match="term membrane is in another scene already; allowed is"):
+    with pytest.raises(InputError, match="term membrane is in another scene already; each"):
         Scene(blanks[1], [membrane])
 
 
 def test_a_term_is_once_in_a_scene():
     """Its forces would count twice."""
     bedding = Bedding(K)
-    words = "term bedding is in the scene twice; allowed is a term once"
+    words = "term bedding is in the scene twice; two alike"
     with pytest.raises(InputError, match=words):
         Scene(sheet(20.0, 10.0, 4, 2), [Membrane(KOMEILI), bedding, bedding])
 
@@ -140,10 +140,7 @@ def test_what_the_scene_knows_is_not_asked_twice():
             "contact with ball is given no thickness, and no term .*; allowed",
         ),
         (lambda ball: [Contact(ball, 0.4)], "contact with ball is given no penalty"),
-        (
-            lambda ball: [Bending(modulus=1.0)],
-            "given a modulus, and no term of the scene has a fabric; allowed",
-        ),
+        (lambda ball: [Bending(modulus=1.0)], "`modulus` of the bending of blank needs a fabric"),
     ],
 )
 def test_what_a_term_misses_in_its_scene_is_named(terms, words):
@@ -156,9 +153,7 @@ def test_what_a_term_misses_in_its_scene_is_named(terms, words):
 
 @pytest.mark.parametrize("options", [{}, {"D_a": 1.0, "modulus": 1.0}])
 def test_bending_has_either_a_stiffness_or_a_modulus(options):
-    with pytest.raises(
-        InputError, match="bending has D_a = .* and modulus = .*; allowed is one of them"
-    ):
+    with pytest.raises(InputError, match="bending needs one of `D_a` and `modulus`"):
         Bending(**options)
 
 
@@ -176,12 +171,12 @@ class Unnamed(Bedding):
 
 @pytest.mark.parametrize("term", [Stored(), Unnamed(K)])
 def test_an_energy_without_a_name_is_refused(term):
-    with pytest.raises(InputError, match="stores an energy that has no name; .*`energy_kind`"):
+    with pytest.raises(InputError, match="stores an energy and needs an `energy_kind`"):
         Scene(sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), term])
 
 
 def test_a_term_that_does_nothing_is_refused():
-    with pytest.raises(InputError, match="term mine has neither an energy nor forces; allowed is"):
+    with pytest.raises(InputError, match="term mine needs `self.energy`"):
         Scene(
             sheet(20.0, 10.0, 2, 1), [Membrane(KOMEILI), type("Mine", (Term,), {"name": "mine"})()]
         )
@@ -247,7 +242,7 @@ def test_a_component_that_a_plane_sheet_lacks():
         def set_up(self, scene):
             self.energy = scene.blank.u[2] ** 2 * self.part.dx(2)
 
-    words = "term lifting asks for more than the 2 components .*; allowed .*`spatial=True`"
+    words = "term lifting asks for more than the 2 components .*; .*`spatial=True`"
     with pytest.raises(InputError, match=words):
         alone(sheet(10, 10, 2, 1), Lifting())
 

@@ -240,7 +240,7 @@ def test_what_cannot_be_told_or_kept(method, does, words):
 )
 def test_a_memory_that_is_not_taken_back(method, missing):
     mine = type("Mine", (Springs,), {method: lambda self: {}})()
-    words = f"springs has `{method}` but no `{missing}`; allowed are"
+    words = f"`{method}` of term springs needs `{missing}`"
     with pytest.raises(ff.InputError, match=words):
         scene_with(mine)
 

@@ -1,1 +1,1 @@
-"""What a sheet resists with: membrane, bending, metal."""
+"""Energies of a sheet: membrane, bending, metal."""

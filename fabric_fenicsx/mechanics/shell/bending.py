@@ -34,26 +34,41 @@ class Bending(Term):
 
     x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
     normal to the deformed cell count in full, their parts tangent to it times `in_plane`. Curvature
-    of the undeformed sheet takes no energy. The operator is that of `morley.MorleyCells`.
+    of the undeformed sheet takes no energy. The operator is that of `morley.MorleyCells`. Normals
+    are lagged, so within a step the energy is quadratic. The part of its derivative from turning
+    normals is lagged, too, so the forces are exact at each accepted state.
 
-    - D_a, D_b, D_t: stiffness [N mm], D_b by default D_a. An isotropic plate without lateral
-      contraction has D_t = 2 D_a. With D_t = 0 only the membrane resists pure twist, which is a
-      saddle along the yarns' diagonals.
-    - modulus, twist_modulus: instead of these E of both yarns and G [MPa], for D_a = D_b =
-      E t^3 / 12 and D_t = G t^3 / 3, with the thickness t of the scene's fabric
-    - in_plane: factor from 0 on D_a, D_b and D_t for bending within the sheet, the only bending of
-      a plane blank. It gives shear bands a width of about sqrt(in_plane D / membrane stiffness in
-      shear).
-    - symmetric: functions of points (3, n) [mm] to a mask (n,), one for each plane of symmetry.
-      Each marks the blank's edge in its plane, where supports must hold it. clamped: the same for
-      edges whose tangent plane is held. All other edges are free of moment.
+    Parameters
+    ----------
+    D_a, D_b, D_t : float
+        Stiffnesses [N mm], D_b by default D_a. An isotropic plate without lateral contraction has
+        D_t = 2 D_a. With D_t = 0 only the membrane resists pure twist, which is a saddle along the
+        yarns' diagonals.
+    in_plane : float
+        Factor from 0 on D_a, D_b and D_t for bending within the sheet, the only bending of a plane
+        blank. It gives shear bands a width of about sqrt(in_plane D / membrane stiffness in shear).
+    symmetric, clamped : callable or sequence of callables
+        Functions of points (3, n) [mm] to a mask (n,). Each of `symmetric` marks the blank's edge
+        in one plane of symmetry, where supports must hold it; `clamped` marks edges whose tangent
+        plane is held. All other edges are free of moment.
+    modulus, twist_modulus : float
+        E of both yarns and G [MPa], in place of D_a, D_b, D_t: D_a = D_b = E t^3 / 12 and D_t =
+        G t^3 / 3, with the thickness t of the scene's fabric.
 
-    Normals are lagged, so within a step the energy is quadratic. What turning normals add to its
-    derivative is lagged, too, so the forces are exact at each accepted state.
+    Raises
+    ------
+    InputError
+        On all ranks, for a blank other than of linear triangles (P1, or P2 with straight sides),
+        negative stiffnesses, a modulus beside D_a or without a fabric, a plane blank without
+        `in_plane`, or edges not found.
 
-    Raises InputError, on all ranks, for a blank other than of linear triangles, negative
-    stiffnesses, a modulus beside D_a or without a fabric, a plane blank without `in_plane`, or
-    edges not found.
+    Examples
+    --------
+    >>> strip = ff.Blank.rectangle(20, 10, nx=2, spatial=True)
+    >>> bending = ff.Bending(modulus=100.0, twist_modulus=1.0)
+    >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili")), bending], ff.clamped_ends(0.1))
+    >>> bending.stiffnesses.round(2).tolist()  # D_a, D_b, D_t [N mm] of t = 1 mm
+    [8.33, 8.33, 0.33]
     """
 
     name = energy_kind = "bending"
@@ -78,9 +93,7 @@ class Bending(Term):
         elif modulus is None and D_a is not None:
             given = {"D_a": D_a, "D_b": D_a if D_b is None else D_b, "D_t": D_t}
         else:
-            raise InputError(
-                f"bending has D_a = {D_a!r} and modulus = {modulus!r}; allowed is one of them"
-            )
+            raise InputError("bending needs one of `D_a` and `modulus`")
         self._given = {
             name: FROM_ZERO.check(f"`{name}` of the bending", value)
             for name, value in given.items()
@@ -91,8 +104,8 @@ class Bending(Term):
         blank, given, fabric = scene.blank, self._given, fabric_of(scene, self.part)
         if blank.mesh.geometry.dim == 2 and not self.in_plane:
             raise InputError(
-                f"bending of {blank.name} is asked for in a plane with in_plane 0, where nothing "
-                "bends; allowed is a blank made with `spatial=True`, or in_plane above 0"
+                f"bending of {blank.name} needs a blank made with `spatial=True`, or `in_plane` "
+                "above 0"
             )
         if not blank.triangulated:
             raise InputError(
@@ -102,8 +115,8 @@ class Bending(Term):
         if "modulus" in given:
             if fabric is None:
                 raise InputError(
-                    f"bending of {blank.name} is given a modulus, and no term of the scene has a "
-                    "fabric; allowed are D_a, D_b, D_t"
+                    f"`modulus` of the bending of {blank.name} needs a fabric, which no term of "
+                    "the scene has; `D_a` needs none"
                 )
             D = plate_stiffness(given["modulus"], fabric.thickness)
             self.stiffnesses = np.array(
@@ -190,7 +203,7 @@ class Bending(Term):
         return np.stack([a, np.cross(normal, a), normal], 1)
 
     def _state(self):
-        """What is stored and borne at the present displacement, reckoned once."""
+        """Energy and forces at the present displacement, computed once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
             energy, _, forces = self._bent(U)

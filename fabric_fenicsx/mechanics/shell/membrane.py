@@ -1,6 +1,6 @@
 """The membrane: in-plane strain energy of a blank."""
 
-from itertools import combinations_with_replacement
+from functools import cached_property
 
 import numpy as np
 import ufl
@@ -10,16 +10,14 @@ from ufl.core.expr import Expr
 
 from ... import dolfinx_compat as compat
 from ...material import kernel, stability
-from ...material.expression import derivatives, energy_density
 from ...material.laws import Law
 from ...material.presets import checked_fabric
 from ...material.strains import SHORTENED, nominal_strain, share_name
 from ...runtime.errors import InputError
 from ...runtime.rules import COUNT
+from .. import membrane_energy
 from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
-from .mesh_warnings import band_warning, locking_warning
-from .range_warning import range_warnings
 
 # Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that
 # UFL estimates for this energy would take thousands of points.
@@ -41,27 +39,51 @@ UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"}
 
 
 class Membrane(Term):
-    """Strain energy W(I4, I6, I8) t of `fabric` over the undeformed sheet: eqs (5)-(7), (30).
+    """Strain energy W(I4, I6, I8) t of a fabric over the undeformed sheet, eqs (5) to (9), (30).
 
-    Material values enter as constants of the form, so fabrics that differ only in numbers share one
-    compiled form. quadrature_degree: by default that of `QUADRATURE_DEGREE`.
+    The formulas are in `mechanics.membrane_energy`, W itself in the law.
 
-    integration: `inner`, on quadratic triangles with straight sides, takes nearly all of the energy
-    at three points that are nearer to a cell's centre than those of `full`, by the factor `INNER`.
-    They see the gradients of strains times that factor, so yarns in tension resist these less, and
-    cells that do not follow the yarns do not lock (reduced integration as projected strains: Malkus
-    and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978; locking of fibres: ten Thije and
-    Akkerman, Composites A 39, 2008; Hamila and Boisse, Composites A 53, 2013). `OUTER_SHARE` of the
-    energy stays at the points of `full`, so that no corner of a cell turns over unseen. Where
-    stretched yarns end at a free edge it is too soft by a part of a row of cells.
+    Parameters
+    ----------
+    fabric : Law
+        The law and its numbers. Fabrics that differ only in numbers share one compiled form.
+    quadrature_degree : int, optional
+        By default that of `QUADRATURE_DEGREE`.
+    integration : {"full", "inner"}
+        `inner`, on quadratic triangles with straight sides, takes nearly all of the energy at three
+        points nearer to a cell's centre, by the factor `INNER`. They see the gradients of strains
+        times that factor, so cells that do not follow the yarns do not lock [1]_, [2]_, [3]_.
+        `OUTER_SHARE` of the energy stays at the points of `full`, so that no corner of a cell turns
+        over unseen. Where stretched yarns end at a free edge it is too soft by a part of a row of
+        cells.
+    weave_angle : float, optional
+        Angle between the yarns of the weave without shear [rad], from which the shear angle counts.
+        By default the initial angle of the blank, as in eq. (8). With any other the blank has
+        stress as it lies.
 
-    weave_angle: angle between the yarns of the weave without shear [rad], from which the shear
-    angle counts. The default is the initial angle of the blank, as in eq. (8). With any other the
-    blank has stress as it lies.
+    Raises
+    ------
+    InputError
+        For a weave_angle that is not above 0 and below pi; in a scene for an element that is not in
+        `QUADRATURE_DEGREE`, or that `inner` is not for, and for a law with energy or stress at
+        rest.
 
-    Raises InputError for a weave_angle that is not above 0 and below pi, and in a scene for an
-    element that is not listed in `QUADRATURE_DEGREE`, or that `inner` is not for, and for a law
-    with energy or stress at rest.
+    References
+    ----------
+    .. [1] Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978: reduced integration as
+       projected strains.
+    .. [2] ten Thije and Akkerman, Composites A 39, 2008: locking of fibres.
+    .. [3] Hamila and Boisse, Composites A 53, 2013.
+
+    Examples
+    --------
+    A strip that is stretched by 1 % with its width held:
+
+    >>> strip = ff.Blank.rectangle(20, 10, nx=2)
+    >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili"))])
+    >>> strip.u.interpolate(lambda x: (0.01 * x[0], 0 * x[1]))
+    >>> round(scene.energy(), 3)  # (a eps^3 + b eps^2) t A [N mm]
+    14.176
     """
 
     name, energy_kind = "membrane", "strain"
@@ -83,7 +105,6 @@ class Membrane(Term):
         if quadrature_degree is not None:
             quadrature_degree = COUNT.check("`quadrature_degree`", quadrature_degree)
         self._quadrature_degree = quadrature_degree
-        self._points: compat.PointEvaluation | None = None
         # displacements, values at points
         self._evaluated: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -100,60 +121,33 @@ class Membrane(Term):
         self.degree = self._quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
         if self.integration == "inner" and not (blank.degree == 2 and blank.triangulated):
             raise InputError(
-                f"integration is inner and {blank.name} of degree {blank.degree} on {cell}s; "
-                "allowed is a sheet of quadratic triangles (P2) with straight sides"
+                f"integration `inner` needs quadratic triangles (P2) with straight sides; "
+                f"{blank.name} is of degree {blank.degree} on {cell}s"
             )
         law, straight, rest = self._constants(mesh)
         self._a0, self._b0 = straight or self._fibres()
-        fa, fb = (f + df for f, df in zip((self._a0, self._b0), self._stretched(blank.u)))
+        yarns = membrane_energy.deformed(blank.displacement, self._a0, self._b0)
         cosine = ufl.dot(self._a0, self._b0) if not self.part.orthogonal else ufl.as_ufl(0.0)
         rest = cosine if rest is None else rest
-        self._invariants = ufl.dot(fa, fa), ufl.dot(fa, fb), ufl.dot(fb, fb)
-        self._ufl = law, fa, fb, cosine, rest
+        self._ufl = law, yarns, cosine, rest
         self._drawn = INNER if self.integration == "inner" else 1.0
         dx = self.part.dx(self.degree, self._drawn)
         # shares of the energy, and how they are integrated
         self._rules = [(1.0, dx)]
         if self.integration == "inner":
             self._rules = [(1 - OUTER_SHARE, dx), (OUTER_SHARE, self.part.dx(self.degree))]
-        density = law.thickness * energy_density(*self._invariants, rest, law)
-        self.energy = sum(share * density * dx for share, dx in self._rules)
+        self.energy = membrane_energy.energy(yarns, rest, law, self._rules)
 
     @property
     def made_of(self) -> Law:
         """The fabric."""
         return self.fabric
 
-    def variations(self, v: Expr, w: Expr) -> tuple[ufl.Form, ufl.Form]:
-        """As in `Varied`, with fewer operations than UFL's own derivatives take."""
-        law, fa, fb, _, rest = self._ufl
-        first, second = derivatives(*self._invariants, rest, law)
-        (S4, S6, S8), *second = ([law.thickness * D for D in row] for row in (first, *second))
-        gdim = len(fa)
-        # how each component of fa and fb moves the invariants
-        moved = [[2 * fa[i], fb[i], 0] for i in range(gdim)] + [
-            [0, fa[i], 2 * fb[i]] for i in range(gdim)
-        ]
-        forces = [sum(S * c for S, c in zip((S4, S6, S8), row)) for row in moved]
-        pulled = [[sum(c * D for c, D in zip(row, column)) for column in second] for row in moved]
-        stiffness = [[None] * 2 * gdim for _ in range(2 * gdim)]
-        for i, j in combinations_with_replacement(range(2 * gdim), 2):
-            geometric = [2 * S4, S6, 2 * S8][i // gdim + j // gdim] if i % gdim == j % gdim else 0
-            stiffness[i][j] = stiffness[j][i] = (
-                sum(c * D for c, D in zip(moved[j], pulled[i])) + geometric
-            )
-        dv, dw = ([yarn[i] for yarn in self._stretched(x) for i in range(gdim)] for x in (v, w))
-        answers = [sum(k * y for k, y in zip(row, dw)) for row in stiffness]
-        once, twice = (sum(x * y for x, y in zip(dv, each)) for each in (forces, answers))
-        return (
-            sum(share * once * dx for share, dx in self._rules),
-            sum(share * twice * dx for share, dx in self._rules),
-        )
-
-    def _stretched(self, u):
-        """What displacement `u` adds to the yarns' vectors a0, b0."""
-        gradient = ufl.grad(self.blank.in_space(u))
-        return ufl.dot(gradient, self._a0), ufl.dot(gradient, self._b0)
+    def variations(self, v: Expr, w: Expr) -> list[ufl.Form]:
+        """As in `Term`, by hand: see `membrane_energy`."""
+        law, yarns, _, rest = self._ufl
+        dv, dw = (membrane_energy.added(self.blank.in_space(x), self._a0, self._b0) for x in (v, w))
+        return membrane_energy.variations(yarns, dv, dw, rest, law, self._rules)
 
     def _constants(self, mesh):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
@@ -180,29 +174,27 @@ class Membrane(Term):
         tangent = [ufl.dot(project, f) for f in fibres]
         return [f / ufl.sqrt(ufl.dot(f, f)) for f in tangent]
 
+    @cached_property
+    def _points(self):
+        """F by columns, the cosine between the yarns, and UFL's S, at all points."""
+        law, (fa, fb), cosine, rest = self._ufl
+        sine = ufl.sqrt(1 - cosine**2)
+        f1, f2 = fa, (fb - cosine * fa) / sine
+        C = ufl.as_matrix([[ufl.dot(x, y) for y in (f1, f2)] for x in (f1, f2)])
+        # FFCx from 0.9 names code by the variable's number, and would compile each one anew
+        C = ufl.classes.Variable(C, ufl.classes.Label(0))
+        b = ufl.as_vector([cosine, sine])
+        I6, I8 = ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b))
+        S = 2 * ufl.diff(membrane_energy.energy_density(C[0, 0], I6, I8, rest, law), C)
+        values = ufl.as_vector([*f1, *f2, cosine, S[0, 0], S[1, 1], S[0, 1]])
+        return compat.PointEvaluation(
+            values, self.blank.mesh, self.degree, self.part.cells, self._drawn
+        )
+
     def at_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """F (cells, points, 3, 2) on the basis (a0, perpendicular), b0 (cells, points, 2) there and
         UFL's S as 11, 22, 12 (cells, points, 3) [MPa] at each quadrature point of the part's
         cells."""
-        if self._points is None:
-            law, fa, fb, cosine, rest = self._ufl
-            sine = ufl.sqrt(1 - cosine**2)
-            f1, f2 = fa, (fb - cosine * fa) / sine
-            C = ufl.as_matrix(
-                [[ufl.dot(f1, f1), ufl.dot(f1, f2)], [ufl.dot(f2, f1), ufl.dot(f2, f2)]]
-            )
-            # FFCx from 0.9 names code by the variable's number, and would compile each one anew
-            C = ufl.classes.Variable(C, ufl.classes.Label(0))
-            b = ufl.as_vector([cosine, sine])
-            W = energy_density(
-                C[0, 0], ufl.dot(ufl.sym(C), b)[0], ufl.dot(b, ufl.dot(C, b)), rest, law
-            )
-            S = 2 * ufl.diff(W, C)
-            flat = [f1[i] for i in range(f1.ufl_shape[0])] + [f2[i] for i in range(f1.ufl_shape[0])]
-            values = ufl.as_vector([*flat, cosine, S[0, 0], S[1, 1], S[0, 1]])
-            self._points = compat.PointEvaluation(
-                values, self.blank.mesh, self.degree, self.part.cells, self._drawn
-            )
         u = self.blank.u.x.array
         if self._evaluated is None or not np.array_equal(u, self._evaluated[0]):
             self._evaluated = u.copy(), self._points()
@@ -214,13 +206,9 @@ class Membrane(Term):
         return F, np.stack([cosine, np.sqrt(1 - cosine**2)], -1), values[:, :, 2 * gdim + 1 :]
 
     def state(self) -> tuple[kernel.State, np.ndarray, np.ndarray, float]:
-        """`kernel.State` at every quadrature point of the part's cells, arrays (cells, points,
-        ...), with the deformed fibres fa, fb (cells, points, 3) and the kernel's mismatch on this
-        rank.
-
-        Mismatch: largest |S_UFL - S_kernel| over max(|S_kernel|, s1), the smallest stiffness of the
-        law, or 1 MPa if it does not resist shear.
-        """
+        """`kernel.State` at every quadrature point, arrays (cells, points, ...), the deformed
+        fibres fa, fb (cells, points, 3), and the kernel's mismatch on this rank: the largest
+        |S_UFL - S_kernel| over max(|S_kernel|, s1), or over 1 MPa for a law without shear."""
         F, b, S_ufl = self.at_points()
         cells, points = F.shape[:2]
         b = b.reshape(-1, 2)
@@ -234,23 +222,14 @@ class Membrane(Term):
         difference = np.linalg.norm(S_ufl.reshape(-1, 3) - S, axis=1)
         least = self.fabric.shear_stiffness or 1.0
         mismatch = (difference / np.maximum(np.linalg.norm(S, axis=1), least)).max(initial=0.0)
-        shaped = state._replace(
-            **{
-                k: v.reshape(cells, points, *v.shape[1:])
-                for k, v in state._asdict().items()
-                if v is not None
-            }
-        )
-        fa = F[:, :, :, 0]
+        known = {name: values for name, values in state._asdict().items() if values is not None}
+        shaped = {name: v.reshape(cells, points, *v.shape[1:]) for name, v in known.items()}
         fb = np.einsum("cqij,cqj->cqi", F, b.reshape(cells, points, 2))
-        return shaped, fa, fb, mismatch
+        return state._replace(**shaped), F[..., 0], fb, mismatch
 
     @property
     def weights(self) -> np.ndarray:
         """Quadrature weights over the points of a cell (points,), summing to one."""
-        if not self._points:
-            self.at_points()
-        assert self._points
         return self._points.weights / self._points.weights.sum()
 
     # -- results
@@ -271,17 +250,14 @@ class Membrane(Term):
             return np.einsum("q,cq...->c...", self.weights, values)
 
         I4, I6, I8, I10 = np.moveaxis(state.invariants, -1, 0)
-        parts = mean(state.energy_parts)
+        parts, gamma, short = mean(state.energy_parts), mean(I10), self.shortening()
         found = {"a": mean(fa), "b": mean(fb)}
         found |= {"eps_a": mean(np.sqrt(I4) - 1), "eps_b": mean(np.sqrt(I8) - 1)}
-        found |= dict(zip(("shortening_a", "shortening_b"), self.shortening().T))
-        found |= {
-            "log_eps_11": mean(np.log(I4)) / 2,
-            "log_eps_22": mean(np.log(I8)) / 2,
-            "shear_angle": mean(I10),
-        }
-        found |= {"I4": mean(I4), "I6": mean(I6), "I8": mean(I8), "I10": found["shear_angle"]}
-        found |= {"energy_a": parts[:, 0], "energy_b": parts[:, 1], "energy_shear": parts[:, 2]}
+        found |= {"shortening_a": short[:, 0], "shortening_b": short[:, 1]}
+        found |= {"log_eps_11": mean(np.log(I4)) / 2, "log_eps_22": mean(np.log(I8)) / 2}
+        found |= {"shear_angle": gamma, "I4": mean(I4), "I6": mean(I6), "I8": mean(I8)}
+        found |= {"I10": gamma, "energy_a": parts[:, 0], "energy_b": parts[:, 1]}
+        found["energy_shear"] = parts[:, 2]
         found["strain_state"] = (1 + (found["eps_b"] <= 0) + 2 * (found["eps_a"] <= 0)).astype(
             np.int32
         )
@@ -294,7 +270,7 @@ class Membrane(Term):
             name: on_part(self.part, values, UNITS.get(name, "-")) for name, values in found.items()
         }
 
-    def _invariants_at_points(self):
+    def invariants_at_points(self):
         """I4, I6, I8 (cells, points) and shear angle, at a third of the cost of `state`."""
         F, b, _ = self.at_points()
         fa, fb = F[..., 0], F[..., 0] * b[..., :1] + F[..., 1] * b[..., 1:]
@@ -307,12 +283,11 @@ class Membrane(Term):
         return np.stack([I4, I6, I8, gamma], -1)
 
     def history(self) -> dict[str, Value]:
-        """`min_stability`, the least ellipticity indicator of all points: a band is the material's
-        only where it is negative, see `material.stability`. In space, where shortening hides
-        wrinkles, also the largest shortening of yarns in a cell, and the share of the part's area
-        in which it is more than `SHORTENED`."""
+        """`min_stability`, the least ellipticity indicator of all points, negative where the law
+        itself allows a band. In space also the largest shortening of yarns in a cell, and the share
+        of the area in which it is above `SHORTENED`: there it hides wrinkles."""
         comm = self.blank.mesh.comm
-        stable = stability.least_ellipticity(self.fabric, self._invariants_at_points())
+        stable = stability.least_ellipticity(self.fabric, self.invariants_at_points())
         found = {"min_stability": least(comm.allreduce(stable, MPI.MIN))}
         if self.blank.mesh.geometry.dim == 3:
             most = self.shortening().max(1)
@@ -321,7 +296,7 @@ class Membrane(Term):
         return found
 
     def summary(self) -> dict[str, Value]:
-        """What the sheet is made of and how it is integrated, and the kernel's mismatch."""
+        """Material, integration and the kernel's mismatch."""
         mismatch = self.blank.mesh.comm.allreduce(self.state()[3], MPI.MAX)
         known = {"couplings": sorted(self.fabric.couplings), "material": self.fabric.name}
         by_part = {"parts": joined({self.part.name: known})}
@@ -333,19 +308,20 @@ class Membrane(Term):
         }
 
     def overstretched(self, strain: float) -> float:
-        """As in `Strained`, by the larger mean of a cell's two yarns."""
-        stretches = np.sqrt(self._invariants_at_points()[..., [0, 2]])
+        """Share of the area, 0 to 1, of all ranks, in which the larger mean of a cell's two yarns
+        is stretched by more than the nominal `strain`."""
+        stretches = np.sqrt(self.invariants_at_points()[..., [0, 2]])
         return self._share(np.einsum("q,cqk->ck", self.weights, stretches).max(1) - 1 > strain)
 
     def shortened(self, strain: float) -> float:
-        """As in `Strained`, by the larger mean of a cell's two yarns."""
+        """As `overstretched`, in which yarns are shortened by more."""
         return self._share(self.shortening().max(1) > strain)
 
     def shortening(self) -> np.ndarray:
-        """How much both yarns are shortened under compression, means over the part's cells (cells,
-        2): the nominal strain, as far as the yarn's stress is what that strain alone gives. What
-        yarns contract beside stretched ones, free of stress, is not in it."""
-        invariants = self._invariants_at_points()
+        """Shortening of both yarns under compression, means over cells (cells, 2): the nominal
+        strain, as far as the yarn's stress is what that strain alone gives. Contraction beside
+        stretched yarns, free of stress, is not in it."""
+        invariants = self.invariants_at_points()
         I4, _, I8, gamma = invariants.reshape(-1, 4).T
         eps_a, eps_b, none = nominal_strain(I4), nominal_strain(I8), 0 * I4
 
@@ -364,19 +340,3 @@ class Membrane(Term):
         areas = self.blank.areas()[self.part.cells]
         inside, whole = self.blank.mesh.comm.allreduce(np.array([areas[cells].sum(), areas.sum()]))
         return float(inside / whole)
-
-    def warnings(self) -> list[str]:
-        """As in `Warns`: cells that lock, bands, and strains beyond the law's ranges."""
-        found = locking_warning(self), band_warning(self), *range_warnings(self)
-        return [text for text in found if text]
-
-    def strains_at_points(self) -> np.ndarray:
-        """Nominal strains along a and b [-] and the shear angle [rad] at each quadrature point of
-        the part's cells, (3, cells, points)."""
-        I4, _, I8, gamma = np.moveaxis(self._invariants_at_points(), -1, 0)
-        return np.stack([nominal_strain(I4), nominal_strain(I8), gamma])
-
-    def least_ellipticity(self) -> np.ndarray:
-        """The least ellipticity indicator of each of the part's cells, (cells,) [-]."""
-        found = stability.evaluate(self.fabric, self._invariants_at_points())
-        return found.ellipticity.min(1)

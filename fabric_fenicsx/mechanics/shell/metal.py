@@ -27,8 +27,8 @@ MEAN_AND_SHEARS = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 class _State(NamedTuple):
-    """Cells at one displacement: their shape, strains and response at points (cells * points), and
-    what is conjugate to the mid-surface's strains and to its curvature (cells, 3) [N mm]."""
+    """Cells at one displacement: shape, strains and response at points (cells * points), and the
+    conjugates of the mid-surface's strains and curvature (cells, 3) [N mm]."""
 
     U: np.ndarray
     shape: Shape
@@ -53,24 +53,45 @@ def through_thickness(points: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 class SheetMetal(Term):
-    """Elastic-plastic energy of a sheet of `metal` on linear triangles in space.
+    """Elastic-plastic energy of a metal sheet on linear triangles in space.
 
     At a height z along the cell's normal the sheet stretches as C - 2 z (kappa - kappa0) says
     (Kirchhoff and Love). C = F^T F is the cell's; kappa is its normal curvature from
     `morley.MorleyCells`, on orthonormal axes, with the cell's present normal. So rigid motions are
     free of energy, however large. Strain is logarithmic, E = 1/2 ln C; elastic and plastic strain
-    add up (Miehe, Apel and Lambrecht, Comput. Methods Appl. Mech. Eng. 191, 2002); stress is plane
-    and Kirchhoff's. Within a step the energy is the incremental potential of `material.plasticity`,
-    so it has a derivative and a tangent like any other. Thickness is that of the undeformed sheet,
-    times the elastic change of volume over that of area. z follows it from one accepted state to
-    the next, at held stress.
+    add up [1]_; stress is plane and Kirchhoff's. Within a step the energy is the incremental
+    potential of `material.plasticity`. Thickness is that of the undeformed sheet, times the elastic
+    change of volume over that of area. z follows it from one accepted state to the next, at fixed
+    stress. Kinds of energy: "metal" elastic, "plastic" dissipated.
 
-    - points: through the thickness, odd, from 5; see `through_thickness`. Plastic moments of 5 are
-      within 0.5 % from 9 times the curvature at which the sheet yields, below that within 9 %.
-    - symmetric, clamped: as in `Bending`
+    Parameters
+    ----------
+    metal : Metal
+        Elasticity, hardening and thickness, as `load_metal` gives them.
+    points : int
+        Through the thickness, odd, from 5. Plastic moments of 5 are within 0.5 % from 9 times the
+        curvature at which the sheet yields, below that within 9 %.
+    symmetric, clamped : callable or sequence of callables
+        As in `Bending`.
 
-    Energies: "metal" elastic, "plastic" dissipated. Raises InputError, on all ranks, for other
-    points, for a blank other than of linear triangles in space, and for edges not found.
+    Raises
+    ------
+    InputError
+        On all ranks, for other points, for a blank other than of linear triangles in space, and for
+        edges not found.
+
+    References
+    ----------
+    .. [1] Miehe, Apel and Lambrecht, Comput. Methods Appl. Mech. Eng. 191, 2002.
+
+    Examples
+    --------
+    >>> sheet = ff.Blank.rectangle(20, 10, nx=2, spatial=True)
+    >>> steel = ff.SheetMetal(ff.load_metal("dc04"))
+    >>> scene = ff.Scene(sheet, [steel], ff.clamped_ends(0.1))
+    >>> sheet.u.interpolate(lambda x: (0.01 * x[0], 0 * x[0], 0 * x[0]))
+    >>> sorted(kind for kind, energy in scene.energies().items() if energy > 0)
+    ['metal', 'plastic']
     """
 
     name, energy_kind = "sheet metal", "metal"
@@ -114,7 +135,7 @@ class SheetMetal(Term):
         undeformed = self._shape(np.zeros_like(self._stencil.displacement()))
         self._rest, shape = undeformed.curvature, self._volumes.shape
         self._elastic, self._plastic = np.zeros((*shape, 3)), np.zeros(shape)
-        self._hold(undeformed)
+        self._count_from(undeformed)
 
     @property
     def made_of(self) -> Metal:
@@ -128,14 +149,14 @@ class SheetMetal(Term):
         state = self._state()
         self._elastic = state.response.elastic.reshape(self._elastic.shape)
         self._plastic = state.response.plastic.reshape(self._plastic.shape)
-        self._hold(state.shape)
+        self._count_from(state.shape)
 
     def stored(self) -> float:
         """Elastic energy and dissipation of this rank's cells [N mm]."""
         return sum(self.energies().values())
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`; infinite where the sheet is curved within its thickness."""
+        """As in `Term`; infinite where the sheet is curved within its thickness."""
         response = self._state().response
         found = {
             "metal": np.vdot(self._volumes, elastic_energy(self.metal, response.elastic)),
@@ -167,12 +188,12 @@ class SheetMetal(Term):
         return {"elastic": self._of_owned(self._elastic), "plastic": self._of_owned(self._plastic)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Remembers`."""
+        """As in `Term`."""
         self._elastic, self._plastic = (
             memory[name].reshape(self._owned, *now.shape[1:])[self._here]
             for name, now in (("elastic", self._elastic), ("plastic", self._plastic))
         )
-        self._hold(self._shape(self._stencil.displacement()))
+        self._count_from(self._shape(self._stencil.displacement()))
 
     # -- results
 
@@ -233,14 +254,14 @@ class SheetMetal(Term):
         area = np.linalg.norm(np.cross(shape.base[:, :, 0], shape.base[:, :, 1]), axis=1)
         return self.metal.thickness * np.exp(volume) / area
 
-    def _hold(self, shape):
-        """Hold what elastic strains are counted from: z and the total strains of this shape."""
+    def _count_from(self, shape):
+        """Take z and the total strains of this shape, from which elastic strains count."""
         self._z = self._thickness(shape, self._elastic)[:, None] * self._places
         self._from = self._strain(shape).strain
         self._now: _State | None = None
 
     def _state(self):
-        """The state at the present displacement, reckoned once."""
+        """The state at the present displacement, computed once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
             shape = self._shape(U)

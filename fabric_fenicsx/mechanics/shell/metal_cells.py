@@ -199,7 +199,7 @@ def _times(section, B, product):
 
 @compiled
 def _add_stretching(along, slopes, section, N, pairs, values):
-    """What strains of the mid-surface add for the pairs of a cell's corners."""
+    """Add the stiffness by strains of the mid-surface for the pairs of a cell's corners."""
     for i in range(3):
         for j in range(3):
             s, t = slopes[i]

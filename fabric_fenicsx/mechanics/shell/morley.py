@@ -126,8 +126,7 @@ class MorleyCells:
         return np.einsum("cki,cni->cnk", self.axes, points - self.centre)
 
     def _edges(self, symmetric, clamped):
-        """What is beyond each edge: a cell, the mirror image of this one (`image`), or nothing
-        (`free`)."""
+        """Mark edges beyond which lies the cell's mirror image (`image`), or nothing (`free`)."""
         points, dim = self.blank.coordinates().T, self.corners.shape[2]
         symmetric, clamped = ([k] if callable(k) else list(k) for k in (symmetric, clamped))
         nodes = self.dofs[: self.count]
@@ -144,7 +143,7 @@ class MorleyCells:
             size = np.linalg.norm(total)
             if self.comm.allreduce(int(on.sum())) == 0:
                 raise InputError(
-                    f"{self._told(number, symmetric)} marks no side of the sheet's edge; allowed "
+                    f"{self._label(number, symmetric)} marks no side of the sheet's edge; allowed "
                     "is a function of points (3, n) that is true at both ends of some sides"
                 )
             self.image |= on
@@ -153,7 +152,7 @@ class MorleyCells:
             total /= max(size, 1e-300)
             if self.comm.allreduce(int((self.outward[on] @ total < 0.5).sum())):
                 raise InputError(
-                    f"{self._told(number, symmetric)} marks sides in more than one plane; allowed "
+                    f"{self._label(number, symmetric)} marks sides in more than one plane; allowed "
                     "is a function for each plane"
                 )
             self.plane[on], self.normal[on] = number + 1, total
@@ -163,8 +162,8 @@ class MorleyCells:
         # code first * planes + second: mirrored in the second, then in the first
         self.mirrors = np.array([first @ second for first in mirrors for second in mirrors])
 
-    def _told(self, number, symmetric):
-        """What messages call the function of this number among the symmetric and clamped ones."""
+    def _label(self, number, symmetric):
+        """Name in messages of the function of this number among the symmetric and clamped ones."""
         count = len(symmetric)
         name, k = ("symmetric", number) if number < count else ("clamped", number - count)
         return f"function {k + 1} in `{name}` of the bending of {self.blank.name}"
@@ -254,29 +253,16 @@ class MorleyCells:
         return slopes
 
     def _known_beyond(self, slopes):
-        """What a rank must know of the cells beyond its own, as a `_Beyond`."""
-        count, dim = self.count, self.corners.shape[2]
-        parts = [
-            slopes.reshape(count, 18),
-            self.six,
-            self.plane,
-            self.opposite.reshape(count, 3 * dim),
-            self.trust[:, None],
-        ]
-        wide = sum(part.shape[1] for part in parts)
-        sent = dolfinx.la.vector(self.index_map, wide * self.per_cell)
-        known = sent.array.reshape(-1, wide)
-        known[:count] = np.concatenate(parts, 1)
+        """Data of this rank's cells and of those beyond them, as a `_Beyond`."""
+        parts = _Beyond(slopes, self.six, self.plane, self.opposite, self.trust)
+        widths = [math.prod(part.shape[1:]) for part in parts]
+        sent = dolfinx.la.vector(self.index_map, sum(widths) * self.per_cell)
+        known = np.split(sent.array.reshape(-1, sum(widths)), np.cumsum(widths)[:-1], 1)  # views
+        for values, part in zip(known, parts):
+            values[: self.count] = part.reshape(self.count, values.shape[1])
         sent.scatter_forward()
-        ends = np.cumsum([part.shape[1] for part in parts])[:-1]
-        theirs, six, plane, opposite, trust = np.split(known, ends, 1)
-        return _Beyond(
-            theirs.reshape(-1, 3, 6),
-            six,
-            plane.astype(int),
-            opposite.reshape(-1, 3, dim),
-            trust[:, 0],
-        )
+        pairs = zip(known, parts)
+        return _Beyond(*(v.reshape(-1, *p.shape[1:]).astype(p.dtype) for v, p in pairs))
 
     def _bends(self, slopes, known):
         """Slopes of the edges less those of the plane cell (cells, 3, 12), of the 12 nodes'

@@ -1,5 +1,4 @@
-"""What terms on `MorleyCells` ask of nodes beyond their rank: motions in, forces and stiffness
-out."""
+"""Nodes of `MorleyCells` beyond the rank: motions in, forces and stiffness out."""
 
 import numpy as np
 from petsc4py import PETSc
@@ -28,7 +27,7 @@ class Stencil:
         self._gathered = GatheredNodes(cells.blank, self._nodes)
 
     def displacement(self) -> np.ndarray:
-        """Of the nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
+        """Motion of nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
         U, at = self._gathered.displacement(), self._mirrored
         U[at] = np.einsum("nij,nj->ni", self._mirrors[self._codes[at]], U[at])
         return U
@@ -65,7 +64,8 @@ class CellSums:
 
     def __init__(self, stencil: Stencil, counts: np.ndarray) -> None:
         self._stencil, columns, size = stencil, stencil.columns, stencil.count
-        self._on_nodes = _adding(columns.ravel(), np.arange(columns.size), size, columns.size)
+        entries = np.ones(columns.size), (columns.ravel(), np.arange(columns.size))
+        self._on_nodes = sparse.csr_matrix(entries, shape=(size, columns.size))
         cell, i, j = np.nonzero(counts[:, :, None] & counts[:, None])
         keys, pair = np.unique(columns[cell, i] * size + columns[cell, j], return_inverse=True)
         self._ends, self.count = np.divmod(keys, size), len(keys)
@@ -81,8 +81,3 @@ class CellSums:
         """As `Term.tangent` gives them, from the pairs' blocks (count, gdim, gdim) [N/mm]."""
         self._stencil.turn_back(blocks, *self._ends)
         return self._rows, self._cols, blocks.ravel()
-
-
-def _adding(to, places, size, count):
-    """Sparse matrix (size, count) that adds rows at `places` (k,) up in rows `to` (k,)."""
-    return sparse.csr_matrix((np.ones(len(to)), (to, places)), shape=(size, count))

@@ -10,13 +10,13 @@ import pytest
 import ufl
 from builders import sheet
 
-from fabric_fenicsx.material.expression import energy_density
 from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS, load
+from fabric_fenicsx.mechanics.membrane_energy import energy_density
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.rules import above_zero

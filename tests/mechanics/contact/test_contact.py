@@ -508,7 +508,7 @@ def test_what_marks_the_nodes_of_a_contact_is_a_mask(where, words):
 
 def test_a_checkpoint_knows_the_pressure_of_a_holder():
     press = BlankHolderPressure(2.0, (0, 0, 1), lambda x: x[0] > 0)
-    assert alone(sheet(10, 10, 2, 2), press).given["pressure"] == 2.0
+    assert alone(sheet(10, 10, 2, 2), press).fingerprint["pressure"] == 2.0
 
 
 @pytest.mark.mpi

@@ -566,7 +566,7 @@ def test_bad_input_is_refused(options, words):
 
 def test_bending_out_of_a_plane_blank_is_refused():
     blank = Blank.from_arrays(MPI.COMM_SELF, *specimen(10, 10, 4, 4, "left"))
-    with pytest.raises(InputError, match="with in_plane 0, where nothing bends; .*`spatial=True`"):
+    with pytest.raises(InputError, match="needs a blank made with `spatial=True`, or `in_plane`"):
         alone(blank, Bending(1.0))
 
 

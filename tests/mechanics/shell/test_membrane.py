@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from builders import alone, compiled_as_it_stands, march, rotation, sheet
 from mpi4py import MPI
-from petsc4py import PETSc
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material import kernel
@@ -15,7 +14,6 @@ from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.laws import LAWS, Law
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene import output as reports
@@ -224,76 +222,6 @@ def test_same_solution_turned_in_space(by_position, cell, degree):
     assert W1 == pytest.approx(W0, rel=1e-10) and F1 == pytest.approx(F0, rel=1e-10)
 
 
-class Plain(Term):
-    """A term of which only the energy is known."""
-
-    name, energy_kind = "plain", "strain"
-
-    def __init__(self, membrane):
-        self.energy = membrane.energy
-
-
-def plain_scene(blank, membrane):
-    """With UFL's own derivatives."""
-    with compiled_as_it_stands():
-        return Scene(blank, [Plain(membrane)])
-
-
-@pytest.mark.versions
-@pytest.mark.parametrize("cell, degree", ELEMENTS)
-@pytest.mark.parametrize("turned", [False, True])
-def test_variations_are_those_of_ufl(unbalanced, cell, degree, turned):
-    Q = rotation() if turned else None
-    blank = strip(
-        cell,
-        degree,
-        Q,
-        a=0.4 if Q is None else Q @ [1, 0.4, 0],
-        b=1.5 if Q is None else Q @ [0.1, 1, 0],
-    )
-    membrane = Membrane(unbalanced)
-    own = Scene(blank, [membrane])
-    plain = plain_scene(blank, membrane)
-    u = blank.u.x.array.reshape(-1, blank.mesh.geometry.dim)
-    u[:, :2] = wavy(blank.along(blank.coordinates().T)).T
-    r = [own.u.duplicate() for _ in range(2)]
-    A = [scene.create_matrix() for scene in (own, plain)]
-    for scene, vector, matrix in zip((own, plain), r, A):
-        scene.residual(vector)
-        scene.tangent(matrix)
-    for mine, theirs in (r, A):
-        mine.axpy(-1, theirs)
-        assert mine.norm() <= 1e-13 * theirs.norm()
-
-
-def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
-    blank = strip(a=0.4, b=1.5)
-    scene = Scene(blank, [Membrane(unbalanced)])
-    x, r, rp, rm = (scene.u.duplicate() for _ in range(4))
-    x.array[:] = wavy(blank.along(blank.coordinates().T)).T.ravel()
-    d = x.duplicate()
-    d.array[:] = np.random.default_rng(0).normal(size=len(d.array))
-    A = scene.create_matrix()
-    scene.set(x)
-    scene.residual(r)
-    scene.tangent(A)
-    h, energies = 1e-6, []
-    for sign, vector in ((1, rp), (-1, rm)):
-        y = x.copy()
-        y.axpy(sign * h, d)
-        scene.set(y)
-        scene.residual(vector)
-        energies.append(scene.energy())
-    assert (energies[0] - energies[1]) / (2 * h) == pytest.approx(r.dot(d), rel=1e-7)
-    Ad = x.duplicate()
-    A.mult(d, Ad)
-    rp.axpy(-1, rm)
-    rp.scale(1 / (2 * h))
-    rp.axpy(-1, Ad)
-    assert rp.norm() <= 1e-6 * Ad.norm()
-    assert A.isSymmetric(1e-9 * A.norm(PETSc.NormType.INFINITY))
-
-
 @pytest.mark.parametrize("gamma", [0.0, 0.35])
 @pytest.mark.parametrize(
     "cell, degree, integration",
@@ -339,7 +267,7 @@ def test_inner_points_are_for_quadratic_triangles():
 
 
 def test_inner_points_are_as_good_where_strains_are_even(unbalanced):
-    """Energy, state and derivatives."""
+    """Energy and state."""
     blank = strip("triangle", 2, a=0.4, b=1.5)
     full, inner = Membrane(unbalanced), Membrane(unbalanced, integration="inner")
     with compiled_as_it_stands():  # studies compile it with the optimiser
@@ -350,16 +278,6 @@ def test_inner_points_are_as_good_where_strains_are_even(unbalanced):
         scene.set(x)
     assert scenes[1].energy() == pytest.approx(scenes[0].energy(), rel=1e-12)
     assert inner.state()[0].cauchy[:, 0] == pytest.approx(full.state()[0].cauchy[:, 0], rel=1e-9)
-    x.array[:] = wavy(blank.along(blank.coordinates().T)).T.ravel()
-    plain = plain_scene(blank, inner)
-    r, A = [x.duplicate(), x.duplicate()], [plain.create_matrix(), plain.create_matrix()]
-    for scene, vector, matrix in zip((scenes[1], plain), r, A):
-        scene.set(x)
-        scene.residual(vector)
-        scene.tangent(matrix)
-    for mine, theirs in (r, A):
-        mine.axpy(-1, theirs)
-        assert mine.norm() <= 1e-13 * theirs.norm()
 
 
 def test_sheets_that_differ_in_numbers_share_compiled_forms(unbalanced, tmp_path, monkeypatch):

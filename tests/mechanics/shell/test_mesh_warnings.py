@@ -11,14 +11,13 @@ from mpi4py import MPI
 
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.mechanics.shell.mesh_warnings import (
+from fabric_fenicsx.mechanics.shell.membrane_warnings import (
     LOCKED,
     alternating_energy,
     band_warning,
-    cell_warnings,
     locking_warning,
-    size_warning,
 )
+from fabric_fenicsx.mechanics.shell.mesh_warnings import cell_warnings, size_warning
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene

@@ -6,7 +6,7 @@ from builders import alone, sheet
 from fabric_fenicsx.material.laws.law58 import Law58
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.mechanics.shell.range_warning import range_warnings
+from fabric_fenicsx.mechanics.shell.membrane_warnings import range_warnings
 
 YARN = Curve((-0.05, 0.0, 0.01, 0.03), (-0.5, 0.0, 35.0, 135.0))
 TABLE = TabulatedFabric(

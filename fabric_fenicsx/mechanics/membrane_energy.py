@@ -1,0 +1,91 @@
+"""The heart: the membrane's strain energy E = int W t dA, from the yarns a0, b0 to W t dx.
+
+One formula after the other, in the symbols and equation numbers of the paper (Schäfer, Werner,
+Henning, Kärger). W(eps_a, eps_b, gamma), eq. (30), is the law's: `WovenFabric.energy` in
+`material/laws/coupled.py`. To change W, write a law (docs/howto/own_law.md); all below stays.
+
+    a0, b0, u -> fa, fb -> I4, I6, I8 -> eps_a, eps_b, gamma -> W -> t W dx
+"""
+
+from collections.abc import Sequence
+
+from ufl import Form, Measure, diff, dot, grad, sqrt, variable
+from ufl.core.expr import Expr
+
+from ..material.chain_rule import in_invariants
+from ..material.expression import energy_in_ufl
+from ..material.laws import Law
+from ..material.strains import nominal_strain, shear_angle
+
+# undeformed yarns a0, b0, deformed ones fa, fb, or what a displacement adds: two vectors
+Yarns = tuple[Expr, Expr]
+Rules = Sequence[tuple[float, Measure]]  # shares of an energy, and where these are integrated
+
+
+def added(u: Expr, a0: Expr, b0: Expr) -> Yarns:
+    """grad(u) a0, grad(u) b0: what a displacement u adds to the yarns. u, v, w alike."""
+    return dot(grad(u), a0), dot(grad(u), b0)
+
+
+def deformed(u: Expr, a0: Expr, b0: Expr) -> Yarns:
+    """fa = F a0, fb = F b0, with F = 1 + grad(u)."""
+    ua, ub = added(u, a0, b0)
+    return a0 + ua, b0 + ub
+
+
+def invariants(fa: Expr, fb: Expr) -> tuple[Expr, Expr, Expr]:
+    """I4 = a0.C.a0, I6 = a0.C.b0, I8 = b0.C.b0, eqs (5) to (7), with C = F^T F."""
+    return dot(fa, fa), dot(fa, fb), dot(fb, fb)
+
+
+def strains(I4: Expr, I6: Expr, I8: Expr, cosine: Expr) -> tuple[Expr, Expr, Expr]:
+    """eps_a = sqrt(I4) - 1, eps_b = sqrt(I8) - 1, eq. (9), and gamma = I10, eq. (8), signed.
+
+    cosine: of the angle between the yarns without shear, a0.b0 or the weave's own. The law takes
+    |gamma|: with eq. (25)'s odd powers of a signed one W would have no lower bound.
+    """
+    gamma = shear_angle(I6, sqrt(I4 * I8 - I6**2), cosine, sqrt(1 - cosine**2))
+    return nominal_strain(I4), nominal_strain(I8), gamma
+
+
+def energy_density(I4: Expr, I6: Expr, I8: Expr, cosine: Expr, law: Law) -> Expr:
+    """W(eps_a, eps_b, gamma), eq. (30), by the law [MPa = N mm per mm^3 of undeformed fabric]."""
+    return energy_in_ufl(law, *strains(I4, I6, I8, cosine))
+
+
+def energy(f: Yarns, cosine: Expr, law: Law, rules: Rules) -> Form:
+    """E = int t W dA over the undeformed sheet [N mm]."""
+    I4, I6, I8 = invariants(*f)
+    W = energy_density(I4, I6, I8, cosine, law)
+    return integral(law.thickness * W, rules)
+
+
+def integral(values: Expr, rules: Rules) -> Form:
+    """The values' integral, each share of them by its own rule."""
+    return sum(share * values * dx for share, dx in rules)
+
+
+# -- Derivatives by hand, as tangents by `ufl.derivative` take 1.8 to 2.3 times as long to assemble;
+# -- both agree to 1e-12 (tests/mechanics/test_membrane_energy.py).
+
+
+def variations(f: Yarns, dv: Yarns, dw: Yarns, cosine: Expr, law: Law, rules: Rules) -> list[Form]:
+    """E' v and v E'' w; dv, dw: what v and w add to the yarns f. With W_i = dW / dI_i,
+
+    E' v = int t sum_i W_i dI_i(v) dA
+    v E'' w = int t (sum_ij dI_i(v) W_ij dI_j(w) + sum_i W_i ddI_i(v, w)) dA
+    """
+    (fa, fb), (va, vb), (wa, wb) = f, dv, dw
+    I4, I6, I8 = invariants(fa, fb)
+    q = [variable(strain) for strain in strains(I4, I6, I8, cosine)]
+    W = energy_in_ufl(law, *q)
+    Wa, Wb, Wg = first = [diff(W, x) for x in q]
+    second = [diff(Wx, q[j]) for Wx, j in ((Wa, 0), (Wa, 1), (Wb, 1), (Wa, 2), (Wb, 2), (Wg, 2))]
+    W1, W2 = in_invariants(first, second, I4, I6, I8, sqrt(I4 * I8 - I6**2))
+    dIv = 2 * dot(fa, va), dot(fa, vb) + dot(fb, va), 2 * dot(fb, vb)
+    dIw = 2 * dot(fa, wa), dot(fa, wb) + dot(fb, wa), 2 * dot(fb, wb)
+    ddI = 2 * dot(va, wa), dot(va, wb) + dot(vb, wa), 2 * dot(vb, wb)
+    once, twice = (sum(W1[i] * dI[i] for i in range(3)) for dI in (dIv, ddI))
+    for i in range(3):
+        twice += dIv[i] * sum(W2[min(i, j), max(i, j)] * dIw[j] for j in range(3))
+    return [integral(law.thickness * each, rules) for each in (once, twice)]

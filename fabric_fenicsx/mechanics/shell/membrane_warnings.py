@@ -1,0 +1,210 @@
+"""Warnings of a membrane's state though nothing failed: cells that lock, bands, strains beyond
+the law's ranges."""
+
+import math
+
+import numpy as np
+from mpi4py import MPI
+
+from ... import dolfinx_compat as compat
+from ...material import kernel, stability
+from ...material.laws import Range
+from ...material.strains import nominal_strain
+from ...runtime.formatting import of_sheet, percent, rounded
+from ...sheets.blank import OFF
+from .membrane import Membrane
+
+BANDS = 1e-2  # share of the area in which bands are not worth a word
+# share of the strain energy in stretches that neighbouring cells undo, from which cells are
+# doubted: linear ones, these where edges follow the yarns, quadratic ones, and these with inner
+# points
+LOCKED, ALIGNED, COARSE, INNER_COARSE = 2.5e-3, 0.02, 0.01, 0.03
+# by how much a strip's force is too high, over that share: medians of strips at 10 to 45 deg, of
+# which four in five lie between half and twice that
+LINEAR_EXCESS, QUADRATIC_EXCESS, INNER_EXCESS = 12.0, 6.0, 4.0
+SPATIAL = "yarn strains of single cells mean little, and forces may be some per cent too high"
+LITTLE = 0.25  # share of the energy from which a force says nothing
+# strain of yarns all over a sheet, with less energy than which it is not doubted: pressed flat, it
+# has no other strains than those of cells
+NOISE = 1e-4
+ROUNDING = 1e-9  # of a strain at the end of a range, which is then within
+
+
+def membrane_warnings(membrane: Membrane) -> list[str]:
+    """A sentence each on cells that lock, on bands, and on strains beyond the law's ranges."""
+    found = locking_warning(membrane), band_warning(membrane), *range_warnings(membrane)
+    return [text for text in found if text]
+
+
+def band_warning(membrane: Membrane) -> str:
+    """A sentence if the law allows bands in more than `BANDS` of the sheet's area in the present
+    state, else "".
+
+    The law has no length, so a band is as wide as a row of cells, and which of two rows becomes one
+    is open: with yarns at +-45 deg the double dome's corner has neighbouring equilibria, whose
+    largest shear angles are 52.1 and 54.5 deg.
+    """
+    part, comm = membrane.part, membrane.blank.mesh.comm
+    areas = membrane.blank.areas()[part.cells]
+    state = stability.evaluate(membrane.fabric, membrane.invariants_at_points())
+    least = state.ellipticity.min(1)
+    lost, whole = comm.allreduce(np.array([areas[least < 0].sum(), areas.sum()]))
+    if lost <= BANDS * whole:
+        return ""
+    # to few digits, so that of cells that mirror each other the same is named on any ranks
+    centres = membrane.blank.places()[part.cells].round(6)
+    order = np.lexsort((*centres.T[::-1], [float(f"{v:.4g}") for v in least]))[:1]
+    found = [(float(f"{least[i]:.4g}"), *centres[i]) for i in order]
+    _, *centre = min(each for rank in comm.allgather(found) for each in rank)
+    name = part.name or membrane.blank.name
+    return (
+        f"in {percent(lost / whole)} of {name}, as at {of_sheet(centre)}, "
+        "the law allows bands: strains gather in rows of cells, and which rows depends on mesh and "
+        "steps; so do the largest strains and shear angles, unless bending within the sheet "
+        "(`in_plane_bending`) gives bands a width"
+    )
+
+
+def locking_warning(membrane: Membrane) -> str:
+    """A sentence if cells lock, or are too coarse, in the present state, else "".
+
+    Yarns hardly stretch. Cells without edges along both yarns can still only shear if they stretch
+    yarns, and neighbours do so in opposite directions. The energy of this is the measure of
+    locking: the strain energy less that of strains which are smoothed over neighbouring cells, at
+    the same shear angles. Quadratic cells that yarns cross at a small angle take some of it, too.
+    A sheet whose whole energy is that of yarns strained by `NOISE` is not doubted.
+    """
+    blank = membrane.blank
+    taken = alternating_energy(membrane)
+    if taken <= min(LOCKED, COARSE) or _is_at_rest(membrane):
+        return ""
+    stretched = (
+        f"{percent(taken)} of the strain energy stretches yarns in one cell and compresses them in "
+        "the next"
+    )
+    if blank.degree > 1:
+        inner, plane = membrane.integration == "inner", blank.mesh.geometry.dim == 2
+        if taken <= (INNER_COARSE if inner else COARSE):
+            return ""
+        can_be_inner = plane and not inner and blank.degree == 2 and blank.triangulated
+        cure = 'finer cells or `integration="inner"`' if can_be_inner else "finer cells"
+        effect = _excess(taken, INNER_EXCESS if inner else QUADRATIC_EXCESS) if plane else SPATIAL
+        return f"{stretched}, as cells are coarse for yarns at these angles: {effect}; take {cure}"
+    off = membrane.part.share_off_the_yarns()
+    # in space strains vary from cell to cell as the tools' curvature does
+    aligned = ALIGNED if off and blank.mesh.geometry.dim == 2 else math.inf
+    if taken <= (LOCKED if off > OFF else aligned):
+        return ""
+    effect, cure = _of_linear_cells(membrane, taken)
+    return (
+        f"{percent(off)} of the linear cells have no edges along both yarns at their corners, and "
+        f"cells lock: {stretched}; {effect}; take {cure}"
+    )
+
+
+def _of_linear_cells(membrane, taken):
+    """Effect of locking on a result, and a cure, as text."""
+    blank = membrane.blank
+    if blank.mesh.geometry.dim == 2:
+        cure = 'P2 with `integration="inner"`, P3 or `pattern="yarns"`'
+        cure = 'P2 with `integration="inner"` or P3' if blank.from_file else cure
+        return _excess(taken, LINEAR_EXCESS), cure
+    return SPATIAL, "P2, as by default, or finer cells"
+
+
+def _excess(taken, ratio):
+    """Excess of a strip's force, as text."""
+    if taken > LITTLE:
+        return "forces say nothing"
+    return (
+        f"a strip's force is then about {percent(ratio * taken)} too high, mostly between half and "
+        "twice that"
+    )
+
+
+def _is_at_rest(membrane):
+    """True if the sheet has no more strain energy than yarns strained by `NOISE` all over it."""
+    energy, areas = membrane.state()[0].energy, membrane.blank.areas()[membrane.part.cells]
+    strains = NOISE * np.eye(3)[:, :2]
+    most = membrane.fabric.derivatives(*strains, second=False).parts.max()
+    found = np.array([areas @ (energy @ membrane.weights), areas.sum()])
+    whole, area = membrane.blank.mesh.comm.allreduce(found)
+    return bool(whole <= most * area)
+
+
+def alternating_energy(membrane: Membrane) -> float:
+    """Share of the strain energy that goes when yarn strains are smoothed over neighbouring cells;
+    0 at rest."""
+    blank = membrane.blank
+    state, _, _, _ = membrane.state()
+    _, b, _ = membrane.at_points()
+    stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
+    cells = membrane.part.cells
+    corners, nodes = blank.corners()[cells], _nodes(blank)[cells]
+    ends = (
+        ((1, 0), (2, 0)) if corners.shape[1] == 3 else ((2, 0), (3, 1))
+    )  # two sides, or both diagonals
+    spans = [corners[:, i] - corners[:, j] for i, j in ends]
+    squares = [[(p * q).sum(1) for q in spans] for p in spans]
+    areas = np.sqrt(np.maximum(squares[0][0] * squares[1][1] - squares[0][1] ** 2, 0)) / 2
+    means = np.einsum("q,cqk->ck", membrane.weights, stretches) * areas[:, None]
+
+    def at_nodes(values):
+        return blank.summed(np.repeat(values[:, None], nodes.shape[1], 1), cells)[nodes]
+
+    smooth = (at_nodes(means) / at_nodes(areas[:, None])).mean(1)[:, None]
+    before = np.arctan2(b[..., 1], b[..., 0])  # angle from yarns a to b
+
+    def energy(stretches):
+        turned = before - gamma
+        fa = np.stack([stretches[..., 0], 0 * gamma], -1)
+        fb = stretches[..., 1:] * np.stack([np.cos(turned), np.sin(turned)], -1)
+        frame = np.stack([np.broadcast_to([1.0, 0.0], b.shape), b], -1)
+        F = np.stack([fa, fb], -1) @ np.linalg.inv(frame)
+        fibres = [1.0, 0.0], b.reshape(-1, 2)
+        found = kernel.evaluate(membrane.fabric, gradient=F.reshape(-1, 2, 2), fibres=fibres).energy
+        return float(areas @ (found.reshape(gamma.shape) @ membrane.weights))
+
+    parts = np.array([energy(stretches), energy(np.broadcast_to(smooth, stretches.shape))])
+    whole, smoothed = blank.mesh.comm.allreduce(parts, MPI.SUM)
+    return float((whole - smoothed) / whole) if whole > 0 else 0.0
+
+
+def _nodes(blank):
+    """Nodes of `u` of each owned cell, (cells, k), the corners first."""
+    return compat.dofmap(blank.V)[: blank.mesh.topology.index_map(2).size_local]
+
+
+def range_warnings(membrane: Membrane) -> list[str]:
+    """A sentence for each of the law's ranges that the present state leaves: in which share of the
+    sheet's area, and how far. Collective."""
+    ranges = membrane.fabric.ranges()
+    if not ranges:
+        return []
+    I4, _, I8, gamma = np.moveaxis(membrane.invariants_at_points(), -1, 0)
+    strains = {"eps_a": nominal_strain(I4), "eps_b": nominal_strain(I8), "gamma": abs(gamma)}
+    return [text for each in ranges for text in _beyond(membrane, each, strains[each.strain])]
+
+
+def _beyond(membrane, known, strains):
+    """A sentence for strains (cells, points) above the range `known`, and one for those below."""
+    comm, part = membrane.blank.mesh.comm, membrane.part
+    areas = membrane.blank.areas()[part.cells]
+    whole = comm.allreduce(float(areas.sum()))
+    for end, sign in ((known.high, 1), (known.low, -1)):
+        if not math.isfinite(end):
+            continue
+        out = sign * (strains - end) > ROUNDING
+        share = comm.allreduce(float(areas @ (out @ membrane.weights))) / whole
+        furthest = sign * comm.allreduce((sign * strains).max(initial=-math.inf), MPI.MAX)
+        if share > 0:
+            yield (
+                f"in {percent(share, 3)} of {part.name or membrane.blank.name} {known.strain} is "
+                f"beyond {known.source}, which ends at {_text(end, known)}: it reaches "
+                f"{_text(furthest, known)}; {known.beyond}"
+            )
+
+
+def _text(strain: float, known: Range) -> str:
+    angle = known.strain == "gamma"
+    return f"{rounded(math.degrees(strain), 4)} deg" if angle else percent(strain, 4)

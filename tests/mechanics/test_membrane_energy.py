@@ -1,0 +1,88 @@
+"""The membrane's energy: derivatives by hand are those of UFL and of differences."""
+
+import numpy as np
+import pytest
+from builders import compiled_as_it_stands, rotation, sheet
+from petsc4py import PETSc
+
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.mechanics.term import Term
+from fabric_fenicsx.scene.scene import Scene
+
+ELEMENTS = [
+    ("triangle", 1, {}),
+    ("triangle", 2, {}),
+    ("triangle", 2, {"integration": "inner"}),
+    ("triangle", 3, {}),
+    ("quadrilateral", 1, {"weave_angle": 1.3}),
+    ("quadrilateral", 2, {}),
+]
+
+
+class Plain(Term):
+    """The energy alone, of which `ufl.derivative` makes residual and tangent."""
+
+    name, energy_kind = "plain", "strain"
+
+    def __init__(self, membrane):
+        self.energy = membrane.energy
+
+
+def deformed(cell="triangle", degree=1, turned=False):
+    """A small sheet whose nodes are displaced at random, yarns stretched and compressed."""
+    Q = rotation() if turned else np.eye(3)
+    yarns = {"a": Q @ [1, 0.4, 0], "b": Q @ [0.1, 1, 0]} if turned else {"a": 0.4, "b": 1.5}
+    turn = Q if turned else None
+    blank = sheet(40.0, 20.0, 4, 2, "crossed", cell=cell, degree=degree, turn=turn, **yarns)
+    u = blank.u.x.array
+    u[:] = 0.05 * 20 / 2 / degree * np.random.default_rng(degree).uniform(-1, 1, u.size)
+    return blank
+
+
+def residual_and_tangent(scene):
+    r, A = scene.u.duplicate(), scene.create_matrix()
+    scene.residual(r)
+    scene.tangent(A)
+    return r, A
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize("cell, degree, options", ELEMENTS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_variations_by_hand_are_those_of_ufl(unbalanced, cell, degree, options, turned):
+    blank = deformed(cell, degree, turned)
+    membrane = Membrane(unbalanced, **options)
+    by_hand = residual_and_tangent(Scene(blank, [membrane]))
+    with compiled_as_it_stands():
+        by_ufl = residual_and_tangent(Scene(blank, [Plain(membrane)]))
+    for mine, theirs in zip(by_hand, by_ufl):
+        mine.axpy(-1, theirs)
+        assert mine.norm() <= 1e-12 * theirs.norm()
+
+
+def test_residual_and_tangent_are_derivatives_of_the_energy(unbalanced):
+    blank = deformed()
+    scene = Scene(blank, [Membrane(unbalanced)])
+    x, r, rp, rm = (scene.u.duplicate() for _ in range(4))
+    x.array[:] = blank.u.x.array
+    d = x.duplicate()
+    d.array[:] = np.random.default_rng(0).normal(size=len(d.array))
+    A = scene.create_matrix()
+    scene.set(x)
+    scene.residual(r)
+    scene.tangent(A)
+    h, energies = 1e-6, []
+    for sign, vector in ((1, rp), (-1, rm)):
+        y = x.copy()
+        y.axpy(sign * h, d)
+        scene.set(y)
+        scene.residual(vector)
+        energies.append(scene.energy())
+    assert (energies[0] - energies[1]) / (2 * h) == pytest.approx(r.dot(d), rel=1e-7)
+    Ad = x.duplicate()
+    A.mult(d, Ad)
+    rp.axpy(-1, rm)
+    rp.scale(1 / (2 * h))
+    rp.axpy(-1, Ad)
+    assert rp.norm() <= 1e-6 * Ad.norm()
+    assert A.isSymmetric(1e-9 * A.norm(PETSc.NormType.INFINITY))
