@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import partial
 from numbers import Real
 from typing import Any, NamedTuple, NoReturn
 
@@ -95,11 +96,11 @@ def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dic
     """What `terms` tell by their `method`, one of `REPORTS`, merged. Raises InputError for one of
     the names `taken`, for a name that two terms give without a rule, for what JSON can't hold, and
     on all ranks for a field of another size than the rank's cells or nodes."""
-    role, noun, place = REPORTS[method]
+    _, noun, place = REPORTS[method]
     found: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in terms:
-        if not isinstance(term, role):
+        if not function_of(term, method):
             continue
         given = asked(term, method, noun)
         mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}
@@ -127,9 +128,17 @@ def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dic
     }
 
 
+def function_of(term: Term, method: str) -> Callable[[], Any] | None:
+    """A term's `method`, or the function of that name in its `outputs`; None if it has neither."""
+    if method in term.outputs:
+        return partial(term.outputs[method], term)
+    return getattr(term, method, None)
+
+
 def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
     """What a term's `method` returns; InputError if that is no dict."""
-    given = getattr(term, method)()
+    ask = function_of(term, method)
+    given = ask and ask()
     if not isinstance(given, Mapping):
         raise InputError(
             f"`{method}` of term {term.name} returns {type(given).__name__}; allowed is a dict "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
@@ -55,6 +55,8 @@ class Term:
       `blank.V.dofmap.index_map` numbers the nodes; part: what of it the term is on; part_name: its
       name, see `on`
     - given: what the attributes were before `set_up`, as plain data; a checkpoint must agree in it
+    - outputs: {method: function of the term}, for methods of roles that give output but are written
+      beside the class
     - unbound: the term as it was then, of which another scene may take a copy
     """
 
@@ -63,6 +65,7 @@ class Term:
     resists: tuple[str, ...] = ()
     energy: ufl.Form | None = None
     pattern = 0
+    outputs: Mapping[str, Callable[[Any], Any]] = {}
     blank: Blank
     part: Part
     part_name = ""

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.output import Fields, told
-from ..mechanics.protocols import Penetrated, Pressing, Strained, Touching, Warns
+from ..mechanics.output import Fields, function_of, told
+from ..mechanics.protocols import Pressing, Strained, Touching
 from ..mechanics.shell.mesh_warnings import locking_warning
 from ..tools.tool import Tool
 from .scene import Scene
@@ -61,12 +61,11 @@ def tool_force(scene: Scene, tool: Tool) -> np.ndarray:
 def deepest(scene: Scene) -> tuple[float, str]:
     """How deep a tool or another sheet was in a sheet in any accepted state, over the sheet's
     thickness, and in words which one and where."""
-    terms = [term for term in scene.terms if isinstance(term, Penetrated)]
-    depths = [term.penetration_of_thickness() for term in terms]
-    if not any(depths):
-        return 0.0, ""
-    i = int(np.argmax(depths))
-    return depths[i], terms[i].where_deepest()
+    asked = [(function_of(t, "penetration_of_thickness"), t) for t in scene.terms]
+    depths = [(depth(), term) for depth, term in asked if depth]
+    deepest, term = max(depths, key=lambda each: each[0], default=(0.0, None))
+    where = function_of(term, "where_deepest") if term and deepest else None
+    return deepest, where() if where else ""
 
 
 def overstretched(scene: Scene, strain: float) -> float:
@@ -112,7 +111,8 @@ def outer_forces(scene: Scene) -> dict[str, float]:
 
 def warnings(scene: Scene) -> list[str]:
     """What speaks against the state though nothing failed, in words."""
-    given = [term.warnings() for term in scene.terms if isinstance(term, Warns)]
+    asked = filter(None, [function_of(term, "warnings") for term in scene.terms])
+    given = [warnings() for warnings in asked]
     found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
     located = scene.supports.locating_warning(outer_forces(scene))
     return [*found, *filter(None, [located])]

@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.contact.pressing_term import PressingTerm
+from ..mechanics.contact import output as contact_output
+from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
@@ -30,7 +31,7 @@ def tool_warnings(scene: Scene) -> list[str]:
     say, and tools on one side of a sheet that nothing presses on them."""
     much: dict[float, list[str]] = {}
     for term in scene.terms:
-        if isinstance(term, PressingTerm) and term.coulomb and term.coulomb.largest > COEFFICIENT:
+        if isinstance(term, ToolInteraction) and term.coulomb and term.coulomb.largest > COEFFICIENT:
             much.setdefault(term.coulomb.largest, []).append(term.tool.name)
     told = [cell_size_warning(scene.blank, reports.tools(scene))]
     told += [
@@ -95,8 +96,8 @@ def untouched_warning(scene: Scene) -> str:
         its = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
         moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
-        if its and moved and not any([contact.touched() for contact in its]):
-            gap = min(float(contact.gap().min(initial=math.inf)) for contact in its)
+        if its and moved and not any([contact_output.touched(contact) for contact in its]):
+            gap = min(float(contact_output.gap(each).min(initial=math.inf)) for each in its)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
             told.append(
                 f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"

@@ -137,9 +137,9 @@ def test_what_the_scene_knows_is_not_asked_twice():
     [
         (
             lambda ball: [Contact(ball)],
-            "contact with ball is given no thickness, and no term .*; allowed",
+            "contact with ball needs a thickness, a number above 0, as no term",
         ),
-        (lambda ball: [Contact(ball, 0.4)], "contact with ball is given no penalty"),
+        (lambda ball: [Contact(ball, 0.4)], "contact with ball needs a penalty"),
         (
             lambda ball: [Bending(modulus=1.0)],
             "given a modulus, and no term of the scene has a fabric; allowed",

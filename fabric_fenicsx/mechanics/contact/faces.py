@@ -11,7 +11,6 @@ from ...runtime.errors import InputError
 from ...sheets.blank import Part
 from ...tools.facets import LAST, NEXT, vertex_normals
 from ..shell.morley import Where
-from .face_sliding import Corners
 
 UP = np.array([0.0, 0.0, 1.0])
 ZERO = (0.0, 0.0, 0.0)
@@ -35,6 +34,17 @@ class Over(NamedTuple):
     gap: np.ndarray
     normal: np.ndarray
     curvature: np.ndarray
+
+
+class Corners(NamedTuple):
+    """The flat triangles that n points lie in: nodes (n, 3), global numbers; places (n, 3, 3) [mm];
+    weights (n, 3), barycentric; offset (n,) [mm] of the touching face from the triangle along the
+    points' normals, with a sign."""
+
+    nodes: np.ndarray
+    places: np.ndarray
+    weights: np.ndarray
+    offset: np.ndarray
 
 
 class Face:
@@ -163,10 +173,11 @@ class Face:
         """Numbers (cells,) of this rank's cells among `triangles`."""
         return self._own
 
-    def corners(self, triangle: np.ndarray, N: np.ndarray, arm: np.ndarray) -> Corners:
-        """`Corners` of triangles (n,) with points at barycentric coordinates N (n, 3), and arms."""
+    def corners(self, triangle: np.ndarray, N: np.ndarray, offset: np.ndarray) -> Corners:
+        """`Corners` of triangles (n,) with points at barycentric coordinates N (n, 3), and offsets
+        (n,)."""
         nodes = self.triangles[triangle]
-        return Corners(self.nodes[nodes], self.places[nodes], N, arm)
+        return Corners(self.nodes[nodes], self.places[nodes], N, offset)
 
     def flat(self, N: np.ndarray) -> np.ndarray:
         """Undeformed places (cells k, 3) [mm] of the points of `own_weights`."""
