@@ -31,7 +31,11 @@ def tool_warnings(scene: Scene) -> list[str]:
     say, and tools on one side of a sheet that nothing presses on them."""
     much: dict[float, list[str]] = {}
     for term in scene.terms:
-        if isinstance(term, ToolInteraction) and term.coulomb and term.coulomb.largest > COEFFICIENT:
+        if (
+            isinstance(term, ToolInteraction)
+            and term.coulomb
+            and term.coulomb.largest > COEFFICIENT
+        ):
             much.setdefault(term.coulomb.largest, []).append(term.tool.name)
     told = [cell_size_warning(scene.blank, reports.tools(scene))]
     told += [

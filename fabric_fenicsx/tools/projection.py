@@ -16,7 +16,7 @@ BENT = 0.99  # share of a surface's turning that has a larger radius than the le
 
 
 class Net(NamedTuple):
-    """What of `CurvedTriangles` the compiled search needs: its patches, triangles (m, 3), facets
+    """Parts of `CurvedTriangles` for the compiled search: its patches, triangles (m, 3), facets
     (m, 3), across each edge the triangle and its edge (m, 3), normals (n, 3) at the points, which
     of these are on the rim (n,), and the corners around each: those from `starts` on in `ring`."""
 
@@ -108,7 +108,7 @@ def _seen(at, x):
 
 
 class Sought(NamedTuple):
-    """What a search of one point fills in: a `row` of what is `found`; how near to the foot of the
+    """Aim of the search of one point: a `row` of what is `found`; how near to the foot of the
     normal it must come [mm], and the side of the gap beyond a rim."""
 
     found: Nearest

@@ -41,7 +41,7 @@ class FaceSliding:
         self._place = self._gathered.displacement()
 
     def slid(self) -> np.ndarray:
-        """As in `Sliding`, 0 at points that lay over nothing."""
+        """See `Sliding`, 0 at points that lay over nothing."""
         moved = self._gathered.displacement() - self._place
         return self._points.of_all(self._start, _slid(self._motions, self._nodes, moved))
 

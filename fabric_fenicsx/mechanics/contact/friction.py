@@ -5,7 +5,6 @@ from typing import Protocol
 import numpy as np
 from mpi4py import MPI
 
-from ...runtime.compiled import compiled
 from .coulomb import Coulomb
 
 INEXACT = 0.01  # of the friction that there can be, by which linear sliding may be off
@@ -108,7 +107,7 @@ class FrictionState:
 
     def recall(self, memory: dict[str, np.ndarray], sliding: Sliding) -> None:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
-        self._slip = np.ascontiguousarray(memory["slip"])
+        self._slip = memory["slip"]
         self._accepted_energy = memory["energy"].reshape(-1)
         self.sliding, self.limit = sliding, np.zeros(len(self._slip))
         self.begin()
@@ -132,16 +131,11 @@ class FrictionState:
         return known
 
 
-@compiled
 def _slipped(slip, moved, normals):
     """Slip (n, 3) and the parts of motions `moved` (n, 3) across unit normals (n, 3), added up."""
-    found = np.empty_like(slip)
-    for i in range(len(slip)):
-        x, n = moved[i], normals[i]
-        along = x[0] * n[0] + x[1] * n[1] + x[2] * n[2]
-        for k in range(3):
-            found[i, k] = slip[i, k] + (x[k] - along * n[k])
-    return found
+    x, n = moved.T, normals.T
+    along = x[0] * n[0] + x[1] * n[1] + x[2] * n[2]
+    return slip + (moved - along[:, None] * normals)
 
 
 def _turned(slip, limit, normals):

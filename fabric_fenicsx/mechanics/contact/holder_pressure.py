@@ -93,7 +93,7 @@ class BlankHolderPressure(ToolInteraction):
             )
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         if self.part.is_whole and any(part.thickness for part in scene.blank.parts.values()):
             raise InputError(
                 "the blank holder would press each sheet of the stack; allowed is "
@@ -144,12 +144,12 @@ class BlankHolderPressure(ToolInteraction):
     # -- state
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`: minus the work of the pressure, and what friction took."""
+        """See `StoresKinds`: minus the work of the pressure, and what friction took."""
         pressed = float((self._pressing_forces() * self.nodes.displacement()).sum())
         return {**super().energies(), None: -pressed}
 
     def normal_forces(self) -> np.ndarray:
-        """As in `Interaction`."""
+        """See `Interaction`."""
         return self.now * self.areas
 
     def _pressing_forces(self):
@@ -159,7 +159,7 @@ class BlankHolderPressure(ToolInteraction):
         return np.tile(self.direction, (self.nodes.count, 1))
 
     def force(self) -> np.ndarray:
-        """As in `ToolInteraction`, in the last accepted state."""
+        """See `ToolInteraction`, in the last accepted state."""
         return self._accepted_force
 
     def shares(self, points: np.ndarray) -> np.ndarray:

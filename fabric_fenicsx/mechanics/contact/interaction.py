@@ -69,28 +69,28 @@ class Interaction(Term):
         self.depth = np.fmax(self.depth if load else 0.0, depth)
 
     def set_load(self, load: float) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         if self.friction:
             self.friction.begin()
 
     def update_lagged(self) -> bool:
-        """As in `Lagged`: of what presses, then of friction."""
+        """See `Lagged`: of what presses, then of friction."""
         changed = self._update_pressing()
         if not self.friction:
             return changed
         return self.friction.update(self.normal_forces(), self._slid_exactly()) or changed
 
     def accept(self) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         if self.friction:
             self.friction.accept(self.normal_forces(), self._slid_exactly(), self._sliding())
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`."""
+        """See `StoresKinds`."""
         return {"friction": self.friction.energy()} if self.friction else {}
 
     def stored(self) -> float:
-        """As in `Term`, energy taken by friction included."""
+        """See `Term`, energy taken by friction included."""
         return sum(self.energies().values())
 
 
@@ -175,41 +175,41 @@ class ToolInteraction(Interaction):
     # -- asked by a scene
 
     def accept(self) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         if self.friction:
             self._friction_force = self.nodes.total(self._friction_forces())
             super().accept()
             self._friction_at_start = self.nodes.total(self._friction_forces())
 
     def add_forces(self, f: np.ndarray) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         f[: 3 * self.nodes.count] -= self.applied_forces()
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Loaded`, friction included."""
+        """See `Loaded`, friction included."""
         return (self._pressing_forces() + self._friction_forces()).ravel()
 
     def tangent(self) -> Triplets:
-        """As in `Term`: that of friction, (9 nodes,) each [N/mm]."""
+        """See `Term`: that of friction, (9 nodes,) each [N/mm]."""
         if not self.friction:
             return NO_TANGENT
         return self.nodes.rows, self.nodes.cols, self._friction_blocks().ravel()
 
     def memory(self) -> dict[str, np.ndarray]:
-        """As in `Remembers`: of friction."""
+        """See `Remembers`: of friction."""
         return self.friction.memory() if self.friction else {}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Remembers`."""
+        """See `Remembers`."""
         if self.friction:
             self.friction.recall(memory, self._sliding())
 
     def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `Rubbing`: the nodes."""
+        """See `Rubbing`: the nodes."""
         limit = self.friction.limit if self.friction else np.zeros(self.nodes.count)
         pressed = limit > 0
         return self.nodes.places[pressed], self._normals()[pressed], limit[pressed]
 
     def tool_force(self) -> np.ndarray:
-        """As in `Pressing`."""
+        """See `Pressing`."""
         return self.force() + self._friction_force

@@ -33,7 +33,7 @@ def largest_penetration(term: Interaction) -> float:
 
 
 def penetration_of_thickness(term: Interaction) -> float:
-    """As in `Penetrated`."""
+    """See `Penetrated`."""
     return _largest(term, _penetrated(term) / term.thickness)
 
 
@@ -70,12 +70,12 @@ def penetration(contact: Contact) -> float:
 
 
 def touched(contact: Contact) -> bool:
-    """Whether the tool pressed the sheet in any accepted state."""
+    """True if the tool pressed the sheet in any accepted state."""
     return largest_depth(contact) > 0
 
 
 def where_tool_is_deepest(contact: Contact) -> str:
-    """As in `Penetrated`, with the place in the undeformed sheet."""
+    """See `Penetrated`, with the place in the undeformed sheet."""
     depth, places = _penetrated(contact), contact.nodes.places
     i = int(depth.argmax()) if depth.size else None
     mine = (0.0, ()) if i is None else (depth[i], tuple(places[i]))
@@ -85,7 +85,7 @@ def where_tool_is_deepest(contact: Contact) -> str:
 
 
 def tool_cell_fields(contact: Contact) -> dict[str, Value]:
-    """As `PlyThickness.fields`."""
+    """Fields of `PlyThickness`."""
     lost = np.where(contact.rigid, 0.0, np.maximum(0.0, -contact.state().gap))
     return contact.plies.fields(contact.blank.cell_means(lost))
 
@@ -101,7 +101,7 @@ def tool_nodal_fields(contact: Contact) -> dict[str, Value]:
 
 
 def surface_warnings(contact: Contact) -> list[str]:
-    """As in `Warns`: if the tool's surface gave no number, which may be why steps failed."""
+    """See `Warns`: if the tool's surface gave no number, which may be why steps failed."""
     lost = next(filter(None, contact.nodes.comm.allgather(contact.lost)), "")
     if not lost:
         return []
@@ -113,7 +113,7 @@ def surface_warnings(contact: Contact) -> list[str]:
 
 
 def holder_cell_fields(holder: BlankHolderPressure) -> dict[str, Value]:
-    """As `PlyThickness.fields`, of the face that the holder presses."""
+    """Fields of `PlyThickness`, of the face that the holder presses."""
     share = holder.areas / np.maximum(holder.nodes.areas, 1e-300)
     lost = holder.blank.cell_means(share) * holder.plies.lost_under(holder.now)
     return holder.plies.fields(lost)
@@ -131,11 +131,6 @@ def sliding(contact: SheetContact) -> np.ndarray:
     moved += points.of_all(first, first.offsets(), np.nan)
     normal = points.of_all(now, now.normal, np.nan)
     return moved - (moved * normal).sum(1, keepdims=True) * normal
-
-
-def where_sheets_are_deepest(contact: SheetContact) -> str:
-    """As in `Penetrated`."""
-    return contact.name
 
 
 def sheet_cell_fields(contact: SheetContact) -> dict[str, Value]:

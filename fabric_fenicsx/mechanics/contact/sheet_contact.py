@@ -1,6 +1,7 @@
 """Contact of two sheets: pressure at points of one over the smooth face of the other."""
 
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 
 import numpy as np
 from mpi4py import MPI
@@ -73,7 +74,7 @@ class SheetContact(Interaction):
         "cell_fields": output.sheet_cell_fields,
         "summary": output.sheet_summary,
         "penetration_of_thickness": output.penetration_of_thickness,
-        "where_deepest": output.where_sheets_are_deepest,
+        "where_deepest": attrgetter("name"),
     }
 
     def __init__(
@@ -104,7 +105,7 @@ class SheetContact(Interaction):
             )
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         lower, upper = parts = [scene.blank.part(name) for name in self.sheets]
         faces = [self._face(scene, part) for part in parts]
         thicknesses = [thickness for thickness, _ in faces]
@@ -112,9 +113,7 @@ class SheetContact(Interaction):
         self._law = between_faces(*self.face_laws)
         self.rigid = isinstance(self._law, Rigid)
         self.plies = PlyThickness(scene, rigid=bool(self._penalty))
-        self.points = SheetPoints(
-            lower, upper, self._points_of_cell, thicknesses, self._symmetric
-        )
+        self.points = SheetPoints(lower, upper, self._points_of_cell, thicknesses, self._symmetric)
         self.faces = LaggedFaces(self.points, self._lag, 3 * self.points.nodes.count)
         self.depth, self._load = np.zeros(self.points.count), 0.0
         # the last displacement and faces, and what was found there
@@ -127,13 +126,13 @@ class SheetContact(Interaction):
 
     def _face(self, scene, part):
         """Thickness of a sheet without pressure [mm], and the law of its face."""
-        if part.thickness is None:
+        t, k, material = part.thickness, self._penalty, material_of(scene, part)
+        if t is None:
             raise InputError(
                 f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
             )
-        material, k = material_of(scene, part), self._penalty
         if k:
-            return part.thickness, Rigid(k, SMOOTHING * PERMITTED * part.thickness)
+            return t, Rigid(k, SMOOTHING * PERMITTED * t)
         if not material:
             raise InputError(
                 f"{self.name} needs a penalty, a number above 0, as not both sheets have a fabric "
@@ -173,7 +172,7 @@ class SheetContact(Interaction):
         return found[2]
 
     def normal_forces(self) -> np.ndarray:
-        """As in `Interaction`, 0 where a point lies over nothing."""
+        """See `Interaction`, 0 where a point lies over nothing."""
         now = self.faces.now
         return self.points.of_all(now, self.state().pressure * now.areas)
 
@@ -201,21 +200,21 @@ class SheetContact(Interaction):
 
     @property
     def pattern(self) -> int:  # type: ignore[override]
-        """As in `Term`."""
+        """See `Term`."""
         return self.faces.pattern
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`: of contact, and what friction took."""
+        """See `StoresKinds`: of contact, and what friction took."""
         return {"contact": float(self.state().energy.sum()), **super().energies()}
 
     def add_forces(self, f: np.ndarray) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         self.faces.now.pairs.add(-self.state().forces, f)
         if self.friction:
             self.friction.sliding.add(-self.friction.forces(), f)
 
     def tangent(self) -> Triplets:
-        """As in `Term`."""
+        """See `Term`."""
         pairs = self.faces.now.pairs
         pressed = pairs.coupled.rows, pairs.coupled.cols, pairs.values(self.state().blocks)
         if not self.friction:
@@ -227,7 +226,7 @@ class SheetContact(Interaction):
         return rows, cols, values
 
     def anticipate(self, f: np.ndarray) -> None:
-        """As in `Anticipates`: until the sheets move, let `tangent` be the law's slope up to the
+        """See `Anticipates`: until the sheets move, let `tangent` be the law's slope up to the
         pressure that balances the other forces on both of them, see `pressing.anticipate`."""
         now, facing, nodes = self.state(), self.faces.now, self.points.nodes
         forces = f[: 3 * nodes.count].reshape(-1, 3)
@@ -266,7 +265,7 @@ class SheetContact(Interaction):
         return {name: self.points.among_cells(values) for name, values in known.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `RemembersCells`."""
+        """See `RemembersCells`."""
         known = {name: self.points.of_cells(rows) for name, rows in memory.items()}
         self.depth = known["depth"]
         if self.friction:

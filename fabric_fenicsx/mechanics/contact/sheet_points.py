@@ -39,7 +39,7 @@ class Facing(NamedTuple):
     corners: tuple[Corners, Corners]
 
     def unit_normals(self) -> np.ndarray:
-        """Of the face below, towards the points (n, 3)."""
+        """Unit normals of the face below, towards the points (n, 3)."""
         return self.normal / np.linalg.norm(self.normal, axis=1)[:, None]
 
     def offsets(self) -> np.ndarray:

@@ -102,7 +102,7 @@ class Contact(ToolInteraction):
         self._load, self._work = 0.0, Work()
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         on = self.tool, self.part_name
         same = [t for t in scene.terms if isinstance(t, Contact) and (t.tool, t.part_name) == on]
         if len(same) > 1:
@@ -121,6 +121,7 @@ class Contact(ToolInteraction):
         """Thickness without pressure [mm], the law of the face, and whether it is rigid, at each
         node."""
         t, k, s = (self._given[name] for name in ("thickness", "penalty", "smoothing"))
+        radius, faces = min(self.tool.surface.radii), []
         materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, dtype=int))
         if t and k and not materials:
             faces = [(t, Rigid(k, SMOOTHING * PERMITTED * t))]
@@ -129,23 +130,18 @@ class Contact(ToolInteraction):
                 f"contact with {self.tool.name} needs a {'penalty' if t else 'thickness'}, a "
                 "number above 0, as no term of the scene has a fabric or metal for each sheet"
             )
-        else:
-            known = [each.replace(thickness=t or each.thickness) for each in materials]
-            faces = [self._face(each, k, bool(s or self.permitted)) for each in known]
+        for material in materials:
+            material, stiff = material.replace(thickness=t or material.thickness), k
+            if s or self.permitted:
+                stiff = k or default_penalty(material, radius)
+            thickness = material.thickness if stiff else material.thickness_under(0.0)
+            faces.append((thickness, face_of(material, radius, stiff)))
         if s:
             faces = [(t, law._replace(smoothing=s)) for t, law in faces]
         thickness = np.array([t for t, _ in faces])[which]
         is_rigid = np.array([isinstance(law, Rigid) for _, law in faces])[which]
         laws = [law for _, law in faces]
         return thickness, ByPlace(laws, which) if laws[1:] else laws[0], is_rigid
-
-    def _face(self, material, penalty, is_rigid):
-        radius = min(self.tool.surface.radii)
-        if is_rigid:
-            penalty = penalty or default_penalty(material, radius)
-        law = face_of(material, radius, penalty)
-        t = material.thickness if isinstance(law, Rigid) else material.thickness_under(0.0)
-        return t, law
 
     # -- state
 
@@ -222,7 +218,7 @@ class Contact(ToolInteraction):
         return length * now.normal, np.eye(3) - turned
 
     def normal_forces(self) -> np.ndarray:
-        """As in `Interaction`."""
+        """See `Interaction`."""
         return self.nodes.areas * self.state().pressure
 
     def depth_under(self, pressure: float) -> np.ndarray:
@@ -231,24 +227,24 @@ class Contact(ToolInteraction):
         return np.broadcast_to(self._law.depth(np.array(pressure)), self.nodes.count)
 
     def force(self) -> np.ndarray:
-        """As in `ToolInteraction`."""
+        """See `ToolInteraction`."""
         return self.nodes.total(self.state().forces)
 
     # -- value and Hessian
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`: of contact, what friction took, and on rank 0 minus the work of the
+        """See `StoresKinds`: of contact, what friction took, and on rank 0 minus the work of the
         force that moves the tool."""
         kinds = {"contact": float(self.state().energy.sum()), **super().energies()}
         by_force = self.tool.force and self.nodes.comm.rank == 0
         return kinds | {None: -self.tool.push * self.tool.travel if by_force else 0.0}
 
     def tangent(self) -> Triplets:
-        """As in `Term`, (9 nodes,) each [N/mm]."""
+        """See `Term`, (9 nodes,) each [N/mm]."""
         return self.nodes.rows, self.nodes.cols, self._blocks(self.state()).ravel()
 
     def anticipate(self, f: np.ndarray) -> None:
-        """As in `Anticipates`: until the sheet moves, let `tangent` be the law's slope up to the
+        """See `Anticipates`: until the sheet moves, let `tangent` be the law's slope up to the
         pressure that balances the other forces, see `pressing.anticipate`."""
         now, areas = self.state(), self.nodes.areas
         others = (f[: 3 * self.nodes.count].reshape(-1, 3) * now.normal).sum(1)
@@ -256,7 +252,7 @@ class Contact(ToolInteraction):
         self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
-        """As in `DrivenByForce`."""
+        """See `DrivenByForce`."""
         if not self.tool.force:
             return None
         pushed = self._blocks(self.state()) @ self.tool.direction
@@ -281,7 +277,7 @@ class Contact(ToolInteraction):
         super().accept()
 
     def update_lagged(self) -> bool:
-        """As in `Interaction`; a tool moved by force takes its new place."""
+        """See `Interaction`; a tool moved by force takes its new place."""
         changed = super().update_lagged()
         if changed and self.tool.force:
             self._found = None
@@ -300,7 +296,7 @@ class Contact(ToolInteraction):
         return (work if self.nodes.comm.rank == 0 else 0.0) + self._friction_work()
 
     def motion_to_gaps(self) -> np.ndarray:
-        """As in `KeepsGaps`, by a thickness at most; none at a tool that a force moves, as this
+        """See `KeepsGaps`, by a thickness at most; none at a tool that a force moves, as this
         moves with the sheet."""
         if self.tool.force:
             return np.zeros(3 * self.nodes.count)
@@ -311,15 +307,15 @@ class Contact(ToolInteraction):
         return np.nan_to_num(off[:, None] * now.normal).ravel()
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Of the last accepted state: shift of the surface, travel of the tool and depths [mm],
-        (nodes, 1) each, what its work is counted from (nodes, 24), and that of friction."""
+        """Shift of the surface, travel of the tool and depths [mm], (nodes, 1) each, in the last
+        accepted state; what its work is counted from (nodes, 24), and that of friction."""
         rows = self._accepted_travel, self._work.memory().ravel()
         travel, work = (np.tile(row, (self.nodes.count, 1)) for row in rows)
         shift, depth = self._accepted_shift[:, None], self.depth[:, None]
         return super().memory() | {"shift": shift, "travel": travel, "depth": depth, "work": work}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Remembers`."""
+        """See `Remembers`."""
         self._shift = self._accepted_shift = memory["shift"][:, 0]
         self.depth = memory["depth"][:, 0]
         self.tool.travel = self._accepted_travel = float(self.nodes.common(memory["travel"])[0])
@@ -331,7 +327,7 @@ class Contact(ToolInteraction):
     # -- checks of a scene
 
     def check_start(self) -> None:
-        """As in `Touching`: for a tool whose body the sheet's nodes are in, and one whose path or
+        """See `Touching`: for a tool whose body the sheet's nodes are in, and one whose path or
         surface can't be."""
         self.tool.at(1.0)
         self.tool.at(0.0)
@@ -339,7 +335,7 @@ class Contact(ToolInteraction):
         check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """As in `Touching`, at up to twice `PROBED` nodes that find a nearest point."""
+        """See `Touching`, at up to twice `PROBED` nodes that find a nearest point."""
         found, x = [], self.nodes.places[self.nodes.own]
         x = x[:: max(1, len(x) // PROBED)]
         for load in (0.0, 1.0):

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from ...runtime.compiled import compiled
 from ...tools.tool import Tool
 from .nodes import Nodes
 
@@ -26,9 +25,9 @@ class ToolSliding:
         offsets: np.ndarray,
         derivative: np.ndarray,
     ) -> None:
-        self.normals = np.ascontiguousarray(normals)
+        self.normals = normals
         self._nodes, self._tool, self._offsets = nodes, tool, offsets
-        self._derivative = np.ascontiguousarray(derivative)
+        self._derivative = derivative
         self._place, self._tool_place = nodes.displacement(), tool.displacement.copy()
 
     def tool_moved(self) -> np.ndarray:
@@ -36,13 +35,16 @@ class ToolSliding:
         return self._tool.displacement - self._tool_place
 
     def slid(self) -> np.ndarray:
-        """As in `Sliding`."""
-        return _moved(self._derivative, self._nodes.view(), self._place, self.tool_moved())
+        """See `Sliding`."""
+        return _times(self._derivative, self._moved())
 
     def exact(self, offsets: np.ndarray) -> np.ndarray:
         """Sliding that is not linear, to a state with these offsets (nodes, 3) [mm]."""
-        moved = self._nodes.view() - self._place - self.tool_moved()
-        return moved - np.nan_to_num(offsets - self._offsets)
+        return self._moved() - np.nan_to_num(offsets - self._offsets)
+
+    def _moved(self):
+        """Motion of the nodes relative to the tool."""
+        return self._nodes.view() - self._place - self.tool_moved()
 
     def on_nodes(self, forces: np.ndarray) -> np.ndarray:
         """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
@@ -50,37 +52,13 @@ class ToolSliding:
 
     def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
         """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""
-        return _congruent(self._derivative, blocks)
+        found, at = np.zeros_like(blocks), np.flatnonzero(blocks.any((1, 2)))
+        A, B = self._derivative[at], blocks[at]
+        for k, m in np.ndindex(3, 3):
+            found[at] += A[:, :, k, None] * B[:, k, m, None, None] * A[:, m, None]
+        return found
 
 
-@compiled
-def _times(matrices, vectors):
+def _times(A, x):
     """Products (n, 3) of matrices (n, 3, 3) and vectors (n, 3)."""
-    found = np.empty_like(vectors)
-    for i in range(len(vectors)):
-        A, x = matrices[i], vectors[i]
-        for j in range(3):
-            found[i, j] = A[j, 0] * x[0] + A[j, 1] * x[1] + A[j, 2] * x[2]
-    return found
-
-
-@compiled
-def _congruent(matrices, blocks):
-    """Products A B A (n, 3, 3) of symmetric matrices A and blocks B (n, 3, 3)."""
-    found = np.zeros_like(blocks)
-    for n in range(len(blocks)):
-        B, A = blocks[n], matrices[n]
-        if not B.any():
-            continue
-        for i in range(3):
-            for j in range(3):
-                for k in range(3):
-                    for m in range(3):
-                        found[n, i, j] += A[i, k] * B[k, m] * A[m, j]
-    return found
-
-
-@compiled
-def _moved(matrices, now, start, tool):
-    """`_times` of matrices and the motion of nodes relative to a tool."""
-    return _times(matrices, now - start - tool)
+    return A[:, :, 0] * x[:, :1] + A[:, :, 1] * x[:, 1:2] + A[:, :, 2] * x[:, 2:]

@@ -337,9 +337,7 @@ def test_what_is_known_of_a_march_is_known_to_the_next(tmp_path):
     assert before > 0
     assert second.iterations == before + sum(state.report.iterations for state in states)
     assert newton.memory()["negative_pivots_met"] and (newton.memory()["shift"] > 0)
-    assert largest_penetration(contact_again) == pytest.approx(
-        largest_penetration(contact) + 7.0
-    )
+    assert largest_penetration(contact_again) == pytest.approx(largest_penetration(contact) + 7.0)
     assert largest_penetration(contact) > 0
 
 

@@ -137,7 +137,9 @@ def test_fabrics_are_compacted_not_penetrated(pressed):
             float((pair.normal_forces() / pair.points.areas).max(initial=0)), MPI.MAX
         )
         assert output.largest_depth(pair) == pytest.approx(pair.depth_under(largest), rel=1e-3)
-        assert T - output.largest_depth(pair) == pytest.approx(FABRIC.thickness_under(largest), rel=1e-3)
+        assert T - output.largest_depth(pair) == pytest.approx(
+            FABRIC.thickness_under(largest), rel=1e-3
+        )
         assert entry["normal_force_N"] == pytest.approx(load, rel=1e-6)
 
 
