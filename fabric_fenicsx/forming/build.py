@@ -13,7 +13,7 @@ from ..job.job import Job, Result
 from ..job.setup import Setup
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
-from ..mechanics.contact.pressing_term import PressingTerm
+from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell.bending import Bending
 from ..mechanics.term import Term
@@ -309,7 +309,7 @@ class FormingScene(Setup):
         self.tools, self.schedule = placed.tools, placed.schedule
         self.thickness, self.comm = placed.thickness, scene.comm
         self.extent = laid.blank.extent()
-        self.pressing = [term for term in scene.terms if isinstance(term, PressingTerm)]
+        self.pressing = [term for term in scene.terms if isinstance(term, ToolInteraction)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
 
     def press_together(self, die: Tool | None) -> None:

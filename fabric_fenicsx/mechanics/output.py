@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
+from functools import partial
 from numbers import Real
 from typing import Any, NamedTuple, NoReturn
 
@@ -184,9 +185,15 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     }
 
 
+def function_of(term: Term, method: str) -> Callable[[], Any]:
+    """The function of that name in a term's `outputs`, or else its `method`."""
+    function = term.outputs.get(method)
+    return partial(function, term) if function else getattr(term, method)
+
+
 def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
     """Answer of a term's `method`; InputError if that is no dict."""
-    given = getattr(term, method)()
+    given = function_of(term, method)()
     if not isinstance(given, Mapping):
         raise InputError(
             f"`{method}` of term {term.name} returns {type(given).__name__}; allowed is a dict "

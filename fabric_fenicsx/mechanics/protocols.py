@@ -70,14 +70,3 @@ class Rubbing(Protocol):
     def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points of the undeformed sheet (k, 3) [mm], unit normals (k, 3) there, and the friction
         that each can bear in the accepted state, (k,) [N]."""
-
-
-@runtime_checkable
-class Penetrated(Protocol):
-    """Lets sheet and tool, or two sheets, overlap a little."""
-
-    def penetration_of_thickness(self) -> float:
-        """Deepest overlap in any accepted state, over the sheet's thickness, of all ranks."""
-
-    def where_deepest(self) -> str:
-        """The tool or sheet that was so deep in the sheet, and where, as text."""

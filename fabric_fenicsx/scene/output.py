@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.output import Fields, merged
-from ..mechanics.protocols import Penetrated, Pressing, Touching
+from ..mechanics.output import Fields, function_of, merged
+from ..mechanics.protocols import Pressing, Touching
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnings
 from ..tools.tool import Tool
@@ -62,12 +62,12 @@ def tool_force(scene: Scene, tool: Tool) -> np.ndarray:
 def deepest(scene: Scene) -> tuple[float, str]:
     """Deepest penetration of a sheet by a tool or another sheet in any accepted state, over the
     sheet's thickness; and which one it was, and where, as a text."""
-    terms = [term for term in scene.terms if isinstance(term, Penetrated)]
-    depths = [term.penetration_of_thickness() for term in terms]
+    terms = [term for term in scene.terms if "penetration_of_thickness" in term.outputs]
+    depths = [function_of(term, "penetration_of_thickness")() for term in terms]
     if not any(depths):
         return 0.0, ""
     i = int(np.argmax(depths))
-    return depths[i], terms[i].where_deepest()
+    return depths[i], function_of(terms[i], "where_deepest")()
 
 
 def overstretched(scene: Scene, strain: float) -> float:
@@ -114,7 +114,7 @@ def outer_forces(scene: Scene) -> dict[str, float]:
 def warnings(scene: Scene) -> list[str]:
     """Doubts about the state though nothing failed, as sentences."""
     given = [membrane_warnings(term) for term in _membranes(scene)]
-    given += [term.warnings() for term in scene.terms]
+    given += [function_of(term, "warnings")() for term in scene.terms]
     found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
     located = scene.supports.locating_warning(outer_forces(scene))
     return [*found, *filter(None, [located])]
