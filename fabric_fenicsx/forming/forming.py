@@ -174,11 +174,11 @@ class Forming(BetweenTools):
 
     def punch_mesh(self) -> "pyvista.PolyData":
         """The punch, where it is now, as a PyVista surface [mm]."""
-        from ..results import formed
+        from ..postprocess.tool_surfaces import tool_mesh
 
         low, high = self.extent  # known, as rank 0 draws alone
         rise = np.array([0, 0, self.stroke])
-        return formed.tool_mesh(self.punch_tool, low - rise, high + 2 * rise)
+        return tool_mesh(self.punch_tool, low - rise, high + 2 * rise)
 
     def pictures(self, result: Result, folder: Path) -> None:
         """Strain states, the formed plies and paths of this run."""

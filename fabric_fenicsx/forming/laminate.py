@@ -72,11 +72,11 @@ class Laminate(Forming):
     def quantities(self, result: Result) -> dict[str, Any]:
         """As of `Forming`, with the pressure between the sheets and, of the middle ply, the largest
         shear angle on the path at 45 deg and its contrast."""
-        from ..results import laminate
+        from ..results import quantities
 
-        found = super().quantities(result) | laminate.pressure_quantities(result)
+        found = super().quantities(result) | quantities.pressure_quantities(result)
         if MIDDLE in self.blank.parts:
-            found["plies"][MIDDLE] |= laminate.middle_quantities(result, MIDDLE)
+            found["plies"][MIDDLE] |= quantities.middle_quantities(result, MIDDLE)
         return found
 
     def pictures(self, result: Result, folder: Path) -> None:
@@ -86,8 +86,8 @@ class Laminate(Forming):
 
     def compare(self, results: Mapping[str, Result], folder: Path) -> None:
         """The middle plies {label: `Result`} side by side, into `folder`."""
-        from ..results import laminate
+        from ..plot.forming_pictures import draw_laminate
 
         grids = {label: result.grids for label, result in results.items()}
         if all({MIDDLE, METAL} <= set(each) for each in grids.values()):
-            laminate.draw(folder, grids, MIDDLE, METAL, self.punch_tool)
+            draw_laminate(folder, grids, MIDDLE, METAL, self.punch_tool)

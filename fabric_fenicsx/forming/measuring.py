@@ -52,7 +52,7 @@ def of_contact(forming: Any, result: Result) -> dict[str, Any]:
 def of_plies(forming: Any, result: Result, tool: Tool, closed: bool) -> dict[str, Any]:
     """Of the one ply, or of a stack over all plies and of each. tool: which wrinkles are measured
     from, if it is `closed`."""
-    from ..results import formed
+    from ..results import quantities as numbers
 
     parts = forming.blank.parts or {"": forming.blank.whole}
     plies, below = {}, 0.0
@@ -61,35 +61,35 @@ def of_plies(forming: Any, result: Result, tool: Tool, closed: bool) -> dict[str
     for ply, (name, part) in zip(forming.plies, parts.items()):
         thickness = ply.thickness_under(0.0)
         (metals if ply.metal else fabrics).append(part)
-        of_cells = formed.metal_quantities if ply.metal else formed.fabric_quantities
+        of_cells = numbers.metal_quantities if ply.metal else numbers.fabric_quantities
         middle = below + thickness / 2
         plies[name] = of_cells(result, [part])
-        plies[name] |= formed.shape(result, part, tool, middle, closed)
+        plies[name] |= numbers.shape(result, part, tool, middle, closed)
         below += thickness
     if not forming.stack:
         return plies[""]
-    return formed.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
+    return numbers.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
 
 
 def pictures(forming: Any, result: Result, folder: Path) -> None:
     """Strain states, the formed plies, paths and metal of a run."""
-    from ..results import formed
+    from ..plot import forming_pictures
 
     angles = [
         (ply.fibre_angle, ply.fibre_angle + ply.yarn_angle) if ply.fabric else ()
         for ply in forming.plies
     ]
-    formed.draw_plies(folder, result.grids, angles, forming.punch_mesh())
-    formed.draw_compared(folder, result.grids, forming.punch_tool)
+    forming_pictures.draw_plies(folder, result.grids, angles, forming.punch_mesh())
+    forming_pictures.draw_compared(folder, result.grids, forming.punch_tool)
 
 
 def compare(forming: Any, results: Mapping[str, Result], folder: Path) -> None:
     """Outlines and paths of plies {label: `Result`} side by side, into `folder`."""
-    from ..results import formed
+    from ..plot import forming_pictures
 
     grids = {
         " ".join(filter(None, (label, name))): grid
         for label, result in results.items()
         for name, grid in result.grids.items()
     }
-    formed.draw_compared(folder, grids, forming.punch_tool)
+    forming_pictures.draw_compared(folder, grids, forming.punch_tool)

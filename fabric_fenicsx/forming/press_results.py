@@ -9,8 +9,8 @@ import numpy as np
 
 from ..job.job import Result
 from ..results import measures
-from ..results.output import MARKED
-from ..results.shortening import shortening
+from ..results.quantities import shortening
+from ..runtime.logs import MARKED
 from ..scene import output as reports
 from . import measuring
 
@@ -67,8 +67,8 @@ def draw_setup(press: Any, folder: Path) -> None:
 
 def draw(press: Any, result: Result, folder: Path) -> None:
     """The stroke, the formed plies, thickness and shortening of a `Press`; called on rank 0."""
-    from ..plot import press_pictures
-    from ..results import formed
+    from ..plot import forming_pictures, press_pictures
+    from ..postprocess.tool_surfaces import tool_mesh
 
     with _told("filmstrip.png"):
         press_pictures.filmstrip(folder / "filmstrip.png", folder, press.course.shown())
@@ -83,7 +83,7 @@ def draw(press: Any, result: Result, folder: Path) -> None:
     room = np.array([0.0, 0.0, float((high - low).max())])
     low, high = low - room - tool.displacement, high + room - tool.displacement
     with _told("formed.png"):
-        formed.draw_plies(folder, result.grids, angles, formed.tool_mesh(tool, low, high))
+        forming_pictures.draw_plies(folder, result.grids, angles, tool_mesh(tool, low, high))
 
 
 @contextmanager

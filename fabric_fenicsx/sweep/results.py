@@ -175,7 +175,7 @@ def _sheets(runs):
     import numpy as np
 
     from ..plot.pictures import cell_polygons
-    from ..results.fields import read_last
+    from ..postprocess.states import read_last
 
     found = {}
     for run in runs:

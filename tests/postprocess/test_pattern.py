@@ -9,8 +9,8 @@ import shapely
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.meshes.outline_files import read_outline, read_trim_line
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.results.fields import save
-from fabric_fenicsx.results.pattern import Plane, flat_pattern, write_pattern
+from fabric_fenicsx.postprocess.pattern import Plane, flat_pattern, write_pattern
+from fabric_fenicsx.postprocess.states import save
 from fabric_fenicsx.runtime.errors import InputError
 
 RADIUS = 50.0
