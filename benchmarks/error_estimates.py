@@ -9,9 +9,7 @@ from bench.reference import read_references
 from tqdm import tqdm
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.bias_extension import BiasExtension
-from fabric_fenicsx.coupons.scenario import Scenario
-from fabric_fenicsx.coupons.tensile import Tensile
+from fabric_fenicsx.coupons.coupon import BiasExtension, Coupon, Tensile
 from fabric_fenicsx.forming.forming import Forming
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference"
@@ -27,7 +25,7 @@ TESTS = {
 
 
 def options():
-    p = parser(Scenario, __doc__, "error_estimates")
+    p = parser(Coupon, __doc__, "error_estimates")
     p.group("test")
     p.option("--only", nargs="+", choices=tuple(TESTS), default=list(TESTS))
     return p
@@ -44,7 +42,7 @@ def main(study):
         kind, more = TESTS[case.test]
         more = more | ({"fibre_angle": case.fibre_angle} if case.test == "forming" else {})
         mesh = {"element": case.element, "nx": case.nx, "pattern": case.pattern}
-        return kind(study.fabric, **mesh, **more, comm=study.comm).job(error=error).run()
+        return kind(study.fabric, **mesh, **more).job(error=error).run()
 
     def compared(case):
         fine = error_cases.finest_of(case, args.quick)

@@ -25,7 +25,7 @@ def options():
 
 def main(study: Study):
     explicit_code.check_angle(study.args.fibre_angle)
-    forming = study.scenario(Forming)
+    forming = study.build(study.describe(Forming))
     result, found = study.run(forming), None
     if study.comm.rank == 0:
         found = explicit_code.compare_formed(

@@ -8,11 +8,11 @@ from bench.reference import convergence, make_reference, solve_member
 from bench.strips import STRIPS
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.scenario import Scenario
+from fabric_fenicsx.coupons.coupon import Coupon
 
 
 def options():
-    p = parser(Scenario, __doc__, "reference")
+    p = parser(Coupon, __doc__, "reference")
     p.group("test")
     p.option("--scenes", nargs="+", choices=tuple(STRIPS), default=list(STRIPS))
     return p

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from fabric_fenicsx.command_line.options import option_type
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.scenario import Scenario
+from fabric_fenicsx.coupons.coupon import Coupon
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.rules import FINITE, POSITIVE
 
@@ -32,7 +32,7 @@ SIZES = "instead: one tangent and its solution, over mesh sizes"
 
 
 def options():
-    p = parser(Scenario, __doc__, "speed_vs_error")
+    p = parser(Coupon, __doc__, "speed_vs_error")
     p.group("test")
     p.option("--scenes", nargs="+", choices=tuple(STRIPS), help=SCENES)
     p.option("--reference", metavar="DIR", type=Path, default=REFERENCE, help=ERRORS)

@@ -13,10 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
-from fabric_fenicsx import Sphere, Tool
 from fabric_fenicsx.plot.space import formed_picture
 from fabric_fenicsx.postprocess.states import states
 
@@ -38,7 +36,7 @@ def in_space(folder: Path) -> None:
     """Draw the strip over the ball, where it was run."""
     made, last = folder / "ball_in_space.png", states(folder / "results/ball")[-1]
     (strip,), (ball,) = last.plies().values(), last.tools().values()
-    formed_picture(made, [(strip, (0, 90))], ball, spacing=5.0, full=False)
+    formed_picture(made, [strip], ball, spacing=5.0, full=False)
     shrunk(made, made.stem)
 
 

@@ -18,24 +18,21 @@ with suppress(ModuleNotFoundError):
     import_module("dolfinx_solver")
 
 if TYPE_CHECKING:
-    from .coupons.bias_extension import BiasExtension
-    from .coupons.picture_frame import PictureFrame
-    from .coupons.tensile import Tensile
-    from .forming.forming import Forming
-    from .forming.holding import (
+    from .coupons.coupon import BiasExtension, PictureFrame, Tensile
+    from .forming.holders import (
         ForceHolder,
         GapHolder,
         Grippers,
         Holder,
         PressureHolder,
-        Rim,
         SpringHolder,
     )
-    from .forming.laminate import Laminate
-    from .forming.plies import Ply
+    from .forming.holding import HolderSite
+    from .forming.interface import Interface
     from .forming.press import Press
-    from .forming.press_tools import PressTool
+    from .forming.sheet import Sheet
     from .forming.stages import Stage
+    from .forming.tools import DieOf, PressTool
     from .forming.unloading import unloading
     from .job.job import Job, Result
     from .material.compaction import Compaction
@@ -92,24 +89,21 @@ _HOMES = {
     "mechanics.output": ("Value", "largest", "least", "total"),
     "mechanics.springs": ("Springs",),
     "mechanics.term": ("Term",),
-    "coupons.bias_extension": ("BiasExtension",),
-    "forming.forming": ("Forming",),
-    "forming.holding": (
+    "coupons.coupon": ("BiasExtension", "PictureFrame", "Tensile"),
+    "forming.holders": (
         "ForceHolder",
         "GapHolder",
         "Grippers",
         "Holder",
         "PressureHolder",
-        "Rim",
         "SpringHolder",
     ),
-    "forming.laminate": ("Laminate",),
-    "coupons.picture_frame": ("PictureFrame",),
-    "forming.plies": ("Ply",),
+    "forming.holding": ("HolderSite",),
+    "forming.interface": ("Interface",),
+    "forming.sheet": ("Sheet",),
     "forming.press": ("Press",),
-    "forming.press_tools": ("PressTool",),
+    "forming.tools": ("DieOf", "PressTool"),
     "forming.stages": ("Stage",),
-    "coupons.tensile": ("Tensile",),
     "forming.unloading": ("unloading",),
     "scene.scene": ("Scene",),
     "sheets.blank": ("Blank",),

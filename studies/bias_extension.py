@@ -2,8 +2,8 @@
 Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.coupons.bias_extension import BiasExtension
-from fabric_fenicsx.coupons.strip import measured_lines
+from fabric_fenicsx.coupons.coupon import BiasExtension
+from fabric_fenicsx.coupons.measured import measured_lines
 from fabric_fenicsx.runtime.formatting import percent, rounded
 
 
@@ -12,7 +12,7 @@ def options():
 
 
 def main(study: Study):
-    bias = study.scenario(BiasExtension)
+    bias = study.build(study.describe(BiasExtension))
     result = study.run(bias)
     q, theory = result.summary["quantities"], "no theory"
     for line in measured_lines(result):

@@ -1,22 +1,23 @@
 """What the compression parameters do to a formed double dome: Figs 12 to 14 of Schäfer et al.,
 each varied alone."""
 
-from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.forming.forming import Forming
+from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser
+from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.verification import compression_parameters as parameters
 
 
-class CompressedPly(Forming):
+class CompressedPly(DomeTest):
     """The ply whose parameters are varied."""
 
     NAME = "compression_parameters"
+    PRESS = "double_dome"
     FULL = {"nx": 24, "steps": 40, "balance": 0.02}
     QUICK = {"nx": 10, "steps": 10, "balance": None}
 
 
 def options():
-    p, names = parser(CompressedPly, __doc__), tuple(parameters.VARIED)
+    p, names = dome_parser(CompressedPly, __doc__), tuple(parameters.VARIED)
     p.group("test")
     p.option("--vary", nargs="+", choices=names, default=[*names])
     return p
@@ -26,7 +27,7 @@ def formed(study, values):
     """Summary of the ply formed with these parameters, its grid on rank 0, the contrast of its
     shear angle [deg], and why it was not formed ("" if it was)."""
     part = "_".join(f"{name}_{value:g}" for name, value in values.items())
-    ply = study.scenario(CompressedPly, parameters.changed(study.fabric, values))
+    ply = build(study, CompressedPly, parameters.changed(study.fabric, values))
     try:
         result, reason = study.run(ply, part), ""
     except SolverFailure as failure:

@@ -1,14 +1,14 @@
 """Forming of a woven ply over a generic double dome: Figs 11 to 16 of Schäfer et al., for a single
 ply between rigid tools."""
 
-from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.forming.forming import Forming
+from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser
+from fabric_fenicsx.command_line.study import Study, run
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.runtime.formatting import percent
 
 
 def options():
-    p = parser(Forming, __doc__)
+    p = dome_parser(DomeTest, __doc__)
     p.group("test")
     p.option("--compare", action="store_true", help="run all variants of the couplings", free=True)
     return p
@@ -19,15 +19,16 @@ def main(study: Study):
     fabrics = coupling_variants(study.fabric) if args.compare else {"": study.fabric}
     results = {}
     for label, fabric in fabrics.items():
-        forming = study.scenario(Forming, fabric)
+        forming = build(study, DomeTest, fabric)
         results[label] = study.run(forming, label.replace(" ", "_"))
     found = {label: result.summary["quantities"] for label, result in results.items()}
     if args.compare:
         folder = study.folder()
         if study.comm.rank == 0 and not args.no_pictures:
+            from fabric_fenicsx.forming.pictures import compare
             from fabric_fenicsx.plot import pictures
 
-            forming.compare(results, folder)
+            compare(forming, results, folder)
             labels = "stroke / mm", f"{forming.force_name()} / N"
             pictures.reactions(folder / "compare_curves.png", results, *labels)
         study.summarise(folder, converged=True, stroke_reached=1.0, quantities=found)

@@ -14,11 +14,11 @@ def main(study: PressStudy):
     except SolverFailure as failure:
         if failure.result:
             tell(study, press, failure.result)
-        if press.course.unloads:
+        if press.schedule.unloads:
             study.say("the blank is not unloaded, as the forming is not believed")
         raise
     tell(study, press, result)
-    if press.course.unloads:
+    if press.schedule.unloads:
         unloaded = study.run_job(unloading(result), "unloaded")
         found = unloaded.summary["quantities"]
         sheets = found.get("sheets") or {"the blank": found}

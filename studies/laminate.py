@@ -1,16 +1,18 @@
 """Forming of a fibre-metal laminate over a generic double dome: Figs 11 to 16 of Schäfer et al.,
 metal, three plies at 0/90, metal."""
 
-from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.forming.laminate import MIDDLE, Laminate
+from fabric_fenicsx.command_line.forming_study import LaminateTest, build, dome_parser
+from fabric_fenicsx.command_line.study import Study, run
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
 from fabric_fenicsx.verification import compression_parameters as parameters
 
+MIDDLE = "middle"  # ply
+
 
 def options():
-    p = parser(Laminate, __doc__)
+    p = dome_parser(LaminateTest, __doc__)
     p.group("test")
     p.option("--compare", action="store_true", help="run all variants of the couplings", free=True)
     p.option(
@@ -35,7 +37,7 @@ def variants(study: Study):
 def main(study: Study):
     results, rows, failed = {}, [], []
     for label, fabric in variants(study).items():
-        laminate = study.scenario(Laminate, fabric)
+        laminate = build(study, LaminateTest, fabric)
         try:
             result = study.run(laminate, label.replace(" = ", "_").replace(" ", "_"))
         except SolverFailure as failure:
@@ -59,7 +61,9 @@ def main(study: Study):
         folder = study.folder()
         study.write_table(folder / "variants.csv", rows)
         if study.comm.rank == 0 and not study.args.no_pictures:
-            laminate.compare(results, folder)
+            from fabric_fenicsx.forming.pictures import compare
+
+            compare(laminate, results, folder)
         reached = min(row["stroke_reached"] for row in rows)
         found = {row["variant"]: row for row in rows}
         study.summarise(folder, converged=not failed, stroke_reached=reached, quantities=found)

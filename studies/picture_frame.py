@@ -2,7 +2,7 @@
 the yarns."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.coupons.picture_frame import PictureFrame
+from fabric_fenicsx.coupons.coupon import PictureFrame
 
 
 def options():
@@ -10,7 +10,7 @@ def options():
 
 
 def main(study: Study):
-    result = study.run(study.scenario(PictureFrame))
+    result = study.run(study.build(study.describe(PictureFrame)))
     q = result.summary["quantities"]
     study.say(
         f"{result.folder}: {result.formatted('normalised_shear_force_N_per_mm')} N/mm at "

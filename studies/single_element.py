@@ -2,7 +2,7 @@
 Schäfer et al."""
 
 from fabric_fenicsx.command_line.study import parser, run
-from fabric_fenicsx.coupons.scenario import Scenario
+from fabric_fenicsx.coupons.coupon import Coupon
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.sheets.blank import Blank
@@ -12,7 +12,7 @@ AGREEMENT = 1e-9  # of the stresses at a state, or of s1 where they are smaller
 
 
 def options():
-    p = parser(Scenario, __doc__, "single_element", element="Q1")
+    p = parser(Coupon, __doc__, "single_element", element="Q1")
     p.group("test")
     p.option(
         "--points",
@@ -23,6 +23,28 @@ def options():
         help="states a path, 3 to 1000",
     )
     return p
+
+
+def draw(path, series, labels):
+    """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and
+    {title: (x label, y label, x limits)}: closed form is a line (the second model's dashed), the
+    kernel a square, elements a dot."""
+    from fabric_fenicsx.plot.pictures import figure
+
+    with figure(path, (11, 8), 2, (len(series) + 1) // 2) as (_, axes):
+        for ax, (title, curves) in zip(axes.flat, series.items()):
+            labelled, models = (list(dict.fromkeys(each)) for each in zip(*curves))
+            for (label, model), (x, closed, kernel, elements) in curves.items():
+                is_first, colour = model == models[0], f"C{labelled.index(label)}"
+                style = {"ls": "-", "label": label} if is_first else {"ls": "--"}
+                ax.plot(x, closed, color=colour, lw=1, **style)
+                ax.plot(x[::4], kernel[::4], "s", color=colour, ms=5, mfc="none", mew=0.6)
+                ax.plot(x[2::4], elements[2::4], ".", color=colour, ms=4)
+            lines = ", ".join(f"{m} {s}" for m, s in zip(models, ("(line)", "(dashed)")))
+            ax.set_title(f"{title}: {lines}", fontsize="medium")
+            ax.set(**dict(zip(("xlabel", "ylabel", "xlim"), labels[title])))
+            ax.grid(alpha=0.3)
+            ax.legend(fontsize="small")
 
 
 def main(study):
@@ -48,9 +70,7 @@ def main(study):
     )
     study.write_table(folder / "curves.csv", list(found.rows()))
     if study.comm.rank == 0 and not args.no_pictures:
-        from fabric_fenicsx.plot.pictures import panels
-
-        panels(folder / "fig7.png", found.panels(), LABELS)
+        draw(folder / "fig7.png", found.panels(), LABELS)
     study.say(
         f"{folder}: {len(found.curves)} curves; largest difference to closed form: "
         f"elements {largest['elements']:.1e}, kernel {largest['kernel']:.1e}"

@@ -2,8 +2,9 @@
 al."""
 
 from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.coupons.strip import measured_lines
-from fabric_fenicsx.coupons.tensile import Tensile, strains_across
+from fabric_fenicsx.coupons.coupon import Tensile
+from fabric_fenicsx.coupons.measured import measured_lines
+from fabric_fenicsx.coupons.tensile import strains_across
 from fabric_fenicsx.material.laws import coupling_variants
 
 
@@ -21,7 +22,7 @@ def options():
 
 def main(study: Study):
     if not study.args.compare:
-        result = study.run(study.scenario(Tensile))
+        result = study.run(study.build(study.describe(Tensile)))
         for line in measured_lines(result):
             study.say(line)
         reaction = result.formatted("reaction_N")
@@ -29,7 +30,7 @@ def main(study: Study):
         return
     folder, results = study.folder(), {}
     for name, fabric in coupling_variants(study.fabric).items():
-        strip = study.scenario(Tensile, fabric)
+        strip = study.build(study.describe(Tensile, fabric))
         results[name] = study.run(strip, name.replace(" ", "_"))
     found = {
         name: r.summary["quantities"] | {"reaction_N": r.summary["reaction_N"]}
@@ -42,7 +43,7 @@ def main(study: Study):
 
         names = "log_eps_11", "log_eps_22", "shear_angle"
         pictures.maps(folder / "compare.png", {k: r.grid for k, r in results.items()}, names)
-        pictures.reactions(folder / "compare_curves.png", results, beside=strip.beside())
+        pictures.reactions(folder / "compare_curves.png", results, beside=strip.reference_curves())
     for name, r in results.items():
         for line in measured_lines(r):
             study.say(f"{name:24s} {line}")

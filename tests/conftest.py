@@ -93,7 +93,7 @@ def run_here(patch, script):
         status = end.code or 0
     finally:
         for each in made:
-            each.close()
+            each.output.close()
         for each, handler in signals.items():
             signal.signal(each, handler)
         if world().size == 1:  # PETSc's objects are in circles; ranks would free them out of order

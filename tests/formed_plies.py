@@ -42,6 +42,8 @@ def formed(
     if ranks > 1:  # as places computed by each
         grid.points += 1e-12 * np.random.default_rng(1).uniform(-1, 1, grid.points.shape)
     grid.point_data["u"] = np.tile(u, (ranks, 1))
+    for name, across in zip("ab", ([-s, c], [c, s])):
+        grid.point_data[f"yarn_coordinate_{name}"] = grid.points[:, :2] @ across
     grid.cell_data.update(values)
     return grid
 

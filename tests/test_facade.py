@@ -67,3 +67,13 @@ def test_types_are_known_of_each_name():
     tree = ast.parse(Path(ff.__file__).read_text())
     (typed,) = (node for node in tree.body if isinstance(node, ast.If))
     assert sorted(alias.name for line in typed.body for alias in line.names) == ff.__all__
+
+
+def test_a_coupon_is_described_without_dolfinx_or_mpi():
+    code = (
+        "import sys, fabric_fenicsx as ff\n"
+        "ff.Tensile(nx=4), ff.BiasExtension(nx=4), ff.PictureFrame(nx=4)\n"
+        "print([m for m in ('dolfinx', 'mpi4py.MPI', 'petsc4py', 'ufl') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout == "[]\n", done.stderr

@@ -97,7 +97,7 @@ def test_none_is_refused_where_it_stands_for_nothing(name, make):
 
 
 def test_none_stands_for_a_default_that_depends_on_others():
-    assert ff.Tensile(length=None, width=20, nx=4).length == 200
+    assert ff.Tensile(length=None, width=20, nx=4).build().data.length == 200
     assert ff.Job(scene(), path_tolerance=None).path_tolerance is None
 
 

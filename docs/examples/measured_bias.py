@@ -17,7 +17,7 @@ for width, length, strain in ((115, 230, 0.1535), (150, 450, 0.2195)):
     folder = str(data / f"glass_pp_{width}x{length}")
     law = identification.identify(*curves.read(folder)).fabric
     sizes = {"length": length, "width": width, "strain": strain, "nx": 24}
-    test = ff.BiasExtension(law, **sizes, measured=folder)
+    test = ff.BiasExtension(law, **sizes, measured=folder).build()
     result = test.job(steps=20).run()
     angles, measured, simulated = test.against_measured(result.rows)
     stress = law.derivatives(0 * angles, 0 * angles, angles, second=False).first[2]

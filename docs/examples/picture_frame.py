@@ -11,7 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 
 for pre_tension in (0.0, 0.005, 0.01):
-    test = ff.PictureFrame(ff.load("komeili"), nx=6, pre_tension=pre_tension)
+    test = ff.PictureFrame(ff.load("komeili"), nx=6, pre_tension=pre_tension).build()
     result = test.job(steps=15).run()
     angles, forces = zip(*map(test.shear_force, result.rows))
     plt.plot(angles, forces, label=f"yarns stretched by {100 * pre_tension:g} %")

@@ -78,8 +78,8 @@ def _write(args):
             raise unwritable(error) from None
         off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
         print(
-            f"{own}.dxf, .csv, .vtu: area {rounded(flat.area, 6)} mm2, perimeter "
-            f"{rounded(flat.perimeter, 6)} mm, area of the formed part "
+            f"{own}.dxf, .csv, .vtu: area {rounded(flat.net.area, 6)} mm2, perimeter "
+            f"{rounded(flat.net.length, 6)} mm, area of the formed part "
             f"{rounded(flat.formed_area, 6)} mm2{off}"
         )
     if reason := failure_reason(Path(args.folder) / "summary.json"):

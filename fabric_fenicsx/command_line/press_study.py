@@ -1,9 +1,12 @@
-"""A study whose scenario is a press in a file."""
+"""A study of a press in a file."""
 
 from typing import Any
 
+from ..forming.build import FormingScene
 from ..forming.press import Press
 from ..material.presets import read_laws
+from ..runtime.fields import declared
+from ..solve.limits import Limits
 from .options import HelpFormatter, Parser, program
 from .study import Study, add_output, add_solver
 
@@ -33,7 +36,8 @@ def press_parser(description: str | None) -> Parser:
     add_output(p, Press.NAME)
     p.change("--steps", default=None, help="load steps in all (those of the stages)")
     sizes = {False: Press.FULL, True: Press.QUICK}
-    p.set_defaults(_sizes=sizes, **dict(Press.SOLVER))
+    limits = {f"max_{each.name}": None for each in declared(Limits)}  # those of the press
+    p.set_defaults(_sizes=sizes, **dict(Press.SOLVER), **limits)
     return p
 
 
@@ -45,16 +49,20 @@ class PressStudy(Study):
         if self.args.law_file:
             read_laws(self.args.law_file)
 
-    def press(self) -> Press:
-        """The press of the options; with --quick on cells twice as large, in a third of the
+    def press(self) -> FormingScene:
+        """The press of the options, built; with --quick on cells twice as large, in a third of the
         steps."""
         args = self.args
-        press = Press.read(args.file, args.set, comm=self.comm)
-        if args.quick and press.can_be_coarser():
-            press = press.coarser()
-        if args.quick:
-            args.steps = args.steps or max(len(press.course.stages), press.course.steps // 3)
+        press = Press.read(args.file, args.set)
+        for each in declared(Limits):
+            name = f"max_{each.name}"
+            if getattr(args, name) is None:
+                setattr(args, name, getattr(press.limits, each.name))
         self.fabric = press.fabric
         for doubt in press.fabric.plausibility_warnings():
             self.warn(doubt)
-        return self.take(press)
+        if args.quick:
+            made = press.build(self.comm)
+            press, stages = made.coarser() or press, made.schedule.stages
+            args.steps = args.steps or max(len(stages), made.schedule.steps // 3)
+        return self.build(press)

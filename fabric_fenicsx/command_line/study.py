@@ -1,4 +1,4 @@
-"""What every study script shares: its options, a scenario of them, its run, and how it ends."""
+"""Parts that all study scripts share: options, a test of them, its run, and the exit status."""
 
 import dataclasses
 import logging
@@ -7,14 +7,14 @@ import signal
 import sys
 import traceback
 from argparse import BooleanOptionalAction
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
-from ..coupons.scenario import Scenario
 from ..job.job import Job, Result
+from ..job.setup import Setup
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import PRESETS, load, read_laws
 from ..mechanics.shell.membrane import Membrane
@@ -40,40 +40,42 @@ SHEET_FILES = {
     "mesh": "a mesh that meshio, gmsh or PyVista reads",
     "outline": "a drawing (.dxf), a table of x and y (.csv), or a mesh",
 }
+NO_OPTIONS = "weave", "ply"  # groups of fields that files and Python alone can say
 METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
 
 
 def parser(
-    scenario: type[Scenario], description: str | None, name: str = "", **defaults: Any
+    test: Any, description: str | None, name: str = "", parts: Sequence[Any] = (), **defaults: Any
 ) -> Parser:
-    """The parser of study `name` (the scenario's own by default): the scenario's fields and the
-    options that all studies share; `defaults` override theirs.
+    """The parser of study `name` (the test's own by default): the fields of the class `test` and of
+    the `parts` it is made of, and the options that all studies share; `defaults` override theirs.
 
     An option that a resumed run may change says `free=True` where it is declared; all others
     define the problem.
     """
-    name = name or scenario.NAME
+    name = name or test.NAME
     p = Parser(
         prog=program(name),
         usage="%(prog)s [option ...]",
         description=description,
         formatter_class=HelpFormatter,
     )
-    add_fields(p, scenario, scenario)
+    for owner in (test, *parts):
+        add_fields(p, owner, test)
     _add_material(p)
-    add_solver(p, scenario)
+    add_solver(p, test)
     add_output(p, name)
     weave = {"yarn_angle": 90.0, "weave_angle": None}
-    sizes = {False: scenario.FULL, True: scenario.QUICK}
-    p.set_defaults(_sizes=sizes, **weave | dict(scenario.SOLVER) | defaults)
+    sizes = {False: test.FULL, True: test.QUICK}
+    p.set_defaults(_sizes=sizes, **weave | dict(test.SOLVER) | defaults)
     return p
 
 
-def add_solver(p: Parser, scenario: type[Scenario]) -> None:
-    """Add the options of solver, errors and limits."""
-    add_fields(p, Settings, scenario, free=True)
+def add_solver(p: Parser, test: Any) -> None:
+    """Add the options of solver, errors and limits, with the defaults of the class `test`."""
+    add_fields(p, Settings, test, free=True)
     p.group("solver")
-    unasked = f" (yes from {scenario.CHEAP_FROM} cells on)" if scenario.CHEAP_FROM else ""
+    unasked = f" (yes from {test.CHEAP_FROM} cells on)" if test.CHEAP_FROM else ""
     p.option(
         "--error",
         action=BooleanOptionalAction,
@@ -81,25 +83,23 @@ def add_solver(p: Parser, scenario: type[Scenario]) -> None:
         f"coarse{unasked}",
         free=True,
     )
-    add_fields(p, Limits, scenario, prefix="max_", free=True)
+    add_fields(p, Limits, test, prefix="max_", free=True)
 
 
-def add_fields(
-    p: Parser, owner: type, scenario: type[Scenario], prefix: str = "", free: bool = False
-) -> None:
-    """Add an option for each field of the dataclass `owner` that has a help text; scenario: whose
-    sizes its defaults are, prefix: of the options' names."""
+def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = False) -> None:
+    """Add an option for each field of the dataclass `owner` that has a help text; test: class whose
+    sizes and limits are defaults, prefix: of the options' names."""
     for each in dataclasses.fields(owner):
         meta = each.metadata
-        if "help" not in meta or (owner is Scenario and meta["group"] == "weave"):
+        if "help" not in meta or meta["group"] in NO_OPTIONS:
             continue
         p.group(meta["group"])
-        default = getattr(scenario.LIMITS, each.name) if owner is Limits else each.default
+        default = getattr(test.LIMITS, each.name) if owner is Limits else each.default
         how: dict[str, Any] = {"help": meta["help"].replace("%", "%%"), "default": default}
-        if each.name in scenario.FULL:
+        if each.name in test.FULL:
             full, quick = (
                 "any" if sizes[each.name] is None else sizes[each.name]
-                for sizes in (scenario.FULL, scenario.QUICK)
+                for sizes in (test.FULL, test.QUICK)
             )
             how |= {"help": f"{how['help']} ({full}, with --quick {quick})", "default": None}
         if "rule" in meta:
@@ -126,17 +126,14 @@ def add_fields(
             p.option(spelled(kind.OPTION), default=one.default, free=free, **told)
 
 
-def _of_kind(args: Any, field: dataclasses.Field) -> Any:
+def of_kind(args: Any, field: dataclasses.Field) -> Any:
     """The object of the kind that the option of a field names, with the number of that kind's own
     option. InputError if the option of another kind is given."""
     kinds, name = field.metadata["kinds"], getattr(args, field.name)
     for other, kind in kinds.items():
         (one,) = declared(kind)
         if other != name and getattr(args, kind.OPTION) != one.default:
-            raise InputError(
-                f"`{kind.OPTION}` is given, but `{field.name}` is {name}; allowed is it with "
-                f'`{field.name}="{other}"`'
-            )
+            raise InputError(f'`{kind.OPTION}` needs `{field.name}="{other}"`')
     return kinds[name](getattr(args, kinds[name].OPTION))
 
 
@@ -180,15 +177,15 @@ def add_output(p: Parser, name: str) -> None:
         p.option(option, action="store_true", help=words, free=True)
 
 
-class Study(Output):
-    """A study under way: parsed options `args`, `fabric`, `comm`, and its output.
+class Study:
+    """A study under way: parsed options `args`, `fabric`, `comm`, and the `output` of its runs.
 
     Construction checks options and material as a whole; it raises InputError on all ranks before
     anything is written.
     """
 
     def __init__(self, name: str, options: Parser, argv: list[str] | None = None) -> None:
-        comm = MPI.COMM_WORLD
+        self.comm = comm = MPI.COMM_WORLD
         argv = sys.argv[1:] if argv is None else argv
         if comm.rank != 0 and {"-h", "--help"} & set(argv):
             sys.exit(0)
@@ -206,20 +203,19 @@ class Study(Output):
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
         self.fabric = fabric = self.read_fabric()
-        self._options, self._about = options, ("", "")
+        self._free, self._title_and_text = options.free, ("", "")
         log.handlers.clear()
         log.setLevel(logging.DEBUG)
         log.propagate = False
         if comm.rank == 0:
             log.addHandler(Console(logging.DEBUG if args.verbose else logging.INFO))
-        super().__init__(
-            name,
-            args.out,
-            comm,
-            resume=args.resume,
-            overwrite=args.overwrite,
-            command=restart_command(comm.size),
+        again = {"resume": args.resume, "overwrite": args.overwrite}
+        command = restart_command(comm.size)
+        self.output = output = Output(
+            name, args.out, comm, command=command, translated=options.translated, **again
         )
+        self.say, self.warn, self.folder = output.say, output.warn, output.folder
+        self.write_table = output.write_table
         for doubt in fabric.plausibility_warnings() if fabric else ():
             self.warn(doubt)
 
@@ -237,68 +233,68 @@ class Study(Output):
         whole = fabric.decoupled() if args.model == "fabric" else fabric
         return whole.without(*args.without)
 
-    def write_report(self, description: str, ending: str) -> None:
-        """As `Output.report`, by what the scenario says of itself, else this description."""
-        title, own = self._about
-        self.report(own or description, ending, title)
-
-    def warn(self, text: str) -> None:
-        """As `Output.warn`, with parameters as options."""
-        super().warn(self._options.translated(text))
-
-    def scenario(self, kind: type[Scenario], fabric: Any = None) -> Any:
-        """The scenario of this kind of the options, of their fabric or another."""
+    def describe(self, kind: type, fabric: Law | None = None) -> Any:
+        """The test of this kind with the options' fields, of their fabric or another."""
         args = self.args
         given = {
-            f.name: _of_kind(args, f) if "kinds" in f.metadata else getattr(args, f.name)
+            f.name: of_kind(args, f) if "kinds" in f.metadata else getattr(args, f.name)
             for f in declared(kind)
             if hasattr(args, f.name)
         }
-        return self.take(kind(fabric or self.fabric, **given, comm=self.comm))
+        return kind(fabric or self.fabric, **given)
 
-    def take(self, made: Any) -> Any:
-        """The scenario itself, whose own sizes, warnings and words the study then has."""
-        for name in ("nx", "ny", "size", "pattern", "element", "integration", *made.SIZES):
-            setattr(self.args, name, getattr(made, name))  # as an own mesh's length
-        for doubt in made.warnings:
+    def build(self, test: Any) -> Any:
+        """The `Setup` of a test, whose warnings are told and whose sizes become the options'."""
+        setup = test.build(self.comm)
+        vars(self.args).update(setup.resolved())
+        for doubt in setup.warnings:
             self.warn(doubt)
-        self._about = made.about()
-        return made
+        self._title_and_text = setup.title_and_text()
+        return setup
 
-    def run(self, scenario: Scenario, part: str = "") -> Result:
-        """The `Result` of a scenario with the solver's options, into the subfolder `part`."""
+    def run(self, setup: Setup, part: str = "") -> Result:
+        """The `Result` of a built test with the solver's options, into the subfolder `part`."""
         given = vars(self.args)
         asked = {each.name: given[each.name] for each in declared(Settings)}
         limits = Limits(**{each.name: given[f"max_{each.name}"] for each in declared(Limits)})
-        error = scenario.has_cheap_error() if self.args.error is None else self.args.error
-        job = scenario.job(**asked, limits=limits, error=error)
-        self._problem = {**self.problem(scenario.fabric), **scenario.problem()}
+        error = setup.has_cheap_error() if self.args.error is None else self.args.error
+        job = setup.job(**asked, limits=limits, error=error)
+        self._problem = {**self.problem(setup.data.fabric), **setup.fingerprint()}
         return self.run_job(job, part)
 
     def run_job(self, job: Job, part: str) -> Result:
-        """The `Result` of a job of the last scenario that ran, into the subfolder `part`."""
-        return job.run(self, part, problem=self._problem, pictures=not self.args.no_pictures)
+        """The `Result` of a job of the last test that ran, into the subfolder `part`."""
+        self._note_facts()
+        pictures = not self.args.no_pictures
+        return job.run(self.output, part, problem=self._problem, pictures=pictures)
 
-    def once(self, key: str, make: Callable[[], Any], problem: Any = None) -> Any:
+    def once(self, key: str, make: Callable[[], Any]) -> Any:
         """As `Output.once`, for the problem of the options."""
-        return super().once(key, make, problem or self.problem(self.fabric))
+        return self.output.once(key, make, self.problem(self.fabric))
 
     def summarise(self, folder: Path | None, **facts: Any) -> dict[str, Any]:
-        """As `Output.summarise`, with command, options and fabric, parameters as options."""
-        if "reason" in facts:
-            facts["reason"] = self._options.translated(facts["reason"])
-        self.facts = {
-            "command": self.command,
+        """As `Output.summarise`, of the study as a whole."""
+        self._note_facts()
+        return self.output.summarise(folder, **{"element": self.args.element} | facts)
+
+    def _note_facts(self):
+        self.output.facts = {
+            "command": self.output.command,
             "options": _in_words(vars(self.args)),
             "fabric": self.fabric.dumps(),
         }
-        return super().summarise(folder, **{"element": self.args.element} | facts)
 
-    def problem(self, fabric: Any) -> Mapping[str, Any]:
+    def problem(self, fabric: Law) -> Mapping[str, Any]:
         """What a checkpoint must have been made with to be gone on from: all options but the free
         ones, and the fabric."""
-        defining = {k: v for k, v in vars(self.args).items() if k not in self._options.free}
-        return {"study": self.name} | _in_words(defining) | {"material": fabric.dumps()}
+        defining = {k: v for k, v in vars(self.args).items() if k not in self._free}
+        name = self.output.name
+        return {"study": name} | _in_words(defining) | {"material": fabric.dumps()}
+
+    def write_report(self, description: str, ending: str) -> None:
+        """As `Output.report`, by what the test says of itself, else this description."""
+        title, own = self._title_and_text
+        self.output.report(own or description, ending, title)
 
     def membrane(self, fabric: Law | None = None) -> Membrane:
         """Membrane of `fabric`, by default the options', with their integration."""

@@ -1,10 +1,10 @@
-"""Bias extension of a woven strip, its yarns at +-45 deg to the load (Fig. 9 of Schäfer et al.)."""
+"""Bias extension of a woven strip, its yarns at +-45 deg to the load, built."""
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -12,98 +12,58 @@ from mpi4py import MPI
 from ..identification.curves import Curve, bias_displacement, bias_force, bias_normalised
 from ..job.job import Result
 from ..mechanics.shell.bending import Bending
-from ..meshes.specimen import PATTERNS, can_be_graded
+from ..meshes.specimen import can_be_graded
 from ..results import measures
 from ..runtime.errors import InputError
-from ..runtime.fields import choice, number
 from ..runtime.formatting import rounded
-from ..runtime.rules import FINITE, FROM_ZERO
 from ..scene.supports import Supports, clamped_ends
 from ..verification.pin_jointed import PinJointedStrip
-from .scenario import ELEMENTS
-from .strip import INNER_ORDER, StripTest
+from .strip import INNER_ORDER, StripSetup
 from .transition import transition_width
 
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
 
 
-@dataclass(kw_only=True)
-class BiasExtension(StripTest):
-    """A strip of `fabric` with its yarns across the load, gripped at its ends. `fabric
-    bias_extension --help` tells what each field is, and its unit."""
+class BiasSetup(StripSetup):
+    """A `BiasExtension` on its mesh, beside the theory of inextensible yarns."""
 
-    NAME: ClassVar[str] = "bias_extension"
-    CHEAP_FROM = 1000
-    HEADLINES = (
-        "centre_shear_angle_deg",
-        "half_zone_shear_angle_deg",
-        "normalised_shear_force_N_per_mm",
-    )
-    COMPARED = "bias_extension, or shear without strain along the yarns"
-
-    fibre_angle: float = number(45.0, FINITE, "from the length to yarns a [deg]", "mesh")
-    pattern: str = choice(
-        None,
-        PATTERNS,
-        "how rectangles are divided into cells (graded up to 20 % strain, else crossed)",
-        "mesh",
-    )
-    element: str = choice(
-        None,
-        ELEMENTS,
-        "triangles (P) or quadrilaterals (Q), and their degree (P2; P1 with in-plane bending)",
-        "mesh",
-    )
-    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]")
-    in_plane_bending: float = number(
-        0.0, FROM_ZERO, "stiffness of yarns against bending within the sheet, over that out of it"
-    )
+    def choose(self) -> None:
+        """As in `CouponSetup`: element and pattern."""
+        data, chosen = self.data, dict[str, str]()
+        if data.in_plane_bending and data.fibre_angle == 45 and not data.element:
+            chosen["element"] = "P1"
+        if data.pattern is None and not data.sheet_file:  # thin cells would fold in deep shear
+            graded = data.strain <= GRADED and can_be_graded(data.length, data.width)
+            straight = data.fibre_angle == 45 and data.yarn_angle == 90
+            chosen["pattern"] = "graded" if graded and straight else "crossed"
+        self.data = replace(data, **chosen)
 
     def prepare(self) -> None:
-        """Make blank, membrane and the theory to compare with."""
-        self._choose()
-        self.blank = self.sheet()
-        self.grip()
+        """As in `StripSetup`, and the theory to compare with."""
         length, width = self.high - self.low
         if length < 2 * width * (1 - 1e-9):
             raise InputError(
                 f"the strip is {rounded(length, 6)} mm long and {rounded(width, 6)} mm wide; "
                 "allowed is a length of 2 widths or more, for a zone of full shear"
             )
-        self.membrane = self.fabric_membrane()
         self._compare_with_theory(length, width)
-        self.take_measured()
-        self.has_centre = measures.covers(self.blank, ((self.low + self.high) / 2)[:2])
-        if not self.has_centre:
-            self.warnings.append(
-                "the sheet has a hole at its centre, so there is no shear angle at the centre"
-            )
-
-    def _choose(self):
-        """Element and pattern, where they were not asked for."""
-        if self.in_plane_bending and self.fibre_angle == 45:
-            self.element = self.element or "P1"
-        if self.pattern is None and not self.sheet_file:  # thin cells would fold in deep shear
-            graded = self.strain <= GRADED and can_be_graded(self.length, self.width)
-            straight = self.fibre_angle == 45 and self.yarn_angle == 90
-            self.pattern = "graded" if graded and straight else "crossed"
+        super().prepare()
 
     def _compare_with_theory(self, length, width):
         """Set `strip`, of inextensible yarns, and `no_theory`: why it says nothing of this test."""
-        blank = self.blank
-        area = self.comm.allreduce(measures.areas(blank).sum())
-        a, self.rest = math.radians(self.fibre_angle), self.membrane.weave_angle
-        self.strip = PinJointedStrip(length, width, a, a + math.radians(self.yarn_angle))
+        data, area = self.data, self.comm.allreduce(measures.areas(self.blank).sum())
+        a, self.rest = math.radians(data.fibre_angle), self.membrane.weave_angle
+        self.strip = PinJointedStrip(length, width, a, a + math.radians(data.yarn_angle))
         whole = abs(area / (length * width) - 1) < 1e-6
         self.no_theory = self.strip.locked if whole else "the sheet is not the whole rectangle"
-        at_45 = self.yarn_angle == 90 and self.fibre_angle % 90 == 45 and self.rest is None
+        at_45 = data.yarn_angle == 90 and data.fibre_angle % 90 == 45 and self.rest is None
         self.at_45 = at_45 and not self.no_theory
 
     def is_compared(self, curve: Curve) -> bool:
-        """As in `StripTest`: a bias test, or one of pure shear."""
+        """As in `StripSetup`: a bias test, or one of pure shear."""
         if not self.at_45:
             raise InputError(
-                f"`measured` {self.measured} is compared by shear angle and normalised shear "
+                f"`measured` {self.data.measured} is compared by shear angle and normalised shear "
                 "force, which are known of a whole rectangle with yarns at +-45 deg; allowed is "
                 "`fibre_angle` 45 with neither `yarn_angle` nor `weave_angle` nor a hole in `mesh`"
             )
@@ -113,7 +73,7 @@ class BiasExtension(StripTest):
     def as_measured(
         self, curve: Curve, thickness: float, length: float, width: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """As in `StripTest`: of the strip with the same normalised shear force."""
+        """As in `StripSetup`: of the strip with the same normalised shear force."""
         gamma, (response, *_) = curve.strains[:, 2], curve.responses
         if curve.test == "bias_extension":
             sizes = curve.keys["height"], curve.keys["width"]
@@ -125,26 +85,27 @@ class BiasExtension(StripTest):
 
     def terms(self) -> Sequence[Bending]:
         """In-plane bending of yarns that the grips hold straight, if asked for."""
-        if not (self.in_plane_bending and self.bending_modulus):
+        data, blank = self.data, self.blank
+        if not (data.in_plane_bending and data.bending_modulus):
             return []
-        blank, near = self.blank, 1e-6 * (self.high - self.low)[0]
+        near = 1e-6 * (self.high - self.low)[0]
         ends = [
             lambda x, at=at: abs(blank.along(x)[0] - at) < near
             for at in (self.low[0], self.high[0])
         ]
-        return [Bending(modulus=self.bending_modulus, in_plane=self.in_plane_bending, clamped=ends)]
+        return [Bending(modulus=data.bending_modulus, in_plane=data.in_plane_bending, clamped=ends)]
 
     def supports(self) -> Supports:
         """Grips at both ends."""
         return clamped_ends(self.stroke)
 
     def order(self) -> float:
-        """As in `Scenario`: before cells resolve the jumps of shear, a few tenths of a millimetre
+        """As in `Setup`: before cells resolve the jumps of shear, a few tenths of a millimetre
         wide, they gain little if linear, and less than they could if not."""
-        if self.integration == "inner":
+        if self.data.integration == "inner":
             return INNER_ORDER
-        graded = self.pattern == "graded"
-        if self.element in ("P1", "Q1"):
+        graded = self.data.pattern == "graded"
+        if self.data.element in ("P1", "Q1"):
             return 0.5 if graded else 0.15
         return 3.0 if graded else 1.0
 
@@ -187,8 +148,8 @@ class BiasExtension(StripTest):
             off = predicted[mine != 0] / mine[mine != 0] - 1
             found["measured_rms_relative"] = float(np.sqrt(np.mean(off**2)))
         found |= self.against_curves(result)
-        middle = ((self.low + self.high) / 2)[:2]
-        centre = measures.near(comm, blank.midpoints(), middle, (self.high - self.low)[1] / 8)
+        width = (self.high - self.low)[1]
+        centre = measures.near(comm, blank.midpoints(), self.centre, width / 8)
         at_centre = measures.mean(comm, gamma, 1.0 * centre)
         found |= {
             "centre_shear_angle_deg": _degrees(at_centre if self.has_centre else None),
@@ -214,7 +175,7 @@ class BiasExtension(StripTest):
         (x, y), width = self.blank.midpoints() - self.low[:, None], (self.high - self.low)[1]
         (a, b), distance = self.strip.held(x, y)
         zones = {"free": ~a & ~b, "half": a != b, "clamped": a & b}
-        if self.fibre_angle % 90 != 45 or self.yarn_angle != 90:
+        if self.data.fibre_angle % 90 != 45 or self.data.yarn_angle != 90:
             del zones["half"]  # the two yarns turn by different angles
             zones |= {"only_a_held": a & ~b, "only_b_held": b & ~a}
         found: dict[str, Any] = {}

@@ -1,7 +1,6 @@
-"""Uniaxial tension of a woven strip along its yarns (Figs 8 and 10 of Schäfer et al.)."""
+"""Uniaxial tension of a woven strip along its yarns, built."""
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,67 +9,44 @@ from ..identification.curves import Curve
 from ..job.job import Result
 from ..results import measures
 from ..runtime.errors import InputError
-from ..runtime.fields import choice, number
-from ..runtime.rules import FINITE, SHARE
 from ..scene.supports import Supports, clamped_ends, rolling_ends
-from .strip import INNER_ORDER, StripTest
+from .strip import INNER_ORDER, StripSetup
 
 
-@dataclass(kw_only=True)
-class Tensile(StripTest):
-    """A strip of `fabric` gripped at its ends and pulled to `strain`. `fabric tensile --help` tells
-    what each field is, and its unit."""
+class TensileSetup(StripSetup):
+    """A `Tensile` on its mesh."""
 
-    NAME = "tensile"
-    CHEAP_FROM = 1000
-    COMPARED = "a tension test along the load: uniaxial_a with `fibre_angle` 0, uniaxial_b with 90"
-    HEADLINES = ("log_eps_22_middle", "width_at_middle_mm", "nominal_stress_MPa")
-
-    strain: float = number(0.03, SHARE, "nominal strain at full load: 0.1 is 10 %")
-    grips: str = choice(
-        "clamped",
-        ("clamped", "rollers"),
-        "rollers let the ends narrow: the state is then homogeneous",
-    )
-    turned: float = number(0.0, FINITE, "angle of the whole test in the plane [deg]")
-
-    def prepare(self) -> None:
-        """Make blank and membrane."""
-        self.blank = self.sheet(math.radians(self.turned))
-        self.membrane = self.fabric_membrane()
-        self.grip()
-        self.has_middle = measures.covers(self.blank, ((self.low + self.high) / 2)[:2])
-        if not self.has_middle:
-            self.warnings.append(
-                "the sheet has a hole at its centre, so there are no strains at the middle"
-            )
-        self.take_measured()
+    @property
+    def turned(self) -> float:
+        """Angle from x to the length [rad]."""
+        return math.radians(self.data.turned)
 
     def supports(self) -> Supports:
         """Grips at both ends."""
-        ends = clamped_ends if self.grips == "clamped" else rolling_ends
+        ends = clamped_ends if self.data.grips == "clamped" else rolling_ends
         return ends(self.stroke)
 
     def order(self) -> float:
-        """As in `Scenario`: of meshes that are halved, 1.5 to 1.6 with linear cells, 1.8 to 1.9
-        with others, and less with inner points."""
-        if self.integration == "inner":
+        """As in `Setup`: of meshes that are halved, 1.5 to 1.6 with linear cells, 1.8 to 1.9 with
+        others, and less with inner points."""
+        if self.data.integration == "inner":
             return INNER_ORDER
-        return 1.5 if self.element in ("P1", "Q1") else 1.75
+        return 1.5 if self.data.element in ("P1", "Q1") else 1.75
 
     def is_compared(self, curve: Curve) -> bool:
-        """As in `StripTest`: a tension test along the yarns that the run pulls."""
-        if self.fibre_angle % 90 or self.yarn_angle != 90 or self.weave_angle not in (None, 90):
+        """As in `StripSetup`: a tension test along the yarns that the run pulls."""
+        data = self.data
+        if data.fibre_angle % 90 or data.yarn_angle != 90 or data.weave_angle not in (None, 90):
             raise InputError(
-                f"`measured` {self.measured} is of yarns along the load and at right angles; "
+                f"`measured` {data.measured} is of yarns along the load and at right angles; "
                 "allowed is `fibre_angle` 0 or 90, with neither `yarn_angle` nor `weave_angle`"
             )
-        return curve.test == ("uniaxial_b" if self.fibre_angle % 180 else "uniaxial_a")
+        return curve.test == ("uniaxial_b" if data.fibre_angle % 180 else "uniaxial_a")
 
     def as_measured(
         self, curve: Curve, thickness: float, length: float, width: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """As in `StripTest`: the strain is that of the grips."""
+        """As in `StripSetup`: the strain is that of the grips."""
         if curve.free is None:
             self.warnings.append(
                 f"`measured` {curve.file} is of held sides (lateral: held), while the sides of the "
@@ -83,18 +59,18 @@ class Tensile(StripTest):
         """Strains at the middle, of 98 % of the area and extreme, and the width at the middle."""
         fields, blank, comm = result.fields, self.blank, self.comm
         area, degrees = measures.areas(blank), np.degrees(fields["shear_angle"])
-        width, middle = (self.high - self.low)[1], ((self.low + self.high) / 2)[:2]
-        near = measures.near(comm, blank.midpoints(), middle, width / 8)
+        width = (self.high - self.low)[1]
+        near = measures.near(comm, blank.midpoints(), self.centre, width / 8)
         strains = {name: fields[name] for name in ("log_eps_11", "log_eps_22")}
         reaction = result.rows[-1]["reaction_N"]
         at_middle = measures.mean(comm, fields["log_eps_22"], near * area)
         extremes = {k: measures.extremes(comm, e) for k, e in strains.items()}
         return {
-            "log_eps_22_middle": at_middle if self.has_middle else None,
+            "log_eps_22_middle": at_middle if self.has_centre else None,
             **extremes,
             **{f"{k}_98_percent": measures.bulk(comm, e, area) for k, e in strains.items()},
             "shear_angle_98_percent_deg": measures.bulk(comm, degrees, area),
-            "nominal_stress_MPa": reaction / (width * self.fabric.thickness),
+            "nominal_stress_MPa": reaction / (width * self.data.fabric.thickness),
             "log_eps_11_max": extremes["log_eps_11"][1],
             "log_eps_22_min": extremes["log_eps_22"][0],
             "eps_a": measures.extremes(comm, fields["eps_a"]),

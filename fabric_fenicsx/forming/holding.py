@@ -1,10 +1,12 @@
-"""How a ply is held: blank holders, which are objects, and single nodes."""
+"""The terms by which blank holders act on a blank that is laid between tools."""
+
+from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from reprlib import repr as shown
-from typing import Any, ClassVar, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -17,332 +19,227 @@ from ..mechanics.load import EdgeTension
 from ..mechanics.springs import Springs
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, declared, number
+from ..runtime.fields import declared
 from ..runtime.formatting import coordinates, rounded
-from ..runtime.rules import FROM_ZERO, POSITIVE
 from ..sheets.blank import Blank, Part
 from ..sheets.stack import Stack
 from ..tools.primitives import Plane
 from ..tools.tool import Tool
-from ..tools.values import checked_vector
 from .flange import Flange
-from .regions import EDGES
-from .stacking import least_corner
+from .holders import (
+    EDGES,
+    ForceHolder,
+    GapHolder,
+    Grippers,
+    Holder,
+    PressureHolder,
+    SpringHolder,
+    Where,
+)
+from .interface import Interface
+from .stack import least_corner
 
-UP = np.array([0.0, 0.0, 1.0])
 FAR = 200  # mm, over which the flange is sought
-GROUP = "blank holder"  # of options
-# above which a run warns
-PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"
-
-Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to a mask (n,)
 
 
 @dataclass(frozen=True)
-class Rim:
-    """The rim of the blank in a forming run, as a blank holder is told of it to make its terms.
+class HolderSite:
+    """Where a blank holder acts: what it needs to make its terms.
 
-    - blank: flat, in z = 0 at the die's flange; whole: whether it is no quarter
-    - die: the tool that the holder presses the blank on, by default above it, and `up` (3,) the
-      direction towards it; thickness: of all that lies between die and holder [mm]
-    - friction: of tools; lag: how much may lag behind the state, as in `BlankHolderPressure`
-    - penalty [N/mm^3], permitted [mm]: as in `Contact`
-    - name: for the holder's tool; warnings: sentences, see `warn`
-    - sheets: names of a stack's sheets, the lowest first; rims: of those that reach beyond all
-      sheets below them; against: contacts of each sheet with the next. All empty without a stack
+    Parameters
+    ----------
+    name
+        For the holder's tool.
+    blank, whole
+        The flat blank in z = 0; whether it is all of it, and no quarter.
+    die, up, thickness
+        Tool that the holder presses the blank on, the direction (3,) towards it, and the thickness
+        of all that lies between die and holder [mm].
+    interface, friction
+        How tools touch the blank, and their friction.
+    sheets, rims, against
+        Of a stack: names of its sheets, the lowest first; those that reach beyond all below them;
+        contacts of each sheet with the next.
+    warnings
+        Of the run.
     """
 
+    name: str
     blank: Blank
     whole: bool
     die: Tool
+    up: np.ndarray
     thickness: float
+    interface: Interface
     friction: Coulomb
-    lag: float
-    penalty: float | None
-    permitted: float | None
-    name: str
     warnings: list[str]
     sheets: Sequence[str] = ()
     rims: Sequence[str] = ()
     against: Sequence[SheetContact] = ()
-    up: np.ndarray = field(default_factory=UP.copy)
+
+    @property
+    def lag(self) -> float:
+        """Share of areas and normal forces that may lag behind the state."""
+        return self.interface.lag
 
     def contact(self, tool: Tool, where: Where | None = None) -> Contact:
         """Contact with a tool of the holder, as that with punch and die; where: as in `Contact`."""
-        return Contact(
-            tool,
-            penalty=self.penalty,
-            permitted=self.permitted,
-            friction=self.friction,
-            where=where,
-        )
+        return self.interface.contact(tool, self.friction, where)
 
     def warn(self, *sentences: str) -> None:
         """Have the run give these warnings, each once."""
         self.warnings.extend(words for words in sentences if words not in self.warnings)
 
     def on_flange(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Function of positions (3, n) to the share of each (n,) that lies beneath the flange."""
+        """Function of positions (3, n) to the share of each (n,) that lies at the die's flange."""
         return Flange(self.die, self.thickness, self.up[2])
 
 
-class Holder(Protocol):
-    """What holds the rim of a blank. Any object with this method does."""
-
-    def terms(self, rim: Rim) -> list[Term]:
-        """The terms by which it acts on the blank, new ones each time."""
-
-
-class _Declared:
-    """A holder with one number, declared by a field that is also an option."""
-
-    where: Where | None
-
-    def __post_init__(self) -> None:
-        self._check()
-
-    def _check(self):
-        return check_fields(self, f"{{}} of `{type(self).__name__}`".format)
-
-    def _checked_where(self, rim: Rim) -> Where | None:
-        """`where`, if given, as a function that checks each mask. Warns of a doubtful number;
-        InputError if no node of the flat blank is marked."""
-        (field,), given, blank = declared(self), self.where, rim.blank
-        rim.warn(*self._check())
-        if getattr(self, field.name) == 0:
-            rim.warn(f"{field.name} of `{type(self).__name__}` is 0: it does not hold the rim")
-        if given is None:
-            return None
-        name, count = f"`where` of `{type(self).__name__}`", blank.V.dofmap.index_map.size_local
-
-        def where(x):
-            return values_at(given, x, name)
-
-        if not blank.mesh.comm.allreduce(int(where(blank.coordinates()[:count].T).sum())):
-            raise InputError(f"{name} marks no node; allowed is a mask that is true on some")
-        return where
-
-
-@dataclass(frozen=True)
-class PressureHolder(_Declared):
-    """A pressure [MPa] on what lies under the die's flange; on a stack where all sheets lie on one
-    another. pressure: a number, or a function of the load factor, the share of the stroke.
-    where: function of present positions (3, n) [mm] to a mask (n,), for a segment of a holder.
-    Where segments overlap, their pressures add up. against: in a `Press`, the name of the tool on
-    which it presses the blank."""
-
-    OPTION: ClassVar[str] = "holder_pressure"
-
-    pressure: float | Callable[[float], float] = number(
-        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", GROUP, PRESSURE
-    )
-    where: Where | None = None
-    against: str = ""
-
-    def _check(self):
-        return [] if callable(self.pressure) else super()._check()
-
-    def terms(self, rim: Rim) -> list[Term]:
-        """As in `Holder`."""
-        flange, where = rim.on_flange(), self._checked_where(rim)
-        rim.warn(*loose_ends_warnings(flange, least_corner(rim.blank)))
-        pressure = BlankHolderPressure(
-            self.pressure,
-            rim.up,
-            (lambda x: flange(x) * where(x)) if where else flange,
-            tool=Tool(Plane((0, 0, 0), rim.up), name=rim.name),
-            lag=rim.lag,
-            against=rim.against,
-            friction=rim.friction,
-        )
-        if not isinstance(rim.blank, Stack):
-            return [pressure]
-        if rim.up[2] < 0:
-            raise InputError(
-                f"`PressureHolder` presses a stack downwards on {rim.die.name}; allowed is a die "
-                "above the stack, so the press upside down, or a holder that is a tool with a force"
-            )
-        # what reaches beyond the lowest ply can't sink below the holder's face
-        face = Tool(Plane(-rim.thickness / 2 * rim.up, rim.up), name=f"{rim.name}'s face")
-        below = [rim.contact(face, where).on(name) for name in rim.rims[:1]]
-        return [pressure.on(rim.sheets[0]), *below]
-
-
-@dataclass(frozen=True)
-class ForceHolder(_Declared):
-    """A plate that pushes the blank to the die by a force on the whole ply [N]. where: function of
-    points (3, n) [mm] of the flat blank to a mask (n,), the nodes that a segment touches. A node
-    that several segments touch bears the forces of all. against: as in `PressureHolder`."""
-
-    OPTION: ClassVar[str] = "holder_force"
-
-    force: float = number(1e5, POSITIVE, "force on the whole ply [N]", GROUP)
-    where: Where | None = None
-    against: str = ""
-
-    def terms(self, rim: Rim) -> list[Term]:
-        """As in `Holder`."""
-        force = self.force * (1.0 if rim.whole else 0.25)
-        plate = Plane(-rim.thickness / 2 * rim.up, rim.up)
-        tool = Tool(plate, force=lambda load: force * rim.up, name=rim.name)
-        return [rim.contact(tool, self._checked_where(rim))]
-
-
-@dataclass(frozen=True)
-class GapHolder(_Declared):
-    """A plate on the blank's other side, at a fixed distance from the die [mm], by default 1.1
-    thicknesses. where: as in `ForceHolder`; against: as in `PressureHolder`."""
-
-    OPTION: ClassVar[str] = "holder_gap"
-
-    gap: float | None = number(
-        None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]", GROUP
-    )
-    where: Where | None = None
-    against: str = ""
-
-    def terms(self, rim: Rim) -> list[Term]:
-        """As in `Holder`; InputError for a gap below half a thickness."""
-        t = rim.thickness
-        gap = self.gap or 1.1 * t
-        if gap < 0.5 * t:
-            raise InputError(
-                f"gap of `GapHolder` is {gap:g}, which crushes the ply; allowed is from {t / 2:g} "
-                "mm, half its thickness"
-            )
-        plate = Plane((t / 2 - gap) * rim.up, rim.up)
-        tool = Tool(plate, name=rim.name)
-        return [rim.contact(tool, self._checked_where(rim))]
-
-
-@dataclass(frozen=True)
-class Grippers(_Declared):
-    """A pull [N/mm] at the edges of a rectangular blank, outwards and within its plane. edges:
-    those that are gripped (`regions.EDGES`), by default all; where: as in `ForceHolder`, parts of
-    them."""
-
-    OPTION: ClassVar[str] = "gripper_tension"
-
-    tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]", GROUP)
-    where: Where | None = None
-    edges: Sequence[str] = tuple(EDGES)
-
-    def terms(self, rim: Rim) -> list[Term]:
-        """As in `Holder`; InputError if no edge is gripped."""
-        where, ends = self._checked_where(rim), rim.blank.extent()
-        named = [EDGES[name] for name in self.edges]
-        edges = [
-            (_edge(axis, ends[end][axis], where), (2 * end - 1) * np.eye(3)[axis])
-            for axis, end in named
-            if end or rim.whole
-        ]
-        owned = rim.blank.V.dofmap.index_map.size_local
-        x, comm = rim.blank.coordinates()[:owned].T, rim.blank.mesh.comm
-        # not those of which only a corner is marked
-        gripped = [each for each in edges if comm.allreduce(int(each[0](x).sum())) > 1]
-        if not gripped:
-            raise InputError(
-                "`where` of `Grippers` marks no edge; allowed is a function that is true on at "
-                "least one"
-            )
-        return [EdgeTension(self.tension, direction, edge) for edge, direction in gripped]
-
-
-@dataclass(frozen=True)
-class SpringHolder:
-    """Springs, each of a `stiffness` [N/mm] and `preload` [N], that pull the blank outwards to
-    fixed anchors `length` [mm] from it: along each of the `edges` (`regions.EDGES`) parallel ones,
-    which count as one together, and one at each of the points `at` (x, y) [mm] of the flat blank,
-    away from the origin. All are of the whole blank. On a stack the sheets share each spring."""
-
-    stiffness: float = number(None, FROM_ZERO, "of each spring [N/mm]")
-    preload: float = number(0.0, FROM_ZERO, "pull of each at the start [N]")
-    length: float = number(100.0, POSITIVE, "of each at the start [mm]")
-    edges: Sequence[str] = ()
-    at: Sequence[Sequence[float]] = ()
-
-    def __post_init__(self) -> None:
-        check_fields(self, "{} of `SpringHolder`".format)
-        points = [checked_vector("at of `SpringHolder`", each, True, 2) for each in self.at]
-        if not (points or self.edges):
-            raise InputError("`SpringHolder` holds nothing; allowed are `edges` or points `at`")
-
-    def terms(self, rim: Rim) -> list[Term]:
-        """As in `Holder`; InputError for a point that a quarter does not have."""
-        ends, parts = rim.blank.extent(), list(rim.blank.parts.values()) or [rim.blank.whole]
-        half = 1.0 if rim.whole else 0.5  # of what a plane of symmetry cuts
-        found = [
-            (_edge(axis, ends[end][axis], None), (2 * end - 1) * np.eye(3)[axis], half, name)
-            for name, (axis, end) in ((name, EDGES[name]) for name in self.edges)
-            if end or rim.whole
-        ]
-        for k, place in enumerate(self.at, 1):
-            x = np.append(np.asarray(place, dtype=float), 0.0)
-            if not rim.whole and (x < 0).any():
-                raise InputError(
-                    f"at of `SpringHolder` has the point {coordinates(x[:2])} mm, which is not in "
-                    "the quarter; allowed are x and y from 0"
-                )
-            share = half ** int((x[:2] == 0).sum())
-            near = nearest_nodes(parts, (x[0], x[1]))
-            found.append((near, x / np.linalg.norm(x), share, f"point {k}"))
-        return [
-            Springs(
-                where,
-                share * self.stiffness,
-                share * self.preload,
-                arm=self.length * direction,
-                name=f"{rim.name}, {name}",
-            )
-            for where, direction, share, name in found
-        ]
-
-
-PULLING = Grippers, SpringHolder  # which press the blank on nothing
-
-# by their names on the command line
-HOLDERS: dict[str, type] = {
-    "pressure": PressureHolder,
-    "force": ForceHolder,
-    "gap": GapHolder,
-    "grippers": Grippers,
-}
-
-
-def holders_of(given: Holder | Sequence[Holder]) -> list[Holder]:
-    """The holder, or its segments, that a forming run is given; InputError for others, and none."""
-    holders: list[Any] = list(given) if isinstance(given, (list, tuple)) else [given]
-    for each in holders or [given]:
-        if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):
-            raise InputError(
-                f"`holder` is {each!r}; allowed is a holder, as `PressureHolder(2.0)` or an object "
-                "with a method `terms(rim)`, or a list of one or more"
-            )
-    return holders
-
-
-def terms_of(holder: Holder, rim: Rim) -> list[Term]:
-    """The terms of a holder; InputError if its `terms` does not take a `Rim`, or gives others
-    than one term or more in a list."""
-    name = f"`terms` of holder `{type(holder).__name__}`"
+def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
+    """The terms of a holder; InputError if its `terms` does not take a `HolderSite`, or returns
+    others than one term or more in a list."""
+    name = f"`terms` of {site.name}, a `{type(holder).__name__}`,"
     try:
-        inspect.signature(holder.terms).bind(rim)
+        inspect.signature(holder.terms).bind(site)
     except TypeError as error:
         raise InputError(
-            f"{name} can't be called with a `Rim` ({error}); allowed is `def terms(self, rim)`"
+            f"{name} can't be called with a `HolderSite` ({error}); allowed is `def terms(self, "
+            "site)`"
         ) from None
-    terms: Any = holder.terms(rim)
+    terms: Any = holder.terms(site)
     listed = terms if isinstance(terms, (list, tuple)) else []
     if not listed or not all(isinstance(term, Term) for term in listed):
         found = f"one `{type(terms).__name__}`" if isinstance(terms, Term) else shown(terms)
         raise InputError(f"{name} gives {found}; allowed is a list of one or more terms")
     for term in listed:
-        if isinstance(term, BlankHolderPressure) and term.direction @ rim.up < 0:
-            rim.warn(
-                f"the pressure of holder `{type(holder).__name__}` is directed away from the die: "
-                f"towards it is (0, 0, {rim.up[2]:g})"
+        if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0:
+            site.warn(
+                f"the pressure of {site.name} is directed away from the die: towards it is "
+                f"(0, 0, {site.up[2]:g})"
             )
     return list(listed)
+
+
+def pressure_terms(holder: PressureHolder, site: HolderSite) -> list[Term]:
+    """Terms of a `PressureHolder`; on a stack it presses where all sheets lie on one another."""
+    flange, where = site.on_flange(), _checked_where(holder, site)
+    site.warn(*loose_ends_warnings(flange, least_corner(site.blank)))
+    pressure = BlankHolderPressure(
+        holder.pressure,
+        site.up,
+        (lambda x: flange(x) * where(x)) if where else flange,
+        tool=Tool(Plane((0, 0, 0), site.up), name=site.name),
+        lag=site.lag,
+        against=site.against,
+        friction=site.friction,
+    )
+    if not isinstance(site.blank, Stack):
+        return [pressure]
+    if site.up[2] < 0:
+        raise InputError(
+            f"holders.{site.name} presses a stack downwards on {site.die.name}; allowed is a die "
+            "above the stack, so the press upside down, or a holder that is a tool with a force"
+        )
+    # what reaches beyond the lowest ply can't sink below the holder's face
+    face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
+    below = [site.contact(face, where).on(name) for name in site.rims[:1]]
+    return [pressure.on(site.sheets[0]), *below]
+
+
+def force_terms(holder: ForceHolder, site: HolderSite) -> list[Term]:
+    """Terms of a `ForceHolder`."""
+    force = holder.force * (1.0 if site.whole else 0.25)
+    plate = Plane(-site.thickness / 2 * site.up, site.up)
+    tool = Tool(plate, force=lambda load: force * site.up, name=site.name)
+    return [site.contact(tool, _checked_where(holder, site))]
+
+
+def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
+    """Terms of a `GapHolder`; InputError for a gap below half a thickness."""
+    t = site.thickness
+    gap = holder.gap or 1.1 * t
+    if gap < 0.5 * t:
+        raise InputError(
+            f"gap of holders.{site.name} is {gap:g}, which crushes the ply; allowed is from "
+            f"{t / 2:g} mm, half its thickness"
+        )
+    tool = Tool(Plane((t / 2 - gap) * site.up, site.up), name=site.name)
+    return [site.contact(tool, _checked_where(holder, site))]
+
+
+def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
+    """Terms of `Grippers`; InputError if no edge is gripped."""
+    where, ends = _checked_where(holder, site), site.blank.extent()
+    edges = [
+        (_edge(axis, ends[end][axis], where), (2 * end - 1) * np.eye(3)[axis])
+        for axis, end in map(EDGES.__getitem__, holder.edges)
+        if end or site.whole
+    ]
+    owned = site.blank.V.dofmap.index_map.size_local
+    x, comm = site.blank.coordinates()[:owned].T, site.blank.mesh.comm
+    # not those of which only a corner is marked
+    gripped = [each for each in edges if comm.allreduce(int(each[0](x).sum())) > 1]
+    if not gripped:
+        raise InputError(
+            f"`where` of holders.{site.name} marks no edge; allowed is a function that is true on "
+            "at least one"
+        )
+    return [EdgeTension(holder.tension, direction, edge) for edge, direction in gripped]
+
+
+def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:
+    """Terms of a `SpringHolder`; InputError for a point that a quarter does not have."""
+    ends, parts = site.blank.extent(), list(site.blank.parts.values()) or [site.blank.whole]
+    half = 1.0 if site.whole else 0.5  # of what a plane of symmetry cuts
+    found = [
+        (_edge(axis, ends[end][axis], None), (2 * end - 1) * np.eye(3)[axis], half, name)
+        for name, (axis, end) in ((name, EDGES[name]) for name in holder.edges)
+        if end or site.whole
+    ]
+    for k, place in enumerate(holder.at, 1):
+        x = np.append(np.asarray(place, dtype=float), 0.0)
+        if not site.whole and (x < 0).any():
+            raise InputError(
+                f"holders.{site.name}.at has the point {coordinates(x[:2])} mm, which is not in "
+                "the quarter; allowed are x and y from 0"
+            )
+        share = half ** int((x[:2] == 0).sum())
+        near = nearest_nodes(parts, (x[0], x[1]))
+        found.append((near, x / np.linalg.norm(x), share, f"point {k}"))
+    return [
+        Springs(
+            where,
+            share * holder.stiffness,
+            share * holder.preload,
+            arm=holder.length * direction,
+            name=f"{site.name}, {name}",
+        )
+        for where, direction, share, name in found
+    ]
+
+
+def _checked_where(holder: Any, site: HolderSite) -> Where | None:
+    """`where` of a holder, if given, as a function that checks each mask. Warns of a doubtful
+    number; InputError if no node of the flat blank is marked."""
+    (field, *_), given, blank = declared(holder), holder.where, site.blank
+    site.warn(
+        *(
+            words.replace("`", f"holders.{site.name}.", 1).replace("`", "")
+            for words in holder.doubts()
+        )
+    )
+    if getattr(holder, field.name) == 0:
+        site.warn(f"holders.{site.name}.{field.name} is 0: it does not hold the rim")
+    if given is None:
+        return None
+    name, count = f"`where` of holders.{site.name}", blank.V.dofmap.index_map.size_local
+
+    def where(x):
+        return values_at(given, x, name)
+
+    if not blank.mesh.comm.allreduce(int(where(blank.coordinates()[:count].T).sum())):
+        raise InputError(f"{name} marks no node; allowed is a mask that is true on some")
+    return where
 
 
 def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], corner: np.ndarray) -> list[str]:
@@ -350,11 +247,11 @@ def loose_ends_warnings(under: Callable[[np.ndarray], np.ndarray], corner: np.nd
     it. under: as `Flange`; corner (2,): largest x and y of the sheet [mm]."""
     loose = []
     for name, axis, end in zip("xy", np.eye(3), corner):
-        held = np.flatnonzero(under(axis[:, None] * (end + np.arange(FAR))))
-        if not len(held):
+        pressed = np.flatnonzero(under(axis[:, None] * (end + np.arange(FAR))))
+        if not len(pressed):
             loose.append(f"at {name} = {rounded(end, 4)} mm, more than {FAR} mm from the flange")
-        elif held[0]:
-            loose.append(f"at {name} = {rounded(end, 4)} mm, {held[0]} mm from the flange")
+        elif pressed[0]:
+            loose.append(f"at {name} = {rounded(end, 4)} mm, {pressed[0]} mm from the flange")
     return [
         f"the smallest sheet ends over the die's opening {place}: the blank holder does not press "
         "it there"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, number
+from ..runtime.fields import check_fields, number, switch
 from ..runtime.rules import COUNT, FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
 from ..tools.values import checked_vector
 
@@ -16,59 +16,80 @@ PICTURES = 6  # of a filmstrip
 
 @dataclass(frozen=True)
 class Stage:
-    """What happens from one moment to the next.
+    """What happens from one moment to the next, all in proportion to the load.
 
-    - name: what results call it
-    - moves: of tools {name: how far towards the blank, or a vector (3,)} [mm]; less than 0 is away
-    - forces: at its end, of tools that a force moves {name: on the whole blank} [N]
-    - pressures: at its end, of holders with a pressure {name: value} [MPa]
-    - leave: names of tools that go back to where they stood at the start
-    - steps: into how many load steps it is divided
-    - unload: whether all tools and holders are taken away; of the last stage alone
+    Parameters
+    ----------
+    name
+        In results.
+    moves
+        Of tools {name: distance towards the blank, or a vector (3,)} [mm]; below 0 is away.
+    close
+        Distance at its end of each tool from its die, in thicknesses of the blank: these tools move
+        so far.
+    forces
+        At its end, of tools that a force moves {name: on the whole blank} [N].
+    pressures
+        At its end, of holders with a pressure {name: value} [MPa].
+    leave
+        Names of tools that go back to where they stood at the start.
+    steps
+        Load steps.
+    unload
+        True: all tools and holders are taken away; in the last stage alone.
 
-    All change in proportion to the load. Raises InputError for other values.
+    Raises
+    ------
+    InputError
+        For other values.
+
+    Examples
+    --------
+    >>> ff.Stage("forming", moves={"punch": 40}, steps=20).moves["punch"]
+    40
     """
 
     name: str = ""
     moves: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    close: float | None = number(None, POSITIVE, "distance of tools and dies [thicknesses]")
     forces: Mapping[str, float] = field(default_factory=dict)
     pressures: Mapping[str, float] = field(default_factory=dict)
     leave: Sequence[str] = ()
     steps: int = number(40, COUNT, "load steps")
-    unload: bool = False
+    unload: bool = switch("take all tools and holders away")
 
     def __post_init__(self) -> None:
-        label = self.name or "a stage"
-        check_fields(self, lambda name: f"{name} of {label}")
+        check_fields(self)
         for kind, rule in (("forces", POSITIVE), ("pressures", FROM_ZERO)):
-            for name, value in _table(self, kind, label).items():
-                rule.check(f"{kind}.{name} of {label}", value)
-        for name, value in _table(self, "moves", label).items():
-            where = f"moves.{name} of {label}"
+            for name, value in _table(self, kind).items():
+                rule.check(f"`{kind}`.{name}", value)
+        for name, value in _table(self, "moves").items():
             is_vector = isinstance(value, (list, tuple, np.ndarray))
-            (checked_vector if is_vector else FINITE.check)(where, value)
+            (checked_vector if is_vector else FINITE.check)(f"`moves`.{name}", value)
         if isinstance(self.leave, str) or not all(isinstance(each, str) for each in self.leave):
-            raise InputError(f"leave of {label} is {shown(self.leave)}; allowed are tools' names")
-        if self.unload and (self.moves or self.forces or self.pressures or self.leave):
-            raise InputError(
-                f"{label} has `unload` beside what moves; allowed is a stage of its own"
-            )
+            raise InputError(f"`leave` is {shown(self.leave)}; allowed are tools' names")
+        moving = self.moves or self.forces or self.pressures or self.leave or self.close
+        if self.unload and moving:
+            raise InputError("`unload` needs a stage of its own, in which nothing moves")
+        if not self.unload and not moving:
+            raise InputError("a stage needs `moves`, `close`, `forces`, `pressures` or `leave`")
 
 
-def _table(stage, kind, label):
+def _table(stage, kind):
     found = getattr(stage, kind)
     if not isinstance(found, Mapping):
-        raise InputError(f"{kind} of {label} is {shown(found)}; allowed is a table of names")
+        raise InputError(f"`{kind}` is {shown(found)}; allowed is a table of names")
     return found
 
 
-class Course:
+class Schedule:
     """What tools and holders do over the load factor, from 0 to 1 over all `stages` in proportion
     to their steps.
 
-    towards: of each tool the way to the blank {name: (3,)}; forces, pressures: those at the start,
-    of tools that a force moves [N] and of holders that press [MPa], {name: value}. Raises
-    InputError for stages that name what is not there.
+    towards: of each tool the direction to the blank {name: (3,)}; forces, pressures: those at the
+    start, of tools that a force moves [N] and of holders that press [MPa], {name: value}; reach: of
+    each tool with a die how far it goes to touch it {name: distance} [mm]; thickness: of the blank
+    [mm]. Raises InputError for stages that name what is not there.
     """
 
     def __init__(
@@ -77,16 +98,21 @@ class Course:
         towards: Mapping[str, np.ndarray],
         forces: Mapping[str, float],
         pressures: Mapping[str, float],
+        reach: Mapping[str, float],
+        thickness: float,
     ) -> None:
+        self._towards, self._reach, self._thickness = towards, reach, thickness
         self.stages = [
             dataclasses.replace(stage, name=stage.name or f"stage {k}")
             for k, stage in enumerate(stages, 1)
             if not stage.unload
         ]
         if not self.stages:
-            raise InputError("there is no stage that forms; allowed are one or more, as [[stage]]")
+            raise InputError(
+                "stage is empty; allowed are one or more stages that form, as [[stage]]"
+            )
         if any(stage.unload for stage in list(stages)[:-1]):
-            raise InputError("`unload` is no last stage; allowed is it at the end")
+            raise InputError("`unload` is allowed only in the last stage")
         self.unloads = bool(stages[-1].unload)
         self.steps = sum(stage.steps for stage in self.stages)
         self.joints = np.append(0, np.cumsum([s.steps for s in self.stages])) / self.steps
@@ -97,55 +123,62 @@ class Course:
         if twice := next((name for name in names if names.count(name) > 1), ""):
             raise InputError(f"two stages are called {twice}; allowed are different names")
         for stage in self.stages:
-            self._add(stage, stage.name, towards)
+            self._add(stage, f"stage.{stage.name}", towards)
         for name, places in self._places.items():
             ways = [float(place @ towards[name]) for place in places]
             if min(ways) < 0 and max(ways) <= 0:
                 raise InputError(
-                    f"tool {name} only goes away from the blank; allowed is one that comes nearer: "
-                    "more than 0 in `moves` is towards the blank"
+                    f"tools.{name} only goes away from the blank; allowed is one that comes "
+                    "nearer: more than 0 in `moves` is towards the blank"
                 )
 
     def _add(self, stage, label, towards):
-        if not (stage.moves or stage.forces or stage.pressures or stage.leave):
-            raise InputError(
-                f"{label} changes nothing; allowed is one that has moves, forces, pressures or "
-                "leave"
-            )
         for kind, known in (("forces", self._forces), ("pressures", self._pressures)):
-            for name in getattr(stage, kind):
-                if name not in known:
-                    has = "a force" if kind == "forces" else "a pressure"
-                    raise InputError(
-                        f"{kind}.{name} of {label} names nothing that has {has} from the start; "
-                        f"allowed are names of those: {', '.join(known) or 'here none'}"
-                    )
+            given = getattr(stage, kind)
+            if other := next((name for name in given if name not in known), ""):
+                has = f"`{kind[:-1]}` from the start"
+                raise InputError(
+                    f"{label}.{kind}.{other} needs a {has}; those that have one are "
+                    f"{', '.join(known) or 'none here'}"
+                )
             for name, values in known.items():
-                values.append(getattr(stage, kind).get(name, values[-1]))
-        for name in (*stage.moves, *stage.leave):
+                values.append(given.get(name, values[-1]))
+        moves = dict(stage.moves) | self._closing(stage, label, towards)
+        for name in (*moves, *stage.leave):
             if name not in towards:
-                raise unknown_key(name, towards, f"tool {name} of {label}")
+                raise unknown_key(name, towards, f"{label}: tool {name}")
             if name in self._forces:
                 raise InputError(
-                    f"tool {name} of {label} is moved by its force; allowed is a new one, as "
-                    f"forces.{name}"
+                    f"{label}: tool {name} is moved by its force; allowed is {label}.forces.{name}"
                 )
         for name, places in self._places.items():
             if name in stage.leave:
-                if name in stage.moves:
-                    raise InputError(
-                        f"tool {name} of {label} moves and leaves; allowed is one of them"
-                    )
+                if name in moves:
+                    raise InputError(f"{label}.leave: tool {name} can't move and leave in one")
                 if not places[-1].any():
                     raise InputError(
-                        f"tool {name} of {label} leaves, but stands where it began; allowed is one "
-                        "that has moved"
+                        f"{label}.leave: tool {name} stands where it began; allowed is one that "
+                        "has moved"
                     )
                 places.append(np.zeros(3))
                 continue
-            move = stage.moves.get(name, 0.0)
+            move = moves.get(name, 0.0)
             along = towards[name] * move if np.ndim(move) == 0 else np.asarray(move, dtype=float)
             places.append(places[-1] + along)
+
+    def _closing(self, stage, label, towards):
+        """How far tools with a die move in a stage that closes them {name: distance} [mm]."""
+        if stage.close is None:
+            return {}
+        if not self._reach:
+            raise InputError(f"{label}.close needs a tool with a die, as die_of")
+        if both := next((name for name in self._reach if name in stage.moves), ""):
+            raise InputError(f"{label}.moves.{both} is not allowed beside `close`, which moves it")
+        left = stage.close * self._thickness
+        return {
+            name: reach - left - float(self._places[name][-1] @ towards[name])
+            for name, reach in self._reach.items()
+        }
 
     def path(self, name: str, start: np.ndarray) -> Callable[[float], np.ndarray]:
         """Function of the load factor to where the tool's origin is, (3,) [mm]; start (3,)."""
@@ -163,6 +196,23 @@ class Course:
     def pressure(self, name: str) -> Callable[[float], float]:
         """Function of the load factor to a holder's pressure [MPa]."""
         return lambda load: float(np.interp(load, self.joints, self._pressures[name]))
+
+    def is_constant(self, name: str) -> bool:
+        """Whether a holder's pressure is the same all the time."""
+        return len(set(self._pressures[name])) == 1
+
+    def closes_straight(self, name: str, die: str) -> bool:
+        """Whether a tool moves along z alone, by no force, and its die stands still."""
+        return not (
+            self.is_moved(die)
+            or name in self._forces
+            or np.any(self._places[name], axis=0)[:2].any()
+        )
+
+    def distance(self, name: str, load: float) -> float:
+        """Distance of a tool from its die at a load factor, where both are flat [mm]."""
+        gone = [float(place @ self._towards[name]) for place in self._places[name]]
+        return self._reach[name] - float(np.interp(load, self.joints, gone))
 
     def is_moved(self, name: str) -> bool:
         """Whether any stage moves the tool, or a force does."""

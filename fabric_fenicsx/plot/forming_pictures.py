@@ -8,17 +8,13 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-import pyvista
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 from matplotlib.path import Path as Polygon
-from matplotlib.tri import LinearTriInterpolator, Triangulation
-from scipy.optimize import brentq
 
-from ..material.strains import SHORTENED
 from ..postprocess.ply import Grid, plan_area, ply_of
 from ..postprocess.shape import File, Outline, Path, along_paths, outline, write_paths
-from ..postprocess.states import of_fabric, set_labels
+from ..postprocess.states import of_fabric, set_labels, states
 from ..runtime.errors import InputError
 from ..runtime.logs import MARKED, log
 from ..tools.double_dome import DoubleDome
@@ -34,6 +30,7 @@ STATES = {  # strain_state -> what it is, colour
 }
 ANGLES = 0, 45, 90  # of the paths to x [deg]
 PATH_FIELDS = {"log_eps_11": 100, "log_eps_22": 100, "shear_angle": 1}  # factors to units shown
+THICKNESS = "thickness_under_pressure"
 SHORTENING = "shortening_a", "shortening_b"
 METAL = "equivalent_plastic_strain", "metal_thickness", "von_mises_top"
 BETWEEN = "sheet_pressure", "sliding_size"
@@ -133,14 +130,10 @@ def state_map(path: File, grid: Grid, formed: bool = False, edges: Sequence[Outl
 # -- pictures of a run
 
 
-def draw_plies(
-    folder: pathlib.Path,
-    grids: Mapping[str, Grid],
-    angles: Sequence[Sequence[float]],
-    tool: pyvista.PolyData,
-) -> None:
-    """Paths and strain states of each ply {name: grid}, shortening if there is some, metal, and all
-    of them formed over the tool; angles: of each one's yarns [deg]."""
+def draw_plies(folder: pathlib.Path, grids: Mapping[str, Grid], tool: str = "") -> None:
+    """Paths and strain states of each ply {name: grid}; maps of all of fabric, thickness under
+    pressure and shortening where there is some, and of metal; all plies formed over the `tool` of
+    that name in the results `folder`."""
     fabrics = of_fabric(grids)
     labels = set_labels(fabrics)  # or the files of +45 and -45 would be one
     for name, grid in fabrics.items():
@@ -148,15 +141,15 @@ def draw_plies(
         for paths in _paths(name, grid):
             write_paths(folder / f"paths{end}.csv", paths)
         state_map(folder / f"states{end}.png", grid)
-    if any(grid[field].max() > SHORTENED for grid in fabrics.values() for field in SHORTENING):
-        named = {name or "shortening": grid for name, grid in fabrics.items()}
+    named = {name or "ply": grid for name, grid in fabrics.items()}
+    if known := {name: grid for name, grid in named.items() if THICKNESS in grid.cell_data}:
+        maps(folder / "thickness.png", known, [THICKNESS], OUTLIERS)
+    if any(grid[field].any() for grid in fabrics.values() for field in SHORTENING):
         maps(folder / "shortening.png", named, SHORTENING, OUTLIERS)
     if metals := {name: grid for name, grid in grids.items() if name not in fabrics}:
         maps(folder / "metal.png", metals, METAL, OUTLIERS)
-    try:
-        formed_picture(folder / "formed.png", list(zip(grids.values(), angles)), tool)
-    except InputError as error:  # nothing to draw with, which is no reason to lose a run
-        log.warning("formed.png was not drawn: %s", error, extra=MARKED)
+    surface = states(folder)[-1].tools()[tool] if tool else None
+    formed_picture(folder / "formed.png", list(grids.values()), surface)
 
 
 def _paths(name, grid):
@@ -176,11 +169,10 @@ def draw_compared(folder: pathlib.Path, grids: Mapping[str, Grid], punch: Tool) 
     paths = {label: each for label, grid in fabrics for each in _paths(label, grid)}
     if not paths:
         return
-    surface, marks = punch.surface, {}
+    surface, s, marks = punch.surface, np.arange(0.0, 1e3, 0.1), {}
     if isinstance(surface, DoubleDome):
-        rays = [np.array([[math.cos(k)], [math.sin(k)]]) for k in np.radians(ANGLES)]
-        at = [brentq(lambda r, ray=ray: surface.plan(*(r * ray))[0][0], 0, 1e3) for ray in rays]
-        marks = {"outline of the punch": at}
+        rays = [(np.cos(angle) * s, np.sin(angle) * s) for angle in np.radians(ANGLES)]
+        marks = {"outline of the punch": [_first(s, surface.plan(*ray)[0] > 0) for ray in rays]}
     paths_picture(folder / "paths.png", paths, marks)
 
 
@@ -201,35 +193,27 @@ def draw_laminate(
         maps(folder / f"between{end}.png", between, BETWEEN, OUTLIERS)
     first = next(iter(runs.values()))
     paths = {label: along_paths(grids[middle], ANGLES) for label, grids in runs.items()}
-    at = _laminate_marks(first[middle], first[metal], punch)
-    paths_picture(folder / "middle_paths.png", paths, at)
+    marks = _laminate_marks(first[middle], first[metal], punch)
+    paths_picture(folder / "middle_paths.png", paths, marks)
 
 
 def _laminate_marks(ply: Grid, metal: Grid, punch: Tool) -> dict[str, list[float]]:
     """Distances on the flat ply, one for each path of `ANGLES` [mm], at which the formed ply comes
     to the punch's upper rounding, to the end of its fillet and to the metal's edge; NaN where it
-    does not, or the punch is no `DoubleDome`."""
-    sheet, surface = ply_of(ply), punch.surface
-    plan = Triangulation(*sheet.x[:, :2].T, sheet.triangles)
-    (edge,) = outline(metal)
-    corners = edge.formed[:, :2]
+    does not, and of a punch that is no `DoubleDome`."""
+    found: dict[str, list[float]] = {"inner punch radius": [], "outer punch radius": []}
+    found["edge of the metal"] = []
+    corners = outline(metal)[0].formed[:, :2]
     if ply_of(metal).planes:  # of a quarter the edge is open
         corners = np.vstack([corners, [0.0, 0.0]])
-    names = "inner punch radius", "outer punch radius", "edge of the metal"
-    found: dict[str, list[float]] = {name: [] for name in names}
-    for angle in np.radians(ANGLES):
-        s = np.linspace(0, np.linalg.norm(sheet.x[:, :2], axis=1).max(), 2000)
-        on_flat = np.outer([np.cos(angle), np.sin(angle)], s) * (1 - 1e-9)
-        x, y = (LinearTriInterpolator(plan, v)(*on_flat) for v in sheet.formed[:, :2].T)
-        known = ~np.ma.getmaskarray(x)
-        s, places = s[known], np.column_stack([x[known], y[known]])
-        beyond = [np.zeros(len(s), dtype=bool)] * 2
-        if isinstance(surface, DoubleDome):
-            away = surface.plan(*places.T)[0]
-            beyond = [away > d for d in surface.roundings]
-        beyond.append(~Polygon(corners).contains_points(places + INWARDS))
-        for name, holds in zip(names, beyond):
-            found[name].append(_first(s, holds))
+    for path in along_paths(ply, ANGLES, spacing=0.2).values():
+        places, radii = path.places[:, :2], (math.inf, math.inf)
+        away = np.zeros(len(places))
+        if isinstance(punch.surface, DoubleDome):
+            away, radii = punch.surface.plan(*places.T)[0], punch.surface.roundings
+        outside = ~Polygon(corners).contains_points(places + INWARDS)
+        for at, holds in zip(found.values(), [*(away > d for d in radii), outside]):
+            at.append(_first(path.distance, holds))
     return found
 
 

@@ -13,7 +13,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pyvista
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import ListedColormap
 
 from ..postprocess.ply import Grid
 from ..postprocess.states import of_fabric
@@ -36,9 +35,6 @@ SHOWN = {
 MAPS = "log_eps_11", "log_eps_22", "shear_angle"  # what one looks at first
 LAST_PICTURE = "maps.png"  # where it is, all pictures of a run are
 OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's scale
-# where a law lost neither, one or both
-STABILITY = {"stable": "#f2f2f2", "convexity lost": "#f4b942"}
-STABILITY |= {"ellipticity lost": "#7fb2d9", "both lost": "#b0413e"}
 
 
 @contextmanager
@@ -226,58 +222,3 @@ def reactions(
         if all("error_N" in row for row in result.rows)
     }
     curves(path, series, xlabel, ylabel, bands=bands)
-
-
-def bars(path: Path, values: Mapping[str, tuple[float, str, str]], xlabel: str) -> None:
-    """Horizontal bars of {label: (value, text behind it, colour)}, the first on top."""
-    with figure(path, (8.0, 0.5 + 0.36 * len(values))) as (_, ((ax,),)):
-        numbers, texts, colours = zip(*values.values())
-        ax.bar_label(ax.barh(list(values), numbers, color=colours), texts, padding=3, size="small")
-        ax.invert_yaxis()
-        ax.margins(x=0.35)
-        ax.set_xlabel(xlabel)
-
-
-def panels(path: Path, series: Mapping[str, Mapping], labels: Mapping[str, tuple]) -> None:
-    """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and
-    {title: (x label, y label, x limits)}.
-
-    Closed form is a line (the second model's dashed), the kernel a square, elements a dot.
-    """
-    with figure(path, (11, 8), 2, (len(series) + 1) // 2) as (_, axes):
-        for ax, (title, curves) in zip(axes.flat, series.items()):
-            labelled, models = (list(dict.fromkeys(each)) for each in zip(*curves))
-            for (label, model), (x, closed, kernel, elements) in curves.items():
-                is_first, colour = model == models[0], f"C{labelled.index(label)}"
-                style = {"ls": "-", "label": label} if is_first else {"ls": "--"}
-                ax.plot(x, closed, color=colour, lw=1, **style)
-                ax.plot(x[::4], kernel[::4], "s", color=colour, ms=5, mfc="none", mew=0.6)
-                ax.plot(x[2::4], elements[2::4], ".", color=colour, ms=4)
-            lines = ", ".join(f"{m} {s}" for m, s in zip(models, ("(line)", "(dashed)")))
-            ax.set_title(f"{title}: {lines}", fontsize="medium")
-            ax.set(**dict(zip(("xlabel", "ylabel", "xlim"), labels[title])))
-            ax.grid(alpha=0.3)
-            ax.legend(fontsize="small")
-
-
-def regions(
-    path: Path, x: np.ndarray, panels: Mapping[tuple[str, str], tuple], xlabel: str, ylabel: str
-) -> None:
-    """Where two indicators are negative, over a square grid: {(row, column): (convexity,
-    ellipticity)}, each (n, n) with x (n,) along its last axis."""
-    rows, columns = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
-    size = 2.1 * len(columns) + 0.6, 2.4 * len(rows) + 1.2
-    colours = {"cmap": ListedColormap(list(STABILITY.values())), "vmin": -0.5, "vmax": 3.5}
-    with figure(path, size, len(rows), len(columns), sharex=True, sharey=True) as (page, axes):
-        for (row, column), (convexity, ellipticity) in panels.items():
-            ax = axes[rows.index(row), columns.index(column)]
-            lost = (convexity < 0) + 2 * (ellipticity < 0)
-            image = ax.pcolormesh(x, x, lost, rasterized=True, **colours)
-            ax.axhline(0, color="k", lw=0.4)
-            ax.axvline(0, color="k", lw=0.4)
-            ax.set_aspect("equal")
-            ax.set_title(f"{column}, {row}", fontsize="small")
-        label_outer(axes, xlabel, ylabel)
-        place = {"location": "bottom", "fraction": 0.05, "aspect": 60, "pad": 0.02}
-        bar = page.colorbar(image, ax=list(axes.flat), ticks=range(4), **place)
-        bar.ax.set_xticklabels(list(STABILITY))

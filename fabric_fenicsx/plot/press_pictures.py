@@ -1,8 +1,9 @@
-"""Pictures of a press: its tools around the flat blank, the stroke as a filmstrip, maps of the
-formed plies. Quarters are mirrored, but in maps."""
+"""Pictures of a press: its tools around the flat blank, the stroke as a filmstrip. Quarters are
+mirrored."""
 
 import csv
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,24 +11,22 @@ import numpy as np
 import pyvista
 from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
+from numpy.typing import ArrayLike
 
 from ..postprocess.ply import Grid
 from ..postprocess.shape import File
-from ..postprocess.states import State, of_fabric, states, triangulated
+from ..postprocess.states import states, triangulated
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from ..tools.tool import Tool
-from .forming_pictures import SHORTENING, outline_picture
-from .pictures import OUTLIERS, figure, maps, plt
+from .pictures import figure, plt
 from .space import (
     SHEAR,
     STEEL,
     TOOL,
     cropped,
-    cut_away,
-    draw_ply,
-    draw_yarns,
+    draw_plies,
     image,
     mirrored,
     shear_bar,
@@ -42,7 +41,6 @@ VIEW = 0.45, -1.0, 0.55  # from the blank to the camera
 MARGIN = 0.25  # of a tool's surface around the blank, over the blank's size
 PANEL = 1200, 750  # pixels drawn of a state
 SHOWN = 0.0, 0.2, 0.4, 0.6, 0.8, 1.0  # in a filmstrip, of the load
-THICKNESS = "thickness_under_pressure"
 LINES = 24  # along a blank, about, in a filmstrip
 SPACINGS = [10.0**k * n for k in range(-2, 5) for n in (1, 2, 5)]  # mm of these, as people like
 SOLID = {"smooth_shading": True, "split_sharp_edges": True, "ambient": 0.3, "diffuse": 0.75}
@@ -106,51 +104,31 @@ def setup_picture(
     plt.close(page)
 
 
-def filmstrip(
-    path: File,
-    folder: Path | str,
-    loads: Sequence[float] = SHOWN,
-    captions: Mapping[float, str] | None = None,
-    view: Sequence[float] = VIEW,
-) -> None:
+def filmstrip(path: File, folder: Path | str, loads: ArrayLike = SHOWN) -> None:
     """The stroke of the run in `folder` as states side by side, coloured by the magnitude of the
     shear angle on one scale: the plies, of several each cut away further than the one below, the
     tools below them, and the rear half of those above, translucent.
 
-    loads: shares of the load that was reached, near which states are shown; captions: {load: text}
-    under a state, by default stroke and force of history.csv; view: direction from the plies to the
-    camera. Raises InputError for a folder without states, and where VTK finds nothing to draw on.
+    loads: shares of the load that was reached, near which states are shown. Raises InputError for a
+    folder without states, and where VTK finds nothing to draw on.
     """
     known = states(folder)
     at = np.array([state.load for state in known])
     wanted = at[-1] * np.asarray(loads, dtype=float)
     chosen = [known[k] for k in np.unique(abs(at[:, None] - wanted).argmin(0))]
-    captions = captions or _captions(Path(folder) / "history.csv")
     scenes = [_of_state(state) for state in chosen]
     plies = [surface for scene in scenes for surface in scene.plies.values()]
     above, bounds, limit = _of_state(known[0]).above, _bounds(plies), shear_limit(plies)
     size = max(np.ptp(s["place"], axis=0).max() for s in scenes[0].plies.values())
     spacing = min(SPACINGS, key=lambda s: abs(np.log(LINES * s / size)))
-
-    def drawn(scene):
+    images = []
+    for scene in scenes:
         scene = scene._replace(above=above)
-        draw = lambda plotter: _draw_state(plotter, scene, limit, spacing, unit(view))  # noqa: E731
-        return image(draw, view, bounds, PANEL)
-
+        draw = partial(_draw_state, scene=scene, limit=limit, spacing=spacing)
+        images.append(image(draw, VIEW, bounds, PANEL))
+    captions = _captions(Path(folder) / "history.csv")
     texts = [captions.get(state.load, f"load {state.load:.3g}") for state in chosen]
-    _strip(path, cropped([drawn(scene) for scene in scenes]), texts, limit)
-
-
-def draw_formed(folder: Path, plies: Mapping[str, Grid]) -> None:
-    """Maps of the formed plies {name: grid} into `folder`: thickness.png under the pressure on
-    them, shortening.png where compression shortens yarns, outline.png of the flat and the formed
-    edges; what no ply has is left out."""
-    fabrics = {name or "ply": grid for name, grid in of_fabric(plies).items()}
-    if known := {name: grid for name, grid in fabrics.items() if THICKNESS in grid.cell_data}:
-        maps(folder / "thickness.png", known, [THICKNESS], OUTLIERS)
-    if fabrics:
-        maps(folder / "shortening.png", fabrics, SHORTENING, OUTLIERS)
-    outline_picture(folder / "outline.png", plies)
+    _strip(path, cropped(images), texts, limit)
 
 
 def _of_state(state):
@@ -211,20 +189,12 @@ def _arrow(start, motion, size):
     return pyvista.Arrow(start=start, direction=motion, scale=length, shaft_radius=wide, **tip)
 
 
-def _draw_state(plotter, scene, limit, spacing, towards):
+def _draw_state(plotter, scene, limit, spacing):
     """Plies and tools of a state."""
-    count = len(scene.plies)
-    for k, surface in enumerate(scene.plies.values()):
-        shown = cut_away(surface, k / count)
-        families = [name for name in ("yarn_a", "yarn_b") if name in shown.point_data]
-        draw_ply(plotter, shown, limit, is_metal=not families)
-        # below the next ply yarns poke through
-        seen = cut_away(surface, k / count, (k + 1) / count)
-        for name in families:
-            draw_yarns(plotter, seen, seen[name] + spacing / 2, spacing)
+    draw_plies(plotter, list(scene.plies.values()), limit, spacing)
     for name, surface in scene.tools.items():
         if not scene.above[name]:
-            plotter.add_mesh(surface.translate(-3 * towards), color=TOOL, **SOLID)
+            plotter.add_mesh(surface.translate(-3 * unit(VIEW)), color=TOOL, **SOLID)
             continue
         rear = surface.clip(normal=(0, 1, 0), origin=(0, 0, 0), invert=False)
         if rear.n_cells:

@@ -20,6 +20,7 @@ from .pictures import plt
 
 SCREEN = (2400, 1500)  # pixels drawn
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
+VIEW = 0.4, -1.0, 0.75  # from the ply to the camera
 STEEL, TOOL, YARNS = "#8f9aa8", "#d3d8e0", "#30343b"
 YARN = "yarn_coordinate"  # how fields at points begin that tell the distance across yarns
 SHEAR = "magnitude of the shear angle / deg"
@@ -159,27 +160,27 @@ def cut_away(surface: pyvista.PolyData, share: float, end: float = 1.0) -> pyvis
     return surface
 
 
-def draw_ply(
-    plotter: pyvista.Plotter, surface: pyvista.PolyData, limit: float, is_metal: bool
+def draw_plies(
+    plotter: pyvista.Plotter, surfaces: Sequence[pyvista.PolyData], limit: float, spacing: float
 ) -> None:
-    """Add a ply, as of `surface_of`, coloured by its shear angle up to `limit` [deg]; metal is
-    grey."""
-    coloured = {"scalars": "shear_angle", "cmap": COLOURS, "clim": (0, limit)}
-    look = {"color": STEEL} if is_metal else coloured | {"show_scalar_bar": False}
-    light = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15}
-    plotter.add_mesh(surface, smooth_shading=True, **light, **look)
-
-
-def draw_yarns(
-    plotter: pyvista.Plotter, surface: pyvista.PolyData, across: np.ndarray, spacing: float
-) -> None:
-    """Add a line each `spacing` [mm] of `across`, the distance (n,) of the nodes of a ply across
-    its yarns on the flat ply [mm]."""
-    low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
-    places = spacing * np.arange(low, high + 1)
-    yarns = surface.contour(places, scalars=across).strip(max_length=100000)
-    tubes = yarns.tube(radius=spacing / 28, n_sides=8)
-    plotter.add_mesh(tubes, color=YARNS, smooth_shading=True)
+    """Add plies, as of `surface_of`, the lowest first, each cut away further than the one below.
+    Fabric is coloured by its shear angle up to `limit` [deg], with a yarn each `spacing` [mm];
+    metal is grey."""
+    light = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15, "smooth_shading": True}
+    shear = {"scalars": "shear_angle", "cmap": COLOURS, "clim": (0, limit)}
+    for k, surface in enumerate(surfaces):
+        shown = cut_away(surface, k / len(surfaces))
+        families = [name for name in ("yarn_a", "yarn_b") if name in surface.point_data]
+        look = shear if families else {"color": STEEL}
+        plotter.add_mesh(shown, show_scalar_bar=False, **light, **look)
+        # below the next ply yarns poke through
+        seen = cut_away(surface, k / len(surfaces), (k + 1) / len(surfaces))
+        for across in (seen[name] + spacing / 2 for name in families):  # none on a mirror
+            low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
+            places = spacing * np.arange(low, high + 1)
+            yarns = seen.contour(places, scalars=across).strip(max_length=100000)
+            tubes = yarns.tube(radius=spacing / 28, n_sides=8)
+            plotter.add_mesh(tubes, color=YARNS, smooth_shading=True)
 
 
 def shear_limit(surfaces: Iterable[pyvista.PolyData]) -> float:
@@ -198,47 +199,38 @@ def shear_bar(figure: Any, limit: float, label: str, sizes: tuple[int, int], **p
 
 def formed_picture(
     path: File,
-    plies: Sequence[tuple[Grid, Sequence[float]]],
+    plies: Sequence[Grid],
     tool: pyvista.PolyData | None = None,
     spacing: float = 10.0,
     full: bool = True,
-    limit: float | None = None,
-    view: Sequence[float] = (0.4, -1.0, 0.75),
 ) -> None:
     """The formed plies coloured by the magnitude of the shear angle, with yarns, over the tool:
     1600 x 1000 pixels.
 
-    plies: grid, and angles of the families of yarns to x on the flat ply [deg], none of metal, the
-    lowest first; of several each is cut away further than the one below. tool: its surface where it
-    is now. A line each `spacing` [mm] is a yarn. full: mirror a quarter. limit: of the colours
-    [deg], by default the multiple of 5 deg that covers all (means over the cells around each node).
-    view: direction from the ply to the camera. Raises InputError where VTK finds nothing to draw
-    on.
+    plies: the lowest first, of which each is cut away further than the one below; tool: its surface
+    where it is now. A line each `spacing` [mm] is a yarn. full: mirror a quarter. Raises InputError
+    where VTK finds nothing to draw on.
     """
-    fabrics = [grid["shear_angle"] for grid, _ in plies if "shear_angle" in grid.cell_data]
+    fabrics = [grid["shear_angle"] for grid in plies if "shear_angle" in grid.cell_data]
     largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
-    surfaces = [surface_of(grid, full) for grid, _ in plies]
-    limit = limit or shear_limit(surfaces)
+    surfaces = [surface_of(grid, full) for grid in plies]
+    limit = shear_limit(surfaces)
 
     def draw(plotter):
-        for k, (surface, (_, angles)) in enumerate(zip(surfaces, plies)):
-            surface = cut_away(surface, k / len(plies))
-            draw_ply(plotter, surface, limit, is_metal=not len(angles))
-            for angle in np.radians(angles):
-                across = surface["place"] @ [-np.sin(angle), np.cos(angle), 0]
-                draw_yarns(plotter, surface, across, spacing)
+        draw_plies(plotter, surfaces, limit, spacing)
         if tool is not None:
+            whole = mirrored(tool, surfaces[0].field_data["planes"])
             # away from the camera, so that it looks the same but does not show through the ply
-            behind = tool.translate(-3 * unit(view))
+            behind = whole.translate(-3 * unit(VIEW))
             look = {"color": TOOL, "ambient": 0.35, "diffuse": 0.75}
             plotter.add_mesh(behind, smooth_shading=True, **look)
 
     figure = plt.figure(figsize=(16, 10))
     ax = figure.add_axes((0.02, 0.13, 0.96, 0.85))
-    ax.imshow(cropped([image(draw, view)])[0], interpolation="lanczos")
+    ax.imshow(cropped([image(draw, VIEW)])[0], interpolation="lanczos")
     ax.axis("off")
     place = {"cax": figure.add_axes((0.3, 0.09, 0.4, 0.022)), "orientation": "horizontal"}
-    extend = "max" if largest > limit else "neither"
+    extend = "max" if largest > limit else "neither"  # as nodes have means over cells
     label = f"{SHEAR} (largest of a cell: {largest:.2f})"
     shear_bar(figure, limit, label, (18, 16), extend=extend, **place)
     figure.savefig(path, dpi=100)

@@ -44,18 +44,8 @@ class FlatPattern(NamedTuple):
     off: float
 
     @property
-    def area(self) -> float:
-        """Of the pattern [mm2]."""
-        return float(self.net.area)
-
-    @property
-    def perimeter(self) -> float:
-        """Of the pattern, with its holes [mm]."""
-        return float(self.net.length)
-
-    @property
     def formed_area(self) -> float:
-        """Of the formed part [mm2]."""
+        """Area of the formed part [mm2]."""
         return float(areas(self.part.formed[self.part.triangles]).sum())
 
 

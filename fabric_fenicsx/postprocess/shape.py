@@ -26,13 +26,15 @@ File: TypeAlias = pathlib.Path | str
 
 class Path(NamedTuple):
     """Values at the k points of a path, (k,) each: `distance` along it on the flat and `formed` on
-    the formed ply [mm], logarithmic fibre strains [-] and shear angle [deg]."""
+    the formed ply [mm], logarithmic fibre strains [-] and shear angle [deg]; formed `places` (k, 3)
+    [mm]."""
 
     distance: np.ndarray
     formed: np.ndarray
     log_eps_11: np.ndarray
     log_eps_22: np.ndarray
     shear_angle: np.ndarray
+    places: np.ndarray
 
 
 def along_paths(
@@ -77,7 +79,8 @@ def along_paths(
         k = np.arange(0, len(s) - 1, fine)
         # no point just before the one at the edge
         k = np.append(k[s[-1] - s[k] > SAME * spacing], len(s) - 1)
-        paths[angle] = Path(s[k], length[k], *(np.asarray(v(*places[:, k])) for v in values))
+        at = {name: np.asarray(v(*places[:, k])) for name, v in zip(factors, values)}
+        paths[angle] = Path(s[k], length[k], **at, places=line[k])
     return paths
 
 
@@ -97,14 +100,16 @@ def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
     return float(ply.fields[name][cell])
 
 
-def write_paths(path: File, paths: Mapping[float, Path]) -> None:
+def write_paths(file: File, paths: Mapping[float, Path]) -> None:
     """Write `along_paths` to a CSV file, a row a point."""
-    with open(path, "w", newline="") as file:
-        writer = csv.writer(file)
+    with open(file, "w", newline="") as opened:
+        writer = csv.writer(opened)
         names = "distance_mm", "formed_distance_mm", "log_eps_11", "log_eps_22", "shear_angle_deg"
         writer.writerow(["path_deg", *names])
         for angle, values in paths.items():
-            writer.writerows([f"{angle:g}", *(f"{v:.8g}" for v in row)] for row in zip(*values))
+            writer.writerows(
+                [f"{angle:g}", *(f"{v:.8g}" for v in row)] for row in zip(*values[:-1])
+            )
 
 
 class Outline(NamedTuple):

@@ -65,8 +65,9 @@ def failure_reason(path: Path) -> str:
 class Output:
     """Where a run called `name` writes to: `path`, with a subfolder for each part of it.
 
-    resume: go on with the results there; overwrite: lose them. facts: what every summary of the
-    run repeats; command: what log.txt begins with.
+    resume: go on with the results there; overwrite: lose them. command: what log.txt begins with;
+    translated: function of a message to its text with parameters as the reader writes them. `facts`
+    are what every summary of the run repeats.
     """
 
     def __init__(
@@ -77,12 +78,13 @@ class Output:
         *,
         resume: bool = False,
         overwrite: bool = False,
-        facts: Mapping[str, Any] | None = None,
         command: str = "",
+        translated: Callable[[str], str] = str,
     ) -> None:
         self.name, self.path, self.comm = name, path, comm
         self.resume, self.overwrite = resume, overwrite
-        self.facts, self.command = dict(facts or {}), command
+        self.command, self.translated = command, translated
+        self.facts: dict[str, Any] = {}
         self.parts: list[str] = []
         self.is_kept = True  # otherwise only while the run lasts
         self.is_quiet = False  # whether warnings are only for the summary
@@ -114,6 +116,7 @@ class Output:
 
         An empty text is nothing.
         """
+        text = self.translated(text)
         if text and text not in self.warnings:
             self.warnings.append(text)
         if text and self.comm.rank == 0 and text not in self._warned and not self.is_quiet:
@@ -244,6 +247,8 @@ class Output:
         wall = {name: round(timing.seconds.pop(name, 0.0), 4) for name in PHASES}
         self._started = time.perf_counter()
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        if "reason" in facts:
+            facts["reason"] = self.translated(facts["reason"])
         summary = {"study": self.name, "ranks": self.comm.size} | facts | self.facts
         summary |= {
             "warnings": self.warnings,

@@ -122,6 +122,16 @@ def stack_quantities(
     return found
 
 
+def middle_of(sheets: Sequence[Any]) -> str:
+    """Name of the middle sheet, if it is of fabric, not the only one, and metal is on both sides of
+    it; otherwise ""."""
+    count = len(sheets)
+    middle = sheets[count // 2]
+    metals = [k for k, sheet in enumerate(sheets) if sheet.metal]
+    between = count > 1 and metals and min(metals) < count // 2 < max(metals)
+    return middle.name if middle.fabric and between else ""
+
+
 def middle_quantities(result: Result, name: str) -> dict[str, float]:
     """Of ply `name`: the largest shear angle on the path at 45 deg, and the contrast of its shear
     angle (see `shape.contrast`) [deg]."""

@@ -4,10 +4,22 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from typing import Any
+from typing import Any, Self
 
 from .errors import InputError
-from .rules import Rule
+from .rules import Rule, unknown_key
+
+
+class KnowsItsFields:
+    """Base of dataclasses that name the nearest field where a keyword is unknown."""
+
+    def __new__(cls, *_: Any, **given: Any) -> Self:
+        """A new object. Raises InputError for a keyword that is no field."""
+        known = [each.name for each in dataclasses.fields(cls) if each.init]  # type: ignore[arg-type]
+        for name in given:
+            if name not in known:
+                raise unknown_key(name, known, f"field `{name}` of {cls.__name__}")
+        return super().__new__(cls)
 
 
 def declared(owner: Any) -> list[dataclasses.Field]:

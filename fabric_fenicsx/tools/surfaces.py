@@ -109,6 +109,18 @@ class Surface:
         """What tells it from another of its kind, by name: a checkpoint must agree in it."""
         return {name: value for name, value in vars(self).items() if not name.startswith("_")}
 
+    def __eq__(self, other: object) -> bool:
+        """Whether the other is of the same kind and has the same numbers."""
+        if type(self) is not type(other):
+            return NotImplemented
+        mine, theirs = self.given(), other.given()  # type: ignore[attr-defined]
+        return mine.keys() == theirs.keys() and all(
+            np.array_equal(mine[k], theirs[k]) for k in mine
+        )
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
         """As `evaluate`, at points (n, 3) [mm] that are finite; every surface gives it."""
         raise InputError(

@@ -1,4 +1,4 @@
-"""Scenarios as dataclasses: their fields are checked, and scripts have the same ones."""
+"""Tests as dataclasses: their fields are checked, and scripts have the same ones."""
 
 import dataclasses
 
@@ -14,6 +14,11 @@ from fabric_fenicsx.forming.dome import DIMENSIONS
 from fabric_fenicsx.meshes.double_dome import double_dome
 
 SCENARIOS = ff.Tensile, ff.BiasExtension, ff.PictureFrame, ff.Forming
+
+
+def built(test):
+    """The `Setup` of a coupon, or a `Forming`, which is one by itself."""
+    return test.build() if hasattr(test, "build") else test
 
 
 @pytest.mark.parametrize("kind", SCENARIOS)
@@ -48,7 +53,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
         (
             ff.Tensile,
             {"fibre_angle": 400},
-            "`fibre_angle` is 400.0; allowed is an angle from -360 to 360 deg",
+            "`fibre_angle` is 400; allowed is an angle from -360 to 360 deg",
         ),
         (ff.Forming, {"holdr": 1}, "field `holdr` of Forming is unknown (did you "),
         (
@@ -96,7 +101,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
 )
 def test_a_field_that_is_not_allowed(kind, fields, words):
     with pytest.raises(ff.InputError) as error:
-        kind(**fields)
+        built(kind(**fields))
     assert words in str(error.value)
 
 
@@ -104,14 +109,27 @@ def test_a_field_that_is_not_allowed(kind, fields, words):
 def test_a_mesh_that_is_no_name_of_a_file(make):
     words = "mesh file is given as Blank; allowed is its name, as a text or a path"
     with pytest.raises(ff.InputError, match=words):
-        make(mesh=ff.Blank.rectangle(20, 10, nx=2))
+        built(make(mesh=ff.Blank.rectangle(20, 10, nx=2)))
+
+
+@pytest.mark.parametrize("kind", [ff.Tensile, ff.BiasExtension, ff.PictureFrame])
+def test_a_coupon_is_data(kind):
+    """It compares, is replaced field by field, and stays as it was given when it is built."""
+    test = kind(nx=4)
+    assert test == kind(nx=4) == dataclasses.replace(kind(nx=5), nx=4) != kind(nx=5)
+    built = test.build()
+    assert test == kind(nx=4) and test.integration is None
+    assert (built.data.nx, built.data.integration) == (4, "full")
+    assert built.data.build().data == built.data
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        test.nx = 5
 
 
 @pytest.mark.parametrize("kind", [ff.Tensile, ff.BiasExtension])
 def test_defaults_are_those_of_the_scripts(kind):
-    made = kind()
+    made = kind().build()
     job = made.job()
-    assert (made.nx, made.element, job.steps) == (32, "P2", 20)
+    assert (made.data.nx, made.data.element, job.steps) == (32, "P2", 20)
     assert (job.tolerance, job.path_tolerance, job.every) == (1e-8, 1e-4, 5)
 
 

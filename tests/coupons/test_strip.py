@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.coupons.strip import Measured
+from fabric_fenicsx.coupons.measured import Measured
 from fabric_fenicsx.meshes.specimen import specimen
 
 SHIPPED = Path(__file__).parents[2] / "studies" / "data"
 SHEET = "thickness_mm = 1.0\ndensity_g_per_cm3 = 0.75\nbalanced = true\n"
 SIZE = {"length": 200, "width": 50, "nx": 12, "ny": 3, "pattern": "crossed", "element": "P1"}
-# of each test: the scenario, its keys, and header and factors of what its machine writes
+# of each test: its class, its keys, and header and factors of what its machine writes
 TESTS = {
     "uniaxial_a": (ff.Tensile, "lateral: free", "length", "displacement [mm], F [kN]", (1, 1e-3)),
     "uniaxial_b": (ff.Tensile, "lateral: free", "length", "eps_b [%], sigma_b [N/m]", (0.5, 20)),
@@ -45,7 +45,7 @@ def test_a_run_laid_over_itself(tmp_path, test):
     rows = history(kind(**fields).job(steps=6).run(pictures=False))[1:] * [1, 1.03]
     rows[-1] *= 1.001  # beyond the run's end
     file = written(tmp_path, test, rows)
-    made = kind(**fields, measured=file)
+    made = kind(**fields, measured=file).build()
     assert not made.warnings
     result = made.job(steps=6).run(tmp_path / "out")
     (found,) = json.loads((tmp_path / "out" / "summary.json").read_text())["quantities"]["measured"]
@@ -56,7 +56,7 @@ def test_a_run_laid_over_itself(tmp_path, test):
     off = rows[:5, 1] * 0.03 / 1.03
     assert found["rms_N"] == pytest.approx(np.sqrt(np.mean(off**2)), rel=2e-3)
     assert found["rms_of_peak"] == pytest.approx(found["rms_N"] / rows[4, 1], rel=1e-6)
-    (curve,) = made.beside().values()
+    (curve,) = made.reference_curves().values()
     assert np.array(curve).T == pytest.approx(rows, rel=1e-6)
     assert result.summary["converged"]
 
@@ -98,7 +98,7 @@ def test_the_residual_is_of_what_both_cover():
 )
 def test_what_still_can_be_compared_is_warned_of(tmp_path, test, sizes, sheet, words):
     rows = np.outer(range(1, 7), [1, 10])
-    made = TESTS[test][0](**SIZE, measured=written(tmp_path, test, rows, sizes, sheet))
+    made = TESTS[test][0](**SIZE, measured=written(tmp_path, test, rows, sizes, sheet)).build()
     (warning,) = made.warnings
     assert words in warning
     force = made.laid[0].force
@@ -108,7 +108,7 @@ def test_what_still_can_be_compared_is_warned_of(tmp_path, test, sizes, sheet, w
 
 
 def test_held_sides_are_warned_of():
-    made = ff.Tensile(**SIZE, measured=str(SHIPPED / "komeili_paper"))
+    made = ff.Tensile(**SIZE, measured=str(SHIPPED / "komeili_paper")).build()
     assert [each.file for each in made.laid] == ["uniaxial_a.csv"]
     (warning,) = made.warnings
     assert "uniaxial_a.csv is of held sides" in warning
@@ -130,12 +130,12 @@ def test_held_sides_are_warned_of():
 )
 def test_what_cannot_be_compared_is_refused(kind, fields, file, words):
     with pytest.raises(ff.InputError) as error:
-        kind(**SIZE, **fields, measured=str(SHIPPED / file))
+        kind(**SIZE, **fields, measured=str(SHIPPED / file)).build()
     assert words in str(error.value)
 
 
 def test_a_sheet_toml_stands_for_its_folder():
-    made = ff.BiasExtension(**SIZE, measured=str(SHIPPED / "komeili_all" / "sheet.toml"))
+    made = ff.BiasExtension(**SIZE, measured=str(SHIPPED / "komeili_all" / "sheet.toml")).build()
     assert [each.file for each in made.laid] == ["shear.csv"]
 
 
@@ -161,7 +161,7 @@ def test_a_study_refuses_it_by_its_options(launch):
 def test_a_strip_along_y_is_doubted(tmp_path, size, told):
     points, cells, kind = specimen(*size, 4, 4)
     meshio.write_points_cells(tmp_path / "strip.vtu", points, {kind: cells})
-    strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu"))
+    strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu")).build()
     assert any("turn it by 90 deg" in words for words in strip.warnings) == told
 
 
@@ -182,7 +182,7 @@ def test_a_strip_along_y_is_doubted(tmp_path, size, told):
     ],
 )
 def test_points_are_inner_where_quadratic_cells_do_not_follow_the_yarns(kind, fields, integration):
-    assert kind(nx=16, **fields).integration == integration
+    assert kind(nx=16, **fields).build().data.integration == integration
 
 
 def test_an_own_mesh_gets_inner_points_if_its_cells_do_not_follow_the_yarns(tmp_path):
@@ -190,10 +190,10 @@ def test_an_own_mesh_gets_inner_points_if_its_cells_do_not_follow_the_yarns(tmp_
     meshio.Mesh(points, [(kind, cells)]).write(tmp_path / "strip.vtu")
     for angle, integration in ((0, "full"), (30, "inner")):
         strip = ff.Tensile(mesh=str(tmp_path / "strip.vtu"), fibre_angle=angle)
-        assert strip.integration == integration
+        assert strip.build().data.integration == integration
 
 
-# scenario, angle, strain, and the force [N] of P3 on fine cells with edges on the corners' yarns
+# test, angle, strain, and the force [N] of P3 on fine cells with edges on the corners' yarns
 OFF_AXIS = [
     (ff.BiasExtension, 30, 0.1, 1.990),
     (ff.Tensile, 45, 0.03, 0.10895),

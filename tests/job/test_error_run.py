@@ -46,7 +46,7 @@ def test_curve_and_fields_have_errors(folder):
 @pytest.mark.mpi
 def test_errors_do_not_depend_on_ranks():
     def errors(comm):
-        strip = ff.BiasExtension(nx=16, strain=0.05, comm=comm)
+        strip = ff.BiasExtension(nx=16, strain=0.05).build(comm)
         return strip.job(steps=6, error=True).run().summary["error"]
 
     one, two = errors(MPI.COMM_SELF), errors(COMM)

@@ -79,7 +79,7 @@ def test_plies_at_plus_and_minus_45_have_files_of_their_own(tmp_path, shortening
     for grid in grids.values():
         for yarns in "ab":
             grid.cell_data[f"shortening_{yarns}"] = np.full(grid.n_cells, shortening)
-    forming_pictures.draw_plies(tmp_path, grids, [(45, 135), (-45, 45)], None)
+    forming_pictures.draw_plies(tmp_path, grids)
     files = [f"{name}_{label}" for name in ("paths", "states") for label in ("p45", "m45")]
     files += ["formed"] + (["shortening"] if shortening else [])
     assert sorted(file.stem for file in tmp_path.iterdir()) == sorted(files)
@@ -91,7 +91,7 @@ def test_picture_of_the_formed_ply(tmp_path, angle, capfd):
     grid = formed(on_dome, angle=np.radians(angle), ranks=2)
     for with_tool in (tool, None):
         path = tmp_path / "formed.png"
-        space.formed_picture(path, [(grid, (angle, angle + 90))], with_tool)
+        space.formed_picture(path, [grid], with_tool)
         assert is_picture(path, (1600, 1000))
         path.rename(tmp_path / f"formed_{with_tool is not None}.png")
     assert capfd.readouterr().err == ""

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.plot import press_pictures, space
+from fabric_fenicsx.plot import forming_pictures, press_pictures, space
 from fabric_fenicsx.postprocess.states import states
 from fabric_fenicsx.results import report
 from fabric_fenicsx.results.fields import FieldSeries
@@ -131,7 +131,7 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
 
 @pytest.mark.versions
 def test_a_filmstrip_is_drawn(tmp_path, run, capfd):
-    press_pictures.filmstrip(tmp_path / "filmstrip.png", run, captions={1.0: "done"})
+    press_pictures.filmstrip(tmp_path / "filmstrip.png", run)
     assert matplotlib.image.imread(tmp_path / "filmstrip.png").shape[1] == 1600
     assert capfd.readouterr().err == ""
 
@@ -141,12 +141,10 @@ def test_a_filmstrip_needs_states(tmp_path):
         press_pictures.filmstrip(tmp_path / "filmstrip.png", tmp_path)
 
 
-def test_maps_of_formed_plies(tmp_path, run):
-    plies = states(run)[-1].plies()
-    press_pictures.draw_formed(tmp_path, plies)
-    drawn = {file.stem for file in tmp_path.iterdir()}
-    assert {"shortening", "outline"} <= drawn <= {"thickness", "shortening", "outline"}
-    assert drawn <= set(report.CAPTIONS)
+def test_pictures_of_formed_plies(run):
+    forming_pictures.draw_plies(run, states(run)[-1].plies(), "ball")
+    drawn = {file.stem for file in run.glob("*.png")}
+    assert {"formed", "states"} <= drawn <= set(report.CAPTIONS)
 
 
 def test_a_report_shows_the_setup_first():

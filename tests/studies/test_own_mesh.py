@@ -11,8 +11,7 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.command_line.study import Study
-from fabric_fenicsx.coupons.picture_frame import PictureFrame
-from fabric_fenicsx.coupons.tensile import Tensile
+from fabric_fenicsx.coupons.coupon import PictureFrame, Tensile
 from fabric_fenicsx.forming.forming import Forming
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
@@ -52,11 +51,11 @@ def test_length_and_width_are_the_meshs_own(study, turned):
     c, s = np.cos(turned), np.sin(turned)
     points[:, :2] = points[:, :2] @ [[c, s], [-s, c]] + 7
     mine = study(*TENSILE, (points, cells, kind), "--turned", str(np.degrees(turned)))
-    mine.scenario(Tensile)
+    mine.build(mine.describe(Tensile))
     assert (mine.args.length, mine.args.width) == (120, 30)
     assert (mine.args.nx, mine.args.ny, mine.args.pattern) == (None, None, None)
-    mine.scenario(Tensile)  # as for a second part
-    assert (mine.args.length, mine.args.width, mine.warnings) == (120, 30, [])
+    mine.build(mine.describe(Tensile))  # as for a second part
+    assert (mine.args.length, mine.args.width, mine.output.warnings) == (120, 30, [])
 
 
 def test_the_summary_tells_them(study, shared_path):
@@ -93,30 +92,30 @@ def test_a_length_that_is_not_the_meshs_is_refused(study, name, value):
     with pytest.raises(
         InputError, match=f"`{name}` {value} does not fit `mesh` .*s.vtk, of {own} mm; allowed"
     ):
-        mine.scenario(Tensile)
+        mine.build(mine.describe(Tensile))
 
 
 @pytest.mark.mpi
 def test_a_length_that_is_the_meshs_is_not(study):
     mine = study(*TENSILE, specimen(120, 30, 12, 3), "--length=120", "--width", "30.00001")
-    mine.scenario(Tensile)
+    mine.build(mine.describe(Tensile))
     assert (mine.args.length, mine.args.width) == (120, 30)
 
 
 @pytest.mark.mpi
 def test_a_frame_needs_a_square(study):
     mine = study("picture_frame", picture_frame.options, specimen(120, 120, 6, 6))
-    mine.scenario(PictureFrame)
+    mine.build(mine.describe(PictureFrame))
     assert mine.args.side == 120
     mine = study("picture_frame", picture_frame.options, specimen(120, 30, 12, 3))
     with pytest.raises(InputError, match="is 120 x 30 mm; allowed in this study is a square"):
-        mine.scenario(PictureFrame)
+        mine.build(mine.describe(PictureFrame))
 
 
 @pytest.mark.mpi
 def test_a_quarter_is_half_as_long_as_its_ply(study):
     mine = study("double_dome", double_dome.options, specimen(200, 120, 10, 6, "left"))
-    mine.scenario(Forming)
+    mine.build(mine.describe(Forming))
     assert (mine.args.length, mine.args.width) == (400, 240)
 
 
@@ -134,10 +133,10 @@ def test_a_mesh_that_is_no_quarter(study, shift, words):
     points, cells, kind = specimen(200, 120, 10, 6, "left")
     mine = study("double_dome", double_dome.options, (points + shift, cells, kind))
     if not words:
-        mine.scenario(Forming)
+        mine.build(mine.describe(Forming))
         return
     with pytest.raises(InputError) as error:
-        mine.scenario(Forming)
+        mine.build(mine.describe(Forming))
     assert str(error.value).startswith(f"the mesh reaches from {words}; allowed is ")
 
 
@@ -151,11 +150,11 @@ def test_other_units_than_mm(study, capfd, scale, words):
     mine = study(*TENSILE, (scale * points, cells, kind))
     if scale == 1e-3:
         with pytest.raises(InputError, match=words):
-            mine.scenario(Tensile)
+            mine.build(mine.describe(Tensile))
         return
     for _ in range(2):  # said once
-        mine.scenario(Tensile)
-    (doubt,) = mine.warnings
+        mine.build(mine.describe(Tensile))
+    (doubt,) = mine.output.warnings
     assert words in doubt
     assert capfd.readouterr().err.count(words) == (COMM.rank == 0)
 
@@ -170,7 +169,7 @@ def test_other_units_without_a_mesh(shared_path):
     with pytest.raises(
         InputError, match="the specimen is 0.2 x 0.05 mm, less than the fabric is thick"
     ):
-        mine.scenario(Tensile)
+        mine.build(mine.describe(Tensile))
 
 
 @pytest.mark.mpi
@@ -181,8 +180,8 @@ def test_a_slit_is_doubted_in_the_study(study):
     own[lips] = len(points) + np.arange(len(lips))
     cells = np.where((points[cells, 1].mean(1) > 10)[:, None], own[cells], cells)
     mine = study(*TENSILE, (np.vstack([points, points[lips]]), cells, kind))
-    mine.scenario(Tensile)
-    (doubt,) = mine.warnings
+    mine.build(mine.describe(Tensile))
+    (doubt,) = mine.output.warnings
     assert f"has {len(lips)} nodes where another one lies" in doubt
 
 

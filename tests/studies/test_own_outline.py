@@ -8,7 +8,7 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import Study
-from fabric_fenicsx.coupons.tensile import Tensile
+from fabric_fenicsx.coupons.coupon import Tensile
 from fabric_fenicsx.forming.forming import Forming
 from fabric_fenicsx.forming.plies import read_plies
 
@@ -33,16 +33,18 @@ def table(tmp_path):
 def test_a_strip_has_cells_of_the_size(table, tmp_path):
     out = "--out", str(tmp_path / "out")
     study = Study("tensile", tensile.options(), ["--outline", table(120, 30), "--size", "5", *out])
-    strip = study.scenario(Tensile)
-    assert (strip.length, strip.width, strip.nx, strip.pattern) == (120, 30, None, "unstructured")
+    strip = study.build(study.describe(Tensile))
+    data = strip.data
+    assert (data.length, data.width, data.nx, data.pattern) == (120, 30, None, "unstructured")
     assert strip.blank.mesh.topology.index_map(2).size_global == pytest.approx(332, rel=0.1)
     assert not strip.warnings and strip.coarser().size == 10
 
 
 def test_quick_cells_are_a_share_of_the_length(table, tmp_path):
     words = ["--outline", table(120, 30), "--quick", "--ny", "7", "--out", str(tmp_path / "out")]
-    strip = Study("tensile", tensile.options(), words).scenario(Tensile)
-    assert (strip.nx, strip.ny, strip.size) == (20, None, None)
+    study = Study("tensile", tensile.options(), words)
+    strip = study.build(study.describe(Tensile))
+    assert (strip.data.nx, strip.data.ny, strip.data.size) == (20, None, None)
     (doubt,) = strip.warnings
     assert doubt.startswith("`ny` changes nothing, as `outline`")
 
@@ -53,8 +55,8 @@ def test_errors_are_estimated_from_coarser_cells(table):
 
 
 def test_coarse_cells_have_no_coarser_ones(table):
-    assert not Tensile(FABRIC, outline=table(120, 30), size=8).can_be_coarser()
-    assert Tensile(FABRIC, outline=table(120, 30), size=7.5).can_be_coarser()
+    assert Tensile(FABRIC, outline=table(120, 30), size=8).build().coarser() is None
+    assert Tensile(FABRIC, outline=table(120, 30), size=7.5).build().coarser().size == 15
 
 
 @pytest.mark.parametrize(
@@ -62,8 +64,8 @@ def test_coarse_cells_have_no_coarser_ones(table):
     [
         ({"mesh": "a.msh"}, "`outline` is given beside `mesh`; allowed is one of them"),
         ({"nx": 9, "size": 8}, "`nx` is given beside `size`; allowed is one of them"),
-        ({"outline": None, "size": 8}, "`size` is given without `outline`"),
-        ({"outline": None, "layer": "CUT"}, "`layer` is given without `outline`"),
+        ({"outline": None, "size": 8}, "`size` needs `outline`"),
+        ({"outline": None, "layer": "CUT"}, "`layer` needs `outline`"),
         ({"length": 100}, "`length` 100 does not fit `outline` .*, of 120 mm"),
         ({"element": "Q2"}, "`element` is Q2; allowed for an outline are triangles"),
         ({"pattern": "left"}, "`pattern` is 'left'; allowed for an outline are"),
@@ -71,7 +73,7 @@ def test_coarse_cells_have_no_coarser_ones(table):
 )
 def test_what_does_not_go_with_an_outline(table, fields, words):
     with pytest.raises(ff.InputError, match=words):
-        Tensile(FABRIC, **{"outline": table(120, 30)} | fields)
+        Tensile(FABRIC, **{"outline": table(120, 30)} | fields).build()
 
 
 def test_a_file_that_is_not_there_is_told_at_once(launch):

@@ -17,7 +17,7 @@ import pytest
 from mpi4py import MPI
 
 from fabric_fenicsx.command_line.study import Study, parser
-from fabric_fenicsx.coupons.tensile import Tensile
+from fabric_fenicsx.coupons.coupon import Tensile
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.postprocess.states import read_last
 from fabric_fenicsx.runtime.errors import InputError

@@ -1,6 +1,7 @@
 """Whether the tools of a press leave the blank room between them, and are as symmetric as a quarter
 takes them to be."""
 
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -9,54 +10,68 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from ..tools.checks import MIRRORED
-from .punch import PRESSED
 
+PRESSED = 1.0  # MPa, under which the blank must fit between closed tools
 ACROSS = 60  # points across the blank, at which the distance of two tools is asked
 
 
-def check_clearances(press: Any) -> None:
+def check_clearances(
+    press: Any, laid: Any, placed: Any, pressed: float, warnings: list[str]
+) -> None:
     """Raise InputError on all ranks if two tools of a `Press`, on either side of its blank, go
-    through one another at the end of a stage; warn if they leave it less room than it needs.
+    through one another at the end of a stage; warn if they leave it less than its `pressed`
+    thickness [mm].
 
     Of tools that a force moves the place is not known.
     """
-    wrong, comm = "", press.comm
-    tools = [tool for tool in press.rigid if not tool.force]
+    wrong, comm, found = "", laid.blank.mesh.comm, list[str]()
+    tools = [tool for tool in placed.tools.values() if not tool.force]
+    low, high = laid.blank.extent()
     try:
-        for one, two in combinations(tools, 2) if comm.rank == 0 else ():
-            press.warnings += _doubts(press, one, two)
+        for pair in combinations(tools, 2) if comm.rank == 0 else ():
+            same_side = len({press.tools[tool.name].side for tool in pair}) == 1
+            names = {tool.name for tool in pair}
+            of = next((of for name, of in press.dies().items() if {name, of} == names), "")
+            if of and placed.schedule.closes_straight(of, *names - {of}):
+                distance = partial(_of_die, placed.schedule, of)
+            else:
+                distance = partial(_least_distance, *pair, low, high)
+            found += _doubts([t.name for t in pair], same_side, distance, placed.schedule, pressed)
     except InputError as error:
         wrong = str(error)
-    wrong, press.warnings[:] = comm.bcast((wrong, press.warnings))
+    wrong, found = comm.bcast((wrong, found))
     if wrong:
         raise InputError(wrong)
+    warnings += found
 
 
-def _doubts(press, one, two):
+def _doubts(names, same_side, distance, schedule, pressed):
     """Sentences on two tools that come too near at the ends of stages; InputError as
-    `check_clearances`."""
-    same_side = press.tools[one.name].side == press.tools[two.name].side
-    pressed = sum(ply.thickness_under(PRESSED) for ply in press.plies)
-    whens = ["before anything moves", *(f"at the end of {s.name}" for s in press.course.stages)]
-    low, high = press.extent
+    `check_clearances`. distance: function of the load factor to theirs, and its place."""
+    whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
     found: list[str] = []
-    for load, when in zip(press.course.joints, whens):
-        distance, place = _least_distance(one, two, low, high, load)
-        tools, at = f"tools {one.name} and {two.name}", f"{when}, at {coordinates(place)} mm"
-        through = f"{tools} go {rounded(-distance, 4)} mm through one another {at}"
-        if distance < 0 and not same_side:
+    for load, when in zip(schedule.joints, whens):
+        apart, place = distance(load)
+        tools, at = f"tools {' and '.join(names)}", f"{when}, at {coordinates(place)} mm"
+        through = f"{tools} go {rounded(-apart, 4)} mm through one another {at}"
+        if apart < 0 and not same_side:
             raise InputError(
                 f"{through}; allowed is a distance from {rounded(pressed, 4)} mm, the blank's "
                 f"thickness under {PRESSED:g} MPa: less travel, or another place (`at`)"
             )
-        if distance < 0 and load:
+        if apart < 0 and load:
             return [*found, f"{through}: real ones can't"]
-        if load and not same_side and distance < (1 - 1e-6) * pressed:
+        if load and not same_side and apart < (1 - 1e-6) * pressed:
             found.append(
-                f"{tools} are {rounded(distance, 4)} mm apart {at}, less than the blank's "
-                f"thickness under {PRESSED:g} MPa, {rounded(pressed, 4)} mm: they crush it there"
+                f"{tools} are {rounded(apart, 4)} mm apart {at}, less than the blank's thickness "
+                f"under {PRESSED:g} MPa, {rounded(pressed, 4)} mm: they crush it there"
             )
     return found
+
+
+def _of_die(schedule, tool, load):
+    """The distance of a tool and its die where they are flat, in the middle."""
+    return schedule.distance(tool, load), np.zeros(3)
 
 
 def _least_distance(one, two, low, high, load):
@@ -80,25 +95,25 @@ def _points(tool, low, high, load):
     return x[((x >= low - 1e-6) & (x <= high + 1e-6))[:, :2].all(1)]
 
 
-def symmetry_warnings(press: Any) -> list[str]:
+def symmetry_warnings(press: Any, laid: Any, placed: Any) -> list[str]:
     """A sentence for each tool of a quarter that is not its own mirror image in x = 0 and y = 0, to
     `MIRRORED` of the thickness, where it stands at the start and at the end; on all ranks."""
     found: list[str] = []
-    low, high = press.extent
-    for tool in press.rigid if press.comm.rank == 0 and not press.full else ():
+    comm, (low, high) = laid.blank.mesh.comm, laid.blank.extent()
+    for tool in placed.tools.values() if comm.rank == 0 and press.quarter else ():
         for load in (0.0, 1.0):
             x, place = _points(tool, low, high, load), np.asarray(tool.path(load))
-            if not len(x) or any(words.startswith(f"tool {tool.name} ") for words in found):
+            if not len(x) or any(words.startswith(f"tools.{tool.name} ") for words in found):
                 continue
             for axis, mirror in enumerate(((-1, 1, 1), (1, -1, 1))):
                 off = np.nan_to_num(abs(tool.surface.evaluate(x * mirror - place).gap))
                 worst = int(off.argmax())
-                if off[worst] > MIRRORED * press.thickness:
+                if off[worst] > MIRRORED * placed.thickness:
                     found.append(
-                        f"tool {tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is "
+                        f"tools.{tool.name} is not its own mirror image in {'xy'[axis]} = 0: it is "
                         f"at {coordinates(x[worst])}, but {rounded(off[worst])} mm off "
                         f"{coordinates(x[worst] * mirror)}; so the quarter stands for four "
                         "mirrored ones; take the whole blank (`quarter = false`)"
                     )
                     break
-    return press.comm.bcast(found)
+    return comm.bcast(found)

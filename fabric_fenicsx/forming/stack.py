@@ -1,12 +1,12 @@
-"""Plies laid on one another: their stack, and the terms of each and between them."""
+"""Sheets laid on one another: the terms of each and between them."""
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
@@ -14,67 +14,53 @@ from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.metal import SheetMetal
 from ..mechanics.shell.morley import Where
 from ..mechanics.term import Term
-from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
-from .plies import Ply
+from .interface import Interface
+from .sheet import Sheet
 
 
-def lay(plies: Sequence[Ply], make: Callable[[Ply], Blank]) -> Stack:
-    """The `Stack` of plies, the lowest first; `make` gives the blank of each.
-
-    They lie on one another without pressure. The upper face of the last one is half of all
-    thicknesses over z = 0, where the die lies. Raises InputError without any.
-    """
-    if not plies:
-        raise InputError("`stack` has no ply; allowed are one or more")
-    sheets = [(make(ply), ply.thickness_under(0.0), ply.name) for ply in plies]
-    return Stack(sheets, -sum(thickness for _, thickness, _ in sheets) / 2)
+def membrane(sheet: Sheet) -> Membrane:
+    """The membrane of a sheet of fabric."""
+    weave = None if sheet.weave_angle is None else math.radians(sheet.weave_angle)
+    return Membrane(sheet.fabric, integration=sheet.integration or "full", weave_angle=weave)
 
 
-def membranes(plies: Sequence[Ply]) -> list[Membrane]:
-    """The membrane of each ply of fabric."""
-    return [Membrane(ply.fabric).on(ply.name) for ply in plies if ply.fabric]
-
-
-def metals(plies: Sequence[Ply], planes: Sequence[Where]) -> list[Term]:
-    """The `SheetMetal` of each ply of metal; planes: of symmetry."""
-    return [SheetMetal(ply.metal, symmetric=planes).on(ply.name) for ply in plies if ply.metal]
+def metal(sheet: Sheet, planes: Sequence[Where]) -> SheetMetal:
+    """The `SheetMetal` of a sheet of metal; planes: of symmetry."""
+    return SheetMetal(sheet.metal, symmetric=planes)
 
 
 def between(
-    stack: Stack,
-    plies: Sequence[Ply],
-    slip: float,
-    lag: float,
-    planes: Sequence[Where],
-    penalty: float | None = None,
+    stack: Stack, sheets: Sequence[Sheet], interface: Interface, planes: Sequence[Where]
 ) -> list[Term]:
-    """Contact with friction of each ply with the next, and of two plies with a smaller one between
-    them. planes: of symmetry; slip, lag: as in `Coulomb`; penalty: as in `SheetContact`."""
-    terms: list[Term] = []
-    for lower, upper in _facing(stack, plies):
-        names = lower.name, upper.name
-        friction = Coulomb(lower.friction_to(upper), slip, lag)
-        contact = SheetContact(
-            *names, penalty=penalty, lag=lag, symmetric=planes, friction=friction
+    """Contact with friction of each sheet with the next, and of two with a smaller one between
+    them. planes: of symmetry."""
+    return [
+        SheetContact(
+            lower.name,
+            upper.name,
+            penalty=interface.penalty,
+            lag=interface.lag,
+            symmetric=planes,
+            friction=interface.coulomb(lower.friction_to(upper)),
         )
-        terms.append(contact)
-    return terms
+        for lower, upper in _facing(stack, sheets)
+    ]
 
 
-def neighbours(terms: Sequence[Term], plies: Sequence[Ply]) -> list[SheetContact]:
-    """Of the terms those contacts that are of a ply and the next, the lowest first."""
+def neighbours(terms: Sequence[Term], sheets: Sequence[Sheet]) -> list[SheetContact]:
+    """Of the terms those contacts that are of a sheet and the next, the lowest first."""
     contacts = {term.sheets: term for term in terms if isinstance(term, SheetContact)}
-    return [contacts[lower.name, upper.name] for lower, upper in pairwise(plies)]
+    return [contacts[lower.name, upper.name] for lower, upper in pairwise(sheets)]
 
 
-def rims(stack: Stack, plies: Sequence[Ply]) -> list[str]:
-    """Names of the plies that reach beyond all those below them, without the lowest one."""
+def rims(stack: Stack, sheets: Sequence[Sheet]) -> list[str]:
+    """Names of the sheets that reach beyond all those below them, without the lowest one."""
     corners = np.array([sheet.blank.extent()[1][:2] for sheet in stack.sheets])
     below = np.maximum.accumulate(corners)
     beyond = (corners[1:] > below[:-1] + 1e-6).any(1)
-    return [ply.name for ply, reaches in zip(plies[1:], beyond) if reaches]
+    return [s.name for s, reaches in zip(sheets[1:], beyond) if reaches]
 
 
 def least_corner(blank: Blank) -> np.ndarray:
@@ -83,11 +69,11 @@ def least_corner(blank: Blank) -> np.ndarray:
     return np.min([sheet.extent()[1][:2] for sheet in sheets], axis=0)
 
 
-def _facing(stack, plies):
-    """Pairs of plies that may touch."""
-    pairs = list(pairwise(plies))
+def _facing(stack, sheets):
+    """Pairs of sheets that may touch."""
+    pairs = list(pairwise(sheets))
     corner = {sheet.name: sheet.blank.extent()[1][:2] for sheet in stack.sheets}
-    for lower, middle, upper in zip(plies, plies[1:], plies[2:]):
+    for lower, middle, upper in zip(sheets, sheets[1:], sheets[2:]):
         least = np.minimum(corner[lower.name], corner[upper.name])
         if (least > corner[middle.name] + 1e-6).any():
             pairs.append((lower, upper))

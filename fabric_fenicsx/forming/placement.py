@@ -1,84 +1,26 @@
-"""The tools of a press: what each is, and where it stands before anything moves."""
+"""Where the tools of a press stand before anything moves."""
 
 import math
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from ..runtime.errors import InputError
-from ..runtime.fields import check_fields, number
 from ..runtime.formatting import coordinates, rounded
-from ..runtime.rules import FROM_ZERO, POSITIVE
 from ..tools.checks import FLANGE, UNITS, check_triangles
 from ..tools.files import CAD
 from ..tools.surfaces import Surface, Turned
 from ..tools.triangulated import TriangulatedSurface
-from ..tools.values import checked_vector, length_of
+from ..tools.values import length_of
+from .tools import PressTool
 
-SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the way along z from there to it
 FAR = 1e3  # sizes of the blank, within which a tool's face is sought
 FINER = 1, 2, 5  # by which a CAD model's chord is divided in turn
 TOUCHES = 1e-9  # of the thickness, to which a tool is brought to the blank
 TRIES = 500  # at most, to bring it there
 KEPT = 10  # points beside the nodes, at which it was nearest before
-
-
-@dataclass(frozen=True)
-class DieOf:
-    """The die of another tool, in place of a surface: that tool's surface at a `clearance` [mm]
-    (1.2 thicknesses of the blank), seen from the blank's other side."""
-
-    tool: str
-    clearance: float | None = number(None, POSITIVE, "distance from the tool [mm]")
-
-    def __post_init__(self) -> None:
-        check_fields(self, "{} of a die".format)
-
-
-@dataclass(frozen=True)
-class PressTool:
-    """A tool of a press.
-
-    - surface: what bounds it, as it stands, a file of triangles or a CAD model [mm], or `DieOf`
-      another tool
-    - side: "below" or "above" the blank; towards the blank is then up or down
-    - at: where the origin of its surface stands, (x, y, z) or (x, y) [mm]. Without z it is brought
-      along z to touch the blank, less the distance `off` [mm]
-    - turn: angles (3,) about x, then y, then z [deg], by which it is turned about its origin
-    - force: of the whole blank [N], by which it is pushed towards the blank from the start;
-      by default it stands or moves as the stages say
-    - friction: coefficient, by default the press's
-    - chord: as in `TriangulatedSurface.read` [mm]
-
-    Raises InputError for other values.
-    """
-
-    surface: Surface | str | DieOf
-    side: str = "below"
-    at: Sequence[float] = (0.0, 0.0)
-    off: float = number(0.0, FROM_ZERO, "distance from the blank at the start [mm]")
-    turn: Sequence[float] = (0.0, 0.0, 0.0)
-    force: float | None = number(None, POSITIVE, "towards the whole blank [N]")
-    friction: float | None = number(None, FROM_ZERO, "coefficient to the blank")
-    chord: float = number(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
-
-    def __post_init__(self) -> None:
-        check_fields(self, "{} of a tool".format)
-        if self.side not in SIDES:
-            raise InputError(f"side of a tool is {self.side!r}; allowed is below or above")
-        checked_vector("turn of a tool", self.turn)
-        checked_vector("at of a tool", self.at, size=2 if length_of(self.at) == 2 else 3)
-        if self.off and length_of(self.at) == 3:
-            raise InputError("off of a tool is given beside z of `at`; allowed is one of them")
-
-    @property
-    def towards(self) -> np.ndarray:
-        """The way from it to the blank (3,)."""
-        return np.array([0.0, 0.0, SIDES[self.side]])
 
 
 class Placement:
@@ -101,9 +43,9 @@ class Placement:
 
     def surface(self, name: str, tool: PressTool) -> Surface:
         """The tool's surface, read and turned, with its face towards the blank."""
-        surface, file = tool.surface, f"surface of tool {name}"
+        surface, file = tool.surface, f"tools.{name}.surface"
         if isinstance(surface, (str, os.PathLike)):
-            file = f"tool {name}, {surface}"
+            file = f"tools.{name}, {surface},"
             surface = self._read(file, str(surface), tool.chord)
         elif not isinstance(surface, Surface):
             raise InputError(
@@ -143,8 +85,34 @@ class Placement:
                     "mm"
                 )
 
-    def stand(self, name: str, tool: PressTool) -> tuple[Surface, np.ndarray]:
-        """The tool's surface, and where its origin stands at the start (3,) [mm]."""
+    def check_matched(self, name: str, surface: Surface) -> None:
+        """Raise InputError for the surface of triangles of a tool with a die, if the blank does not
+        fit between them: it is not in mm, or it is open beneath the blank."""
+        if not isinstance(surface, TriangulatedSurface):
+            return
+        size = float(np.ptp(surface.points, axis=0)[:2].max())
+        needed = f"a surface in mm that reaches beyond the blank of {rounded(self._size, 4)} mm"
+        for unit, factor in UNITS.items():
+            if size < 0.2 * self._size and 0.5 < size * factor / self._size < 10:
+                raise InputError(
+                    f"tools.{name} is {rounded(size, 4)} mm large, which speaks of {unit}; allowed "
+                    f"is {needed}"
+                )
+        middle = surface.points[surface.rim].mean(1)
+        margin = 1e-6 * self._size
+        within = (middle[:, :2] > self._low + margin) & (middle[:, :2] < self._high - margin)
+        if within.all(1).any():
+            place = coordinates(middle[within.all(1).argmax()])
+            raise InputError(
+                f"tools.{name} is open at {place} mm, beneath the blank; allowed is {needed}, "
+                "without holes and cracks"
+            )
+
+    def stand(
+        self, name: str, tool: PressTool, usual_off: float = 0.0
+    ) -> tuple[Surface, np.ndarray]:
+        """The tool's surface, and where its origin stands at the start (3,) [mm]; usual_off: the
+        default of its `off` [mm]."""
         surface = self.surface(name, tool)
         start = np.append(np.asarray(tool.at, dtype=float)[:2], 0.0)
         touching = self._touching(name, tool, surface, start)
@@ -154,19 +122,19 @@ class Placement:
             if touching is not None:
                 surface = turned
                 self._warnings.append(
-                    f"tool {name}: the normals of its surface point away from the blank, so it was "
-                    "turned round"
+                    f"tools.{name}: the normals of its surface point away from the blank, so it "
+                    "was turned round"
                 )
         if touching is None:
             raise InputError(
-                f"tool {name} has its body between its face and the blank, which is {_side(tool)} "
+                f"tools.{name} has its body between its face and the blank, which is {_side(tool)} "
                 f"it; allowed is the other side, or turn = [180, 0, 0]{_added(tool)}"
             )
         if length_of(tool.at) == 3:
             z = float(tool.at[2])
             self._check_height(name, tool, z, touching)
         else:
-            z = touching - tool.off * tool.towards[2]
+            z = touching - (usual_off if tool.off is None else tool.off) * tool.towards[2]
         self._doubt_back(name, tool, surface)
         return surface, start + [0, 0, z]
 
@@ -209,7 +177,7 @@ class Placement:
 
     def _beside(self, name, tool, surface, place):
         found, middle = _of_triangles(surface), (self._low + self._high) / 2
-        words = f"tool {name} does not meet the blank when it is moved along z"
+        words = f"tools.{name} does not meet the blank when it is moved along z"
         if found is not None:
             low, high = found.min(0)[:2] + tool.at[:2], found.max(0)[:2] + tool.at[:2]
             shift = np.asarray(tool.at[:2]) + middle - (low + high) / 2
@@ -227,7 +195,7 @@ class Placement:
         deep = (z - touching) * tool.towards[2]
         if deep > FLANGE * self._t:
             raise InputError(
-                f"tool {name} cuts into the blank by {rounded(deep, 4)} mm before anything moves; "
+                f"tools.{name} cuts into the blank by {rounded(deep, 4)} mm before anything moves; "
                 f"allowed is z of `at` {'up to' if tool.side == 'below' else 'from'} "
                 f"{rounded(touching, 6)}, where it touches, or `at` without z"
             )
@@ -246,7 +214,7 @@ class Placement:
         behind = float(np.ptp(found[back][:, :2], axis=0).max()) if back.any() else 0.0
         if extent > 0.98 * size and behind < 0.5 * extent and np.ptp(z) > 0.05 * size:
             self._warnings.append(
-                f"tool {name} shows the blank a flat face, and its shape on the other side: "
+                f"tools.{name} shows the blank a flat face, and its shape on the other side: "
                 f"turn = [180, 0, 0]{_added(tool)} would turn it over"
             )
 

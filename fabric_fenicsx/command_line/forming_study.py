@@ -1,0 +1,244 @@
+"""The studies of a press with a punch and its die: their options, and the press that these mean."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, ClassVar
+
+from ..forming.build import FormingScene
+from ..forming.holders import GROUP, HOLDERS, Holder, PressureHolder
+from ..forming.interface import Interface
+from ..forming.press import EXAMPLES, Press
+from ..forming.schema import read_document
+from ..forming.sheet import Sheet
+from ..material.files import read_toml
+from ..material.laws import Law
+from ..material.metal import load_metal
+from ..runtime.errors import InputError
+from ..runtime.fields import check_fields, number, one_of, switch, text
+from ..runtime.rules import POSITIVE, SHARE
+from ..solve.limits import Limits
+from ..tools.double_dome import DoubleDome
+from .options import Parser
+from .study import Study, of_kind, parser
+
+DIMENSIONS = tuple(each.name for each in fields(DoubleDome))
+AREA = 13568 / 20268  # of metal over fabric, from the numbers of elements that the paper gives
+# paths of a press, and what options say them
+OPTIONS = {
+    r"\S*\.toml: ": "",
+    r"tools\.die\.clearance": "`clearance`",
+    r"tools\.punch(?=[, ]|\.file)(\.file)?": "`punch`",
+    r"(?:blank|contact|ply\.[\w ]+?)\.(?=\w)(\w+)": r"`\1`",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DomeTest:
+    """The options of the double dome besides those of sheet and interface."""
+
+    NAME: ClassVar[str] = "double_dome"
+    PRESS: ClassVar[str] = "double_dome"  # of studies/presses
+    HEADLINES: ClassVar[tuple[str, ...]] = (
+        *("punch_force_N", "shear_angle_max_deg", "shear_angle_99_percent_deg"),
+        "draw_in.largest_mm",
+    )
+    FULL: ClassVar[Mapping[str, Any]] = {"nx": 47, "steps": 40, "balance": 0.02}
+    # few steps are not to become many
+    QUICK: ClassVar[Mapping[str, Any]] = {"nx": 12, "steps": 12, "balance": None}
+    SOLVER: ClassVar[Mapping[str, Any]] = {"path_tolerance": 1e-6, "every": 10}
+    LIMITS: ClassVar[Limits] = Limits()
+    CHEAP_FROM: ClassVar[int] = 0
+
+    full: bool = switch("model the whole ply, not a quarter", "sheet")
+    stack: str | None = text(
+        None,
+        "TOML file of several plies, from the punch to the die; examples: studies/stacks",
+        "FILE",
+        "sheet",
+    )
+    stroke: float | None = number(None, POSITIVE, "travel of the punch (its height) [mm]", "tools")
+    dome: Sequence[str] = field(
+        default=(),
+        metadata={
+            "repeated": "NAME=VALUE",
+            "help": f"dimension of the double dome: {', '.join(DIMENSIONS)}",
+            "group": "tools",
+        },
+    )
+    punch: str | None = text(
+        None, "punch from a file (STL, VTP, MSH, STEP, IGES) [mm]", "FILE", "tools"
+    )
+    chord: float = number(
+        0.1, POSITIVE, "largest distance of triangles from faces of STEP and IGES [mm]", "tools"
+    )
+    clearance: float | None = number(
+        None, POSITIVE, "distance of punch and die when closed (1.2 thicknesses) [mm]", "tools"
+    )
+    holder: Holder = one_of(PressureHolder(), HOLDERS, "what holds the rim of the ply", GROUP)
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.dome and self.punch:
+            raise InputError("`dome` is not allowed beside `punch`")
+
+    def press(self, fabric: Law, sheet: Mapping[str, Any], interface: Interface) -> Press:
+        """The press of the options; sheet: fields of `Sheet` that are given. Raises InputError in
+        the words of options."""
+        file = EXAMPLES / f"{self.PRESS}.toml"
+        document = self.document(read_document(file), fabric, sheet, interface)
+        try:
+            press = Press.from_document(document, Path(self.stack or file))
+        except InputError as error:
+            raise InputError(in_options(str(error))) from None
+        stage, clearance = press.stages[0], self.clearance
+        if clearance and stage.close:
+            document["stage"][0]["close"] = clearance / press.thickness()
+            press = Press.from_document(document, Path(self.stack or file))
+        return press
+
+    def document(
+        self, document: dict[str, Any], fabric: Law, sheet: Mapping[str, Any], interface: Interface
+    ) -> dict[str, Any]:
+        """The tables of the press file, changed by the options."""
+        blank = document["blank"]
+        if sheet.get("mesh") or sheet.get("outline"):
+            blank = {}
+        blank = blank | sheet | {"fabric": fabric, "quarter": not self.full}
+        if self.full and blank.get("nx") == self.FULL["nx"] and not blank.get("mesh"):
+            blank["nx"] += blank["nx"] % 2  # a node at the centre
+        document["blank"] = blank
+        document["contact"] = {f.name: getattr(interface, f.name) for f in fields(interface)}
+        document["holders"] = {"blank holder": self.holder}
+        if self.stack:
+            document["ply"] = read_plies(self.stack)
+        punch = document["tools"]["punch"]
+        if self.punch:
+            document["tools"]["punch"] = {"file": self.punch, "chord": self.chord}
+            document["title"] = f"Forming over {Path(self.punch).name}"
+        else:
+            punch |= dimensions(self.dome)
+        if self.clearance:
+            document["tools"]["die"]["clearance"] = self.clearance
+        self._set_stroke(document["stage"][0], punch)
+        return document
+
+    def _set_stroke(self, stage, punch):
+        depth = None if self.punch else punch.get("depth", DoubleDome().depth)
+        if not self.stroke or self.stroke == depth:
+            return
+        if depth and self.stroke > depth:
+            raise InputError(
+                f"`stroke` {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm"
+            )
+        del stage["close"]
+        stage["moves"] = {"punch": self.stroke}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaminateTest(DomeTest):
+    """The options of the paper's laminate: those of the double dome, and its metal's."""
+
+    NAME: ClassVar[str] = "laminate"
+    PRESS: ClassVar[str] = "laminate"
+    FULL: ClassVar[Mapping[str, Any]] = {"nx": 24, "steps": 40, "balance": 0.02}
+    QUICK: ClassVar[Mapping[str, Any]] = {"nx": 5, "steps": 2, "balance": None, "stroke": 2}
+    LIMITS: ClassVar[Limits] = Limits(shortening=1.0)  # yarns between metal can't fold
+
+    metal: str = text("dc04", "of the outer sheets: preset or material file", "FILE", "laminate")
+    metal_thickness: float | None = number(
+        None, POSITIVE, "of each sheet, in place of the metal's [mm]", "laminate"
+    )
+    metal_area: float = number(AREA, SHARE, "of a sheet of metal, of a ply's", "laminate")
+
+    def document(
+        self, document: dict[str, Any], fabric: Law, sheet: Mapping[str, Any], interface: Interface
+    ) -> dict[str, Any]:
+        """As in `DomeTest`."""
+        document = super().document(document, fabric, sheet, interface)
+        share, blank = self.metal_area**0.5, document["blank"]
+        metal = load_metal(self.metal)
+        for ply in document["ply"] if not self.stack else ():
+            if "metal" in ply:
+                ply |= {"metal": metal, "length": share * blank["length"]}
+                # cells as large as the plies'
+                ply |= {"width": share * blank["width"], "nx": max(1, round(share * blank["nx"]))}
+                ply |= {"thickness": self.metal_thickness} if self.metal_thickness else {}
+        return document
+
+
+def read_plies(path: str) -> list[dict[str, Any]]:
+    """The tables [[ply]] of a stack file; InputError that names it for another."""
+    if not Path(path).is_file():
+        raise InputError(
+            f"stack file {path} does not exist or is not a file; allowed is a TOML file with a "
+            "table [[ply]] for each ply"
+        )
+
+    def plies(document):
+        if document.get("unit") != "mm":
+            raise InputError('unit is missing or another; allowed is a line `unit = "mm"`')
+        if others := [key for key in document if key not in ("unit", "ply")]:
+            raise InputError(f"entry {others[0]} is unknown; allowed are unit and ply")
+        if not isinstance(document.get("ply"), list):
+            raise InputError("ply is missing; allowed is a table [[ply]] for each")
+        return document["ply"]
+
+    return read_toml(path, plies)
+
+
+def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
+    """Dimensions of a double dome {name: value} from texts NAME=VALUE. Raises InputError, which
+    lists all that is wrong with names and values."""
+    given: dict[str, Any] = {}
+    for pair in pairs:
+        name, _, value = pair.partition("=")
+        try:
+            given[name] = float(value)
+        except ValueError:
+            given[name] = value
+    try:
+        DoubleDome(**given)
+    except InputError as error:
+        raise InputError(f"`dome` NAME=VALUE: {error}") from None
+    return given
+
+
+def dome_parser(test: type[DomeTest], description: str | None, **defaults: Any) -> Parser:
+    """The parser of a study of a `test`: its options, and those of sheet and interface."""
+    return parser(test, description, parts=(Sheet, Interface), **defaults)
+
+
+def build(study: Study, test: type[DomeTest], fabric: Law | None = None) -> FormingScene:
+    """The press of a study's options, built; of their fabric or another."""
+    asked = {each.name: getattr(study.args, each.name) for each in fields(test)}
+    for each in fields(test):
+        if "kinds" in each.metadata:
+            asked[each.name] = of_kind(study.args, each)
+    press = test(**asked).press(
+        fabric or study.fabric, sheet_fields(study.args), interface_of(study.args)
+    )
+    try:
+        return study.build(press)
+    except InputError as error:
+        raise InputError(in_options(str(error))) from None
+
+
+def sheet_fields(args: Any) -> dict[str, Any]:
+    """The fields of a `Sheet` that options give."""
+    names = [each.name for each in fields(Sheet) if each.metadata.get("group") in ("mesh", "sheet")]
+    found = {name: getattr(args, name, None) for name in (*names, "yarn_angle", "weave_angle")}
+    return {name: value for name, value in found.items() if value not in (None, False)}
+
+
+def interface_of(args: Any) -> Interface:
+    """The `Interface` of the options."""
+    return Interface(**{each.name: getattr(args, each.name) for each in fields(Interface)})
+
+
+def in_options(words: str) -> str:
+    """A message on a press in the words of options."""
+    for path, option in OPTIONS.items():
+        words = re.sub(path, option, words)
+    return words

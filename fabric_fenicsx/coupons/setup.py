@@ -1,0 +1,77 @@
+"""A built coupon test: its blank, membrane and scene."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from mpi4py import MPI
+
+from ..job.setup import Setup
+from ..mechanics.shell.membrane import Membrane
+from ..mechanics.term import Term
+from ..scene.scene import Scene
+from ..scene.supports import Supports
+from .laying import lay
+
+
+class CouponSetup(Setup):
+    """A coupon test on the ranks of `comm`; a subclass says what is put on its `blank`.
+
+    `data` is then the description with all defaults filled in. Raises InputError as `lay` does.
+    """
+
+    def __init__(self, data: Any, comm: MPI.Comm | None = None) -> None:
+        self.comm = comm or MPI.COMM_WORLD
+        self.data = data.with_defaults(data.FULL["nx"], **data.SIDES)
+        self.choose()
+        sides = [*data.SIDES]
+        self.blank, settled, self.warnings = lay(
+            self.data, (sides[0], sides[-1]), data.fabric.thickness, self.comm, turned=self.turned
+        )
+        self.low, self.high = self.blank.extent()  # corners (2,) [mm]
+        self.data = replace(self.data, **settled)
+        self.data = replace(self.data, integration=self.integration())
+        weave = data.weave_angle and math.radians(data.weave_angle)
+        self.membrane = Membrane(data.fabric, integration=self.data.integration, weave_angle=weave)
+        self.prepare()
+        terms = [self.membrane, *self.terms()]
+        super().__init__(self.data, Scene(self.blank, terms, self.supports()), self.warnings)
+
+    @property
+    def turned(self) -> float:
+        """Angle from x to the length [rad]."""
+        return 0.0
+
+    def choose(self) -> None:
+        """Set defaults of `data` that depend on other fields."""
+
+    def integration(self) -> str:
+        """Points of P2 cells, by default `full`."""
+        return self.data.integration or "full"
+
+    def prepare(self) -> None:
+        """Check what belongs together, once blank and membrane are there."""
+
+    def terms(self) -> Iterable[Term]:
+        """Terms of the scene besides the membrane."""
+        return []
+
+    def supports(self) -> Supports:
+        """Supports of the scene."""
+        raise NotImplementedError
+
+    def resolved(self) -> dict[str, Any]:
+        """As in `Setup`: mesh and sides."""
+        names = "nx", "ny", "size", "pattern", "element", "integration", *self.data.SIDES
+        return {name: getattr(self.data, name) for name in names}
+
+    def coarser(self) -> Any:
+        """As in `Setup`: with half the rectangles along each side; None for an own mesh."""
+        data = self.data
+        if data.outline:
+            sides = self.high - self.low
+            few = 4 * (data.size or sides[0] / data.nx) > min(sides) * (1 + 1e-9)
+        else:
+            few = not data.nx or data.nx == 1
+        return None if few else data.on_coarser_mesh(*data.SIDES)

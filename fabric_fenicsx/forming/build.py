@@ -1,0 +1,444 @@
+"""The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from ..job.job import Job, Result
+from ..job.setup import Setup
+from ..mechanics.contact.coulomb import Coulomb
+from ..mechanics.contact.holder_pressure import BlankHolderPressure
+from ..mechanics.contact.pressing_term import PressingTerm
+from ..mechanics.contact.tool_contact import Contact
+from ..mechanics.shell.bending import Bending
+from ..mechanics.term import Term
+from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
+from ..runtime.rules import unknown_key
+from ..scene import output
+from ..scene.scene import Scene
+from ..scene.supports import Support
+from ..sheets.stack import Stack
+from ..tools.checks import check_equation
+from ..tools.surfaces import Offset, Reversed, Surface, radii_of
+from ..tools.tool import Tool
+from . import stack
+from .checks import PRESSED, check_clearances, symmetry_warnings
+from .flange import Flange
+from .holders import PULLING, ForceHolder, GapHolder, Holder, holders_of
+from .holding import HolderSite, holder_terms, nearest_nodes
+from .laying import Laid, lay_blank
+from .placement import Placement
+from .press import Press
+from .stages import Schedule
+
+CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
+ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
+PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
+CLOSED = 1e-6  # thicknesses, to which tools that are closed are as near as asked
+
+
+def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
+    """The `FormingScene` of a press. Raises InputError, on all ranks, for what can't be laid or
+    placed."""
+    comm, warnings = comm or MPI.COMM_WORLD, list[str]()
+    laid = lay_blank(press, comm, warnings)
+    placed = place(press, laid, comm, warnings)
+    bench = Bench(press, laid, placed, warnings)
+    between = bench.between()
+    terms = [*bench.membranes(), *bench.bending(), *bench.contacts(), *bench.metals()]
+    terms += [*bench.holders(between), *between]
+    scene = Scene(laid.blank, terms, bench.supports())
+    data = press.replace(sheets=laid.sheets)
+    made = FormingScene(data, scene, warnings, laid, placed)
+    made.press_together(bench.die)
+    return made
+
+
+@dataclass(frozen=True)
+class Placed:
+    """Tools where they stand: tools {name: `Tool`}, moved by the `schedule`, and the thickness of
+    the blank without pressure [mm]."""
+
+    tools: dict[str, Tool]
+    schedule: Schedule
+    thickness: float
+
+
+def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Placed:
+    """The tools of a press where they stand on its blank. Raises InputError, on all ranks, for
+    tools that can't stand or move so."""
+    nodes, thickness, pressed = laid.flat_nodes(), press.thickness(), press.thickness(PRESSED)
+    at, dies = Placement(nodes, thickness, comm, warnings), press.dies()
+    clearances = {
+        name: press.tools[name].surface.clearance or CLEARANCE * thickness for name in dies
+    }
+    usual_off = {of: max(0.0, clearances[name] - thickness) for name, of in dies.items()}
+    stood: dict[str, tuple[Surface, np.ndarray]] = {}
+    for name in (n for n in press.tools if n not in dies):
+        stood[name] = at.stand(name, press.tools[name], usual_off.get(name, 0.0))
+    for name, of in dies.items():
+        at.check_matched(of, stood[of][0])
+        check_clearance(f"tools.{name}.clearance", clearances[name], pressed, stood[of][0])
+        surface = Reversed(Offset(stood[of][0], clearances[name]))
+        try:
+            stood[name] = at.stand(name, dataclasses.replace(press.tools[name], surface=surface))
+        except InputError as error:
+            raise InputError(
+                f"tools.{name} can't be the die of {of}, if that is closed all round as a ball is: "
+                "allowed is the die of an open surface, as double_dome or a file without a back "
+                f"({error})"
+            ) from None
+    reach = {
+        of: float((stood[name][1] - stood[of][1]) @ press.tools[of].towards) + clearances[name]
+        for name, of in dies.items()
+    }
+    schedule = press.schedule(reach, thickness)
+    tools = {name: _tool(press, name, *stood[name], schedule) for name in press.tools}
+    for tool in tools.values():
+        check_equation(tool, nodes, comm)
+    placed = Placed(tools, schedule, thickness)
+    check_clearances(press, laid, placed, pressed, warnings)
+    warnings += symmetry_warnings(press, laid, placed)
+    sides = {tool.side for tool in press.tools.values()}
+    if len(sides) == 1 and len(press.tools) > 1:
+        warnings.append(
+            f"{' and '.join(press.tools)} all stand {next(iter(sides))} the blank, and only "
+            "holders resist them: `side` says where a tool stands"
+        )
+    return placed
+
+
+def _tool(press, name, surface, start, schedule):
+    given, force = press.tools[name], None
+    share = 0.25 if press.quarter else 1.0
+    if given.force is not None:
+        size = schedule.force(name)
+
+        def force(load):
+            return share * size(load) * given.towards
+
+    return Tool(surface, schedule.path(name, start), force=force, name=name)
+
+
+def check_clearance(path: str, clearance: float, pressed: float, surface: Surface) -> None:
+    """Raise InputError for a distance of tool and die [mm] that is less than the `pressed`
+    thickness, or leaves the die no radius where the tool is hollow."""
+    radius = radii_of(surface)[1]
+    if clearance < pressed:
+        raise InputError(
+            f"{path} is {rounded(clearance, 6)}, less than the blank's thickness under "
+            f"{PRESSED:g} MPa; allowed is from {rounded(pressed)} mm"
+        )
+    if clearance >= radius:
+        raise InputError(
+            f"{path} is {rounded(clearance, 6)}, which leaves the die no radius where the tool is "
+            f"hollow; allowed is from {rounded(pressed)} to below {radius:g} mm, the least radius "
+            "there"
+        )
+
+
+@dataclass
+class Bench:
+    """A press with its blank laid and its tools placed, of which terms and supports are made; die:
+    the tool on which holders press the blank."""
+
+    press: Press
+    laid: Laid
+    placed: Placed
+    warnings: list[str]
+    die: Tool | None = None
+
+    @property
+    def stack(self) -> Stack | None:
+        """The blank, if it is a stack."""
+        return self.laid.blank if isinstance(self.laid.blank, Stack) else None
+
+    @property
+    def planes(self) -> Sequence[Callable[[np.ndarray], np.ndarray]]:
+        """Marks of the planes of symmetry."""
+        return PLANES if self.press.quarter else ()
+
+    def membranes(self) -> list[Term]:
+        """The membrane of each sheet of fabric."""
+        return self._on_sheets(stack.membrane, "fabric")
+
+    def bending(self) -> list[Term]:
+        """Bending of each sheet of fabric that resists it."""
+
+        def bend(sheet):
+            return Bending(
+                modulus=sheet.bending_modulus,
+                twist_modulus=sheet.twist_modulus,
+                in_plane=sheet.in_plane_bending,
+                symmetric=self.planes,
+            )
+
+        return self._on_sheets(lambda s: bend(s) if s.bending_modulus else None, "fabric")
+
+    def metals(self) -> list[Term]:
+        """The `SheetMetal` of each sheet of metal."""
+        return self._on_sheets(lambda sheet: stack.metal(sheet, self.planes), "metal")
+
+    def _on_sheets(self, make, kind):
+        made = [(make(s), s.name) for s in self.laid.sheets if getattr(s, kind)]
+        return [t.on(name) if self.stack else t for t, name in made if t is not None]
+
+    def friction(self) -> Coulomb:
+        """Friction of sheets on tools."""
+        return self.press.interface.on_tools(self.laid.sheets)
+
+    def contacts(self) -> list[Contact]:
+        """Contact of all sheets with each tool."""
+        interface, found = self.press.interface, []
+        for name, tool in self.placed.tools.items():
+            own = self.press.tools[name].friction
+            friction = self.friction() if own is None else interface.coulomb(own)
+            found.append(interface.contact(tool, friction))
+        return found
+
+    def between(self) -> list[Term]:
+        """Contact of the sheets with one another."""
+        if not self.stack:
+            return []
+        return stack.between(self.stack, self.laid.sheets, self.press.interface, self.planes)
+
+    def holders(self, between: Sequence[Term]) -> list[Term]:
+        """The terms of all holders; between: contacts of the sheets."""
+        terms: list[Term] = []
+        for name, given in self.press.holders.items():
+            for k, holder in enumerate(holders_of(name, given)):
+                terms += self._holder(name if k == 0 else f"{name} {k + 1}", holder, between)
+        return terms
+
+    def _holder(self, name, holder, between):
+        schedule, pressures = self.placed.schedule, self.press.pressures()
+        if name in pressures and not schedule.is_constant(name):
+            holder = dataclasses.replace(holder, pressure=schedule.pressure(name))
+        die = self._against(name, holder)
+        self.die = self.die if isinstance(holder, PULLING) else die
+        if isinstance(holder, (ForceHolder, GapHolder)):
+            holder = dataclasses.replace(holder, where=self._on_flat(die, holder.where))
+        pile = self.stack
+        site = HolderSite(
+            name,
+            self.laid.blank,
+            not self.press.quarter,
+            die,
+            -self.press.tools[die.name].towards,
+            self.placed.thickness,
+            self.press.interface,
+            self.friction(),
+            self.warnings,
+            [sheet.name for sheet in self.laid.sheets] if pile else (),
+            stack.rims(pile, self.laid.sheets) if pile else (),
+            stack.neighbours(between, self.laid.sheets) if pile else (),
+        )
+        return holder_terms(holder, site)
+
+    def _against(self, name: str, holder: Holder) -> Tool:
+        """The tool on which a holder presses the blank."""
+        tools, path = self.placed.tools, f"holders.{name}"
+        asked = getattr(holder, "against", "")
+        if asked and asked not in tools:
+            raise unknown_key(asked, tools, f"{path}.against {asked}")
+        still = [n for n in tools if not self.placed.schedule.is_moved(n)]
+        if asked and asked not in still:
+            raise InputError(
+                f"{path}.against is {asked}, which moves; allowed is a tool that stands still, or "
+                "a holder that is a tool with a force"
+            )
+        flat = [n for n in ([asked] if asked else still) if self._is_flat(tools[n])]
+        if isinstance(holder, PULLING):
+            return tools[(flat or list(tools))[0]]
+        if not flat:
+            which = f"{asked} has" if asked else "no tool that stands still has"
+            raise InputError(
+                f"{path} has nothing to press the blank on: {which} a flat face on it; allowed is "
+                "a tool with one, or a holder that is a tool with a force"
+            )
+        if len(flat) > 1:
+            raise InputError(
+                f"{path} may press the blank on {' or '.join(flat)}; allowed is `against` that "
+                "says which"
+            )
+        return tools[flat[0]]
+
+    def _is_flat(self, tool):
+        share = self._flange(tool)(self.laid.flat_nodes().T)
+        return bool(self.laid.blank.mesh.comm.allreduce(int((share > 0).sum())))
+
+    def _flange(self, die):
+        up = -self.press.tools[die.name].towards[2]
+        return Flange(die, self.placed.thickness, up)
+
+    def _on_flat(self, die, where):
+        """Function of points of the flat blank to whether they lie at the die's flat face, and
+        where a segment is: a plate has the die's opening."""
+        flange = self._flange(die)
+        return lambda x: (flange(x) > 0) & (where(x) if where else True)
+
+    def supports(self) -> list[Support]:
+        """The planes of symmetry of a quarter; of a whole blank the nodes nearest to its centre and
+        to the end of its axis, against motion and turning."""
+        if self.press.quarter:
+            return [
+                Support("plane of symmetry x = 0", PLANES[0], (0,)),
+                Support("plane of symmetry y = 0", PLANES[1], (1,)),
+            ]
+        blank = self.laid.blank
+        parts = list(blank.parts.values()) or [blank.whole]
+        ends = ((0.0, 0.0), (self.laid.sides[0] / 2, 0.0))
+        fixed = [nearest_nodes(parts, at) for at in ends]
+        return [
+            Support("centre", fixed[0], (0, 1), locates=True),
+            Support("end of the axis", fixed[1], (1,), locates=True),
+        ]
+
+
+class FormingScene(Setup):
+    """A press that is built: its `scene`, and
+
+    - blank, sheets: what is laid, with names, materials and meshes as they are
+    - tools {name: `Tool`}, schedule, thickness [mm] of the blank without pressure
+    - pressing, contacts: terms that press the blank, and those of tools among them
+    """
+
+    data: Press
+
+    def __init__(
+        self, data: Press, scene: Scene, warnings: list[str], laid: Laid, placed: Placed
+    ) -> None:
+        super().__init__(data, scene, warnings)
+        self.laid, self.blank, self.sheets = laid, laid.blank, laid.sheets
+        self.tools, self.schedule = placed.tools, placed.schedule
+        self.thickness, self.comm = placed.thickness, scene.comm
+        self.extent = laid.blank.extent()
+        self.pressing = [term for term in scene.terms if isinstance(term, PressingTerm)]
+        self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
+
+    def press_together(self, die: Tool | None) -> None:
+        """Press the sheets of a stack together as a holder does on its die: else they part at
+        once, while sheets that do not touch yet resist nothing."""
+        holders = [t for t in self.pressing if isinstance(t, BlankHolderPressure) and t.now]
+        if not (isinstance(self.blank, Stack) and holders):
+            return
+        on_die = next(term for term in self.contacts if term.tool is die)
+        pairs = stack.neighbours(self.scene.terms, self.sheets)
+        stack.press(self.blank, pairs, on_die, holders, any(s.metal for s in self.sheets))
+
+    def leader(self, load: float = 1.0) -> Tool:
+        """The tool whose force the curve shows at a load factor: of the stage there, the one that
+        goes farthest."""
+        names = self.schedule.leaders()
+        known = [name for name in names[: self.schedule.stage_at(load) + 1] if name]
+        return self.tools[known[-1] if known else next(iter(self.tools))]
+
+    def measure(self, scene: Scene, load: float) -> tuple[float, float]:
+        """Travel [mm] and force [N], towards the blank, of the leading tools."""
+        tool = self.leader(load)
+        force = output.tool_force(scene, tool) @ self.data.tools[tool.name].towards
+        return self.schedule.travel(load), float(force)
+
+    def columns(self, scene: Scene) -> dict[str, float]:
+        """Of each tool its travel from where it stood and its force, both along z, the force of
+        what is modelled {name: value} [mm], [N]."""
+        found = {}
+        for name, tool in self.tools.items():
+            way = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
+            found[f"{name}_way_mm"] = float(way)
+            found[f"{name}_force_N"] = float(output.tool_force(scene, tool)[2])
+        return found
+
+    def closed(self) -> dict[str, Tool]:
+        """The tools that are closed on their dies at the end, {name: tool}."""
+        stages = [stage for stage in self.schedule.stages if stage.close is not None]
+        if not stages:
+            return {}
+        left = (stages[-1].close + CLOSED) * self.thickness
+        names = self.data.dies().values()
+        return {n: self.tools[n] for n in names if self.schedule.distance(n, 1.0) <= left}
+
+    def force_name(self) -> str:
+        """As in `Setup`."""
+        names = dict.fromkeys(name for name in self.schedule.leaders() if name)
+        of = " or ".join(names) or next(iter(self.tools))
+        return f"force of {of}" + (" on a quarter of the blank" if self.data.quarter else "")
+
+    def modelled_share(self) -> float:
+        """As in `Setup`."""
+        return 0.25 if self.data.quarter else 1.0
+
+    def of_whole(self, quantities: Mapping[str, Any]) -> str:
+        """What to say behind the force on a quarter, "" for a whole blank."""
+        whole = quantities["force_of_whole_blank_N"]
+        return f", {rounded(whole, 5)} N on all of it" if self.data.quarter else ""
+
+    def title_and_text(self) -> tuple[str, str]:
+        """As in `Setup`."""
+        count = len(self.sheets)
+        plies = "a ply" if count == 1 else f"{count} plies"
+        stages = ", then ".join(stage.name for stage in self.schedule.stages)
+        of = f"Forming of {plies} by {', '.join(self.tools)}: {stages}."
+        return self.data.title or "A press", of
+
+    def fingerprint(self) -> dict[str, Any]:
+        """As in `Setup`: the press as its file says it."""
+        from .schema import document_of
+
+        return {"press": _plain(document_of(self.data))}
+
+    def resolved(self) -> dict[str, Any]:
+        """As in `Setup`: the mesh of the first sheet, and the sides of the blank."""
+        names = "nx", "ny", "size", "pattern", "element", "integration"
+        first = {name: getattr(self.sheets[0], name) for name in names}
+        return first | dict(zip(("length", "width"), self.laid.sides))
+
+    def coarser(self) -> Press | None:
+        """As in `Setup`: of rectangles and outlines that the program meshes."""
+        coarse = [sheet.coarser(each) for sheet, each in zip(self.sheets, self.laid.extents())]
+        return None if None in coarse else self.data.replace(sheets=coarse)
+
+    def job(self, **changes: Any) -> Job:
+        """As in `Setup`, with the steps of the stages, whose ends are hit exactly."""
+        ends = tuple(float(each) for each in self.schedule.joints[1:-1])
+        usual: dict[str, Any] = {"first_picture": self.first_picture, "columns": self.columns}
+        headlines = (*self.data.HEADLINES, f"{self.leader().name}_force_N")
+        usual |= {"milestones": ends, "limits": self.data.limits, "headlines": headlines} | changes
+        return super().job(**usual | {"steps": changes.get("steps") or self.schedule.steps})
+
+    def quantities(self, result: Result) -> dict[str, Any]:
+        """As in `Setup`: forces, penetration, shear, strains, draw-in, thickness and wrinkles."""
+        from . import quantities
+
+        return quantities.all_of(self, result)
+
+    def first_picture(self, folder: Path) -> None:
+        """The tools and the flat blank before anything moves; called on all ranks."""
+        from . import pictures
+
+        pictures.draw_setup(self, folder)
+
+    def pictures(self, result: Result, folder: Path) -> None:
+        """As in `Setup`: the stroke as a filmstrip, the formed plies, thickness and outline."""
+        from . import pictures
+
+        pictures.draw(self, result, folder)
+
+
+def _plain(value):
+    """A document in what JSON can hold; functions and own objects by their kind alone."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if hasattr(value, "dumps"):
+        return value.dumps()
+    if isinstance(value, (str, bool, int, float)) or value is None:
+        return value
+    return value.tolist() if isinstance(value, np.ndarray) else type(value).__name__

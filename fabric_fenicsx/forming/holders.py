@@ -1,0 +1,325 @@
+"""Blank holders: objects that make the terms by which they act on the blank."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+import numpy as np
+
+from ..runtime.errors import InputError
+from ..runtime.fields import check_fields, number
+from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, shown, unknown_key
+from ..tools.values import checked_vector
+
+if TYPE_CHECKING:
+    from ..mechanics.term import Term
+    from .holding import HolderSite
+
+GROUP = "blank holder"  # of options
+# above which a run warns
+PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"
+# of a rectangle around the blank -> axis, and end of it
+EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
+# names of what is between two numbers -> function of points (3, n) to it
+MEASURES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "x": lambda x: x[0],
+    "y": lambda x: x[1],
+    "r": lambda x: np.hypot(x[0], x[1]),
+    "angle": lambda x: np.degrees(np.arctan2(x[1], x[0])),
+}
+Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to a mask (n,)
+
+
+@dataclass(frozen=True)
+class Region:
+    """Function of points (3, n) [mm] to whether they lie between all `limits` (n,): of x, y, r from
+    the origin [mm] and the angle to x [deg], {name: (low, high)}. Raises InputError for others."""
+
+    limits: Mapping[str, Sequence[float]]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.limits, Mapping) or not self.limits:
+            raise InputError(f"`where` is {shown(self.limits)}; allowed is a table, as x = [0, 50]")
+        for name, ends in self.limits.items():
+            if name not in MEASURES:
+                raise unknown_key(name, MEASURES, f"`where`.{name}")
+            if not isinstance(ends, (list, tuple)) or len(ends) != 2:
+                raise InputError(f"`where`.{name} is {shown(ends)}; allowed are two numbers")
+            low, high = (FINITE.check(f"`where`.{name}", each) for each in ends)
+            if low >= high:
+                raise InputError(
+                    f"`where`.{name} is {shown(ends)}; allowed is the smaller number first"
+                )
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """The mask (n,)."""
+        inside = np.ones(x.shape[1], dtype=bool)
+        for name, (low, high) in self.limits.items():
+            value = MEASURES[name](x)
+            value = low + (value - low) % 360 if name == "angle" else value
+            inside &= (value >= low) & (value <= high)
+        return inside
+
+
+class Holder(Protocol):
+    """What holds the rim of a blank: any object with this method.
+
+    Examples
+    --------
+    >>> class Cushion:
+    ...     def terms(self, site):
+    ...         up = (0, 0, 1)
+    ...         return [ff.BlankHolderPressure(0.25, up, site.on_flange(), lag=site.lag)]
+    >>> press = ff.Press.read("double_dome").replace(holders={"cushion": Cushion()})
+    """
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """The terms by which it acts on the blank, new ones each time."""
+
+
+class _Checked:
+    """A holder whose numbers are checked when it is made."""
+
+    def __post_init__(self) -> None:
+        self.doubts()
+
+    def doubts(self) -> list[str]:
+        """Sentences on numbers that speak of another unit."""
+        return check_fields(self)
+
+
+@dataclass(frozen=True)
+class PressureHolder(_Checked):
+    """A pressure on what lies on the flat face of a tool that stands still, the die.
+
+    Parameters
+    ----------
+    pressure
+        [MPa], or a function of the load factor, the share of the whole run.
+    where
+        Function of present positions (3, n) [mm] to a mask (n,): a segment of a holder. Where
+        segments overlap, their pressures add up.
+    against
+        Name of the die, if several tools could be it.
+
+    Raises
+    ------
+    InputError
+        For a pressure below 0.
+
+    Examples
+    --------
+    >>> ff.PressureHolder(0.1, where=lambda x: x[0] > 0).pressure
+    0.1
+    """
+
+    OPTION: ClassVar[str] = "holder_pressure"
+
+    pressure: float | Callable[[float], float] = number(
+        2.0, FROM_ZERO, "pressure on what lies on the flange [MPa]", GROUP, PRESSURE
+    )
+    where: Where | None = None
+    against: str = ""
+
+    def doubts(self) -> list[str]:
+        """As in `_Checked`; nothing of a function."""
+        return [] if callable(self.pressure) else super().doubts()
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`."""
+        from . import holding
+
+        return holding.pressure_terms(self, site)
+
+
+@dataclass(frozen=True)
+class ForceHolder(_Checked):
+    """A plate that pushes the blank to the die by a force.
+
+    Parameters
+    ----------
+    force
+        On the whole blank [N].
+    where
+        Function of points (3, n) [mm] of the flat blank to a mask (n,): the nodes that a segment
+        touches. A node that several segments touch bears the forces of all.
+    against
+        As in `PressureHolder`.
+
+    Raises
+    ------
+    InputError
+        For a force that is not above 0.
+
+    Examples
+    --------
+    >>> ff.ForceHolder(2e4).force
+    20000.0
+    """
+
+    OPTION: ClassVar[str] = "holder_force"
+
+    force: float = number(1e5, POSITIVE, "force on the whole ply [N]", GROUP)
+    where: Where | None = None
+    against: str = ""
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`."""
+        from . import holding
+
+        return holding.force_terms(self, site)
+
+
+@dataclass(frozen=True)
+class GapHolder(_Checked):
+    """A plate on the blank's other side, at a fixed distance from the die.
+
+    Parameters
+    ----------
+    gap
+        Distance from the die [mm], by default 1.1 thicknesses.
+    where, against
+        As in `ForceHolder`.
+
+    Raises
+    ------
+    InputError
+        For a gap that is not above 0; when built, for one below half a thickness.
+
+    Examples
+    --------
+    >>> ff.GapHolder().gap is None
+    True
+    """
+
+    OPTION: ClassVar[str] = "holder_gap"
+
+    gap: float | None = number(
+        None, POSITIVE, "distance of holder and die (1.1 thicknesses) [mm]", GROUP
+    )
+    where: Where | None = None
+    against: str = ""
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`."""
+        from . import holding
+
+        return holding.gap_terms(self, site)
+
+
+@dataclass(frozen=True)
+class Grippers(_Checked):
+    """A pull at the edges of a rectangular blank, outwards and within its plane.
+
+    Parameters
+    ----------
+    tension
+        Pull [N/mm].
+    where
+        Function of points (3, n) [mm] of the flat blank to a mask (n,): parts of the edges.
+    edges
+        Those that are gripped, some of "low x", "high x", "low y", "high y"; by default all.
+
+    Raises
+    ------
+    InputError
+        For a pull below 0 and edges of other names; when built, if no edge is gripped.
+
+    Examples
+    --------
+    >>> ff.Grippers(3.0, edges=["low x", "high x"]).tension
+    3.0
+    """
+
+    OPTION: ClassVar[str] = "gripper_tension"
+
+    tension: float = number(5.0, FROM_ZERO, "pull at the edges of the ply [N/mm]", GROUP)
+    where: Where | None = None
+    edges: Sequence[str] = tuple(EDGES)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_edges(self.edges)
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`."""
+        from . import holding
+
+        return holding.gripper_terms(self, site)
+
+
+@dataclass(frozen=True)
+class SpringHolder(_Checked):
+    """Springs that pull the blank outwards to fixed anchors. On a stack the sheets share each.
+
+    Parameters
+    ----------
+    stiffness, preload
+        Of each spring [N/mm], and its pull at the start [N], both of the whole blank.
+    length
+        Of each at the start [mm].
+    edges
+        Each of them has parallel springs, which count as one together; named as in `Grippers`.
+    at
+        Points (x, y) [mm] of the flat blank that have a spring each, away from the origin.
+
+    Raises
+    ------
+    InputError
+        For numbers out of range, and without edges and points.
+
+    Examples
+    --------
+    >>> ff.SpringHolder(stiffness=0.5, preload=5, edges=["low x"]).length
+    100.0
+    """
+
+    stiffness: float = number(None, FROM_ZERO, "of each spring [N/mm]")
+    preload: float = number(0.0, FROM_ZERO, "pull of each at the start [N]")
+    length: float = number(100.0, POSITIVE, "of each at the start [mm]")
+    edges: Sequence[str] = ()
+    at: Sequence[Sequence[float]] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_edges(self.edges)
+        for each in self.at:
+            checked_vector("`at`", each, True, 2)
+        if not (len(self.at) or self.edges):
+            raise InputError("a `SpringHolder` needs `edges` or points `at`")
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`."""
+        from . import holding
+
+        return holding.spring_terms(self, site)
+
+
+PULLING = Grippers, SpringHolder  # which press the blank on nothing
+# by their names on the command line
+HOLDERS: dict[str, type] = {
+    "pressure": PressureHolder,
+    "force": ForceHolder,
+    "gap": GapHolder,
+    "grippers": Grippers,
+}
+
+
+def check_edges(names: Any) -> None:
+    """InputError unless `names` are a list of some of `EDGES`."""
+    if isinstance(names, str) or not set(names) <= set(EDGES):
+        raise InputError(f"`edges` is {shown(names)}; allowed is a list of some of {[*EDGES]}")
+
+
+def holders_of(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
+    """The holder of this name in a press, or its segments; InputError for others, and none."""
+    holders: list[Any] = list(given) if isinstance(given, (list, tuple)) else [given]
+    for each in holders or [given]:
+        if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):
+            raise InputError(
+                f"holders.{name} is {shown(each)}; allowed is a holder, as `PressureHolder(2.0)` "
+                "or an object with a method `terms(site)`, or a list of one or more"
+            )
+    return holders

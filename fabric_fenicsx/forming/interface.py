@@ -1,0 +1,104 @@
+"""How sheets and tools touch: friction, and how stiff the faces are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..runtime.fields import check_fields, number
+from ..runtime.rules import FROM_ZERO, POSITIVE
+
+if TYPE_CHECKING:
+    from ..mechanics.contact.coulomb import Coulomb
+    from ..mechanics.contact.tool_contact import Contact, Where
+    from ..tools.tool import Tool
+    from .sheet import Sheet
+
+# Table 2 of Schäfer et al.: of fabric on fabric, of metal on fabric, of tools on metal
+BETWEEN_FABRICS, ON_METAL, TOOL_ON_METAL = 0.334, 0.25, 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interface:
+    """Contact of sheets with tools and with one another.
+
+    Parameters
+    ----------
+    friction, metal_friction
+        Coefficients of fabric and of metal on tools; of sheets on sheets see `Sheet.friction`.
+    slip
+        Elastic slip while a sheet sticks [mm].
+    lag
+        Share of normal forces, and of areas under a holder, that may lag behind the state.
+    penalty
+        Stiffness of contact [N/mm^3]; it, or `permitted`, makes faces of fabric rigid, which by
+        default are compacted.
+    permitted
+        Largest penetration of rigid faces [mm], which augmented contact keeps.
+
+    Raises
+    ------
+    InputError
+        For a number out of its range.
+
+    Examples
+    --------
+    >>> ff.Interface(friction=0.2).metal_friction
+    0.1
+    """
+
+    friction: float = number(0.25, FROM_ZERO, "coefficient between fabric and tools", "tools")
+    metal_friction: float = number(
+        TOOL_ON_METAL, FROM_ZERO, "coefficient between metal and tools", "tools"
+    )
+    slip: float = number(0.1, POSITIVE, "elastic slip while a sheet sticks [mm]", "tools")
+    lag: float = number(
+        0.01,
+        POSITIVE,
+        "share of normal forces, and of areas under the holder, that may lag behind the state",
+        "tools",
+    )
+    penalty: float | None = number(
+        None,
+        POSITIVE,
+        "stiffness of contact with rigid faces (by default fabric is compacted) [N/mm^3]",
+        "tools",
+    )
+    permitted: float | None = number(
+        None,
+        POSITIVE,
+        "largest penetration of rigid faces, which augmented contact keeps (any) [mm]",
+        "tools",
+    )
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether fabric keeps its thickness under pressure."""
+        return bool(self.penalty or self.permitted)
+
+    def coulomb(self, coefficient: float | dict[str, float]) -> Coulomb:
+        """Friction with this coefficient, or that of each sheet {name: coefficient}."""
+        from ..mechanics.contact.coulomb import Coulomb
+
+        return Coulomb(coefficient, self.slip, self.lag)
+
+    def on_tools(self, sheets: Sequence[Sheet]) -> Coulomb:
+        """Friction of sheets on tools, of each sheet if one is of metal."""
+        if not any(sheet.metal for sheet in sheets):
+            return self.coulomb(self.friction)
+        if len(sheets) == 1:
+            return self.coulomb(self.metal_friction)
+        by_kind = {True: self.metal_friction, False: self.friction}
+        return self.coulomb({sheet.name: by_kind[bool(sheet.metal)] for sheet in sheets})
+
+    def contact(self, tool: Tool, friction: Coulomb, where: Where | None = None) -> Contact:
+        """Contact of all sheets with a tool; where: as in `Contact`."""
+        from ..mechanics.contact.tool_contact import Contact
+
+        return Contact(
+            tool, penalty=self.penalty, permitted=self.permitted, friction=friction, where=where
+        )

@@ -1,0 +1,134 @@
+"""The blank of a press: sheets of cells, one or a stack."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+
+from ..coupons.laying import lay
+from ..runtime.errors import InputError
+from ..runtime.formatting import coordinates, rounded
+from ..sheets.blank import Blank
+from ..sheets.sheet_fields import halved
+from ..sheets.stack import Stack
+from .press import Press
+from .sheet import Sheet
+
+USUAL_NX = 24  # rectangles along the length, unless a sheet says others
+FITS = 1e-3  # of a length, by which a sheet may reach beyond a plane of symmetry
+ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
+OFF_CENTRE = 0.05  # of its extent, by which a sheet may lie off the origin without a word
+
+
+@dataclass(frozen=True)
+class Laid:
+    """The blank of a press, in space, and its sheets with names, materials and meshes as they are;
+    sides: length and width of the whole first sheet [mm]."""
+
+    blank: Blank
+    sheets: Sequence[Sheet]
+    sides: Sequence[float]
+
+    @property
+    def blanks(self) -> list[Blank]:
+        """The blank of each sheet."""
+        stack = self.blank
+        return [s.blank for s in stack.sheets] if isinstance(stack, Stack) else [stack]
+
+    def flat_nodes(self) -> np.ndarray:
+        """This rank's nodes (n, 3) [mm] as if all sheets lay in the blank's middle."""
+        owned = self.blank.V.dofmap.index_map.size_local
+        flat = 0 if isinstance(self.blank, Stack) else 1
+        return self.blank.coordinates()[:owned] * (1, 1, flat)
+
+    def extents(self) -> list[np.ndarray]:
+        """Length and width of each sheet, of what is modelled (2,) [mm]."""
+        return [np.subtract(*blank.extent()[::-1])[:2] for blank in self.blanks]
+
+
+def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
+    """The blank of a press. Raises InputError for sheets that can't be meshed or do not suit a
+    quarter."""
+    sheets = [s.ready(f"ply {k}", press.interface) for k, s in enumerate(press.sheets, 1)]
+    if press.quarter:
+        warnings += filter(None, (sheet.mirror_warning() for sheet in sheets))
+    made, found = _meshed(sheets, press.quarter, comm)
+    for sheet, laid in zip(made, found):
+        path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
+        _check_place(laid.blank, press, sheet, path, warnings)
+        warnings += laid.warnings
+    blanks = [each.blank for each in found]
+    sheets = [
+        dataclasses.replace(sheet, **laid.settled, integration=sheet.integration or "full")
+        for sheet, laid in zip(made, found)
+    ]
+    low, high = blanks[0].extent()
+    share = 0.5 if press.quarter else 1.0
+    # rounded, to be the same on any number of ranks
+    sides = [float(f"{size / share:.9g}") for size in (high - low)[:2]]
+    return Laid(_piled(sheets, blanks) if sheets[1:] else blanks[0], sheets, sides)
+
+
+def _meshed(sheets, quarter, comm):
+    """The sheets with their defaults, and each one laid. Where cells do not follow the yarns all
+    are quadratic; by default such cells are twice as large, so that nodes are as many."""
+    asked = any(sheet.element for sheet in sheets)
+    made = [_with_nx(sheet, USUAL_NX, quarter) for sheet in sheets]
+    found = [_laid(sheet, quarter, comm) for sheet in made]
+    if not asked and made != sheets and max(each.blank.degree for each in found) == 2:
+        made = [_with_nx(sheet, halved(USUAL_NX), quarter, "P2") for sheet in sheets]
+        found = [_laid(sheet, quarter, comm) for sheet in made]
+    return made, found
+
+
+def _with_nx(sheet, nx, quarter, element=None):
+    """The sheet with this `nx` and element, if it says nothing of its cells; of a whole one with
+    nodes at its centre."""
+    usual = not (sheet.nx or sheet.size or sheet.mesh)
+    sheet = dataclasses.replace(sheet, element=element) if usual and element else sheet
+    sheet = sheet.with_defaults(nx + (nx % 2 if usual and not quarter else 0))
+    if quarter or sheet.sheet_file or sheet.ny:
+        return sheet
+    ny = 2 * max(1, round(sheet.nx * sheet.width / sheet.length / 2))
+    return dataclasses.replace(sheet, ny=ny)
+
+
+def _laid(sheet, quarter, comm):
+    share, centred = (0.5, False) if quarter else (1.0, True)
+    centred = sheet.centred if sheet.outline else centred
+    material = sheet.thickness_under(0.0)
+    how = {"spatial": True, "share": share, "centred": centred}
+    return lay(sheet, ("length", "width"), material, comm, **how)
+
+
+def _piled(sheets, blanks):
+    """The sheets on one another without pressure. The upper face of the last one is half of all
+    thicknesses over z = 0, where the die lies."""
+    heights = [sheet.thickness_under(0.0) for sheet in sheets]
+    names = [sheet.name for sheet in sheets]
+    return Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
+
+
+def _check_place(blank, press, sheet, source, warnings):
+    """Raise InputError for a sheet that planes of symmetry would cut, or that has no edge on one of
+    them; warn of a whole one that does not lie under the press."""
+    low, high = (each[:2] for each in blank.extent())
+    for axis, start, end in zip("xy", low, high) if press.quarter else ():
+        reaches = f"{source} reaches from {axis} = {rounded(start, 4)} to {rounded(end, 4)} mm"
+        if start < -FITS * (end - start):
+            raise InputError(
+                f"{reaches}, beyond the quarter x, y >= 0; allowed is the whole blank, or a quarter"
+            )
+        if start > ON_PLANE:
+            raise InputError(
+                f"{reaches}, but the planes of symmetry of a quarter are x = 0 and y = 0; allowed "
+                "is a mesh with edges on both, or the whole blank"
+            )
+    middle = (low + high) / 2
+    if not press.quarter and sheet.sheet_file and (abs(middle) > OFF_CENTRE * (high - low)).any():
+        warnings.append(
+            f"{source} has its centre at {coordinates(middle)} mm, and the press at (0, 0)"
+            f"{'; `centred` puts it there' if sheet.outline else ''}"
+        )

@@ -1,0 +1,58 @@
+"""The pictures of a press: before anything moves, its stroke, and what was formed."""
+
+from collections.abc import Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from ..job.job import Result
+from ..plot import forming_pictures, press_pictures
+from ..results.quantities import middle_of
+from ..runtime.logs import MARKED, log
+from .build import FormingScene
+
+
+def draw_setup(made: FormingScene, folder: Path) -> None:
+    """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
+    moves = {name: made.schedule.first_move(name) for name in made.tools}
+    motions = {name: move for name, move in moves.items() if move.any()}
+    plies = press_pictures.flat_grids(made.blank)
+    if made.comm.rank:
+        return
+    with _no_loss("setup.png"):
+        tools = list(made.tools.values())
+        press_pictures.setup_picture(folder / "setup.png", plies, tools, motions)
+
+
+def draw(made: FormingScene, result: Result, folder: Path) -> None:
+    """The stroke, the formed plies, strain states, paths, thickness and metal; called on rank 0."""
+    with _no_loss("filmstrip.png"):
+        press_pictures.filmstrip(folder / "filmstrip.png", folder, made.schedule.shown())
+    with _no_loss("formed.png"):
+        forming_pictures.draw_plies(folder, result.grids, made.leader().name)
+    compare(made, {"": result}, folder)
+
+
+def compare(made: FormingScene, results: Mapping[str, Result], folder: Path) -> None:
+    """Outlines and paths of runs {label: `Result`} side by side, into `folder`; of a laminate its
+    middle ply."""
+    grids = {
+        " ".join(filter(None, (label, name))): grid
+        for label, result in results.items()
+        for name, grid in result.grids.items()
+    }
+    with _no_loss("paths.png"):
+        forming_pictures.draw_compared(folder, grids, made.leader())
+    layers = {label: result.grids for label, result in results.items()}
+    metals = [sheet.name for sheet in made.sheets if sheet.metal]
+    middle = middle_of(made.sheets)
+    if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):
+        forming_pictures.draw_laminate(folder, layers, middle, metals[-1], made.leader())
+
+
+@contextmanager
+def _no_loss(picture):
+    """Where nothing can be drawn, that is said and no reason to lose a run."""
+    try:
+        yield
+    except Exception as error:  # whatever VTK finds
+        log.warning("%s was not drawn: %s", picture, error, extra=MARKED)

@@ -1,0 +1,392 @@
+"""A press as tables of TOML and back; `docs/howto/press.md` tells all entries."""
+
+import dataclasses
+import os
+import re
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from ..material.files import read_toml, write_whole
+from ..material.laws.base import Material
+from ..material.presets import PRESETS
+from ..runtime.errors import InputError
+from ..runtime.rules import check_complete, shown, unknown_key
+from ..solve.limits import Limits
+from ..tools.double_dome import DoubleDome
+from ..tools.primitives import Block, Cylinder, Plane, Plate, Sphere, Torus
+from ..tools.surfaces import Surface, Turned
+from .holders import (
+    ForceHolder,
+    GapHolder,
+    Grippers,
+    Holder,
+    PressureHolder,
+    Region,
+    SpringHolder,
+    holders_of,
+)
+from .interface import Interface
+from .sheet import OWN, Sheet
+from .stages import Stage
+from .tools import DieOf, PressTool
+
+TABLES = "blank", "contact", "limits", "tools", "holders"
+LISTS = "ply", "stage"
+ENTRIES = "unit", "title", *TABLES, *LISTS
+ORIGIN, UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+# shape -> what makes it of its numbers, and their names; face up, its origin as `PressTool.at` says
+SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
+    "sphere": (Sphere, ("radius",)),
+    "cylinder": (
+        lambda radius, axis=(0.0, 1.0, 0.0): Cylinder(ORIGIN, axis, radius),
+        ("radius", "axis"),
+    ),
+    "plane": (lambda: Plane(ORIGIN, UP), ()),
+    "torus": (lambda ring, tube: Torus(ORIGIN, UP, ring, tube), ("ring", "tube")),
+    "plate": (Plate, ("length", "width", "corner", "entry")),
+    "block": (Block, ("length", "width", "height", "radius", "corner")),
+    "double_dome": (DoubleDome, tuple(each.name for each in dataclasses.fields(DoubleDome))),
+}
+OVER = (180.0, 0.0, 0.0)  # angles that turn a shape's face down
+# entry that tells the kind of a holder -> that kind
+HOLDERS: dict[str, type] = {
+    "pressure": PressureHolder,
+    "force": ForceHolder,
+    "gap": GapHolder,
+    "tension": Grippers,
+    "stiffness": SpringHolder,
+}
+
+
+# -- reading
+
+
+def read_document(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, Any]:
+    """The tables of a press file. changes: of its entries, texts "KEY=VALUE" with a dotted key, as
+    "tools.punch.radius=40". Raises InputError that names the file."""
+    if not os.path.isfile(path):
+        raise InputError(
+            f"press file {shown(path)} does not exist or is not a file; allowed is a TOML file of "
+            "a press"
+        )
+
+    def changed(document):
+        for change in changes:
+            _change(document, change)
+        return document
+
+    return read_toml(path, changed)
+
+
+def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """The fields of a `Press` from the tables of its file, whose other files may lie in `folder`;
+    in place of names there may be materials, surfaces and holders themselves. Raises InputError
+    that names table and key."""
+    for key in document:
+        if key not in ENTRIES:
+            raise unknown_key(key, ENTRIES, f"entry {key}")
+    if document.get("unit") != "mm":
+        found = shown(document["unit"]) if "unit" in document else "missing"
+        raise InputError(f'unit is {found}; allowed is a line `unit = "mm"`, as all lengths are')
+    if not isinstance(document.get("title", ""), str):
+        raise InputError(f"title is {shown(document['title'])}; allowed is a text")
+    tables = {name: _table(document.get(name, {}), name, f"[{name}]") for name in TABLES}
+    quarter = tables["blank"].pop("quarter", False)
+    if not isinstance(quarter, bool):
+        raise InputError(f"blank.quarter is {shown(quarter)}; allowed is true or false")
+    stages = _list(document, "stage")
+    return {
+        "title": document.get("title", ""),
+        "quarter": quarter,
+        "sheets": _sheets(document, tables["blank"], folder),
+        "interface": made(Interface, tables["contact"], "contact", folder),
+        "limits": made(Limits, tables["limits"], "limits", folder),
+        "tools": {name: _tool(table, name, folder) for name, table in tables["tools"].items()},
+        "holders": {n: _holder(table, n, folder) for n, table in tables["holders"].items()},
+        "stages": [
+            made(Stage, {"name": f"stage {k}"} | each, f"stage.{each.get('name', k)}", folder)
+            for k, each in enumerate(stages, 1)
+        ],
+    }
+
+
+def made(kind: type, table: Mapping[str, Any], path: str, folder: Path) -> Any:
+    """The dataclass object that a table says; path: of the table, which messages begin with."""
+    known = {each.name: each.metadata for each in dataclasses.fields(kind) if each.init}
+    given = {}
+    for key, value in table.items():
+        if key not in known:
+            raise unknown_key(key, known, f"{path}.{key}")
+        given[key] = _value(value, known[key], f"{path}.{key}", folder)
+    with located(path, known):
+        return kind(**given)
+
+
+@contextmanager
+def located(path: str, names: Any):
+    """Give messages the path of a table, `x` of these names being path.x."""
+    try:
+        yield
+    except InputError as error:
+        words = re.sub(
+            r"`(\w+)`", lambda m: f"{path}.{m[1]}" if m[1] in names else m[0], str(error)
+        )
+        raise InputError(words if path in words else f"{path}: {words}") from None
+
+
+def _value(value, meta, path, folder):
+    """A value of a table as the field with this metadata has it."""
+    if "read" in meta and not isinstance(value, Material):
+        if not isinstance(value, str):
+            raise InputError(f"{path} is {shown(value)}; allowed is a preset or a material file")
+        beside = folder / value
+        with located(path, ()):
+            return meta["read"](str(beside) if beside.is_file() else value)
+    if meta.get("metavar") == "FILE":
+        return _file(value, path, folder)
+    if "metavar" in meta and not isinstance(value, str):
+        raise InputError(f"{path} is {shown(value)}; allowed is a name")
+    return value
+
+
+def _file(value, path, folder):
+    """The path of a file that lies beside the press file, or where it says."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise InputError(f"{path} is {shown(value)}; allowed is a file's name")
+    beside = folder / value
+    if not (beside.is_file() or os.path.isfile(value)):
+        raise InputError(f"{path} is {shown(value)}, no file; allowed is one beside the press file")
+    return str(beside if beside.is_file() else value)
+
+
+def _table(value, name, label):
+    if not isinstance(value, Mapping):
+        raise InputError(f"{name} is {shown(value)}; allowed is a table, {label}")
+    return dict(value)
+
+
+def _list(document, name):
+    found = document.get(name, [])
+    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+        raise InputError(f"{name} is no list; allowed is a table [[{name}]] for each")
+    return found
+
+
+def _sheets(document, blank, folder):
+    """The sheets of the tables [[ply]], the lowest first, with what [blank] says and they do not;
+    without any the one of [blank]."""
+    if "ply" not in document:
+        return [made(Sheet, blank, "blank", folder)]
+    plies = _list(document, "ply")
+    if not plies:
+        raise InputError("ply is empty; allowed is a table [[ply]] for each")
+    sheets = []
+    for k, ply in enumerate(plies, 1):
+        name = ply.get("name", f"ply {k}")
+        if not isinstance(name, str) or not name.strip():
+            raise InputError(f"ply.{k}.name is {shown(name)}; allowed is a word")
+        barred = {other for key in ply for other in OWN.get(key, ())}
+        handed = {key: value for key, value in blank.items() if key not in barred}
+        path = f"ply.{ply.get('name', k)}"
+        sheets.append(made(Sheet, handed | ply | {"name": name}, path, folder))
+    names = [sheet.name for sheet in sheets]
+    if twice := next((name for name in names if names.count(name) > 1), ""):
+        raise InputError(f"two plies are called {twice}; allowed are different names")
+    return sheets
+
+
+def _tool(table, name, folder):
+    path = f"tools.{name}"
+    if isinstance(table, PressTool):
+        return table
+    table = _table(table, path, f"[{path}]")
+    kinds = [key for key in ("shape", "file", "die_of") if key in table]
+    if len(kinds) != 1:
+        raise InputError(
+            f"{path} has {' and '.join(kinds) or 'no surface'}; allowed is one of shape "
+            f"({', '.join(SHAPES)}), file and die_of"
+        )
+    own = {each.name for each in dataclasses.fields(PressTool)} - {"surface"}
+    (kind,), given = kinds, {key: table.pop(key) for key in own if key in table}
+    value = table.pop(kind)
+    if kind == "shape":
+        surface: Surface | str | DieOf = _shape(value, table, path, own)
+        if given.get("side") == "above":
+            surface = Turned(surface, OVER)
+    elif kind == "die_of":
+        surface = made(DieOf, {"tool": value} | table, path, folder)
+        given = {"side": "above"} | given
+    else:
+        surface = value if isinstance(value, Surface) else _file(value, f"{path}.file", folder)
+        if table:
+            raise unknown_key(next(iter(table)), own, f"{path}.{next(iter(table))}")
+    return made(PressTool, {"surface": surface} | given, path, folder)
+
+
+def _shape(shape: str, table: Mapping[str, Any], path: str, own: set[str]) -> Surface:
+    if shape not in SHAPES:
+        raise unknown_key(shape, SHAPES, f"{path}.shape {shape}")
+    make, keys = SHAPES[shape]
+    for key in table:
+        if key not in keys:
+            raise unknown_key(key, (*keys, *sorted(own)), f"{path}.{key}")
+    try:
+        return make(**table)
+    except TypeError:
+        check_complete(table, [k for k in keys if k != "width"], f"{path}.", f"in [{path}]")
+        raise
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def _holder(table: Any, name: str, folder: Path) -> Holder | list[Holder]:
+    if not isinstance(table, Mapping):  # a holder itself, or a list of them
+        holders_of(name, table)
+        return table
+    path = f"holders.{name}"
+    kinds = [key for key in HOLDERS if key in table]
+    if len(kinds) != 1:
+        raise InputError(
+            f"{path} has {' and '.join(kinds) or 'nothing that holds'}; allowed is one of "
+            f"{', '.join(HOLDERS)}"
+        )
+    given = dict(table)
+    if "where" in table:
+        with located(path, ("where",)):
+            given["where"] = Region(table["where"])
+    return made(HOLDERS[kinds[0]], given, path, folder)
+
+
+def _change(document, change):
+    """Make a change "KEY=VALUE" in a document."""
+    key, equals, text = change.partition("=")
+    names = key.strip().split(".")
+    if names[0] == "holder" and len(document.get("holders", ())) == 1:
+        names[:1] = ["holders", next(iter(document["holders"]))]
+    if not equals or not all(names):
+        raise InputError(f"change {shown(change)} is no KEY=VALUE; allowed is a dotted key")
+    if names[0] in TABLES:
+        document.setdefault(names[0], {})
+    table: Any = document
+    for depth, name in enumerate(names[:-1]):
+        if isinstance(table, list):
+            by_name = {str(k + 1): each for k, each in enumerate(table)}
+            by_name |= {each["name"]: each for each in table if "name" in each}
+            found = by_name.get(name)
+        else:
+            by_name, found = table, table.get(name)
+        if not isinstance(found, (dict, list)):
+            before = ".".join(names[:depth])
+            raise unknown_key(name, by_name, f"{'.'.join(names)}: {name} of {before or 'the file'}")
+        table = found
+    if not isinstance(table, dict):
+        raise InputError(f"change {shown(change)} has no name of its table; allowed is one")
+    table[names[-1]] = _toml_value(text.strip())
+
+
+def _toml_value(text):
+    """A number, list or word as TOML has them, or else the text itself."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+# -- writing
+
+
+def document_of(press: Any) -> dict[str, Any]:
+    """The tables of a `Press`. What no file can say, as functions and own surfaces, stands in them
+    as it is."""
+    plies = [_entries(sheet, {}) for sheet in press.sheets]
+    found: dict[str, Any] = {"unit": "mm"}
+    found |= {"title": press.title} if press.title else {}
+    blank: dict[str, Any] = {"quarter": True} if press.quarter else {}
+    found["blank"] = blank | (plies[0] if len(plies) == 1 else {})
+    found["contact"] = _entries(press.interface, {})
+    found["limits"] = _entries(press.limits, {})
+    if len(plies) > 1:
+        found["ply"] = plies
+    found["tools"] = {name: _tool_table(tool) for name, tool in press.tools.items()}
+    found["holders"] = {name: _holder_table(each) for name, each in press.holders.items()}
+    found["stage"] = [_entries(stage, {}) for stage in press.stages]
+    return {key: value for key, value in found.items() if value not in ({}, [])}
+
+
+def write(press: Any, path: str | os.PathLike[str]) -> None:
+    """Write a `Press` as a file that `Press.read` reads, with its materials beside it. Raises
+    InputError for what no file can say, and for a file that can't be written."""
+    path = Path(path)
+
+    def plain(value, where):
+        if isinstance(value, Mapping):
+            return {key: plain(each, f"{where}.{key}".strip(".")) for key, each in value.items()}
+        if isinstance(value, (list, tuple, np.ndarray)):
+            return [plain(each, f"{where}.{k}".strip(".")) for k, each in enumerate(value, 1)]
+        if isinstance(value, Material):
+            if PRESETS.get(value.name) == value:
+                return value.name
+            file = path.with_name(f"{path.stem}_{value.name or 'material'}.toml")
+            write_whole(file, value.dumps())
+            return file.name
+        if isinstance(value, (str, bool, int, float)):
+            return value
+        raise InputError(
+            f"{where} is {shown(value)}, which no file can say; allowed are numbers, names, files, "
+            "shapes and regions"
+        )
+
+    write_whole(path, tomli_w.dumps(plain(document_of(press), "")))
+
+
+def _entries(owner, more):
+    """The fields of a dataclass object that differ from their defaults, {name: value}."""
+    found = dict(more)
+    for each in dataclasses.fields(owner):
+        value, usual = getattr(owner, each.name), each.default
+        if each.default_factory is not dataclasses.MISSING:
+            usual = each.default_factory()
+        if value is not usual and not (isinstance(value, type(usual)) and value == usual):
+            found[each.name] = value
+    return found
+
+
+def _tool_table(tool):
+    entries = _entries(tool, {})
+    surface = entries.pop("surface")
+    if isinstance(surface, DieOf):
+        of = {"die_of": surface.tool}
+        return of | ({"clearance": surface.clearance} if surface.clearance else {}) | entries
+    if isinstance(surface, (str, os.PathLike)):
+        return {"file": str(surface)} | entries
+    if tool.side == "above":  # a shape of a file has its face up, and was turned over
+        turned = isinstance(surface, Turned) and surface == Turned(surface.surface, OVER)
+        surface = surface.surface if turned else None
+    for shape, (make, keys) in SHAPES.items():
+        numbers = {key: getattr(surface, key, None) for key in keys}
+        if shape == "plate" and numbers["width"] == numbers["length"] == 2 * (
+            numbers["corner"] or 0
+        ):
+            numbers = {key: numbers[key] for key in ("length", "entry")}  # a round opening
+        if not any(value is None for value in numbers.values()):
+            with suppress(InputError):
+                if make(**numbers) == surface:
+                    plain = {k: np.asarray(v).tolist() for k, v in numbers.items()}
+                    return {"shape": shape} | plain | entries
+    return {"file": tool.surface} | entries
+
+
+def _holder_table(holder):
+    kind = next((key for key, kind in HOLDERS.items() if type(holder) is kind), "")
+    if not kind:
+        return holder
+    entries = _entries(holder, {kind: getattr(holder, kind)})
+    if isinstance(entries.get("where"), Region):
+        entries["where"] = dict(entries["where"].limits)
+    return entries

@@ -1,0 +1,159 @@
+"""One sheet of fabric or metal, as it is laid into a press."""
+
+import dataclasses
+import math
+from dataclasses import dataclass, field
+from typing import Any, Self
+
+import numpy as np
+
+from ..material.laws import Law
+from ..material.laws.base import Material
+from ..material.metal import Metal, load_metal
+from ..material.presets import checked_fabric, load
+from ..runtime.errors import InputError
+from ..runtime.fields import choice, number, switch
+from ..runtime.rules import FROM_ZERO, POSITIVE
+from ..sheets.sheet_fields import ELEMENTS, SheetFields
+from .interface import BETWEEN_FABRICS, ON_METAL, Interface
+
+# field of a ply -> those of the blank that it does not take over
+OWN = {
+    "mesh": ("outline", "size", "layer", "centred", "nx", "ny", "pattern", "length", "width"),
+    "outline": ("mesh", "length", "width", "ny"),
+    "size": ("nx",),
+    "nx": ("size",),
+    "metal": ("fabric", "weave_angle"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheet(SheetFields):
+    """A sheet of fabric, or of metal: a blank, or one ply of a stack.
+
+    Parameters
+    ----------
+    fabric, metal
+        What it is made of: one of them.
+    name
+        In results; by default "ply 1" and so on.
+    length, width
+        Of the whole sheet along x and y [mm]; or `mesh`, a file of the sheet; or `outline`, a file
+        of its edges (DXF, CSV, mesh), with the `size` of its cells [mm], its `layer` in a drawing,
+        and whether it is `centred`.
+    thickness
+        In place of the material's [mm].
+    nx, ny, pattern, element, integration
+        Its mesh: rectangles along what is modelled of length and width, how they become cells.
+    fibre_angle, yarn_angle, weave_angle
+        From x to yarns a, from there to yarns b, and that where the weave is free of shear [deg].
+    bending_modulus, twist_modulus, in_plane_bending
+        See `Bending`.
+    friction
+        Coefficient to the next sheet above; by default 0.334, beside metal 0.25 (Table 2 of
+        Schäfer et al.).
+
+    Raises
+    ------
+    InputError
+        For numbers out of range, and for fields that exclude each other.
+
+    Examples
+    --------
+    >>> ply = ff.Sheet(fabric=ff.load("komeili"), length=200, width=100, fibre_angle=45)
+    >>> ply == dataclasses.replace(ply), ply.thickness_under(0.0) > 1.0
+    (True, True)
+    """
+
+    fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
+    metal: Metal | None = field(default=None, metadata={"read": load_metal})
+    name: str = ""
+    element: str = choice(
+        None,
+        ELEMENTS,
+        "triangles (P) or quadrilaterals (Q), and their degree (P1 where cells follow the yarns, "
+        "else P2)",
+        "mesh",
+    )
+    integration: str = choice(
+        None, ("full", "inner"), "points of P2: full, or inner: nearer to a cell's centre", "mesh"
+    )
+    length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]", "sheet")
+    width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]", "sheet")
+    thickness: float | None = number(None, POSITIVE, "in place of the material's [mm]", "ply")
+    centred: bool = switch("put the centre of an outline at the origin", "sheet")
+    bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]", "sheet")
+    twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]", "sheet")
+    in_plane_bending: float = number(
+        0.0,
+        FROM_ZERO,
+        "stiffness of yarns against bending within the sheet, over that out of it",
+        "sheet",
+    )
+    friction: float | None = number(
+        None, FROM_ZERO, "coefficient to the next sheet (0.334, beside metal 0.25)", "ply"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.fabric is not None:
+            checked_fabric("`fabric`", self.fabric)
+        if self.metal and self.fabric:
+            raise InputError("`fabric` is not allowed beside `metal`")
+
+    @property
+    def material(self) -> Material:
+        """Its metal or fabric, with the sheet's own thickness if it has one."""
+        made_of: Any = self.metal or self.fabric
+        return made_of.replace(thickness=self.thickness) if self.thickness else made_of
+
+    def ready(self, name: str, interface: Interface) -> Self:
+        """The sheet with a name and its final material, as it is built; InputError without any
+        material or size."""
+        if not (self.metal or self.fabric):
+            raise InputError("`fabric` or `metal` is missing; allowed is one of them")
+        if not (self.sheet_file or (self.length and self.width)):
+            raise InputError("a sheet needs `length` and `width`, `outline` or `mesh`")
+        made: dict[str, Any] = {"metal" if self.metal else "fabric": self.material}
+        if self.fabric and interface.is_rigid:
+            made["fabric"] = self.material.replace(compaction=None)
+        return dataclasses.replace(self, **made, name=self.name or name)
+
+    def coarser(self, sides: np.ndarray) -> Self | None:
+        """The sheet with cells twice as large, None if that is not known; sides (2,): of what is
+        modelled [mm]."""
+        size = self.size or (sides[0] / self.nx if self.nx else math.inf)
+        few = 4 * size > min(sides) * (1 + 1e-9) if self.outline else self.nx in (None, 1)
+        return None if few else self.on_coarser_mesh("length", "width")
+
+    def thickness_under(self, pressure: float) -> float:
+        """Thickness between faces that press it [MPa], [mm]."""
+        return self.material.thickness_under(pressure)
+
+    def friction_to(self, upper: "Sheet") -> float:
+        """Coefficient to a sheet above it."""
+        if self.friction is not None:
+            return self.friction
+        return ON_METAL if self.metal or upper.metal else BETWEEN_FABRICS
+
+    def mirror_warning(self) -> str:
+        """A warning if planes along the axes don't mirror the yarns into yarns of the same kind,
+        otherwise ""."""
+        if not self.fabric:
+            return ""
+        a, b = self.fibre_angle, self.fibre_angle + self.yarn_angle
+        along = _is_multiple(a, 90) and _is_multiple(b, 90)
+        one, two, sheared = np.array([[0.01, 0.02], [0.02, 0.01], [0.1, 0.1]])
+        energies = self.fabric.derivatives(one, two, sheared, False).parts.sum(1)
+        if along or (_is_multiple(a + b, 180) and math.isclose(*energies)):
+            return ""
+        differ = ", as warp and weft differ" if _is_multiple(a + b, 180) else ""
+        return (
+            f"yarns at {a:g} and {b:g} deg are not their own mirror images{differ}, so the quarter "
+            "stands for a ply of four mirrored ones; take the whole ply"
+        )
+
+
+def _is_multiple(angle, of):
+    """Whether an angle is one of those, to 1e-6 deg."""
+    return abs(math.remainder(angle, of)) < 1e-6

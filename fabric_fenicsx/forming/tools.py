@@ -1,0 +1,85 @@
+"""The tools of a press as data: what each is, and where it stands before anything moves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..runtime.errors import InputError
+from ..runtime.fields import check_fields, choice, number
+from ..runtime.rules import FROM_ZERO, POSITIVE
+from ..tools.surfaces import Surface
+from ..tools.values import checked_vector, length_of
+
+SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the direction along z from there to it
+
+
+@dataclass(frozen=True)
+class DieOf:
+    """The die of another tool, in place of a surface: the surface of `tool` at a `clearance` [mm]
+    (1.2 thicknesses of the blank), seen from the blank's other side."""
+
+    tool: str
+    clearance: float | None = number(None, POSITIVE, "distance from the tool [mm]")
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class PressTool:
+    """A tool of a press.
+
+    Parameters
+    ----------
+    surface
+        What bounds it, as it stands; a file of triangles or a CAD model [mm]; or `DieOf` another.
+    side
+        "below" or "above" the blank; towards the blank is then up or down.
+    at
+        Where the origin of its surface stands, (x, y, z) or (x, y) [mm]. Without z it is moved
+        along z until it touches the blank, less the distance `off`.
+    off
+        Distance from the blank at the start [mm]; by default 0, or where it has a die, clearance
+        less thickness: closed tools then meet all over at once.
+    turn
+        Angles (3,) about x, then y, then z [deg], by which it is turned about its origin.
+    force
+        On the whole blank [N], by which it is pushed towards the blank from the start; by default
+        it stands or moves as the stages say.
+    friction
+        Coefficient, by default the interface's.
+    chord
+        Largest distance of triangles from a CAD model [mm].
+
+    Raises
+    ------
+    InputError
+        For other values.
+
+    Examples
+    --------
+    >>> ff.PressTool(ff.Sphere(50), side="above").towards
+    array([ 0.,  0., -1.])
+    """
+
+    surface: Surface | str | DieOf
+    side: str = choice("below", tuple(SIDES), "of the blank, on which it stands")
+    at: Sequence[float] = (0.0, 0.0)
+    off: float | None = number(None, FROM_ZERO, "distance from the blank at the start [mm]")
+    turn: Sequence[float] = (0.0, 0.0, 0.0)
+    force: float | None = number(None, POSITIVE, "towards the whole blank [N]")
+    friction: float | None = number(None, FROM_ZERO, "coefficient to the blank")
+    chord: float = number(0.1, POSITIVE, "largest distance of triangles from a CAD model [mm]")
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        checked_vector("`turn`", self.turn)
+        checked_vector("`at`", self.at, size=2 if length_of(self.at) == 2 else 3)
+        if self.off and length_of(self.at) == 3:
+            raise InputError("`off` is not allowed beside a z in `at`")
+
+    @property
+    def towards(self) -> np.ndarray:
+        """The direction from it to the blank (3,)."""
+        return np.array([0.0, 0.0, SIDES[self.side]])
