@@ -13,13 +13,10 @@ import sys
 import tempfile
 from pathlib import Path
 
-import numpy as np
 from PIL import Image
 
-from fabric_fenicsx import Sphere, Tool
-from fabric_fenicsx.plot.forming_pictures import formed_picture
-from fabric_fenicsx.results.fields import read_last
-from fabric_fenicsx.results.formed import tool_mesh
+from fabric_fenicsx.plot.space import formed_picture
+from fabric_fenicsx.postprocess.states import states
 
 DOCS = Path(__file__).parent
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
@@ -37,11 +34,9 @@ def shrunk(picture: Path, name: str) -> None:
 
 def in_space(folder: Path) -> None:
     """Draw the strip over the ball, where it was run."""
-    ball = Tool(Sphere(radius=30), lambda load: (100.0, 25.0, -15.5))
-    ball.at(0.0)
-    surface = tool_mesh(ball, np.full(3, -31.0), np.full(3, 31.0))
-    made, strip = folder / "ball_in_space.png", read_last(folder / "results/ball")
-    formed_picture(made, [(strip, (0, 90))], surface, spacing=5.0, full=False)
+    made, last = folder / "ball_in_space.png", states(folder / "results/ball")[-1]
+    (strip,), (ball,) = last.plies().values(), last.tools().values()
+    formed_picture(made, [strip], ball, spacing=5.0, full=False)
     shrunk(made, made.stem)
 
 

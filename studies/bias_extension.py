@@ -25,12 +25,12 @@ def main(study: Study):
         )
     centre = "no cell at the centre"
     if bias.has_centre:
-        centre = f"centre shear angle {result.told('centre_shear_angle_deg', '.2f')} deg"
+        centre = f"centre shear angle {result.formatted('centre_shear_angle_deg', '.2f')} deg"
     if q["theory_shear_angle_deg"] is None:
         theory = f"no theory: {q['no_theory_because']}"
     else:
         theory = f"theory {q['theory_shear_angle_deg']:.2f} deg"
-    reaction = result.told("reaction_N")
+    reaction = result.formatted("reaction_N")
     study.say(f"{result.folder}: reaction {reaction} N, {centre} ({theory})")
 
 

@@ -35,11 +35,11 @@ def main(study: Study):
     for label, r in results.items():
         q = found[label]
         study.say(
-            f"{label or args.out}: punch force {r.told('punch_force_N', '.5g')} N"
+            f"{label or args.out}: punch force {r.formatted('punch_force_N', '.5g')} N"
             f"{forming.of_whole(q)}, largest shear angle "
-            f"{r.told('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
-            f"{r.told('shear_angle_99_percent_deg', '.2f')}), draw-in "
-            f"{r.told('draw_in.largest_mm', '.2f')} mm, "
+            f"{r.formatted('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
+            f"{r.formatted('shear_angle_99_percent_deg', '.2f')}), draw-in "
+            f"{r.formatted('draw_in.largest_mm', '.2f')} mm, "
             f"penetration {percent(q['penetration_of_thickness'])} of the thickness"
         )
 

@@ -50,11 +50,11 @@ def main(study: Study):
         row = {"variant": label, "stroke_reached": result.summary["stroke_reached"]}
         row |= {k: v for k, v in q.items() if isinstance(v, float)}
         rows.append(row | {f"middle_{k}": v for k, v in middle.items() if isinstance(v, float)})
-        shear = result.told(f"plies.{MIDDLE}.shear_angle_max_deg", ".2f")
+        shear = result.formatted(f"plies.{MIDDLE}.shear_angle_max_deg", ".2f")
         study.say(
             f"{label or study.args.out}: punch force {rounded(q['punch_force_N'], 5)} N"
             f"{laminate.of_whole(q)}, largest shear angle of the middle ply {shear} deg, thinning "
-            f"of the metal {result.told('thinning_max', '.2f', 100)} %, "
+            f"of the metal {result.formatted('thinning_max', '.2f', 100)} %, "
             f"penetration {percent(q['penetration_of_thickness'])} of a thickness"
         )
     if len(results) > 1:

@@ -13,7 +13,7 @@ def main(study: Study):
     result = study.run(study.build(study.describe(PictureFrame)))
     q = result.summary["quantities"]
     study.say(
-        f"{result.folder}: {result.told('normalised_shear_force_N_per_mm')} N/mm at "
+        f"{result.folder}: {result.formatted('normalised_shear_force_N_per_mm')} N/mm at "
         f"{q['shear_angle_deg']:.4g} deg (closed form {q['closed_form_N_per_mm']:.6g} N/mm)"
     )
 

@@ -28,6 +28,28 @@ def options():
     return p
 
 
+def draw(path, series, labels):
+    """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and
+    {title: (x label, y label, x limits)}: closed form is a line (the second model's dashed), the
+    kernel a square, elements a dot."""
+    from fabric_fenicsx.plot.pictures import figure
+
+    with figure(path, (11, 8), 2, (len(series) + 1) // 2) as (_, axes):
+        for ax, (title, curves) in zip(axes.flat, series.items()):
+            labelled, models = (list(dict.fromkeys(each)) for each in zip(*curves))
+            for (label, model), (x, closed, kernel, elements) in curves.items():
+                is_first, colour = model == models[0], f"C{labelled.index(label)}"
+                style = {"ls": "-", "label": label} if is_first else {"ls": "--"}
+                ax.plot(x, closed, color=colour, lw=1, **style)
+                ax.plot(x[::4], kernel[::4], "s", color=colour, ms=5, mfc="none", mew=0.6)
+                ax.plot(x[2::4], elements[2::4], ".", color=colour, ms=4)
+            lines = ", ".join(f"{m} {s}" for m, s in zip(models, ("(line)", "(dashed)")))
+            ax.set_title(f"{title}: {lines}", fontsize="medium")
+            ax.set(**dict(zip(("xlabel", "ylabel", "xlim"), labels[title])))
+            ax.grid(alpha=0.3)
+            ax.legend(fontsize="small")
+
+
 def main(study):
     args, folder = study.args, study.folder()
     cell = "triangle" if args.element[0] == "P" else "quadrilateral"
@@ -52,9 +74,7 @@ def main(study):
     )
     study.write_table(folder / "curves.csv", list(found.rows()))
     if study.comm.rank == 0 and not args.no_pictures:
-        from fabric_fenicsx.plot.pictures import panels
-
-        panels(folder / "fig7.png", found.panels(), LABELS)
+        draw(folder / "fig7.png", found.panels(), LABELS)
     study.say(
         f"{folder}: {len(found.curves)} curves; largest difference to closed form: "
         f"elements {largest['elements']:.1e}, kernel {largest['kernel']:.1e}"

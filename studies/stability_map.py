@@ -10,6 +10,8 @@ from fabric_fenicsx.studies.lib.stability_maps import kernel_difference, stabili
 from fabric_fenicsx.studies.lib.stability_thresholds import HIGH, LOW, thresholds
 
 AGREEMENT = 1e-9  # of the kernel's stresses with the closed form, or of s1 where they are smaller
+LOST = {"stable": "#f2f2f2", "convexity lost": "#f4b942"}
+LOST |= {"ellipticity lost": "#7fb2d9", "both lost": "#b0413e"}
 
 
 def options():
@@ -23,6 +25,31 @@ def options():
         help="states along each axis, 11 to 2000 (225, with --quick 57)",
     )
     return p
+
+
+def draw(path, x, panels):
+    """Where two indicators are negative, over a square grid: {(row, column): (convexity,
+    ellipticity)}, each (n, n) with x (n,) along its last axis."""
+    from matplotlib.colors import ListedColormap
+
+    from fabric_fenicsx.plot.pictures import figure, label_outer
+
+    rows, columns = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
+    size = 2.1 * len(columns) + 0.6, 2.4 * len(rows) + 1.2
+    colours = {"cmap": ListedColormap(list(LOST.values())), "vmin": -0.5, "vmax": 3.5}
+    with figure(path, size, len(rows), len(columns), sharex=True, sharey=True) as (page, axes):
+        for (row, column), (convexity, ellipticity) in panels.items():
+            ax = axes[rows.index(row), columns.index(column)]
+            lost = (convexity < 0) + 2 * (ellipticity < 0)
+            image = ax.pcolormesh(x, x, lost, rasterized=True, **colours)
+            ax.axhline(0, color="k", lw=0.4)
+            ax.axvline(0, color="k", lw=0.4)
+            ax.set_aspect("equal")
+            ax.set_title(f"{column}, {row}", fontsize="small")
+        label_outer(axes, r"$\varepsilon_a$ / %", r"$\varepsilon_b$ / %")
+        place = {"location": "bottom", "fraction": 0.05, "aspect": 60, "pad": 0.02}
+        bar = page.colorbar(image, ax=list(axes.flat), ticks=range(4), **place)
+        bar.ax.set_xticklabels(list(LOST))
 
 
 def main(study):
@@ -47,11 +74,8 @@ def main(study):
     )
     study.write_table(folder / "thresholds.csv", rows)
     if study.comm.rank == 0 and not args.no_pictures:
-        from fabric_fenicsx.plot.pictures import regions
-
-        labels = r"$\varepsilon_a$ / %", r"$\varepsilon_b$ / %"
         for name, panels in maps.items():
-            regions(folder / f"{name}.png", 100 * e, panels, *labels)
+            draw(folder / f"{name}.png", 100 * e, panels)
     study.say(f"{folder}: {sum(map(len, maps.values()))} maps, {len(rows)} thresholds")
     if difference > AGREEMENT:
         more = f"by {difference:.1e}, more than {AGREEMENT}"

@@ -25,7 +25,7 @@ def main(study: Study):
         result = study.run(study.build(study.describe(Tensile)))
         for line in measured_lines(result):
             study.say(line)
-        reaction = result.told("reaction_N")
+        reaction = result.formatted("reaction_N")
         study.say(f"{result.folder}: reaction {reaction} N, {strains_across(result)}")
         return
     folder, results = study.folder(), {}
@@ -47,7 +47,7 @@ def main(study: Study):
     for name, r in results.items():
         for line in measured_lines(r):
             study.say(f"{name:24s} {line}")
-        study.say(f"{name:24s} reaction {r.told('reaction_N', '9.4f')} N, {strains_across(r)}")
+        study.say(f"{name:24s} reaction {r.formatted('reaction_N', '9.4f')} N, {strains_across(r)}")
 
 
 if __name__ == "__main__":

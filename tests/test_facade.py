@@ -57,7 +57,7 @@ def test_a_strip_is_pulled_without_compiled_loops(tmp_path):
 
 def test_numbers_of_forming_need_nothing_that_draws_in_space():
     """It takes 30 MB and half a second."""
-    code = "import sys, fabric_fenicsx.results.formed; print('pyvista.plotting' in sys.modules)"
+    code = "import sys, fabric_fenicsx.results.quantities; print('pyvista.plotting' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.stdout == "False\n", done.stderr
 

@@ -5,7 +5,7 @@ import sys
 
 from tqdm import tqdm
 
-from ..results.output import formatter
+from ..runtime.logs import formatter
 
 
 class Console(logging.Handler):

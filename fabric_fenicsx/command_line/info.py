@@ -268,7 +268,7 @@ def draw_triangle() -> None:
     import numpy as np
     import pyvista
 
-    from ..plot.forming_pictures import screen
+    from ..plot.space import screen
 
     with screen():
         plotter = pyvista.Plotter(off_screen=True, window_size=[200, 100])

@@ -9,10 +9,11 @@ from importlib import import_module
 from pathlib import Path
 
 from ..runtime.errors import InputError
+from ..runtime.files import unwritable
 from ..runtime.rules import unknown_key
 from ..runtime.signals import end_with_reader
 from . import info
-from .options import STUDIES, Parser, exit_status, not_writable
+from .options import STUDIES, Parser, exit_status
 
 COMMANDS = {
     "info": "versions, presets, and whether all works",
@@ -93,20 +94,20 @@ def _description(studies):
 
 def _export(folder, file):
     """Write `file` from the results in `folder`."""
-    from ..results import structural
-    from ..results.output import why_not_believed
+    from ..postprocess import states, structural
+    from ..results.output import failure_reason
 
     try:
-        grids = structural.read_grids(folder)
+        grids = states.read_grids(folder)
         structural.export(grids, file)
+        labels = states.set_labels(grids) if Path(file).suffix == ".inp" else {}
+        sets = {name: f" (ELSET {label})" for name, label in labels.items()}
+        for name, grid in grids.items():
+            print(f"{file}: {name or 'ply'}{sets.get(name, '')}, {grid.n_cells} cells")
+        if words := failure_reason(Path(folder) / "summary.json"):
+            print(f"warning: the run in {folder} did not end well: {words}", file=sys.stderr)
     except OSError as error:
-        raise not_writable(error) from None
-    labels = structural.set_labels(grids) if Path(file).suffix == ".inp" else {}
-    sets = {name: f" (ELSET {label})" for name, label in labels.items()}
-    for name, grid in grids.items():
-        print(f"{file}: {name or 'ply'}{sets.get(name, '')}, {grid.n_cells} cells")
-    if words := why_not_believed(Path(folder) / "summary.json"):
-        print(f"warning: the run in {folder} did not end well: {words}", file=sys.stderr)
+        raise unwritable(error) from None
 
 
 def _listed(scripts):

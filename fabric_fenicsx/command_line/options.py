@@ -25,14 +25,6 @@ def exit_status(error: Exception) -> tuple[int, str]:
     return 3, words if ended else f"stopped: {words}"
 
 
-def not_writable(error: OSError) -> InputError:
-    """The error for a file that the system refuses."""
-    return InputError(
-        f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder of "
-        "this user"
-    )
-
-
 def program(name: str) -> str:
     """First words of the command that started study `name`: `fabric` or a script."""
     script = Path(sys.argv[0])

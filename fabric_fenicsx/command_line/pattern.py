@@ -6,16 +6,17 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.errors import InputError
+from ..runtime.files import unwritable
 from ..runtime.formatting import rounded
 from ..runtime.rules import POSITIVE, unknown_key
-from .options import Parser, not_writable, option_type
+from .options import Parser, option_type
 
 LAYERS = 2.0  # thicknesses of all plies, by which a trim line may be off the formed ply
 PLANE = '"z=5" (what is above it), or "x,y,z,nx,ny,nz": a point [mm] and the normal to what is kept'
 
 
 def run(words: list[str]) -> None:
-    """Write the patterns that the command line `words` ask for, and tell their sizes. Raises
+    """Write the patterns that the command line `words` ask for, and print their sizes. Raises
     InputError for what is not allowed."""
     parser = Parser(prog="fabric pattern", description=__doc__)
     parser.add_argument("folder", metavar="DIR", help="results of a forming run")
@@ -38,69 +39,56 @@ def run(words: list[str]) -> None:
     )
     # a plane may begin with a minus, which argparse takes for an option
     joined = "\n".join(words).replace("--plane\n", "--plane=")
-    given = parser.parse_args(joined.split("\n") if words else [])
-    if not (given.line or given.plane):
+    args = parser.parse_args(joined.split("\n") if words else [])
+    if not (args.line or args.plane):
         raise InputError("nothing says where to trim; allowed is --line FILE or --plane PLANE")
-    _write(given)
+    _write(args)
 
 
 def _write(args):
-    from ..results import pattern, structural
-    from ..results.output import why_not_believed
+    from ..meshes.outline_files import read_trim_line
+    from ..postprocess import pattern, states
+    from ..results.output import failure_reason
 
-    grids = structural.read_grids(args.folder)
+    grids = states.read_grids(args.folder)
     if args.sheet is not None and args.sheet not in grids:
         raise unknown_key(args.sheet, filter(None, grids), f"--sheet {args.sheet}")
-    trim, told = (_plane(args.plane), []) if args.plane else _line(args.line)
+    trim, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
     reach = args.reach or LAYERS * sum(map(_thickness, grids.values()))
-    labels = structural.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
-    asked = {n: grid for n, grid in grids.items() if args.sheet in (None, n)}
-    found = {name: _of_ply(name, grid, trim, reach) for name, grid in asked.items()}
-    stem, units = Path(args.out or Path(args.folder) / "pattern"), structural.units(args.folder)
+    labels = states.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
+    found = {}
+    for name, grid in grids.items():
+        if args.sheet in (None, name):
+            try:
+                found[name] = pattern.flat_pattern(grid, trim, reach)
+            except InputError as error:
+                raise InputError(f"ply {name}: {error}" if name else str(error)) from None
+    stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
     if not stem.parent.is_dir():
         raise InputError(
             f"--out is {stem}, but {stem.parent} is no folder; allowed is a file's name in one"
         )
-    for words in told:
-        print(words)
+    for note in notes:
+        print(note)
     for name, flat in found.items():
         own = stem.with_name("_".join(filter(None, [stem.name, labels[name]])))
         try:
             pattern.write_pattern(own, flat, units)
         except OSError as error:
-            raise not_writable(error) from None
-        print(f"{own}.dxf, .csv, .vtu: {_size(flat)}")
-    if words := why_not_believed(Path(args.folder) / "summary.json"):
-        print(f"warning: the run in {args.folder} did not end well: {words}", file=sys.stderr)
-
-
-def _of_ply(name, grid, trim, reach):
-    from ..results.pattern import flat_pattern
-
-    try:
-        return flat_pattern(grid, trim, reach)
-    except InputError as error:
-        raise InputError(f"ply {name}: {error}" if name else str(error)) from None
-
-
-def _size(flat):
-    """Sizes of a pattern, in words."""
-    off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
-    return (
-        f"area {rounded(flat.area, 6)} mm2, perimeter {rounded(flat.perimeter, 6)} mm, area of the "
-        f"formed part {rounded(flat.formed_area, 6)} mm2{off}"
-    )
-
-
-def _line(file):
-    from ..meshes.outline_files import read_trim_line
-
-    return read_trim_line(file)
+            raise unwritable(error) from None
+        off = f", trim line up to {rounded(flat.off)} mm off the ply" if flat.off else ""
+        print(
+            f"{own}.dxf, .csv, .vtu: area {rounded(flat.net.area, 6)} mm2, perimeter "
+            f"{rounded(flat.net.length, 6)} mm, area of the formed part "
+            f"{rounded(flat.formed_area, 6)} mm2{off}"
+        )
+    if reason := failure_reason(Path(args.folder) / "summary.json"):
+        print(f"warning: the run in {args.folder} did not end well: {reason}", file=sys.stderr)
 
 
 def _plane(text):
-    """The plane that a text tells."""
-    from ..results.pattern import Plane
+    """The plane of an option's text."""
+    from ..postprocess.pattern import Plane
 
     try:
         axis, _, place = text.replace(" ", "").partition("=")

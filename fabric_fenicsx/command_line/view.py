@@ -4,8 +4,8 @@ import os
 from pathlib import Path
 
 from ..runtime.errors import InputError
-from ..runtime.files import replace_file
-from .options import Parser, not_writable
+from ..runtime.files import replace_file, unwritable
+from .options import Parser
 
 
 def run(words: list[str]) -> None:
@@ -22,22 +22,22 @@ def run(words: list[str]) -> None:
     parser.add_argument(
         "--field", metavar="NAME", help="field of the cells to show (default: shear_angle)"
     )
-    given = parser.parse_args(words)
+    args = parser.parse_args(words)
     from ..plot import view
-    from ..results import structural
+    from ..postprocess.states import states
 
-    structural.states(given.folder)
-    if given.html is None and os.environ.get("DISPLAY"):
-        view.show(given.folder, given.field)
+    states(args.folder)
+    if args.html is None and os.environ.get("DISPLAY"):
+        view.show(args.folder, args.field)
         return
-    file = Path(given.html or Path(given.folder) / "view.html")
+    file = Path(args.html or Path(args.folder) / "view.html")
     if not file.parent.is_dir():
         raise InputError(
             f"--html is {file}, but {file.parent} is no folder; allowed is a file in one"
         )
-    text = view.page(given.folder, given.field)
+    text = view.page(args.folder, args.field)
     try:
         replace_file(file, text)
     except OSError as error:
-        raise not_writable(error) from None
+        raise unwritable(error) from None
     print(f"{file}: the last state, for a browser")

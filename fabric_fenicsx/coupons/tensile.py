@@ -86,7 +86,7 @@ def strains_across(result: Result) -> str:
     of a cell, which they need not."""
     at = "no cell at the middle"
     if result.number("log_eps_22_middle") is not None:
-        middle = result.told("log_eps_22_middle", ".2f", 100)
+        middle = result.formatted("log_eps_22_middle", ".2f", 100)
         at = f"log strain along yarns b at the middle {middle} %"
-    least = result.told("log_eps_22_min", ".2f", 100)
+    least = result.formatted("log_eps_22_min", ".2f", 100)
     return f"{at} (least of a cell {least} %, which a finer mesh may lower)"

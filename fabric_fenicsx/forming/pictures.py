@@ -1,19 +1,14 @@
 """The pictures of a press: before anything moves, its stroke, and what was formed."""
 
-import logging
 from collections.abc import Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
-
 from ..job.job import Result
-from ..plot import press_pictures
-from ..results import formed, laminate
-from ..results.output import MARKED
+from ..plot import forming_pictures, press_pictures
+from ..results.quantities import middle_of
+from ..runtime.logs import MARKED, log
 from .build import FormingScene
-
-log = logging.getLogger("fabric_fenicsx")
 
 
 def draw_setup(made: FormingScene, folder: Path) -> None:
@@ -32,13 +27,8 @@ def draw(made: FormingScene, result: Result, folder: Path) -> None:
     """The stroke, the formed plies, strain states, paths, thickness and metal; called on rank 0."""
     with _no_loss("filmstrip.png"):
         press_pictures.filmstrip(folder / "filmstrip.png", folder, made.schedule.shown())
-    with _no_loss("thickness.png"):
-        press_pictures.draw_formed(folder, result.grids)
-    angles = [
-        (s.fibre_angle, s.fibre_angle + s.yarn_angle) if s.fabric else () for s in made.sheets
-    ]
     with _no_loss("formed.png"):
-        formed.draw_plies(folder, result.grids, angles, _tool_mesh(made))
+        forming_pictures.draw_plies(folder, result.grids, made.leader().name)
     compare(made, {"": result}, folder)
 
 
@@ -51,20 +41,12 @@ def compare(made: FormingScene, results: Mapping[str, Result], folder: Path) -> 
         for name, grid in result.grids.items()
     }
     with _no_loss("paths.png"):
-        formed.draw_compared(folder, grids, made.leader())
+        forming_pictures.draw_compared(folder, grids, made.leader())
     layers = {label: result.grids for label, result in results.items()}
     metals = [sheet.name for sheet in made.sheets if sheet.metal]
-    middle = laminate.middle_of(made.sheets)
+    middle = middle_of(made.sheets)
     if middle and all({middle, metals[-1]} <= set(each) for each in layers.values()):
-        laminate.draw(folder, layers, middle, metals[-1], made.leader())
-
-
-def _tool_mesh(made):
-    """The leading tool, where it is now, as far as the blank may have gone."""
-    tool, (low, high) = made.leader(), made.extent
-    room = np.array([0.0, 0.0, float((high - low).max())])
-    place = tool.displacement
-    return formed.tool_mesh(tool, low - room - place, high + room - place)
+        forming_pictures.draw_laminate(folder, layers, middle, metals[-1], made.leader())
 
 
 @contextmanager

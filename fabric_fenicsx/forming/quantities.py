@@ -7,8 +7,7 @@ import numpy as np
 from ..job.job import Result
 from ..mechanics.contact import output as contact_output
 from ..mechanics.springs import Springs
-from ..results import formed, laminate, measures
-from ..results.shortening import shortening
+from ..results import measures, quantities
 from ..scene import output
 from ..sheets.blank import Part
 from .build import FormingScene
@@ -21,7 +20,7 @@ def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
     plastic strain and stress; of stacks the pressure between sheets. Those of a stack are over
     all its sheets, and each one's are in `plies`."""
     found = of_forces(made, result) | of_contact(made, result) | of_sheets(made, result)
-    return found | laminate.pressure_quantities(result)
+    return found | quantities.pressure_quantities(result)
 
 
 def of_forces(made: FormingScene, result: Result) -> dict[str, Any]:
@@ -71,17 +70,17 @@ def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
     for sheet, (name, part) in zip(made.sheets, parts.items()):
         thickness = sheet.thickness_under(0.0)
         (metals if sheet.metal else fabrics).append(part)
-        of_cells = formed.metal_quantities if sheet.metal else formed.fabric_quantities
+        of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities
         middle = below + thickness / 2
         plies[name] = of_cells(result, [part])
-        plies[name] |= formed.shape(result, part, tool, middle, bool(closed))
+        plies[name] |= quantities.shape(result, part, tool, middle, bool(closed))
         below += thickness
     if len(made.sheets) == 1:
         found = plies[""]
     else:
-        if middle := laminate.middle_of(made.sheets):
-            plies[middle] |= laminate.middle_quantities(result, middle)
-        found = formed.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
+        if middle := quantities.middle_of(made.sheets):
+            plies[middle] |= quantities.middle_quantities(result, middle)
+        found = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
     return found | {"wrinkles": _wrinkles(made, result, fabrics, found)}
 
 
@@ -91,7 +90,7 @@ def _wrinkles(made, result, fabrics, found):
     if not fabrics:
         return None
     cells = np.concatenate([part.cells for part in fabrics])
-    short, areas = shortening(result.fields)[cells], measures.areas(made.blank)[cells]
+    short, areas = quantities.shortening(result.fields)[cells], measures.areas(made.blank)[cells]
     return (found.get("wrinkles") or {}) | {
         "shortening": measures.mean(made.comm, short, areas),
         "excess_length_mm": found.get("excess_length_mm"),

@@ -12,7 +12,7 @@ from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
 from ..results.output import Output, read_summary
-from ..results.result import LAST_PICTURE, Result, draw_state
+from ..results.result import Result
 from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.formatting import rounded
@@ -186,6 +186,7 @@ class Job(JobFields):
 
     def _finished_before(self, output, result, start, notes, problem, pictures):
         """The `Result` of a run whose checkpoint is at full load."""
+        from ..plot.pictures import LAST_PICTURE
         from ..results.fields import FieldSeries
 
         scene, folder = self.scene, result.folder
@@ -217,6 +218,8 @@ class Job(JobFields):
         if self.tables and reached:
             self.tables(result, result.folder)
         if self.scene.comm.rank == 0 and pictures:
+            from ..plot.pictures import draw_state
+
             if self.pictures and reached:
                 self.pictures(result, result.folder)
             draw_state(output.name, result, result.folder, self.beside, self.force_name)

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from .. import dolfinx_compat as compat
 from ..results.curve import default_measure
-from ..results.history import ENERGIES, History, energy_balance, viscous_words
+from ..results.history import ENERGIES, History, energy_balance, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
 from ..runtime import timing
@@ -103,7 +103,7 @@ class Run:
             self.history.add(accepted, *measured, partial(self._further, measured[1]))
             if len(rows) == 1:
                 scene_output.summary(scene)  # which refuses names given twice
-        output.warn(viscous_words(rows, accepted.load))
+        output.warn(viscous_warning(rows, accepted.load))
         self._bar.update(accepted.load - self._bar.n)
         words = (
             f"step {accepted.progress.step:.3g}, iterations {accepted.report.iterations}, energy "

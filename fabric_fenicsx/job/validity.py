@@ -8,8 +8,8 @@ from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..mechanics.materials import materials_of
 from ..mechanics.term_checks import misspelt
 from ..results.history import ENERGIES, energy_balance
+from ..results.quantities import fabric_warnings
 from ..results.result import Result
-from ..results.shear import fabric_warnings
 from ..runtime.errors import NOT_BELIEVED
 from ..runtime.formatting import coordinates, percent, rounded
 from ..scene import output as scene_output

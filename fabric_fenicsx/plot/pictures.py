@@ -1,6 +1,7 @@
-"""Pictures that a person would look at first (matplotlib, from the written results)."""
+"""Maps of fields on sheets and diagrams, as PNG files (Matplotlib, from the written results)."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -12,7 +13,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pyvista
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import ListedColormap
+
+from ..postprocess.ply import Grid
+from ..postprocess.states import of_fabric
 
 # field -> label, factor to the unit shown, colour map; no label has an index 1 or 2, which beside
 # axes x and y looks like theirs
@@ -29,6 +32,29 @@ SHOWN = {
     "ellipticity_lost": ("ellipticity lost (1) or not", 1.0, "Greys"),
     "strain_state": ("strain state", 1.0, "Set2"),
 }
+MAPS = "log_eps_11", "log_eps_22", "shear_angle"  # what one looks at first
+LAST_PICTURE = "maps.png"  # where it is, all pictures of a run are
+OUTLIERS = 0.005  # of the cells, as at corners, that are left out of a map's scale
+
+
+@contextmanager
+def figure(
+    path: Path | str, size: tuple[float, float], rows: int = 1, columns: int = 1, **options: Any
+) -> Iterator[tuple[Any, np.ndarray]]:
+    """A figure of `size` [inch] and its axes (rows, columns), written to `path` when it is done;
+    options: `dpi` and `bbox_inches` of the file, others of `plt.subplots`."""
+    file = {"dpi": options.pop("dpi", 130), "bbox_inches": options.pop("bbox_inches", None)}
+    options |= {"figsize": size, "squeeze": False, "layout": "constrained"}
+    drawn, axes = plt.subplots(rows, columns, **options)
+    yield drawn, axes
+    drawn.savefig(path, **file)
+    plt.close(drawn)
+
+
+def shown(name: str, unit: str = "") -> tuple[str, float, str]:
+    """Label, factor to the unit shown and colour map of a field; unit: of one not in `SHOWN`."""
+    plain = " / ".join(filter(None, (name.replace("_", " "), unit)))
+    return SHOWN.get(name, (plain, 1.0, "viridis"))
 
 
 def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, float]:
@@ -42,25 +68,22 @@ def colour_scale(colours: str, low: float, high: float) -> tuple[str, float, flo
 
 
 def arrows(values: np.ndarray, low: float, high: float) -> str:
-    """At which ends of a colour bar from `low` to `high` arrows say that `values` lie beyond:
+    """Ends of a colour bar from `low` to `high` at which arrows tell that `values` lie beyond:
     Matplotlib's `extend`."""
     little = 1e-6 * (high - low)
-    beyond = values.min() < low - little, values.max() > high + little
-    return {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(
-        beyond, "both"
-    )
+    below, above = values.min() < low - little, values.max() > high + little
+    return ("neither", "min", "max", "both")[below + 2 * above]
 
 
 def cells_range(values: np.ndarray) -> str:
-    """Words for the least and the largest of the `values`, with their signs, as summary.json has
+    """The least and the largest of the `values` as text, with their signs, as summary.json has
     them."""
-    low, high = (
-        round(float(v), 6) + 0.0 for v in (values.min(), values.max())
-    )  # rounding is no strain
+    # rounding is no strain
+    low, high = (round(float(v), 6) + 0.0 for v in (values.min(), values.max()))
     return f"cells: {low:.4g} to {high:.4g}"
 
 
-def cell_polygons(grid: pyvista.UnstructuredGrid) -> np.ndarray:
+def cell_polygons(grid: Grid) -> np.ndarray:
     """Deformed corner polygons (cells, k, 2) of a plane sheet."""
     # not cells_dict: before PyVista 0.45 it gives higher-order cells the nodes of linear ones
     kind, cells = grid.celltypes[0], grid.cells.reshape(grid.n_cells, -1)[:, 1:]
@@ -69,15 +92,35 @@ def cell_polygons(grid: pyvista.UnstructuredGrid) -> np.ndarray:
     return x[cells[:, :corners], :2]
 
 
+def draw_cells(
+    ax: Any, polygons: np.ndarray, values: np.ndarray, colours: Any, limits: Sequence[float]
+) -> PolyCollection:
+    """Add cells (n, k, 2) [mm] in plan, coloured by `values` (n,) between `limits`."""
+    cells = PolyCollection(polygons, array=values, cmap=colours, antialiased=False)
+    cells.set_clim(*limits)
+    ax.add_collection(cells)
+    ax.autoscale_view()
+    ax.set_aspect("equal")
+    return cells
+
+
+def label_outer(axes: np.ndarray, xlabel: str = "x / mm", ylabel: str = "y / mm") -> None:
+    """Label the axes (rows, columns) at the left and the lower edge of a figure."""
+    for ax in axes[-1]:
+        ax.set_xlabel(xlabel)
+    for ax in axes[:, 0]:
+        ax.set_ylabel(ylabel)
+
+
 def maps(
     path: Path,
-    variants: Mapping[str, Any],
+    variants: Mapping[str, Grid],
     names: Sequence[str],
     outliers: float = 0.0,
     units: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Maps of the fields `names` on the deformed sheets {title: grid} of `variants`, one colour
-    scale a field.
+    scale a field; of fields at nodes the mean over each cell.
 
     Values keep their signs; above each map stand the least and the largest of a cell. One variant's
     maps stand below each other; several variants make a row each. outliers: share of all cells, at
@@ -88,51 +131,50 @@ def maps(
     polygons = {title: cell_polygons(grid) for title, grid in variants.items()}
     length, width = max((np.ptp(p.reshape(-1, 2), axis=0) for p in polygons.values()), key=max)
     height = max(1.9, 0.72 * 7.0 * columns**-0.3 * width / length + (0.45 if one else 0.7))
-    figure, axes = plt.subplots(
-        rows,
-        columns,
-        figsize=(7.0 * columns**0.7, height * rows),
-        squeeze=False,
-        sharex=True,
-        sharey=True,
-        layout="constrained",
-    )
-    for name, mine in zip(names, axes if one else axes.T):
-        plain = " / ".join(filter(None, (name.replace("_", " "), units.get(name, ""))))
-        label, factor, colours = SHOWN.get(name, (plain, 1.0, "viridis"))
-        values = {
-            title: factor * np.asarray(grid.cell_data[name]) for title, grid in variants.items()
-        }
-        every = np.concatenate(list(values.values()))
-        low, high = np.quantile(every, (outliers, 1 - outliers))
-        colours, low, high = colour_scale(colours, low, high)
-        for ax, title in zip(mine, variants):
-            patches = PolyCollection(
-                polygons[title], array=values[title], cmap=colours, antialiased=False
-            )
-            patches.set_clim(low, high)
-            ax.add_collection(patches)
-            ax.autoscale_view()
-            ax.set_aspect("equal")
-            shown = cells_range(values[title])
-            ax.set_title(
-                shown if one else f"{title}\n{shown}", fontsize="small" if one else "medium"
-            )
-        figure.colorbar(
-            patches,
-            ax=list(mine),
-            label=label,
-            extend=arrows(every, low, high),
-            location="right" if one else "bottom",
-            shrink=0.9,
-            aspect=15 if one else 30,
-        )
-    for ax in axes[-1]:
-        ax.set_xlabel("x / mm")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("y / mm")
-    figure.savefig(path, dpi=130, bbox_inches="tight")  # wide sheets push labels out
-    plt.close(figure)
+    size, options = (7.0 * columns**0.7, height * rows), {"sharex": True, "sharey": True}
+    # tight, as wide sheets push labels out
+    with figure(path, size, rows, columns, bbox_inches="tight", **options) as (page, axes):
+        for name, mine in zip(names, axes if one else axes.T):
+            is_nodal = any(name not in grid.cell_data for grid in variants.values())
+            title = f"{name}, mean over each cell" if is_nodal else name
+            label, factor, colours = shown(title, units.get(name, ""))
+            values = {t: factor * _of_cells(grid, name) for t, grid in variants.items()}
+            every = np.concatenate(list(values.values()))
+            low, high = np.quantile(every, (outliers, 1 - outliers))
+            colours, *limits = colour_scale(colours, low, high)
+            for ax, title in zip(mine, variants):
+                cells = draw_cells(ax, polygons[title], values[title], colours, limits)
+                text = cells_range(values[title])
+                ax.set_title(text if one else f"{title}\n{text}", size="small" if one else "medium")
+            place = {"location": "right", "aspect": 15} if one else {"location": "bottom"}
+            bar = {"aspect": 30, "shrink": 0.9, "extend": arrows(every, *limits)} | place
+            page.colorbar(cells, ax=list(mine), label=label, **bar)
+        label_outer(axes)
+
+
+def _of_cells(grid, name):
+    """A field on the cells; of nodes the mean over each."""
+    known = grid if name in grid.cell_data else grid.point_data_to_cell_data()
+    return np.asarray(known.cell_data[name])
+
+
+def draw_state(
+    name: str, result: Any, folder: Path, beside: Mapping[str, Sequence], force_name: str
+) -> None:
+    """maps.png and curve.png of a `Result`, what one looks at first, and error.png with estimated
+    errors; beside: other curves to draw in curve.png, force_name: what its force is called."""
+    run = {"simulated" if beside else "": result}
+    reactions(folder / "curve.png", run, ylabel=f"{force_name} / N", beside=beside)
+    grids = {part or name.replace("_", " "): grid for part, grid in of_fabric(result.grids).items()}
+    if not grids:  # sheets of metal alone
+        return
+    maps(folder / LAST_PICTURE, grids, MAPS, OUTLIERS)
+    errors = [f"error_{field}" for field in MAPS]
+    if all(name in grid.cell_data for grid in grids.values() for name in errors):
+        maps(folder / "error.png", grids, errors, OUTLIERS)
+
+
+# -- diagrams
 
 
 def curves(
@@ -145,23 +187,19 @@ def curves(
 ) -> None:
     """Curves of {label: (x, y)} or {label: (x, y, matplotlib format)} in one diagram; scale: of
     both axes; bands: half the height of a band around some of them, at each point."""
-    figure, ax = plt.subplots(figsize=(6.0, 4.0), layout="constrained")
-    ax.set(xscale=scale, yscale=scale)
-    for label, (x, y, *style) in series.items():
-        (line,) = ax.plot(x, y, *(style or ["o-"]), markersize=3, label=label)
-        if bands and label in bands:
-            low, high = np.asarray(y) - bands[label], np.asarray(y) + bands[label]
-            ax.fill_between(x, low, high, color=line.get_color(), alpha=0.25, lw=0)
-    ax.set_xlabel(xlabel)
-    ax.set_ylabel(ylabel)
-    ax.grid(alpha=0.3)
-    if len(series) > 5:  # beside the curves, not over them
-        figure.set_figwidth(8.0)
-        ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), fontsize="small")
-    elif len(series) > 1:
-        ax.legend()
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+    is_wide = len(series) > 5  # the legend is beside the curves, not over them
+    with figure(path, (8.0 if is_wide else 6.0, 4.0), dpi=150) as (_, ((ax,),)):
+        ax.set(xscale=scale, yscale=scale, xlabel=xlabel, ylabel=ylabel)
+        for label, (x, y, *style) in series.items():
+            (line,) = ax.plot(x, y, *(style or ["o-"]), markersize=3, label=label)
+            if bands and label in bands:
+                low, high = np.asarray(y) - bands[label], np.asarray(y) + bands[label]
+                ax.fill_between(x, low, high, color=line.get_color(), alpha=0.25, lw=0)
+        ax.grid(alpha=0.3)
+        if is_wide:
+            ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1), fontsize="small")
+        elif len(series) > 1:
+            ax.legend()
 
 
 def reactions(
@@ -171,122 +209,16 @@ def reactions(
     ylabel: str = "reaction / N",
     beside: Mapping[str, Sequence] = MappingProxyType({}),
 ) -> None:
-    """Curves of force over displacement of runs {label: `job.Result`} in one diagram, with a band
-    of their estimated errors; beside: others {label: (displacements, forces)}, as points."""
+    """Curves of force over displacement of runs {label: `Result`} in one diagram, with a band of
+    their estimated errors; beside: others {label: (displacements, forces)}, as points."""
     series: dict[str, Sequence] = {
-        label: ([r["displacement_mm"] for r in result.rows], [r["reaction_N"] for r in result.rows])
+        label: [[row[key] for row in result.rows] for key in ("displacement_mm", "reaction_N")]
         for label, result in results.items()
     }
     series |= {label: (*curve, "s") for label, curve in beside.items()}
     bands = {
-        label: [r["error_N"] for r in result.rows]
+        label: [row["error_N"] for row in result.rows]
         for label, result in results.items()
-        if all("error_N" in r for r in result.rows)
+        if all("error_N" in row for row in result.rows)
     }
     curves(path, series, xlabel, ylabel, bands=bands)
-
-
-def bars(path: Path, values: Mapping[str, tuple[float, str, str]], xlabel: str) -> None:
-    """Horizontal bars of {label: (value, text behind it, colour)}, the first on top."""
-    figure, ax = plt.subplots(figsize=(8.0, 0.5 + 0.36 * len(values)), layout="constrained")
-    numbers, texts, colours = zip(*values.values())
-    drawn = ax.barh(list(values), numbers, color=colours)
-    ax.bar_label(drawn, texts, padding=3, fontsize="small")
-    ax.invert_yaxis()
-    ax.margins(x=0.35)
-    ax.set_xlabel(xlabel)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
-
-
-def panels(path: Path, series: Mapping[str, Mapping], labels: Mapping[str, tuple]) -> None:
-    """Diagrams side by side, of {title: {(label, model): (x, closed form, kernel, elements)}} and
-    {title: (x label, y label, x limits)}.
-
-    Closed form is a line (the second model's dashed), the kernel a square, elements a dot.
-    """
-    figure, axes = plt.subplots(
-        2, (len(series) + 1) // 2, figsize=(11, 8), squeeze=False, layout="constrained"
-    )
-    for ax, (title, curves) in zip(axes.flat, series.items()):
-        colours: dict[str, str] = {}
-        models: list[str] = []
-        for (label, model), (x, closed, kernel, elements) in curves.items():
-            colour = colours.setdefault(label, f"C{len(colours)}")
-            models += [] if model in models else [model]
-            second = models.index(model) > 0
-            ax.plot(
-                x,
-                closed,
-                "--" if second else "-",
-                color=colour,
-                lw=1,
-                label=f"{label}" if not second else None,
-            )
-            ax.plot(x[::4], kernel[::4], "s", color=colour, ms=5, mfc="none", mew=0.6)
-            ax.plot(x[2::4], elements[2::4], ".", color=colour, ms=4)
-        ax.set_title(
-            f"{title}: {', '.join(f'{m} {s}' for m, s in zip(models, ('(line)', '(dashed)')))}",
-            fontsize="medium",
-        )
-        ax.set_xlabel(labels[title][0])
-        ax.set_ylabel(labels[title][1])
-        ax.set_xlim(labels[title][2])
-        ax.grid(alpha=0.3)
-        ax.legend(fontsize="small")
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
-
-
-def regions(
-    path: Path, x: np.ndarray, panels: Mapping[tuple[str, str], tuple], xlabel: str, ylabel: str
-) -> None:
-    """Where two indicators are negative, over a square grid: {(row, column): (convexity,
-    ellipticity)}, each (n, n) with x (n,) along its last axis."""
-    rows, columns = (list(dict.fromkeys(key[k] for key in panels)) for k in (0, 1))
-    kinds = {
-        "stable": "#f2f2f2",
-        "convexity lost": "#f4b942",
-        "ellipticity lost": "#7fb2d9",
-        "both lost": "#b0413e",
-    }
-    figure, axes = plt.subplots(
-        len(rows),
-        len(columns),
-        figsize=(2.1 * len(columns) + 0.6, 2.4 * len(rows) + 1.2),
-        squeeze=False,
-        sharex=True,
-        sharey=True,
-        layout="constrained",
-    )
-    for (row, column), (convexity, ellipticity) in panels.items():
-        ax = axes[rows.index(row), columns.index(column)]
-        image = ax.pcolormesh(
-            x,
-            x,
-            (convexity < 0) + 2 * (ellipticity < 0),
-            cmap=ListedColormap(list(kinds.values())),
-            vmin=-0.5,
-            vmax=3.5,
-            rasterized=True,
-        )
-        ax.axhline(0, color="k", lw=0.4)
-        ax.axvline(0, color="k", lw=0.4)
-        ax.set_aspect("equal")
-        ax.set_title(f"{column}, {row}", fontsize="small")
-    for ax in axes[-1]:
-        ax.set_xlabel(xlabel)
-    for ax in axes[:, 0]:
-        ax.set_ylabel(ylabel)
-    bar = figure.colorbar(
-        image,
-        ax=list(axes.flat),
-        ticks=range(4),
-        location="bottom",
-        fraction=0.05,
-        aspect=60,
-        pad=0.02,
-    )
-    bar.ax.set_xticklabels(list(kinds))
-    figure.savefig(path, dpi=130)
-    plt.close(figure)

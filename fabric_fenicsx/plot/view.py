@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 import pyvista
 
-from ..results.ply import ply_of, whole
-from ..results.structural import State, states, units
+from ..postprocess.ply import ply_of, whole
+from ..postprocess.states import State, states, units
 from ..runtime.errors import InputError
 from ..runtime.rules import did_you_mean
-from .forming_pictures import STEEL, drawing
-from .pictures import SHOWN
-from .press_pictures import VIEW, mirrored
+from .pictures import shown
+from .press_pictures import VIEW
+from .space import COLOURS, STEEL, drawing, mirrored
 
 USUAL = "shear_angle", "equivalent_plastic_strain"  # fields, of which the first that is there
 PLY = {"ambient": 0.25, "diffuse": 0.75}
@@ -71,12 +71,12 @@ def _draw(
     """Add a state to a plotter; returns a function that shows another one in its place, in the same
     colours."""
     field = _known(field, state.plies())
-    label, factor, colours = SHOWN.get(field, (_plain(field, folder), 1.0, "viridis"))
+    label, factor, colours = shown(field, units(folder).get(field, ""))
     surfaces, _ = _surfaces(state, field, factor)
     known = np.concatenate([s["shown"] for s in surfaces.values() if "shown" in s.array_names])
     limits = np.nanmin(known), np.nanmax(known)
     if field == "shear_angle":
-        label, colours, limits = f"magnitude of the {label}", "YlOrRd", (0.0, limits[1])
+        label, colours, limits = f"magnitude of the {label}", COLOURS, (0.0, limits[1])
     coloured = {
         "scalars": "shown",
         "cmap": colours,
@@ -127,11 +127,6 @@ def _known(field, plies):
             f"{', '.join(sorted(fields))}"
         )
     return field
-
-
-def _plain(field, folder):
-    """A field's name and unit."""
-    return " / ".join(filter(None, (field.replace("_", " "), units(folder).get(field, ""))))
 
 
 def _exporter():

@@ -1,10 +1,10 @@
-"""What a curve of force over displacement is of."""
+"""Displacement and force of the curve of a run."""
 
 from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ..scene import output as reports
+from ..scene import output
 from ..scene.scene import Scene
 
 # of a scene and its load factor: displacement [mm] and force [N]
@@ -22,16 +22,14 @@ def moving_grip(stroke: float) -> Measure:
 def default_measure(scene: Scene) -> Measure:
     """Displacement [mm] and force [N] of the first tool of `scene` that moves, else of the support
     that moves furthest, along the motion of either."""
-
-    def motion(tool):
-        return np.subtract(tool.path(1.0), tool.path(0.0))
-
-    for tool in reports.tools(scene):
-        if np.linalg.norm(motion(tool)):
-            along = motion(tool) / np.linalg.norm(motion(tool))
+    for tool in output.tools(scene):
+        start = tool.path(0.0)
+        motion = np.subtract(tool.path(1.0), start)
+        if size := np.linalg.norm(motion):
+            along = motion / size
             return lambda scene, load: (
-                float(along @ (np.subtract(tool.path(load), tool.path(0.0)))),
-                float(along @ reports.tool_force(scene, tool)),
+                float(along @ np.subtract(tool.path(load), start)),
+                float(along @ output.tool_force(scene, tool)),
             )
     strokes = [(_stroke(scene, support, 1.0), support) for support in scene.supports]
     stroke, support = max(strokes, key=lambda each: float(np.linalg.norm(each[0])))

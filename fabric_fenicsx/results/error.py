@@ -28,22 +28,23 @@ Row = dict[str, Any]
 
 
 def factor(order: float, safety: float = SAFETY) -> float:
-    """What a difference to the coarser mesh is multiplied by to be an error."""
+    """Factor from a difference to the coarser mesh to an error."""
     return safety / (2**order - 1)
 
 
 def curve_errors(rows: Sequence[Row], coarse: Sequence[Row], by: float) -> np.ndarray:
     """Errors [N] of the curve at each of `rows`, its points joined by lines, (rows,): of the mesh,
     from the rows of the coarser one, times `by`, and of the lines between the points."""
-    load, force = (np.array([row[key] for row in rows]) for key in ("load", "reaction_N"))
-    loads, forces = (np.array([row[key] for row in coarse]) for key in ("load", "reaction_N"))
+    (load, force), (loads, forces) = (
+        np.array([(row["load"], row["reaction_N"]) for row in each]).T for each in (rows, coarse)
+    )
     mesh = by * np.abs(np.interp(loads, load, force) - forces)
     return np.interp(load, loads, mesh) + _off_lines(load, force)
 
 
 def _off_lines(load, force):
-    """How far a smooth curve through the points may be from the lines that join them: h^2 / 8 of
-    its second derivative."""
+    """Distance of a smooth curve through the points from the lines that join them, at most: h^2 / 8
+    of its second derivative."""
     found = np.zeros(len(load))
     if len(load) < 3:
         return found
@@ -55,8 +56,8 @@ def _off_lines(load, force):
 
 
 def field_differences(result: Result, other: Result) -> dict[str, np.ndarray]:
-    """How far the cell fields FIELDS of two runs on different meshes are apart, at the owned cells
-    of the first: the other's are interpolated between its cells' centres."""
+    """Differences of the cell fields FIELDS of two runs on different meshes, at the owned cells of
+    the first: the other's are interpolated between its cells' centres."""
     blank, comm = result.scene.blank, result.scene.comm
     known = other.scene.blank
     names = [name for name in FIELDS if name in result.fields and name in other.fields]
@@ -108,7 +109,7 @@ def estimate(
     for row, error in zip(result.rows, curve):
         row["error_N"] = float(error)
     errors["curve_N"] = float(curve.max())
-    comm, area = result.scene.comm, measures.areas(result.scene.blank)
+    comm, area = result.scene.comm, result.scene.blank.areas()
     for name, apart in field_differences(result, coarse).items():
         field = result.fields[f"error_{name}"] = factor(LOCAL_ORDER) * apart
         mean = measures.mean(comm, np.nan_to_num(field) ** 2, area) or 0.0

@@ -13,23 +13,11 @@ from ..solve.progress import Accepted
 
 ENERGIES = ("strain", "bending", "contact", "friction", "viscous")  # whose columns are always there
 COLUMNS = (
-    "step",
-    "load",
-    "displacement_mm",
-    "reaction_N",
+    *("step", "load", "displacement_mm", "reaction_N"),
     *(f"{kind}_energy_Nmm" for kind in ENERGIES),
-    "external_work_Nmm",
-    "energy_imbalance",
-    "iterations",
-    "saddles",
-    "shifts",
-    "line_search_cuts",
-    "cuts",
-    "negative_pivots",
-    "residual_N",
-    "force_scale_N",
-    "min_stability",
-    "wall_s",
+    *("external_work_Nmm", "energy_imbalance", "iterations", "saddles", "shifts"),
+    *("line_search_cuts", "cuts", "negative_pivots", "residual_N", "force_scale_N"),
+    *("min_stability", "wall_s"),
 )
 VISCOUS = 0.01  # of the strain energy, above which a run warns of what the regularisation took
 OF_TERMS = ("min_stability",)  # of these the columns that terms fill
@@ -58,7 +46,7 @@ class History:
     ) -> None:
         """Append an `Accepted` state at which the grips moved by `displacement` [mm] under
         `reaction` [N]; further: function of the columns that are taken to those that the terms
-        add, `reports.history`. Raises InputError if these are others than before."""
+        add, `scene.output.history`. Raises InputError if these are others than before."""
         report = accepted.report
         stored = sum(accepted.energies.values())
         imbalance = abs(accepted.external_work - stored) / max(abs(stored), 1e-300)
@@ -108,8 +96,8 @@ class History:
 def energy_balance(
     rows: Sequence[Mapping[str, Any]], energy: Mapping[str, float]
 ) -> dict[str, Any]:
-    """How well work and energies [N mm] agree at the end and, over the largest energies, on the
-    way, and where the path branches; energy: by kind, with `external_work`."""
+    """Agreement of work and energies [N mm] at the end and, over the largest energies, on the way,
+    and loads where the path branches; energy: by kind, with `external_work`."""
     stored = sum(energy.values()) - energy["external_work"]
     kinds = [f"{kind}_energy_Nmm" for kind in energy if kind != "external_work"]
     held = [abs(sum(row[kind] for kind in kinds)) for row in rows]
@@ -123,11 +111,10 @@ def energy_balance(
     }
 
 
-def viscous_words(rows: Sequence[Mapping[str, Any]], load: float) -> str:
-    """What to warn of when the regularisation's share of the strain energy becomes large."""
-    large = [
-        row["viscous_energy_Nmm"] > VISCOUS * abs(row["strain_energy_Nmm"]) for row in rows[-2:]
-    ]
+def viscous_warning(rows: Sequence[Mapping[str, Any]], load: float) -> str:
+    """A warning when the regularisation's share of the strain energy becomes large, else ""."""
+    last = rows[-2:]
+    large = [row["viscous_energy_Nmm"] > VISCOUS * abs(row["strain_energy_Nmm"]) for row in last]
     if large != [False, True]:
         return ""
     share = rows[-1]["viscous_energy_Nmm"] / abs(rows[-1]["strain_energy_Nmm"])

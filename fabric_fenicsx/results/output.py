@@ -1,9 +1,8 @@
-"""The folder of a run: held against other runs, with the run's messages, tables, summary and
+"""The folder of a run: locked against other runs, with the run's messages, tables, summary and
 report."""
 
 import csv
 import json
-import logging
 import math
 import platform
 import resource
@@ -22,39 +21,20 @@ from petsc4py import PETSc
 from ..runtime import timing
 from ..runtime.errors import InputError
 from ..runtime.files import LOCK_FILE, lock_folder, replace_file
+from ..runtime.logs import MARKED, LogFile, log
 from ..runtime.version import __version__
 
-log = logging.getLogger("fabric_fenicsx")
 # the files by which a folder is known to hold results
 RESULTS = "summary.json", "history.csv", "checkpoint.npz", "done.json"
 PHASES = ("setup", "compile", "assemble", "linear_solve", "output")
-
-
-# of records that a user should look at: what console and log.txt write before them, while handlers
-# of other programs have the level for that
-MARKED = {"mark": "warning: "}
-
-
-def formatter(before: str = "", date: str | None = None) -> logging.Formatter:
-    """Of messages with their mark; before: what else of a record is told, in front of it."""
-    return logging.Formatter(f"{before}%(mark)s%(message)s", date, defaults={"mark": ""})
-
-
-class LogFile(logging.FileHandler):
-    """log.txt, opened with the first message; it starts with the command."""
-
-    def __init__(self, path: Path, mode: str, command: str) -> None:
-        super().__init__(path, mode, delay=True)
-        self.command = command
-        self.setFormatter(formatter("%(asctime)s  ", "%H:%M:%S"))
-
-    def _open(self):
-        file = super()._open()
-        file.write(f"{self.command}\n")
-        return file
-
-    def handleError(self, record: logging.LogRecord) -> None:
-        """Nothing: what a full disk does to the log ends no run."""
+VERSIONS = {
+    "fabric_fenicsx": __version__,
+    "dolfinx": dolfinx.__version__,
+    "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+    "petsc4py": petsc4py.__version__,
+    "numpy": np.__version__,
+    "python": platform.python_version(),
+}
 
 
 def finite(value: Any) -> Any:
@@ -75,10 +55,11 @@ def read_summary(path: Path) -> dict[str, Any]:
     return summary if isinstance(summary, dict) else {}
 
 
-def why_not_believed(path: Path) -> str:
-    """Why the run of the summary in `path` did not end well, "" if it did or there is none."""
+def failure_reason(path: Path) -> str:
+    """Reason why the run of the summary in `path` did not end well, "" if it did or there is
+    none."""
     summary = read_summary(path)
-    return "" if summary.get("converged", True) else str(summary.get("reason", "no reason is told"))
+    return "" if summary.get("converged", True) else str(summary.get("reason", "no reason given"))
 
 
 class Output:
@@ -148,9 +129,18 @@ class Output:
         Raises InputError if it can't be written to, if another run uses it, or if it holds results
         and neither resume nor overwrite is set.
         """
-        path = self.path / part
-        error = self.comm.bcast(self._make(path) if self.comm.rank == 0 else None)
-        if error:
+        path, error = self.path / part, None
+        if self.comm.rank == 0:
+            try:
+                self._make(path)
+            except InputError as e:
+                error = str(e)
+            except OSError as e:
+                error = (
+                    f"`out` {path} can't be written to ({e.strerror}); allowed is a folder that is "
+                    "there or can be made"
+                )
+        if error := self.comm.bcast(error):
             raise InputError(error)
         self.begun = True
         if part and part not in self.parts:
@@ -158,47 +148,45 @@ class Output:
         return path
 
     def _make(self, path):
-        """Make the folder and hold it; what is wrong with it, in words."""
-        out = self.path
-        used = (
-            f"`out` {out} is in use by another run; allowed is another folder, or this one when "
-            "that run has ended"
-        )
-        old = [] if self._lock else self._results()
-        known = {"checkpoint.npz", "done.json"} & {file.name for file in old}
-        if not self._lock and self.resume and not known:
-            return (
+        """Make the folder and, the first time, lock it."""
+        old = [] if self._lock else self._allowed_results(path)
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
+            pass
+        if self._lock:
+            return
+        self._lock = lock_folder(self.path)
+        # another run may have begun, or even ended, since we looked for results
+        if not self._lock or self._results() != old:
+            raise self._is_used()
+        if self.overwrite:
+            for file in (*old, *self.path.glob("*.png"), self.path / "report.html"):
+                file.unlink(missing_ok=True)
+        self._log = LogFile(self.path / "log.txt", "a" if self.resume else "w", self.command)
+        log.addHandler(self._log)
+
+    def _allowed_results(self, path):
+        """Results in the folder, which this run may go on with or lose."""
+        old, out = self._results(), self.path
+        if self.resume and not {"checkpoint.npz", "done.json"} & {file.name for file in old}:
+            raise InputError(
                 f"`resume=True` finds no checkpoint in {path}; allowed is the `out` of a run that "
                 "was begun"
             )
-        try:
-            if old and not (self.resume or self.overwrite):
-                if (out / LOCK_FILE).exists() and not lock_folder(out):
-                    return used
-                return (
-                    f"`out` {out} holds results ({old[0].relative_to(out)}); allowed is another "
-                    "folder, `resume=True` to go on with them, `overwrite=True` to lose them"
-                )
-            path.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=path):
-                pass
-            if not self._lock:
-                self._lock = lock_folder(out)
-                # another run may have begun, or even ended, since we looked for results
-                if not self._lock or self._results() != old:
-                    return used
-                if self.overwrite:
-                    for file in (*old, *out.glob("*.png"), out / "report.html"):
-                        file.unlink(missing_ok=True)
-                mode = "a" if self.resume else "w"
-                self._log = LogFile(out / "log.txt", mode, self.command)
-                log.addHandler(self._log)
-        except OSError as e:
-            return (
-                f"`out` {path} can't be written to ({e.strerror}); allowed is a folder that is "
-                "there or can be made"
+        if old and not (self.resume or self.overwrite):
+            if (out / LOCK_FILE).exists() and not lock_folder(out):
+                raise self._is_used()
+            raise InputError(
+                f"`out` {out} holds results ({old[0].relative_to(out)}); allowed is another "
+                "folder, `resume=True` to go on with them, `overwrite=True` to lose them"
             )
-        return None
+        return old
+
+    def _is_used(self):
+        return InputError(
+            f"`out` {self.path} is in use by another run; allowed is another folder, or this one "
+            "when that run has ended"
+        )
 
     def _results(self):
         """Files in the folder by which it is known to hold results."""
@@ -220,7 +208,7 @@ class Output:
         return self._done["done"][key]
 
     def _read_done(self, problem):
-        """What the run that is resumed has done."""
+        """Results of `once` of the run that is resumed."""
         path, found = self.folder() / "done.json", None
         if self.comm.rank == 0 and self.resume and path.is_file():
             try:
@@ -233,16 +221,15 @@ class Output:
         if isinstance(found, str):
             raise InputError(found)
         for name, value in problem.items():
-            if found["problem"].get(name) != value:
+            if (before := found["problem"].get(name)) != value:
                 raise InputError(
-                    f"{path} was made with {name} = {found['problem'].get(name)}, now it is "
-                    f"{value}; allowed is the same problem, or a run "
-                    "that begins anew (`overwrite`)"
+                    f"{path} was made with {name} = {before}, now it is {value}; allowed is the "
+                    "same problem, or a run that begins anew (`overwrite`)"
                 )
         return found
 
     def where(self, folder: Path, whole: bool = False) -> str:
-        """Words that say where the results are, if they are kept; whole: of the full load."""
+        """Text that tells where the results are, if they are kept; whole: of the full load."""
         what = "the results are" if whole else "the results up to there are"
         return f"; {what} in {folder}" if self.is_kept else ""
 
@@ -267,14 +254,7 @@ class Output:
             "warnings": self.warnings,
             "wall_s": wall | {"total": round(total, 4)},
             "peak_memory_mib": round(self.comm.allreduce(peak, MPI.MAX), 1),
-            "versions": {
-                "fabric_fenicsx": __version__,
-                "dolfinx": dolfinx.__version__,
-                "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
-                "petsc4py": petsc4py.__version__,
-                "numpy": np.__version__,
-                "python": platform.python_version(),
-            },
+            "versions": VERSIONS,
         }
         self.warnings = []
         self._write_summary(folder, summary)

@@ -1,5 +1,4 @@
-"""report.html: what a run was asked, what was on, what came out, how good that is and what it cost,
-in one file."""
+"""report.html: options, terms, results, errors and cost of a run in one file."""
 
 import base64
 import json
@@ -34,17 +33,9 @@ CAPTIONS = {
     "error": "Estimated errors of strains and shear angle, from a mesh twice as coarse",
     "front": "Error over cost; the line joins the runs that none beats in both",
 }
-# the end of a name -> the unit that it tells
-UNITS = {
-    "N_per_mm3": "N/mm^3",
-    "N_per_mm": "N/mm",
-    "Nmm": "N mm",
-    "MPa": "MPa",
-    "MiB": "MiB",
-    "deg": "deg",
-    "mm": "mm",
-    "N": "N",
-}
+# the end of a name -> its unit, the longest first
+UNITS = {"N_per_mm3": "N/mm^3", "N_per_mm": "N/mm", "Nmm": "N mm"}
+UNITS |= {unit: unit for unit in ("MPa", "MiB", "deg", "mm", "N")}
 # the beginning of a name -> its words, where these are not the name's own
 WORDS = {
     "log_eps_11": "logarithmic strain along yarns a",
@@ -84,15 +75,17 @@ def page(
     """HTML, with its pictures in it, of runs {name: (path of the summary, paths of pictures)}; what
     is not there is left out.
 
-    description: of the study; ending: how it ended, in words; log: path of a text.
+    description: of the study; ending: "done", or the reason why it ended; log: path of a text.
     """
-    environment = jinja2.Environment(loader=jinja2.PackageLoader(__package__, "."), autoescape=True)
+    loader = jinja2.PackageLoader(__package__, ".")
+    environment = jinja2.Environment(
+        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
     environment.filters |= {"number": _number, "words": label}
     environment.tests |= {
         "rows": _are_rows,
         "grid": lambda value: len(value) > 1 and _are_rows(list(value.values())),
     }
-    environment.trim_blocks = environment.lstrip_blocks = True
     shown = [_shown(name, *files) for name, files in runs.items()]
     return environment.get_template("report.html.jinja").render(
         title=title.replace("_", " "),
@@ -108,31 +101,27 @@ def page(
 
 def label(name: str) -> str:
     """The name of a number as a reader would write it: "punch force [N]"."""
-    begins = [known for known in WORDS if name.startswith(known)]
-    longest = max(begins, key=len, default="")
+    longest = max((known for known in WORDS if name.startswith(known)), key=len, default="")
     text = WORDS.get(longest, "") + name.removeprefix(longest)
     text = text.replace("_98_percent", ", without 1 % of the area at either end")
     text = text.replace("_99_percent", ", which 99 % of the area stay below")
     for end, unit in UNITS.items():
-        for mark in "_ ":
-            if text.endswith(mark + end):
-                return f"{text.removesuffix(mark + end).replace('_', ' ')} [{unit}]"
+        if text.endswith((f"_{end}", f" {end}")):
+            return f"{text[: -len(end) - 1].replace('_', ' ')} [{unit}]"
     return text.replace("_", " ")
 
 
 def _shown(name, summary, pictures):
     facts = json.loads(summary.read_text()) if summary.is_file() else {}
     own = {k: v for k, v in facts.items() if k not in SHARED}
+    captions = {file: CAPTIONS.get(file.stem, file.stem.replace("_", " ")) for file in pictures}
     return {
         "name": name,
         "summary": facts,
         "quantities": _with_errors(facts.get("quantities", own), facts.get("error") or {}),
         "pictures": [
-            (
-                CAPTIONS.get(file.stem, file.stem.replace("_", " ")),
-                base64.b64encode(file.read_bytes()).decode(),
-            )
-            for file in sorted(pictures, key=_place)
+            (captions[file], base64.b64encode(file.read_bytes()).decode())
+            for file in sorted(captions, key=_place)
         ],
     }
 
@@ -146,34 +135,33 @@ def _place(picture):
 def _with_errors(values, errors, before=""):
     """The `values` with their errors behind them, which have dots in names of nested ones, and
     places as such."""
-    return {
-        name: _with_errors(value, errors, f"{before}{name}.")
-        if isinstance(value, dict)
-        else f"{_number(value)} +- {rounded(errors[before + name], 2)}"
-        if before + name in errors
-        else f"({', '.join(map(_number, value))})"
-        if name.endswith("_at_mm")
-        else value
-        for name, value in values.items()
-    }
+    found = {}
+    for name, value in values.items():
+        if isinstance(value, dict):
+            value = _with_errors(value, errors, f"{before}{name}.")
+        elif before + name in errors:
+            value = f"{_number(value)} +- {rounded(errors[before + name], 2)}"
+        elif name.endswith("_at_mm"):
+            value = f"({', '.join(map(_number, value))})"
+        found[name] = value
+    return found
 
 
 def _are_rows(values):
-    """Whether a list is one of flat dicts that share their first's keys."""
+    """True of a list of flat dicts that share their first's keys."""
     if not (isinstance(values, list) and values and all(isinstance(row, dict) for row in values)):
         return False
-    flat = not any(isinstance(each, dict) for row in values for each in row.values())
-    return flat and all(set(values[0]) <= set(row) for row in values)
+    is_flat = not any(isinstance(each, dict) for row in values for each in row.values())
+    return is_flat and all(row.keys() >= values[0].keys() for row in values)
 
 
 def _number(value):
-    """As a person would write it."""
+    """A value as a person would write it."""
     if isinstance(value, bool) or value is None:
         return {True: "yes", False: "no", None: "-"}[value]
     if isinstance(value, float):
         return rounded(value, 5)
-    if isinstance(value, list) and [type(each) for each in value] == [float, float]:
-        return " to ".join(map(_number, value))
     if isinstance(value, list):
-        return ", ".join(map(_number, value)) or "-"
+        is_range = [type(each) for each in value] == [float, float]
+        return (" to " if is_range else ", ").join(map(_number, value)) or "-"
     return str(value)

@@ -6,6 +6,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
+from .errors import InputError
+
 LOCK_FILE = ".lock"  # in a folder; a run that uses the folder locks this file
 
 
@@ -39,3 +41,11 @@ def replace_file(path: Path, content: str | bytes, lasting: bool = False) -> Non
         with suppress(OSError):
             part.unlink()
         raise OSError(error.errno, error.strerror, str(path)) from None
+
+
+def unwritable(error: OSError) -> InputError:
+    """The InputError of a file that a command can't write."""
+    return InputError(
+        f"{error.filename} can't be written ({error.strerror}); allowed is a file in a folder of "
+        "this user"
+    )

@@ -88,7 +88,7 @@ def _draw_trend(ax, runs, name):
 def _sheet(folder):
     """Polygons and fields {label: values} of the cells of a run's last state, the uppermost
     last."""
-    from ..results.fields import read_last
+    from ..postprocess.states import read_last
 
     grid = read_last(folder)
     cells = grid.cells.reshape(grid.n_cells, -1)[:, 1:]

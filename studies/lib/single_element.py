@@ -91,7 +91,7 @@ class Comparison:
                 yield row
 
     def panels(self) -> dict[str, dict]:
-        """PANELS as `plot.pictures.panels` draws them."""
+        """Curves of PANELS, {title: {(label, model): (x, closed form, kernel, elements)}}."""
         series: dict[str, dict] = {}
         for title, entries in PANELS.items():
             series[title] = {}

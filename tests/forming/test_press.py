@@ -321,11 +321,11 @@ def test_a_cad_model_is_read_with_a_finer_chord_where_it_is_too_coarse(tmp_path,
 
 
 def test_the_end_of_a_stage_is_written_for_paraview(tmp_path):
-    from fabric_fenicsx.results import structural
+    from fabric_fenicsx.postprocess import states
 
     stages = [ff.Stage(moves={"punch": 2}, steps=1), ff.Stage(moves={"punch": 1}, steps=2)]
     formed(hemisphere("blank.nx=4", stages=stages), tmp_path, every=100, balance=None)
-    assert [round(s.load, 6) for s in structural.states(tmp_path)] == [0, 0.333333, 1]
+    assert [round(s.load, 6) for s in states.states(tmp_path)] == [0, 0.333333, 1]
 
 
 def test_a_tool_that_only_goes_away_is_refused():

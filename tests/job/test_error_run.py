@@ -200,9 +200,9 @@ def test_told_with_the_error():
     result = ff.Tensile(**COARSE).job(steps=2).run()
     result.summary |= {"reaction_N": 2033.4213, "error": {"reaction_N": 0.0523}}
     result.summary["quantities"]["draw_in"] = {"largest_mm": 3.0}
-    assert result.told("reaction_N") == "2033.42 +- 0.052"
-    assert result.told("draw_in.largest_mm", ".1f") == "3.0"
-    assert result.told("draw_in.least_mm") == "-"
+    assert result.formatted("reaction_N") == "2033.42 +- 0.052"
+    assert result.formatted("draw_in.largest_mm", ".1f") == "3.0"
+    assert result.formatted("draw_in.least_mm") == "-"
 
 
 @pytest.mark.parametrize(

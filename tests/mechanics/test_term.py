@@ -71,7 +71,7 @@ def test_an_own_term_is_in_history_summary_fields_and_energy_balance(tmp_path, e
     assert stored > 0.1 * result.summary["energy"]["strain"]
     if COMM.rank != 0:
         return
-    from fabric_fenicsx.results.fields import read_last
+    from fabric_fenicsx.postprocess.states import read_last
 
     with open(out / "history.csv") as file:
         rows = list(csv.DictReader(file))

@@ -8,7 +8,8 @@ from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.plot import pictures
-from fabric_fenicsx.results.fields import FieldSeries, read_last
+from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.sheets.blank import Blank

@@ -11,8 +11,9 @@ from mpi4py import MPI
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.plot import press_pictures
-from fabric_fenicsx.results import report, structural
+from fabric_fenicsx.plot import forming_pictures, press_pictures, space
+from fabric_fenicsx.postprocess.states import states
+from fabric_fenicsx.results import report
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
@@ -79,14 +80,14 @@ def test_the_setup_shows_each_tool_in_its_colour(tmp_path):
 
 @pytest.mark.versions
 def test_a_setup_is_drawn_from_a_folder(tmp_path, run, capfd):
-    first = structural.states(run)[0]
+    first = states(run)[0]
     press_pictures.setup_picture(tmp_path / "setup.png", first.plies(), first.tools())
     assert pixels(tmp_path / "setup.png", press_pictures.TOOLS[0]) > 2000
     assert capfd.readouterr().err == ""
 
 
 def test_tools_of_a_quarter_are_mirrored(run):
-    state = structural.states(run)[-1]
+    state = states(run)[-1]
     plies = {n: press_pictures.surface_of(grid) for n, grid in state.plies().items()}
     scene = press_pictures._scene(plies, state.tools())
     assert scene.plies[""].bounds[:4] == pytest.approx((-60, 60, -40, 40))
@@ -96,7 +97,7 @@ def test_tools_of_a_quarter_are_mirrored(run):
 
 
 def test_tools_lie_on_the_sides_of_the_blank_where_they_start(run):
-    state = structural.states(run)[0]
+    state = states(run)[0]
     plies = {n: press_pictures.surface_of(grid) for n, grid in state.plies().items()}
     assert press_pictures._scene(plies, state.tools()).above == {"ball": False, "lid": True}
 
@@ -130,7 +131,7 @@ def test_a_filmstrip_has_its_states_and_their_words(tmp_path, run, monkeypatch):
 
 @pytest.mark.versions
 def test_a_filmstrip_is_drawn(tmp_path, run, capfd):
-    press_pictures.filmstrip(tmp_path / "filmstrip.png", run, captions={1.0: "done"})
+    press_pictures.filmstrip(tmp_path / "filmstrip.png", run)
     assert matplotlib.image.imread(tmp_path / "filmstrip.png").shape[1] == 1600
     assert capfd.readouterr().err == ""
 
@@ -140,12 +141,10 @@ def test_a_filmstrip_needs_states(tmp_path):
         press_pictures.filmstrip(tmp_path / "filmstrip.png", tmp_path)
 
 
-def test_maps_of_formed_plies(tmp_path, run):
-    plies = structural.states(run)[-1].plies()
-    press_pictures.draw_formed(tmp_path, plies)
-    drawn = {file.stem for file in tmp_path.iterdir()}
-    assert {"shortening", "outline"} <= drawn <= {"thickness", "shortening", "outline"}
-    assert drawn <= set(report.CAPTIONS)
+def test_pictures_of_formed_plies(run):
+    forming_pictures.draw_plies(run, states(run)[-1].plies(), "ball")
+    drawn = {file.stem for file in run.glob("*.png")}
+    assert {"formed", "states"} <= drawn <= set(report.CAPTIONS)
 
 
 def test_a_report_shows_the_setup_first():
@@ -155,5 +154,5 @@ def test_a_report_shows_the_setup_first():
 
 def test_a_surface_on_both_sides_of_a_mirror_is_cut_there():
     plane = pyvista.Plane(i_size=30, j_size=10, i_resolution=3, j_resolution=3).triangulate()
-    plane = press_pictures.mirrored(plane.translate((5.0, 0, 0)), [0])
+    plane = space.mirrored(plane.translate((5.0, 0, 0)), [0])
     assert plane.bounds[:2] == pytest.approx((-20, 20)) and plane.area == pytest.approx(400)

@@ -13,9 +13,9 @@ import pyvista
 
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.plot import view
-from fabric_fenicsx.plot.forming_pictures import drawing
-from fabric_fenicsx.results import structural
-from fabric_fenicsx.results.fields import save
+from fabric_fenicsx.plot.space import drawing
+from fabric_fenicsx.postprocess import states as written
+from fabric_fenicsx.postprocess.states import save
 from fabric_fenicsx.runtime.errors import InputError
 
 LISTED = '<VTKFile type="Collection"><Collection>{}</Collection></VTKFile>'
@@ -63,7 +63,7 @@ def test_a_page_has_all_in_it(run):
 
 @pytest.mark.versions
 def test_another_state_takes_the_place_of_the_one_shown(run):
-    first, last = structural.states(run)
+    first, last = written.states(run)
     with drawing() as plotter:
         update = view._draw(plotter, run, last, None)
         before, count = plotter.bounds, len(plotter.actors)
@@ -77,7 +77,7 @@ def test_another_state_takes_the_place_of_the_one_shown(run):
 )
 def test_colours_are_those_of_the_last_state(run, field, least, largest):
     with drawing() as plotter:
-        view._draw(plotter, run, structural.states(run)[-1], field)
+        view._draw(plotter, run, written.states(run)[-1], field)
         mapper = plotter.actors["ply "].GetMapper()
         assert mapper.GetScalarRange() == pytest.approx((least, largest), abs=1e-6)
 
@@ -85,7 +85,7 @@ def test_colours_are_those_of_the_last_state(run, field, least, largest):
 def test_another_field_is_not_there(run):
     with pytest.raises(InputError, match=r"field shear is unknown \(did you mean shear_angle\?\)"):
         with drawing() as plotter:
-            view._draw(plotter, run, structural.states(run)[-1], "shear")
+            view._draw(plotter, run, written.states(run)[-1], "shear")
 
 
 def test_without_its_package_there_is_no_page(run, monkeypatch, capsys):

@@ -22,7 +22,8 @@ from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.output import tractions
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.results.fields import UNITS, FieldSeries, read_last, yarn_coordinates
+from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.results.fields import UNITS, FieldSeries, yarn_coordinates
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.tools.double_dome import DoubleDome

@@ -6,9 +6,12 @@ from builders import COMM, Elastic, sheet
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.output import Fields
+from fabric_fenicsx.results.quantities import (
+    fabric_warnings,
+    shear_quantities,
+    shortening_quantities,
+)
 from fabric_fenicsx.results.result import Result
-from fabric_fenicsx.results.shear import fabric_warnings, shear_quantities
-from fabric_fenicsx.results.shortening import shortening_quantities
 
 LENGTH, WIDTH = 200.0, 100.0
 

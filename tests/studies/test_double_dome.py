@@ -8,7 +8,7 @@ import pytest
 
 from fabric_fenicsx.forming.build import FormingScene
 from fabric_fenicsx.plot import pictures
-from fabric_fenicsx.results.fields import read_last
+from fabric_fenicsx.postprocess.states import read_last
 from fabric_fenicsx.studies.lib import compression_parameters
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from builders import COMM
 
-from fabric_fenicsx.results.fields import read_last
+from fabric_fenicsx.postprocess.states import read_last
 
 SHEETS = ["lower metal", "lower", "middle", "upper", "upper metal"]
 

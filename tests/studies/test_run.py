@@ -19,7 +19,7 @@ from mpi4py import MPI
 from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import Tensile
 from fabric_fenicsx.material.presets import PRESETS
-from fabric_fenicsx.results.fields import read_last
+from fabric_fenicsx.postprocess.states import read_last
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.files import lock_folder
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks

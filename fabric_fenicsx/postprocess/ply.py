@@ -5,8 +5,8 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 import pyvista
 
-from .measures import SAME
-
+SAME = 1e-6  # mm within which places are the same
+EQUAL = 1e-6  # of a value, by which others are the same
 Grid: TypeAlias = pyvista.UnstructuredGrid
 
 
@@ -29,11 +29,11 @@ class Ply(NamedTuple):
     def at_nodes(self, values: np.ndarray) -> np.ndarray:
         """Means (n,) of `values` (m,) over the cells that touch each node, by their areas on the
         flat ply."""
-        touched, n = self.triangles.ravel(), len(self.x)
-        area = plan_area(self.x, self.triangles)
-        return np.bincount(touched, np.repeat(area * values, 3), n) / np.bincount(
-            touched, np.repeat(area, 3), n
+        area, n = plan_area(self.x, self.triangles), len(self.x)
+        sums = (
+            np.bincount(self.triangles.ravel(), np.repeat(v, 3), n) for v in (area * values, area)
         )
+        return np.divide(*sums)
 
 
 def whole(ply: Ply) -> Ply:
@@ -58,6 +58,20 @@ def plan_area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Areas (m,) in plan of `triangles`, negative where clockwise."""
     p, q, r = x[triangles, :2].swapaxes(0, 1)
     return np.linalg.det(np.stack([q - p, r - p], 1)) / 2
+
+
+def areas(corners: np.ndarray) -> np.ndarray:
+    """Areas (m,) of cells with corners (m, 3 or 4, 3), as of triangles that share the first."""
+    sides = corners[:, 1:] - corners[:, :1]
+    return np.linalg.norm(np.cross(sides[:, :-1], sides[:, 1:]), axis=2).sum(1) / 2
+
+
+def edge_sides(triangles: np.ndarray) -> np.ndarray:
+    """Pairs of nodes (k, 2) of the sides that one of the `triangles` (m, 3) has alone, in its
+    order."""
+    sides = np.stack([triangles, np.roll(triangles, -1, 1)], 2).reshape(-1, 2)
+    _, first, count = np.unique(np.sort(sides, 1), axis=0, return_index=True, return_counts=True)
+    return sides[first[count == 1]]
 
 
 def ply_of(grid: Grid) -> Ply:

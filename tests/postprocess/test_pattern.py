@@ -9,8 +9,8 @@ import shapely
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.meshes.outline_files import read_outline, read_trim_line
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.results.fields import save
-from fabric_fenicsx.results.pattern import Plane, flat_pattern, write_pattern
+from fabric_fenicsx.postprocess.pattern import Plane, flat_pattern, write_pattern
+from fabric_fenicsx.postprocess.states import save
 from fabric_fenicsx.runtime.errors import InputError
 
 RADIUS = 50.0
@@ -44,7 +44,7 @@ def ply(form=np.array, low=(-60.0, -40.0), nx=40):
 def test_the_pattern_of_a_flat_ply_is_the_trim_line():
     pattern = flat_pattern(ply(), [SQUARE], 0.1)
     assert pattern.net.equals_exact(pattern.net.envelope, 1e-9, normalize=True)
-    assert (pattern.area, pattern.perimeter) == pytest.approx((800, 120), rel=1e-12)
+    assert (pattern.net.area, pattern.net.length) == pytest.approx((800, 120), rel=1e-12)
     assert pattern.formed_area == pytest.approx(800, rel=1e-12)
 
 
@@ -59,8 +59,8 @@ def test_cells_are_split_along_the_line_and_keep_their_fields():
 
 def test_rings_inside_are_holes():
     pattern = flat_pattern(ply(), [SQUARE, SQUARE / 2], 0.1)
-    assert len(pattern.net.interiors) == 1 and pattern.area == pytest.approx(600)
-    assert pattern.perimeter == pytest.approx(180)
+    assert len(pattern.net.interiors) == 1 and pattern.net.area == pytest.approx(600)
+    assert pattern.net.length == pytest.approx(180)
 
 
 def test_a_hole_of_the_ply_stays():
@@ -68,7 +68,9 @@ def test_a_hole_of_the_ply_stays():
     grid = grid.extract_cells(np.linalg.norm(grid.cell_centers().points, axis=1) > 6)
     pattern = flat_pattern(grid, [SQUARE], 0.1)
     assert len(pattern.net.interiors) == 1
-    assert pattern.area == pytest.approx(pattern.formed_area) and pattern.area == pytest.approx(700)
+    assert pattern.net.area == pytest.approx(
+        pattern.formed_area
+    ) and pattern.net.area == pytest.approx(700)
 
 
 @pytest.mark.versions
@@ -77,9 +79,9 @@ def test_a_plane_cuts_a_rolled_ply_to_a_rectangle(half, error):
     depth = RADIUS * (np.cos(half / RADIUS) - 1)
     pattern = flat_pattern(ply(rolled), Plane((0, 0, depth), (0, 0, 1)), 0.1)
     assert pattern.net.bounds == pytest.approx((-half, -40, half, 40), rel=error)
-    assert pattern.area == pytest.approx(2 * half * 80, rel=error)
-    assert pattern.perimeter == pytest.approx(4 * half + 160, rel=error)
-    assert pattern.formed_area == pytest.approx(pattern.area, rel=1e-3)
+    assert pattern.net.area == pytest.approx(2 * half * 80, rel=error)
+    assert pattern.net.length == pytest.approx(4 * half + 160, rel=error)
+    assert pattern.formed_area == pytest.approx(pattern.net.area, rel=1e-3)
 
 
 def test_an_oblique_plane_cuts_a_rolled_ply_along_a_cosine():
@@ -97,7 +99,7 @@ def test_a_line_on_a_rolled_ply_unrolls():
     t = np.linspace(0, 2 * np.pi, 721)
     flat = np.column_stack([40 * np.cos(t), 30 * np.sin(t), 0 * t])
     pattern = flat_pattern(ply(rolled, nx=60), [rolled(flat)], 0.1)
-    assert pattern.area == pytest.approx(np.pi * 1200, rel=2e-4)
+    assert pattern.net.area == pytest.approx(np.pi * 1200, rel=2e-4)
     x, y = np.array(pattern.net.exterior.coords).T
     assert np.hypot(x / 40, y / 30) == pytest.approx(1, abs=1e-3)
     assert 0.001 < pattern.off < 0.01  # the ply's facets are below the cylinder
@@ -114,7 +116,7 @@ def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
     quarter = flat_pattern(ply(rolled, low=(0.0, 0.0), nx=20), trim, 0.2)
     full = flat_pattern(ply(rolled), trim, 0.2)
     assert quarter.net.bounds == pytest.approx(full.net.bounds, abs=1e-3)
-    assert quarter.area == pytest.approx(full.area, rel=1e-4)
+    assert quarter.net.area == pytest.approx(full.net.area, rel=1e-4)
     assert quarter.formed_area == pytest.approx(full.formed_area, rel=1e-4)
 
 

@@ -1,84 +1,22 @@
 """Formed plies whose measures are known in closed form."""
 
-import csv
-
-import matplotlib.image
 import numpy as np
 import pytest
 import pyvista
+from formed_plies import SHEARED, formed, plane
 
-from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.meshes.specimen import specimen
-from fabric_fenicsx.plot import forming_pictures
-from fabric_fenicsx.results import forming
-from fabric_fenicsx.results.formed import draw_plies
+from fabric_fenicsx.postprocess import shape
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
 from fabric_fenicsx.tools.surfaces import Offset, Reversed
 
 
-def formed(
-    place,
-    nx=47,
-    ny=27,
-    length=235.0,
-    width=135.0,
-    full=False,
-    angle=0.0,
-    pattern="crossed",
-    ranks=1,
-):
-    """Grid of a ply whose points x, y (n,) are formed to place(x, y) (n, 3), yarns a at `angle`
-    [rad]; full: centred, not a quarter; written by `ranks`, which share no nodes."""
-    x, cells, _ = specimen(length, width, nx, ny, pattern)
-    if full:
-        x = x - [length / 2, width / 2, 0]
-    u = place(x[:, 0], x[:, 1]) - x
-    edges, moved = (np.moveaxis(p[cells[:, 1:]] - p[cells[:, :1]], 1, 2) for p in (x, x + u))
-    F = moved @ np.linalg.inv(edges[:, :2])
-    c, s = np.cos(angle), np.sin(angle)
-    a, b = F @ [c, s], F @ [-s, c]
-    la, lb = np.linalg.norm(a, axis=1), np.linalg.norm(b, axis=1)
-    values = {
-        "log_eps_11": np.log(la),
-        "log_eps_22": np.log(lb),
-        "shear_angle": np.arcsin((a * b).sum(1) / la / lb),
-    }
-    values["strain_state"] = (1 + (lb <= 1) + 2 * (la <= 1)).astype(np.int32)
-    part = np.arange(len(cells)) * ranks // len(cells)
-    number = np.arange(len(x)) + part[:, None, None] * len(x)
-    number = number[np.arange(len(cells))[:, None], 0, cells]
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: number}, np.tile(x, (ranks, 1)))
-    if ranks > 1:  # as places computed by each
-        grid.points += 1e-12 * np.random.default_rng(1).uniform(-1, 1, grid.points.shape)
-    grid.point_data["u"] = np.tile(u, (ranks, 1))
-    grid.cell_data.update(values)
-    return grid
-
-
-def plane(*rows):
-    """place(x, y) of a homogeneous deformation in the plane, with gradient `rows`."""
-    return lambda x, y: np.column_stack([np.column_stack([x, y]) @ np.array(rows).T, 0 * x])
-
-
-def on_dome(x, y):
-    """Draped over the double dome, as in its developed plan, and 0.5 mm above it."""
-    return DoubleDome().lift(x, y) + [0, 0, 0.5]
-
-
-SHEARED = plane((1.02, 0.3), (0, 0.9))
-
-
-def is_picture(path, pixels=None):
-    image = matplotlib.image.imread(path)
-    return image[..., :3].std() > 0.05 and (pixels is None or image.shape[1::-1] == pixels)
-
-
 @pytest.mark.parametrize("ranks", [1, 3])
 @pytest.mark.parametrize("full", [False, True])
 def test_paths_of_a_homogeneous_state(full, ranks):
-    paths = forming.along_paths(formed(SHEARED, full=full, ranks=ranks), spacing=5.0)
+    paths = shape.along_paths(formed(SHEARED, full=full, ranks=ranks), spacing=5.0)
     half = (117.5, 67.5) if full else (235.0, 135.0)
     for angle, length in ((0, half[0]), (45, half[1] * np.sqrt(2)), (90, half[1])):
         path, direction = (
@@ -98,7 +36,7 @@ def test_path_values_are_means_of_the_eight_cells_around_a_node():
     grid = formed(SHEARED, full=True, nx=46, ny=26)
     centre = grid.cell_centers().points[:, 0]
     grid.cell_data["log_eps_11"] = centre**2
-    path = forming.along_paths(grid, (0,), spacing=235 / 46)[0]
+    path = shape.along_paths(grid, (0,), spacing=235 / 46)[0]
     # the eight cells' centres are at +-h/2 and +-h/6, h = 235/46 wide: two at each of the inner,
     # two at each of the outer
     h = 235 / 46
@@ -113,7 +51,7 @@ def test_path_values_are_linear_between_nodes():
     """Of a field that grows along x, whose means at inner nodes are exact on regular cells."""
     grid = formed(SHEARED, nx=24, ny=6, length=200.0, width=50.0)
     grid.cell_data["log_eps_11"] = grid.cell_centers().points[:, 0]
-    path = forming.along_paths(grid, (20,), spacing=1.0)[20]
+    path = shape.along_paths(grid, (20,), spacing=1.0)[20]
     inner = (path.distance > 10) & (path.distance < 130)
     along = path.distance * np.cos(np.radians(20))
     np.testing.assert_allclose(path.log_eps_11[inner], along[inner], atol=1e-6)
@@ -124,35 +62,8 @@ def test_path_values_are_linear_between_nodes():
 def test_a_path_ends_at_a_hole():
     grid = formed(SHEARED, nx=40, ny=40, length=100.0, width=100.0)
     x, y, _ = grid.cell_centers().points.T
-    path = forming.along_paths(grid.extract_cells((x < 50) | (x > 70) | (y > 20)), (0,))[0]
+    path = shape.along_paths(grid.extract_cells((x < 50) | (x > 70) | (y > 20)), (0,))[0]
     assert path.distance[-1] == pytest.approx(50, abs=1e-6)
-
-
-def test_axes_of_paths_end_with_the_ply(tmp_path, monkeypatch):
-    drawn, paths = [], forming.along_paths(formed(SHEARED))
-    monkeypatch.setattr(forming_pictures.plt, "close", drawn.append)
-    forming_pictures.paths_picture(
-        tmp_path / "p.png", {"one": paths}, {"tool": (217, 90, 300), "other": 140}
-    )
-    (figure,) = (each for each in drawn if each != "all")  # which a first figure may close
-    ends = [235, 135 * np.sqrt(2), 135]
-    for ax, end in zip(figure.axes[::3], ends):
-        assert ax.get_xlim() == pytest.approx((0, end), abs=1e-6)
-    lines = [len(ax.get_lines()) for ax in figure.axes[::3]]
-    assert lines == [4, 4, 2]  # the curve, 0 and what marks lie on the ply
-    assert {text.get_text() for text in figure.legends[0].get_texts()} == {"one", "tool", "other"}
-
-
-def test_what_is_drawn_of_one_ply_is_named(tmp_path, monkeypatch):
-    drawn, grid = [], formed(SHEARED)
-    monkeypatch.setattr(forming_pictures.plt, "close", drawn.append)
-    paths = {"": forming.along_paths(grid)}
-    forming_pictures.paths_picture(tmp_path / "p.png", paths, {"outline of the punch": 90})
-    forming_pictures.outline_picture(tmp_path / "o.png", {"": grid})
-    named = [
-        [text.get_text() for text in each.legends[0].get_texts()] for each in drawn if each != "all"
-    ]
-    assert named == [["outline of the punch"], ["flat", "formed"]]
 
 
 def test_a_path_over_a_cylinder_is_its_arc():
@@ -161,7 +72,7 @@ def test_a_path_over_a_cylinder_is_its_arc():
         length=78.5,
         width=40.0,
     )
-    paths = forming.along_paths(grid, (0, 90), spacing=5.0)
+    paths = shape.along_paths(grid, (0, 90), spacing=5.0)
     assert paths[0].formed == pytest.approx(paths[0].distance, rel=2e-4)  # chords of 1.7 mm
     assert paths[90].formed == pytest.approx(paths[90].distance, rel=1e-8)
 
@@ -170,12 +81,12 @@ def test_a_path_needs_the_origin():
     grid = formed(SHEARED)
     grid.points[:, 0] += 1
     with pytest.raises(InputError, match="origin"):
-        forming.along_paths(grid)
+        shape.along_paths(grid)
 
 
 @pytest.mark.parametrize("ranks", [1, 3])
 def test_outline_of_a_quarter_has_no_plane_of_symmetry(ranks):
-    (edge,) = forming.outline(formed(SHEARED, ranks=ranks))
+    (edge,) = shape.outline(formed(SHEARED, ranks=ranks))
     np.testing.assert_allclose(
         edge.undeformed[[0, 27, -1]], [[235, 0, 0], [235, 135, 0], [0, 135, 0]], atol=1e-9
     )
@@ -184,7 +95,7 @@ def test_outline_of_a_quarter_has_no_plane_of_symmetry(ranks):
 
 
 def test_outline_of_a_full_ply_is_closed_and_anticlockwise():
-    (edge,) = forming.outline(formed(SHEARED, full=True))
+    (edge,) = shape.outline(formed(SHEARED, full=True))
     assert len(edge.undeformed) == 2 * (47 + 27) + 1
     assert (edge.undeformed[0] == edge.undeformed[-1]).all()
     x, y, _ = edge.formed.T
@@ -193,7 +104,7 @@ def test_outline_of_a_full_ply_is_closed_and_anticlockwise():
 
 @pytest.mark.parametrize("full", [False, True])
 def test_draw_in(full):
-    found = forming.draw_in(formed(plane((0.98, 0), (0, 0.9)), full=full))
+    found = shape.draw_in(formed(plane((0.98, 0), (0, 0.9)), full=full))
     half = np.array([235, 135]) / (2 if full else 1)
     short, long = half * [0.02, 0.1]
     corner = (short + long) / np.sqrt(2)
@@ -213,7 +124,7 @@ def test_draw_in(full):
 def test_draw_in_of_two_sides_that_differ():
     grid = formed(plane((0.98, 0), (0, 0.9)), full=True)
     grid.point_data["u"][:, 0] += 1.0
-    found = forming.draw_in(grid)
+    found = shape.draw_in(grid)
     assert found["middle_at_low_x_mm"] - found["middle_at_high_x_mm"] == pytest.approx(2.0)
 
 
@@ -222,14 +133,14 @@ def test_the_long_side_of_a_square_ply_does_not_depend_on_rounding(rounding):
     """It is along x."""
     grid = formed(plane((0.98, 0), (0, 0.9)), nx=8, ny=8, length=80.0, width=80.0, full=True)
     grid.points[:, 0] *= 1 + rounding
-    assert forming.draw_in(grid)["middle_of_long_side_mm"] == pytest.approx(4.0)
+    assert shape.draw_in(grid)["middle_of_long_side_mm"] == pytest.approx(4.0)
 
 
 def test_each_corner_counts_once():
     """Also that at which the edge begins and ends: of one rectangle all nodes of it are corners."""
     grid = formed(plane((0.98, 0), (0, 0.9)), nx=1, ny=1, length=80.0, width=80.0, full=True)
     grid.point_data["u"][:, 0] += 1.0
-    assert forming.draw_in(grid)["corner_mm"] == pytest.approx(4.8 / np.sqrt(2))
+    assert shape.draw_in(grid)["corner_mm"] == pytest.approx(4.8 / np.sqrt(2))
 
 
 @pytest.mark.parametrize("cells, error", [(1, 0.04), (2, 0.01)])
@@ -238,7 +149,7 @@ def test_wrinkles_of_a_sine(cells, error):
         return np.column_stack([x, y, 0.5 + 2 * np.cos(2 * np.pi * x / 40)])
 
     grid = formed(ripple, nx=60 * cells, ny=10 * cells, length=240.0, width=40.0)
-    found = forming.wrinkles(grid, Plane((0, 0, 0), (0, 0, 1)), thickness=1.0)
+    found = shape.wrinkles(grid, Plane((0, 0, 0), (0, 0, 1)), thickness=1.0)
     slope = 2 * 2 * np.pi / 40
     # by area, which sqrt(1 + tan^2) more of lies where it is steep
     s = slope * np.sin(np.linspace(0, 2 * np.pi, 10000, endpoint=False))
@@ -252,11 +163,11 @@ def test_wrinkles_of_a_sine(cells, error):
     rms = np.degrees(np.sqrt(np.average(np.arctan(s) ** 2, weights=area)))
     assert found["slope_rms_deg"] == pytest.approx(rms, rel=2 * error)
     # under the tool that it lies beneath, and where it is flat enough
-    same = forming.wrinkles(grid, Plane((0, 0, 0), (0, 0, -1)), region=lambda x: x[:, 0] < 5)
+    same = shape.wrinkles(grid, Plane((0, 0, 0), (0, 0, -1)), region=lambda x: x[:, 0] < 5)
     assert same["height_largest_mm"] == pytest.approx(2.5)
     assert same["slope_largest_deg"] < 0.8 * found["slope_largest_deg"]
     with pytest.raises(InputError, match="region"):
-        forming.wrinkles(grid, Plane((0, 0, 0), (0, 0, 1)), region=lambda x: x[:, 2] > 9)
+        shape.wrinkles(grid, Plane((0, 0, 0), (0, 0, 1)), region=lambda x: x[:, 2] > 9)
 
 
 def test_a_ply_on_its_tool_has_no_wrinkles():
@@ -264,10 +175,10 @@ def test_a_ply_on_its_tool_has_no_wrinkles():
         return np.column_stack([r * np.sin(x / 50), y, r * np.cos(x / 50)])
 
     grid = formed(wrapped, nx=40, ny=20, length=60.0, width=30.0)
-    found = forming.wrinkles(grid, Cylinder((0, 0, 0), (0, 1, 0), 50.0), thickness=1.0)
+    found = shape.wrinkles(grid, Cylinder((0, 0, 0), (0, 1, 0), 50.0), thickness=1.0)
     assert found["height_largest_mm"] < 1e-9
     # but for the free edge, where the normal is that of one side
-    inside = forming.wrinkles(
+    inside = shape.wrinkles(
         grid, Cylinder((0, 0, 0), (0, 1, 0), 50.0), region=lambda x: (x[:, 1] < 29) & (x[:, 0] < 40)
     )
     assert inside["slope_largest_deg"] < 0.2
@@ -279,19 +190,19 @@ def test_a_ply_on_a_sphere_has_no_wrinkles():
         return np.column_stack([x, y, np.sqrt(50**2 - x * x - y * y)])
 
     grid = formed(capped, nx=20, ny=20, length=30.0, width=30.0)
-    found = forming.wrinkles(grid, Sphere(50.0, (0, 0, 0)), region=lambda x: (x[:, :2] < 29).all(1))
+    found = shape.wrinkles(grid, Sphere(50.0, (0, 0, 0)), region=lambda x: (x[:, :2] < 29).all(1))
     assert found["height_largest_mm"] < 1e-9 and found["slope_largest_deg"] < 1e-5
 
 
 def test_a_ply_in_the_die_of_a_double_dome_has_no_wrinkles():
     dome = DoubleDome()
     grid, die = formed(dome.lift, 94, 54), Reversed(Offset(dome, 1.0))
-    found = forming.wrinkles(
+    found = shape.wrinkles(
         grid, die, thickness=2.0, region=lambda x: (x[:, 0] < 200) & (x[:, 1] < 90)
     )
     assert found["height_largest_mm"] < 1e-9
     assert found["slope_rms_deg"] < 0.5
-    bump = forming.wrinkles(
+    bump = shape.wrinkles(
         formed(lambda x, y: dome.lift(x, y) + [0, 0, 3]), dome, region=lambda x: x[:, 2] < 3.01
     )
     assert bump["height_largest_mm"] == pytest.approx(3.0)
@@ -301,56 +212,4 @@ def test_quadrilaterals_are_cut():
     x, cells, _ = specimen(235.0, 135.0, 47, 27, cell="quadrilateral")
     grid = pyvista.UnstructuredGrid({pyvista.CellType.QUAD: cells}, x)
     grid.point_data["u"] = SHEARED(*x[:, :2].T) - x
-    assert forming.draw_in(grid)["middle_of_long_side_mm"] == pytest.approx(13.5)
-
-
-def test_tables_and_diagrams(tmp_path):
-    runs = {
-        "all couplings": formed(on_dome),
-        "without biaxial": formed(lambda x, y: on_dome(1.01 * x, y)),
-    }
-    paths = {label: forming.along_paths(grid) for label, grid in runs.items()}
-    forming.write_paths(tmp_path / "paths.csv", paths["all couplings"])
-    with open(tmp_path / "paths.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    assert len(rows) == 48 + 40 + 28
-    at = [row for row in rows if row["path_deg"] == "45"][20]
-    assert float(at["distance_mm"]) == 100
-    assert float(at["shear_angle_deg"]) == pytest.approx(
-        paths["all couplings"][45].shear_angle[20], rel=1e-6
-    )
-    forming_pictures.paths_picture(
-        tmp_path / "paths.png", paths, marks={"punch": (217, 90, 55), "blank": 135}
-    )
-    forming_pictures.outline_picture(tmp_path / "outline.png", runs)
-    forming_pictures.state_map(tmp_path / "states.png", runs["all couplings"])
-    forming_pictures.state_map(tmp_path / "states_formed.png", runs["all couplings"], formed=True)
-    assert all(
-        is_picture(tmp_path / f"{name}.png")
-        for name in ("paths", "outline", "states", "states_formed")
-    )
-
-
-@pytest.mark.parametrize("shortening", [0.0, 0.1])
-def test_plies_at_plus_and_minus_45_have_files_of_their_own(tmp_path, shortening):
-    """And one of shortening, if there is some."""
-    grids = {name: formed(on_dome) for name in ("+45", "-45")}
-    for grid in grids.values():
-        for yarns in "ab":
-            grid.cell_data[f"shortening_{yarns}"] = np.full(grid.n_cells, shortening)
-    draw_plies(tmp_path, grids, [(45, 135), (-45, 45)], None)
-    files = [f"{name}_{label}" for name in ("paths", "states") for label in ("p45", "m45")]
-    files += ["formed"] + (["shortening"] if shortening else [])
-    assert sorted(file.stem for file in tmp_path.iterdir()) == sorted(files)
-
-
-@pytest.mark.parametrize("angle", [0, 45])
-def test_picture_of_the_formed_ply(tmp_path, angle, capfd):
-    tool = pyvista.PolyData.from_regular_faces(*double_dome())
-    grid = formed(on_dome, angle=np.radians(angle), ranks=2)
-    for with_tool in (tool, None):
-        path = tmp_path / "formed.png"
-        forming_pictures.formed_picture(path, [(grid, (angle, angle + 90))], with_tool)
-        assert is_picture(path, (1600, 1000))
-        path.rename(tmp_path / f"formed_{with_tool is not None}.png")
-    assert capfd.readouterr().err == ""
+    assert shape.draw_in(grid)["middle_of_long_side_mm"] == pytest.approx(13.5)

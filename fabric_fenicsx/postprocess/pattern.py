@@ -5,6 +5,7 @@ A point of the formed ply lies in one of its triangles and has its place in the 
 flat ply.
 """
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -17,7 +18,8 @@ from ..meshes.rings import joined, sheet_of
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..runtime.formatting import coordinates, rounded
-from .ply import SAME, Grid, Ply, plan_area, ply_of, whole
+from .ply import SAME, Grid, Ply, areas, edge_sides, plan_area, ply_of, whole
+from .states import save
 
 FINE = 0.1  # spacing of points on a trim line, over the mean edge of the ply's cells
 STRAIGHT = 1e-4  # of that edge, distance from a line within which points are left out of it
@@ -42,19 +44,9 @@ class FlatPattern(NamedTuple):
     off: float
 
     @property
-    def area(self) -> float:
-        """Of the pattern [mm2]."""
-        return float(self.net.area)
-
-    @property
-    def perimeter(self) -> float:
-        """Of the pattern, with its holes [mm]."""
-        return float(self.net.length)
-
-    @property
     def formed_area(self) -> float:
-        """Of the formed part [mm2]."""
-        return float(_areas(self.part.formed[self.part.triangles]).sum())
+        """Area of the formed part [mm2]."""
+        return float(areas(self.part.formed[self.part.triangles]).sum())
 
 
 def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -> FlatPattern:
@@ -86,17 +78,9 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
     return FlatPattern(net, _inside(ply, net), off)
 
 
-def _areas(corners):
-    """Of triangles by their corners (m, 3, 3)."""
-    p, q, r = corners.swapaxes(0, 1)
-    return np.linalg.norm(np.cross(q - p, r - p), axis=1) / 2
-
-
 def _sheet(ply):
     """The flat ply as a polygon, or several: what the edges of single triangles bound."""
-    sides = np.concatenate([ply.triangles[:, [i, (i + 1) % 3]] for i in range(3)])
-    sides, count = np.unique(np.sort(sides, 1), axis=0, return_counts=True)
-    net = shapely.build_area(shapely.multilinestrings(ply.x[sides[count == 1], :2]))
+    net = shapely.build_area(shapely.multilinestrings(ply.x[edge_sides(ply.triangles), :2]))
     # points that the mesh alone has on straight edges
     return net.simplify(SAME)
 
@@ -250,8 +234,6 @@ def write_pattern(
     STEM.csv, a table of x and y [mm] with the number of the `ring`, and STEM.vtu, the formed part
     with the fields of its cells, `u` and the places `flat` on the flat ply. units: of fields.
     Returns their paths."""
-    from .fields import save
-
     stem = Path(stem)
     files = [stem.with_name(stem.name + ending) for ending in (".dxf", ".csv", ".vtu")]
     rings = _rings(pattern.net)
@@ -276,13 +258,10 @@ def _rings(net):
 
 def _drawing(rings):
     """The text of a drawing."""
-    import io
-
     import ezdxf
-    from ezdxf import units
 
     drawing = ezdxf.new()
-    drawing.units = units.MM
+    drawing.units = ezdxf.units.MM
     drawing.layers.add(OUTLINE)
     drawing.layers.add(HOLES, color=1)
     for layer, points in rings:

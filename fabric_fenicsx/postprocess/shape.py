@@ -1,6 +1,6 @@
-"""What one wants to measure of a formed ply: paths, outline and draw-in, wrinkles.
+"""Measurements of a formed ply: paths, outline and draw-in, wrinkles.
 
-Every function takes the grid of a state, as `fields.read_last` gives it: undeformed places, `u` at
+Every function takes the grid of a state, as `states.read_last` gives it: undeformed places, `u` at
 the points, fields on the cells. Nodes that several ranks wrote are merged. Other cells than
 triangles with nodes at their corners are cut into these. The ply lies flat at first, and its centre
 is the origin; one in x >= 0 or y >= 0 alone is taken for the half or quarter of a symmetric ply,
@@ -19,21 +19,22 @@ from numpy.typing import ArrayLike
 from ..runtime.errors import InputError
 from ..tools.facets import vertex_normals
 from ..tools.tool import Tool
-from .measures import EQUAL
-from .ply import SAME, Grid, ply_of
+from .ply import EQUAL, SAME, Grid, areas, edge_sides, ply_of
 
 File: TypeAlias = pathlib.Path | str
 
 
 class Path(NamedTuple):
     """Values at the k points of a path, (k,) each: `distance` along it on the flat and `formed` on
-    the formed ply [mm], logarithmic fibre strains [-] and shear angle [deg]."""
+    the formed ply [mm], logarithmic fibre strains [-] and shear angle [deg]; formed `places` (k, 3)
+    [mm]."""
 
     distance: np.ndarray
     formed: np.ndarray
     log_eps_11: np.ndarray
     log_eps_22: np.ndarray
     shear_angle: np.ndarray
+    places: np.ndarray
 
 
 def along_paths(
@@ -51,39 +52,35 @@ def along_paths(
     ply, fine = ply_of(grid), 20  # points of the line on the formed ply for each point of the path
     plan = Triangulation(*ply.x[:, :2].T, ply.triangles)
     cell_at = plan.get_trifinder()
-    formed = [LinearTriInterpolator(plan, x, cell_at) for x in ply.formed.T]
     factors = {"log_eps_11": 1.0, "log_eps_22": 1.0, "shear_angle": 180 / np.pi}
-    values = [
-        LinearTriInterpolator(plan, factor * ply.at_nodes(ply.fields[name]), cell_at)
-        for name, factor in factors.items()
-    ]
+    at_nodes = [factor * ply.at_nodes(ply.fields[name]) for name, factor in factors.items()]
+    formed, values = (
+        [LinearTriInterpolator(plan, v, cell_at) for v in each] for each in (ply.formed.T, at_nodes)
+    )
     paths = {}
     for angle in angles_deg:
         direction = np.array([np.cos(np.radians(angle)), np.sin(np.radians(angle))])
+        direction *= 1 - 1e-9  # the edge is not outside, by rounding
         s = np.arange(0, np.linalg.norm(ply.x[:, :2], axis=1).max() + spacing, spacing / fine)
-
-        def outside(s, direction=direction * (1 - 1e-9)):  # the edge is not, by rounding
-            return cell_at(*np.multiply.outer(direction, s)) < 0
-
-        beyond = outside(s)
-        if beyond[0]:
+        outside = cell_at(*np.outer(direction, s)) < 0
+        if outside[0]:
             raise InputError(
                 "the ply does not cover the origin, where paths start; allowed is one around it, "
                 "or a quarter that begins there"
             )
-        low, high = s[beyond.argmax() - 1 : beyond.argmax() + 1]
+        low, high = s[outside.argmax() - 1 : outside.argmax() + 1]
         while high - low > SAME / 10:
             middle = (low + high) / 2
-            low, high = (low, middle) if outside(np.array([middle]))[0] else (middle, high)
-        s = np.append(s[: beyond.argmax()], low)
-        places = s[:, None] * direction * (1 - 1e-9)
-        line = np.column_stack([x(*places.T) for x in formed])
+            low, high = (low, middle) if cell_at(*direction * middle) < 0 else (middle, high)
+        s = np.append(s[: outside.argmax()], low)
+        places = np.outer(direction, s)
+        line = np.column_stack([x(*places) for x in formed])
         length = np.append(0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
         k = np.arange(0, len(s) - 1, fine)
-        k = np.append(
-            k[s[-1] - s[k] > SAME * spacing], len(s) - 1
-        )  # no point just before the one at the edge
-        paths[angle] = Path(s[k], length[k], *(np.asarray(v(*places[k].T)) for v in values))
+        # no point just before the one at the edge
+        k = np.append(k[s[-1] - s[k] > SAME * spacing], len(s) - 1)
+        at = {name: np.asarray(v(*places[:, k])) for name, v in zip(factors, values)}
+        paths[angle] = Path(s[k], length[k], **at, places=line[k])
     return paths
 
 
@@ -103,30 +100,16 @@ def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
     return float(ply.fields[name][cell])
 
 
-def _edges(triangles):
-    """Pairs of nodes (k, 2) of the sides that one of the `triangles` (m, 3) has alone, in its
-    order."""
-    sides = np.stack([triangles, np.roll(triangles, -1, 1)], 2).reshape(-1, 2)
-    _, first, count = np.unique(np.sort(sides, 1), axis=0, return_index=True, return_counts=True)
-    return sides[first[count == 1]]
-
-
-def write_paths(path: File, paths: Mapping[float, Path]) -> None:
+def write_paths(file: File, paths: Mapping[float, Path]) -> None:
     """Write `along_paths` to a CSV file, a row a point."""
-    with open(path, "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(
-            [
-                "path_deg",
-                "distance_mm",
-                "formed_distance_mm",
-                "log_eps_11",
-                "log_eps_22",
-                "shear_angle_deg",
-            ]
-        )
+    with open(file, "w", newline="") as opened:
+        writer = csv.writer(opened)
+        names = "distance_mm", "formed_distance_mm", "log_eps_11", "log_eps_22", "shear_angle_deg"
+        writer.writerow(["path_deg", *names])
         for angle, values in paths.items():
-            writer.writerows([f"{angle:g}", *(f"{v:.8g}" for v in row)] for row in zip(*values))
+            writer.writerows(
+                [f"{angle:g}", *(f"{v:.8g}" for v in row)] for row in zip(*values[:-1])
+            )
 
 
 class Outline(NamedTuple):
@@ -143,7 +126,7 @@ def outline(grid: Grid, planes: Sequence[int] | None = None) -> list[Outline]:
     """The free edges of the ply [list of `Outline`], without those on planes of symmetry; planes:
     the axes to which these are perpendicular, by default those of a quarter or half."""
     ply = ply_of(grid)
-    sides = _edges(ply.triangles)
+    sides = edge_sides(ply.triangles)
     for axis in ply.planes if planes is None else planes:
         sides = sides[ply.x[sides, axis].any(1)]
     after = dict(sides.tolist())
@@ -155,9 +138,8 @@ def outline(grid: Grid, planes: Sequence[int] | None = None) -> list[Outline]:
             edge.append(after.pop(edge[-1]))
         x, u = ply.x[edge], ply.u[edge]
         along = np.diff(x[:, :2], axis=0)
-        outwards = (
-            np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-        )
+        outwards = np.column_stack([along[:, 1], -along[:, 0]])
+        outwards /= np.linalg.norm(along, axis=1)[:, None]
         ends = (outwards[-1], outwards[0]) if edge[0] == edge[-1] else (outwards[0], outwards[-1])
         normal = np.vstack([ends[0], outwards]) + np.vstack([outwards, ends[1]])
         normal /= np.linalg.norm(normal, axis=1)[:, None]
@@ -237,9 +219,7 @@ def wrinkles(
     for axis in ply.planes:  # as the mirrored cells would make it
         normal[ply.x[:, axis] == 0, axis] = 0
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    p, q, r = x[ply.triangles].swapaxes(0, 1)
-    cell_area = np.linalg.norm(np.cross(q - p, r - p), axis=1) / 2
-    area = np.bincount(ply.triangles.ravel(), np.repeat(cell_area / 3, 3), len(x))
+    area = np.bincount(ply.triangles.ravel(), np.repeat(areas(x[ply.triangles]) / 3, 3), len(x))
     counts = np.isfinite(near.gap) if region is None else np.isfinite(near.gap) & region(x)
     if not counts.any():
         raise InputError(
@@ -249,8 +229,13 @@ def wrinkles(
     cosine = (normal * near.normal).sum(1)[counts]
     cosine *= np.sign(area @ cosine)  # the ply may lie on either side of the tool
     slope = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    found = {}
-    for name, values in (("height_{}_mm", abs(height)), ("slope_{}_deg", slope)):
-        found[name.format("largest")] = float(values.max())
-        found[name.format("rms")] = float(np.sqrt(np.average(values**2, weights=area)))
-    return found
+
+    def rms(values):
+        return float(np.sqrt(np.average(values**2, weights=area)))
+
+    return {
+        "height_largest_mm": float(abs(height).max()),
+        "height_rms_mm": rms(height),
+        "slope_largest_deg": float(slope.max()),
+        "slope_rms_deg": rms(slope),
+    }

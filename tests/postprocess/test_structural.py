@@ -13,7 +13,7 @@ from mpi4py import MPI
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.results import structural
+from fabric_fenicsx.postprocess import states, structural
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
@@ -66,7 +66,7 @@ def directions():
 @pytest.mark.versions
 @pytest.mark.parametrize("element", ["P1", "P2", "P3", "Q1", "Q2"])
 def test_abaqus_reads_places_and_both_yarns(tmp_path, element):
-    structural.export(structural.read_grids(formed(tmp_path, element)), tmp_path / "ply.inp")
+    structural.export(states.read_grids(formed(tmp_path, element)), tmp_path / "ply.inp")
     mesh, found = read_abaqus(tmp_path / "ply.inp")
     a, b, n = directions()
     ((kind, cells),) = mesh.cells_dict.items()
@@ -87,7 +87,7 @@ def test_abaqus_reads_places_and_both_yarns(tmp_path, element):
 
 @pytest.mark.versions
 def test_vtk_reads_directions_shear_and_area(tmp_path):
-    structural.export(structural.read_grids(formed(tmp_path)), tmp_path / "ply.vtu")
+    structural.export(states.read_grids(formed(tmp_path)), tmp_path / "ply.vtu")
     grid = pyvista.read(tmp_path / "ply.vtu")
     for name, vector in zip(("yarn_a", "yarn_b", "normal"), directions()):
         np.testing.assert_allclose(grid[name], np.tile(vector, (grid.n_cells, 1)), atol=1e-6)
@@ -97,7 +97,7 @@ def test_vtk_reads_directions_shear_and_area(tmp_path):
 
 
 def test_plies_of_a_stack_have_sets_and_numbers_of_their_own(tmp_path):
-    grids = structural.read_grids(formed(tmp_path, plies=("lower", "ply 2")))
+    grids = states.read_grids(formed(tmp_path, plies=("lower", "ply 2")))
     structural.export(grids, tmp_path / "plies.inp")
     mesh, found = read_abaqus(tmp_path / "plies.inp")
     assert set(mesh.cell_sets) == {"lower", "ply_2"}
@@ -111,7 +111,7 @@ def test_plies_of_a_stack_have_sets_and_numbers_of_their_own(tmp_path):
 def test_labels_are_legal_in_abaqus_and_no_two_alike():
     names = ["+45", "-45", "0/90", "", "top ply", "top-ply", "TOP_PLY", "Äußere", "上", "下", "_"]
     names += ["a" * 99, "a" * 98, "skin-2", "3", "p45", "warp +30", "45", "ply"]
-    labels = structural.set_labels(names)
+    labels = states.set_labels(names)
     assert list(labels) == names
     assert all(re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,63}", label) for label in labels.values())
     assert len({label.lower() for label in labels.values()}) == len(names)
@@ -120,9 +120,7 @@ def test_labels_are_legal_in_abaqus_and_no_two_alike():
 
 
 def test_plies_at_plus_and_minus_45_have_sets_and_orientations_of_their_own(tmp_path):
-    structural.export(
-        structural.read_grids(formed(tmp_path, plies=("+45", "-45"))), tmp_path / "o.inp"
-    )
+    structural.export(states.read_grids(formed(tmp_path, plies=("+45", "-45"))), tmp_path / "o.inp")
     mesh, found = read_abaqus(tmp_path / "o.inp")
     assert {name: len(sum(map(list, cells), [])) for name, cells in mesh.cell_sets.items()} == {
         "p45": 24,
@@ -137,7 +135,7 @@ def test_nodes_of_several_ranks_are_one(tmp_path):
     comm = MPI.COMM_WORLD
     folder = formed(comm.bcast(tmp_path), comm=comm)
     if comm.rank == 0:
-        (ply,) = map(structural.formed_ply, structural.read_grids(folder).values())
+        (ply,) = map(structural.formed_ply, states.read_grids(folder).values())
         assert len(ply.points) == 4 * 3 + 3 * 2  # of the crossed rectangles and their middles
         assert len(ply.cells) == 4 * 3 * 2
     comm.barrier()
@@ -170,7 +168,7 @@ def test_results_that_are_not_believed_are_exported_with_a_warning(tmp_path, cap
 
 
 def test_a_sheet_without_yarns_alone_is_not_written(tmp_path):
-    grids = structural.read_grids(formed(tmp_path))
+    grids = states.read_grids(formed(tmp_path))
     grids[""].cell_data.remove("a")
     with pytest.raises(InputError, match="no sheet has yarns"):
         structural.export(grids, tmp_path / "ply.inp")

@@ -1,0 +1,237 @@
+"""Formed plies and tools drawn in space, without a window (VTK)."""
+
+import os
+import subprocess
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pyvista
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from scipy.spatial import cKDTree
+from vtkmodules.vtkCommonCore import vtkLogger
+
+from ..postprocess.ply import SAME, Grid, ply_of, whole
+from ..postprocess.shape import File
+from ..runtime.errors import InputError
+from .pictures import plt
+
+SCREEN = (2400, 1500)  # pixels drawn
+COLOURS = "YlOrRd"  # light, so that the shading shows the shape
+VIEW = 0.4, -1.0, 0.75  # from the ply to the camera
+STEEL, TOOL, YARNS = "#8f9aa8", "#d3d8e0", "#30343b"
+YARN = "yarn_coordinate"  # how fields at points begin that tell the distance across yarns
+SHEAR = "magnitude of the shear angle / deg"
+
+
+@contextmanager
+def screen() -> Iterator[None]:
+    """Where VTK can draw: a screen of its own if it needs one that is not there."""
+    # 9.4 and later draw without one, by EGL
+    if os.environ.get("DISPLAY") or pyvista.vtk_version_info >= (9, 4):
+        yield
+        return
+    missing = InputError(
+        "this VTK draws on a screen only; allowed is DISPLAY set, or Xvfb (apt install xvfb)"
+    )
+    size = "{}x{}x24".format(*SCREEN)
+    command = ["Xvfb", "-displayfd", "1", "-screen", "0", size, "-nolisten", "tcp"]
+    pipe, null = subprocess.PIPE, subprocess.DEVNULL
+    try:
+        server = subprocess.Popen(command, stdout=pipe, stderr=null, text=True)
+    except FileNotFoundError:
+        raise missing from None
+    assert server.stdout
+    try:
+        number = server.stdout.readline().strip()
+        if not number:
+            raise missing
+        os.environ["DISPLAY"] = f":{number}"
+        yield
+    finally:
+        os.environ.pop("DISPLAY", None)
+        server.terminate()
+        server.wait()
+
+
+@contextmanager
+def drawing(size: tuple[int, int] = SCREEN) -> Iterator[pyvista.Plotter]:
+    """A plotter of `size` [pixels] without a window, on white. Raises InputError where VTK finds
+    nothing to draw on."""
+    with screen():
+        verbosity = vtkLogger.GetCurrentVerbosityCutoff()
+        # VTK warns of no screen before it does without
+        vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+        plotter = pyvista.Plotter(off_screen=True, window_size=size)
+        try:
+            plotter.set_background("white")
+            yield plotter
+        finally:
+            plotter.close()
+            vtkLogger.SetStderrVerbosity(verbosity)
+
+
+def unit(vector: Sequence[float]) -> np.ndarray:
+    """The vector (3,) with length 1."""
+    return np.asarray(vector, dtype=float) / np.linalg.norm(vector)
+
+
+def image(
+    draw: Callable[[pyvista.Plotter], None],
+    view: Sequence[float],
+    bounds: Sequence[float] | None = None,
+    size: tuple[int, int] = SCREEN,
+) -> np.ndarray:
+    """Pixels (rows, columns, 3) of what `draw` adds to a plotter, seen from the direction `view`;
+    bounds: to show, with bodies that are translucent."""
+    with drawing(size) as plotter:
+        if bounds is not None:
+            plotter.disable_anti_aliasing()  # with it depth peeling loses what is translucent
+            # not by PyVista, whose check opens a window of its own: that ended the process on
+            # Debian 13
+            plotter.ren_win.AlphaBitPlanesOn()
+            plotter.renderer.SetUseDepthPeeling(True)
+            plotter.renderer.SetMaximumNumberOfPeels(8)
+        draw(plotter)
+        plotter.view_vector(unit(view), viewup=(0, 0, 1))
+        if bounds is not None:
+            plotter.reset_camera(bounds=bounds)
+            plotter.renderer.ResetCameraClippingRange()  # what is beyond the bounds is drawn, too
+        return plotter.screenshot(None, return_img=True)
+
+
+def cropped(images: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Images of one size without the white around what any of them shows."""
+    drawn = np.any([(pixels < 255).any(2) for pixels in images], axis=0)
+    rows, columns = np.flatnonzero(drawn.any(1)), np.flatnonzero(drawn.any(0))
+    return [each[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] for each in images]
+
+
+# -- plies and tools
+
+
+def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.PolyData:
+    """The ply, formed or flat, with the nodes' `place` on the flat one and `shear_angle` [deg], its
+    magnitude, 0 of metal; `yarn_a` and `yarn_b`, the distance across the yarns [mm], if the grid
+    has them; full: with the images in the planes of symmetry, whose axes are in the field data
+    `planes`."""
+    ply = ply_of(grid)
+    planes = ply.planes if full else []
+    ply = whole(ply) if full else ply
+    shear = abs(np.degrees(ply.fields.get("shear_angle", np.zeros(len(ply.triangles)))))
+    points = ply.formed if formed else ply.x
+    surface = pyvista.PolyData.from_regular_faces(points, ply.triangles)
+    surface.point_data["place"] = ply.x
+    surface.point_data["shear_angle"] = ply.at_nodes(shear)
+    surface.field_data["planes"] = np.array(planes, dtype=int)
+    if f"{YARN}_a" in grid.point_data and "shear_angle" in grid.cell_data:
+        place = np.where(np.isin(np.arange(3), planes), abs(ply.x), ply.x)
+        nearest = cKDTree(grid.points).query(place)[1]
+        for family in "ab":
+            surface.point_data[f"yarn_{family}"] = grid.point_data[f"{YARN}_{family}"][nearest]
+    return surface
+
+
+def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyData:
+    """What of a surface is in x >= 0 or y >= 0, where these are `planes` of symmetry, and its
+    images."""
+    for axis in planes:
+        normal = np.eye(3)[int(axis)]
+        half = surface.clip(normal=normal, origin=(0, 0, 0), invert=False).triangulate()
+        points, faces = np.array(half.points), half.faces.reshape(-1, 4)[:, 1:]
+        points[abs(points[:, axis]) < SAME, axis] = 0.0
+        points = np.vstack([points, points * (1 - 2 * normal)])
+        faces = np.vstack([faces, faces[:, ::-1] + half.n_points])
+        surface = pyvista.PolyData.from_regular_faces(points, faces).clean()
+    return surface
+
+
+def cut_away(surface: pyvista.PolyData, share: float, end: float = 1.0) -> pyvista.PolyData:
+    """A ply, as of `surface_of`, without that share of its length, seen from its lower end, and
+    without what is beyond the share `end`."""
+    x = surface["place"][:, 0]
+    surface["along"] = x
+    for part, beyond in ((share, False), (end, True)):
+        if 0 < part < 1:
+            place = float(x.min() + part * np.ptp(x))
+            surface = surface.clip_scalar(scalars="along", invert=beyond, value=place)
+    return surface
+
+
+def draw_plies(
+    plotter: pyvista.Plotter, surfaces: Sequence[pyvista.PolyData], limit: float, spacing: float
+) -> None:
+    """Add plies, as of `surface_of`, the lowest first, each cut away further than the one below.
+    Fabric is coloured by its shear angle up to `limit` [deg], with a yarn each `spacing` [mm];
+    metal is grey."""
+    light = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15, "smooth_shading": True}
+    shear = {"scalars": "shear_angle", "cmap": COLOURS, "clim": (0, limit)}
+    for k, surface in enumerate(surfaces):
+        shown = cut_away(surface, k / len(surfaces))
+        families = [name for name in ("yarn_a", "yarn_b") if name in surface.point_data]
+        look = shear if families else {"color": STEEL}
+        plotter.add_mesh(shown, show_scalar_bar=False, **light, **look)
+        # below the next ply yarns poke through
+        seen = cut_away(surface, k / len(surfaces), (k + 1) / len(surfaces))
+        for across in (seen[name] + spacing / 2 for name in families):  # none on a mirror
+            low, high = np.ceil(across.min() / spacing), np.floor(across.max() / spacing)
+            places = spacing * np.arange(low, high + 1)
+            yarns = seen.contour(places, scalars=across).strip(max_length=100000)
+            tubes = yarns.tube(radius=spacing / 28, n_sides=8)
+            plotter.add_mesh(tubes, color=YARNS, smooth_shading=True)
+
+
+def shear_limit(surfaces: Iterable[pyvista.PolyData]) -> float:
+    """End of the colours that cover the shear angles of plies, a multiple of 5 deg."""
+    highest = max(surface["shear_angle"].max() for surface in surfaces)
+    return max(5.0, 5 * np.ceil(highest / 5))
+
+
+def shear_bar(figure: Any, limit: float, label: str, sizes: tuple[int, int], **place: Any) -> None:
+    """Add the colour bar of shear angles up to `limit` [deg]; sizes: of letters in the label and at
+    the ticks."""
+    bar = figure.colorbar(ScalarMappable(Normalize(0, limit), COLOURS), **place)
+    bar.set_label(label, fontsize=sizes[0])
+    bar.ax.tick_params(labelsize=sizes[1])
+
+
+def formed_picture(
+    path: File,
+    plies: Sequence[Grid],
+    tool: pyvista.PolyData | None = None,
+    spacing: float = 10.0,
+    full: bool = True,
+) -> None:
+    """The formed plies coloured by the magnitude of the shear angle, with yarns, over the tool:
+    1600 x 1000 pixels.
+
+    plies: the lowest first, of which each is cut away further than the one below; tool: its surface
+    where it is now. A line each `spacing` [mm] is a yarn. full: mirror a quarter. Raises InputError
+    where VTK finds nothing to draw on.
+    """
+    fabrics = [grid["shear_angle"] for grid in plies if "shear_angle" in grid.cell_data]
+    largest = max(abs(np.degrees(shear)).max() for shear in fabrics)
+    surfaces = [surface_of(grid, full) for grid in plies]
+    limit = shear_limit(surfaces)
+
+    def draw(plotter):
+        draw_plies(plotter, surfaces, limit, spacing)
+        if tool is not None:
+            whole = mirrored(tool, surfaces[0].field_data["planes"])
+            # away from the camera, so that it looks the same but does not show through the ply
+            behind = whole.translate(-3 * unit(VIEW))
+            look = {"color": TOOL, "ambient": 0.35, "diffuse": 0.75}
+            plotter.add_mesh(behind, smooth_shading=True, **look)
+
+    figure = plt.figure(figsize=(16, 10))
+    ax = figure.add_axes((0.02, 0.13, 0.96, 0.85))
+    ax.imshow(cropped([image(draw, VIEW)])[0], interpolation="lanczos")
+    ax.axis("off")
+    place = {"cax": figure.add_axes((0.3, 0.09, 0.4, 0.022)), "orientation": "horizontal"}
+    extend = "max" if largest > limit else "neither"  # as nodes have means over cells
+    label = f"{SHEAR} (largest of a cell: {largest:.2f})"
+    shear_bar(figure, limit, label, (18, 16), extend=extend, **place)
+    figure.savefig(path, dpi=100)
+    plt.close(figure)

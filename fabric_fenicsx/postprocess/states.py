@@ -1,0 +1,169 @@
+"""Written states of a run as PyVista grids: whole or a sheet at a time, with units."""
+
+import re
+import unicodedata
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import pyvista
+from vtkmodules.vtkCommonCore import vtkDataArray
+from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
+
+from ..runtime.errors import InputError
+from ..runtime.files import replace_file
+from ..tools.tool import Tool
+from .ply import Grid
+
+CELLS_ACROSS = 100  # of the grid that a tool's surface is found on
+LABEL = 64  # characters of a label, of the 80 that Abaqus reads, so that "_yarns_a" fits behind
+
+
+class State(NamedTuple):
+    """A written state of a run: the `folder` of its results, and the load."""
+
+    folder: Path
+    load: float
+
+    def plies(self) -> dict[str, Grid]:
+        """Each ply {name: grid}, or the one {"": grid}."""
+        sets = ElementTree.parse(self.folder / "fields.pvd").getroot().iter("DataSet")
+        names = dict.fromkeys(entry.get("name", "") for entry in sets)
+        return sheets_of(read_state(self.folder, self.load), [name for name in names if name])
+
+    def tools(self) -> dict[str, pyvista.PolyData]:
+        """Surfaces of the tools, where they are then {name: surface}; empty without tools."""
+        if not (self.folder / "tools.pvd").is_file():
+            return {}
+        (blocks,) = _read(self.folder / "tools.pvd", self.load)
+        return dict(zip(blocks.keys(), blocks))
+
+
+def states(folder: Path | str) -> list[State]:
+    """All states in the results `folder`. Raises InputError where there are none."""
+    folder = Path(folder)
+    if not (folder / "fields.pvd").is_file():
+        raise InputError(f"{folder} has no fields.pvd; allowed is the folder of a run's results")
+    loads = pyvista.PVDReader(folder / "fields.pvd").time_values
+    return [State(folder, float(load)) for load in loads]
+
+
+def read_grids(folder: Path | str) -> dict[str, Grid]:
+    """The last state of each ply {name: grid}, or of the one {"": grid}, in the results `folder`.
+    Raises InputError where there are none."""
+    return states(folder)[-1].plies()
+
+
+def read_last(folder: Path) -> Grid:
+    """Last state of `folder`/fields.pvd, as of `read_state`."""
+    return read_state(folder, None)
+
+
+def read_state(folder: Path, load: float | None) -> Grid:
+    """The state at `load`, by default the last, in `folder`/fields.pvd: one grid of all ranks'
+    parts. A cell field that only some sheets have is NaN on the others."""
+    blocks = [block for block in _read(folder / "fields.pvd", load) if block.n_cells]
+    shapes = {name: np.shape(values)[1:] for b in blocks for name, values in b.cell_data.items()}
+    for block in blocks:
+        for name in shapes.keys() - set(block.cell_data):
+            block.cell_data[name] = np.full((block.n_cells, *shapes[name]), np.nan)
+    return pyvista.MultiBlock(blocks).combine()
+
+
+def _read(listed, load):
+    """Blocks of the state at `load`, by default the last, that a .pvd file lists."""
+    reader = pyvista.PVDReader(listed)
+    reader.set_active_time_value(reader.time_values[-1] if load is None else load)
+    return reader.read()
+
+
+def units(folder: Path | str) -> dict[str, str]:
+    """Units {name: unit} of the arrays in the results `folder`."""
+    blocks = _read(Path(folder) / "fields.pvd", None)
+    lines = (str(text) for block in blocks for text in block.field_data.get("units", ()))
+    return dict(re.findall(r"(\w+) \[(.*?)\]", "\n".join(lines)))
+
+
+def sheets_of(grid: Grid, names: Sequence[str]) -> dict[str, Grid]:
+    """The sheets of a stack with these names {name: grid}, or without names {"": the grid}."""
+    if not names:
+        return {"": grid}
+    number = np.asarray(grid.cell_data["part"])
+    return {
+        name: with_known_fields(grid.extract_cells(number == k)) for k, name in enumerate(names)
+    }
+
+
+def of_fabric(grids: Mapping[str, Grid]) -> dict[str, Grid]:
+    """Those {name: grid} that have yarns."""
+    return {name: grid for name, grid in grids.items() if "shear_angle" in grid.cell_data}
+
+
+def with_known_fields(grid: Grid) -> Grid:
+    """The grid without cell fields that are NaN all over it: of vectors VTK can't read back the
+    range that it writes."""
+    for name, values in list(grid.cell_data.items()):
+        if np.issubdtype(values.dtype, np.floating) and np.isnan(values).all():
+            grid.cell_data.remove(name)
+    for arrays in (grid.cell_data, grid.point_data):
+        for name in set(arrays) & {"vtkOriginalCellIds", "vtkOriginalPointIds"}:
+            arrays.remove(name)
+    return grid
+
+
+def save(path: Path, data: pyvista.DataSet, known: Mapping[str, str]) -> None:
+    """Write a grid or surface with the units of its arrays, out of those `known`, to `path`, whole
+    or not at all; OSError naming it."""
+    units = []
+    for arrays in (data.point_data, data.cell_data):
+        for name in (each for each in arrays if each in known):
+            information = arrays.VTKObject.GetAbstractArray(name).GetInformation()
+            information.Set(vtkDataArray.UNITS_LABEL(), known[name])
+            units.append(f"{name} [{known[name]}]")
+    data.field_data["units"] = units
+    is_grid = isinstance(data, pyvista.UnstructuredGrid)
+    writer = vtkXMLUnstructuredGridWriter() if is_grid else vtkXMLPolyDataWriter()
+    writer.SetInputData(data)
+    # Of all that takes a fifth of zlib's time. Not VTK's raw data: ParaView 5.11 with Debian 12's
+    # expat can't read it.
+    writer.SetDataModeToBinary()
+    writer.SetCompressorTypeToLZ4()
+    # to memory first, as VTK does not say what error it met with a file
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    replace_file(path, writer.GetOutputString().encode())
+
+
+def triangulated(tool: Tool, low: np.ndarray, high: np.ndarray) -> pyvista.PolyData:
+    """Surface of `tool`, before it is moved, around a blank from `low` to `high` (3,) [mm], as far
+    as it comes near the blank on its path."""
+    size = high - low
+    is_flat = size < 1e-6 * size.max()
+    margin = np.maximum(0.1 * size, 0.5 * size.max() * is_flat)
+    places = np.array([tool.path(load) for load in (0.0, 1.0)])
+    low, high = low - margin - places.max(0), high + margin - places.min(0)
+    points, normals, triangles = tool.surface.mesh(low, high, (high - low).max() / CELLS_ACROSS)
+    surface = pyvista.PolyData.from_regular_faces(points.astype(np.float32), triangles)
+    surface.point_data.active_normals = normals.astype(np.float32)
+    surface.field_data["tool"] = [tool.name]
+    return surface
+
+
+def set_labels(names: Iterable[str]) -> dict[str, str]:
+    """Labels {name: label} of plies in files' names and in Abaqus: letters, digits and _ only, a
+    letter first, at most `LABEL` of them, and no two alike, as Abaqus does not tell capitals apart.
+    A sign before a number becomes p or m: +45 is p45."""
+    labels: dict[str, str] = {}
+    for name in names:
+        plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+        plain = re.sub(r"(?<![^\W_])([+-])(?=\d)", lambda sign: "pm"[sign[1] == "-"], plain)
+        plain = re.sub(r"[\W_]+", "_", plain, flags=re.ASCII).strip("_")
+        plain = plain if plain[:1].isalpha() else f"ply_{plain}".rstrip("_")
+        taken, label, again = {each.lower() for each in labels.values()}, plain[:LABEL], 1
+        while label.lower() in taken:
+            again += 1
+            label = f"{plain[: LABEL - len(str(again)) - 1]}_{again}"
+        labels[name] = label
+    return labels

@@ -1,0 +1,252 @@
+"""Quantities of formed sheets: shear, shortening of yarns, strains and thickness of fabric, plastic
+strain of metal, draw-in and wrinkles; warnings of shear and shortening.
+
+A membrane stores as shortening what a real ply folds into wrinkles. Where yarns are shortened much,
+cells crumple, and the largest shear angle says little.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..material.strains import SHORTENED, share_name
+from ..runtime.formatting import of_sheet, percent, rounded
+from ..sheets.blank import Part
+from ..tools.tool import Tool
+from . import measures
+from .result import Result
+
+# shortening
+SHARES = 0.01, SHORTENED, 0.05  # beyond which shares of the area are listed
+AREA = 0.01  # share of the area in which yarns are shortened, from which on a run warns
+CRUMPLED = 0.05  # beyond which a cell crumples
+STRIP = 2.0  # width of the strips that yarns are gathered in, in mean lengths of cells
+FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
+# of the shapes of plies, what of several ones the largest has a meaning
+LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("slope_largest_deg",)}
+
+
+def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+    """Shear, shortening, strains and thickness of all cells of the `parts`, one ply or several of
+    fabric. The largest fibre volume fraction is None without a fibre density."""
+    comm, cells = result.scene.comm, _cells(parts)
+    fields = {name: values[cells] for name, values in result.fields.items()}
+    ellipticity, states = fields["stability_ellipticity"], fields["strain_state"]
+    extremes, areas = partial(measures.extremes, comm), result.scene.blank.areas()[cells]
+    return {
+        "shear_angle_deg": extremes(np.degrees(fields["shear_angle"])),
+        **shear_quantities(result, parts),
+        **shortening_quantities(result, parts),
+        "log_eps_11": extremes(fields["log_eps_11"]),
+        "log_eps_22": extremes(fields["log_eps_22"]),
+        "stability_ellipticity_min": extremes(ellipticity)[0],
+        "cells_that_lost_ellipticity": comm.allreduce(int((ellipticity < 0).sum())),
+        "share_of_state_1_to_4": [
+            measures.mean(comm, (states == k) * 1.0, areas) for k in (1, 2, 3, 4)
+        ],
+        "thickness_min_mm": _known(np.fmin, comm, fields.get("thickness_under_pressure")),
+        "fibre_volume_fraction_max": _known(np.fmax, comm, fields.get("fibre_volume_fraction")),
+    }
+
+
+def _known(extreme, comm, values):
+    """The least (`np.fmin`) or largest number of all ranks in a field (cells,), None if it has no
+    number or is not there."""
+    mine = np.nan if values is None else extreme.reduce(values, initial=np.nan)
+    found = extreme.reduce(comm.allgather(float(mine)))
+    return None if np.isnan(found) else float(found)
+
+
+def metal_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+    """Plastic strain, thickness and von Mises' stress of all cells of the `parts`, one ply or
+    several of metal."""
+    cells, fields = _cells(parts), result.fields
+    extremes = partial(measures.extremes, result.scene.comm)
+    thickness = fields["metal_thickness"][cells]
+    before = np.repeat([part.thickness or 1.0 for part in parts], [len(p.cells) for p in parts])
+    stress = np.fmax(*(fields[f"von_mises_{face}"][cells] for face in ("top", "bottom")))
+    return {
+        "plastic_strain_max": extremes(fields["equivalent_plastic_strain"][cells])[1],
+        "thinning_max": extremes(1 - thickness / before)[1],
+        "thickness_mm": extremes(thickness),
+        "von_mises_max_MPa": extremes(stress)[1],
+    }
+
+
+def _cells(parts):
+    return np.concatenate([part.cells for part in parts])
+
+
+def pressure_quantities(result: Result) -> dict[str, float]:
+    """Of all sheets the largest mean pressure of a cell on the next sheet [MPa]; nothing of one."""
+    if "sheet_pressure" not in result.fields:
+        return {}
+    pressure = np.nan_to_num(result.fields["sheet_pressure"])
+    return {"sheet_pressure_largest_MPa": measures.extremes(result.scene.comm, pressure)[1]}
+
+
+# -- shapes
+
+
+def shape(result: Result, part: Part, tool: Tool, middle: float, closed: bool) -> dict[str, Any]:
+    """Draw-in, and slopes of wrinkles over the tool, of one ply, which is all of a sheet or a part
+    of a stack. Their height is left out: closed tools leave it no more than their play. middle:
+    height of its mid-surface over the tool that it lies on [mm]; closed: whether the tools are,
+    as otherwise the ply does not follow them and wrinkles are None."""
+    from ..postprocess.shape import wrinkles
+
+    comm, slopes = result.scene.comm, None
+    if closed and comm.rank == 0:
+        found = wrinkles(result.grids[part.name], tool, 2 * middle)
+        slopes = {name: value for name, value in found.items() if name.startswith("slope")}
+    return {"draw_in": result.draw_in(part.name), "wrinkles": comm.bcast(slopes)}
+
+
+def stack_quantities(
+    result: Result,
+    plies: Mapping[str, Mapping[str, Any]],
+    fabrics: Sequence[Part],
+    metals: Sequence[Part],
+) -> dict[str, Any]:
+    """Quantities of a stack: those of cells over all cells of its plies of fabric and of metal, and
+    of the shapes of its `plies` {name: quantities} the largest ones. What is of one ply's edge or
+    area alone is left out: each ply has it."""
+    found = fabric_quantities(result, fabrics) if fabrics else {}
+    found |= metal_quantities(result, metals) if metals else {}
+    for name, keys in LARGEST.items():
+        shapes = [ply[name] for ply in plies.values()]
+        known = None not in shapes
+        found[name] = {key: max(each[key] for each in shapes) for key in keys} if known else None
+    return found
+
+
+def middle_of(sheets: Sequence[Any]) -> str:
+    """Name of the middle sheet, if it is of fabric, not the only one, and metal is on both sides of
+    it; otherwise ""."""
+    count = len(sheets)
+    middle = sheets[count // 2]
+    metals = [k for k, sheet in enumerate(sheets) if sheet.metal]
+    between = count > 1 and metals and min(metals) < count // 2 < max(metals)
+    return middle.name if middle.fabric and between else ""
+
+
+def middle_quantities(result: Result, name: str) -> dict[str, float]:
+    """Of ply `name`: the largest shear angle on the path at 45 deg, and the contrast of its shear
+    angle (see `shape.contrast`) [deg]."""
+    from ..postprocess import shape
+
+    comm, found = result.scene.comm, {}
+    if comm.rank == 0:
+        grid = result.grids[name]
+        path = shape.along_paths(grid, (45,))[45]
+        found = {
+            "shear_angle_on_45_deg_path_deg": float(abs(path.shear_angle).max()),
+            "shear_contrast_deg": float(np.degrees(shape.contrast(grid, "shear_angle"))),
+        }
+    return comm.bcast(found)
+
+
+# -- shear and shortening
+
+
+def shear_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+    """Of all cells of the `parts`, which are of fabric: the largest magnitude of the shear angle,
+    its place (x, y) of the flat sheet [mm], of several parts with the name of that part, and how
+    much yarns are shortened there; the angle that 99 % of the area stay below [deg]."""
+    comm, blank, cells = result.scene.comm, result.scene.blank, _cells(parts)
+    angle = np.degrees(np.abs(result.fields["shear_angle"][cells]))
+    also = shortening(result.fields)[cells]
+    largest, place, there = measures.largest_in(blank, parts, angle, also)
+    below = measures.quantiles(comm, angle, blank.areas()[cells], (0.99,))
+    return {
+        "shear_angle_max_deg": largest,
+        **{f"shear_angle_max_{key}": value for key, value in place.items()},
+        "shear_angle_99_percent_deg": below[0],
+        "shortening_at_shear_angle_max": there,
+    }
+
+
+def shortening(fields: Mapping[str, np.ndarray]) -> np.ndarray:
+    """The larger shortening of a cell's two yarns under compression, (cells,) [-]."""
+    return np.maximum(fields["shortening_a"], fields["shortening_b"])
+
+
+def shortening_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
+    """Of all cells of the `parts`, which are of fabric: the largest shortening of a yarn under
+    compression (nominal strain, 0 if there is none) and its place (x, y) of the flat sheet [mm], of
+    several parts with the name of that part; the shares of the area in which it is more than each
+    of `SHARES`; and `excess_length_mm`, the length that a yarn has lost at most, see
+    `excess_length`."""
+    comm, blank, cells = result.scene.comm, result.scene.blank, _cells(parts)
+    values, areas = shortening(result.fields)[cells], blank.areas()[cells]
+    largest, place, _ = measures.largest_in(blank, parts, values, values)
+    lost = [excess_length(result, part) for part in parts]
+    return {
+        "shortening_max": largest,
+        **{f"shortening_max_{key}": value for key, value in place.items()},
+        **{share_name(k): measures.mean(comm, (values > k) * 1.0, areas) for k in SHARES},
+        "excess_length_mm": None if None in lost else max(filter(None, lost), default=0.0),
+    }
+
+
+def excess_length(result: Result, part: Part) -> float | None:
+    """The length that a yarn of the `part` has lost at most [mm], in what is modelled: a real one
+    would have to put it into a wrinkle. None where yarns are not straight on the flat sheet.
+
+    Shortening is gathered over strips along the yarns, `STRIP` cells wide, of both directions.
+    """
+    comm, blank = result.scene.comm, result.scene.blank
+    if not part.straight:
+        return None
+    x, areas = blank.midpoints()[:2, part.cells], blank.areas()[part.cells]
+    count, area = comm.allreduce(np.array([len(areas), areas.sum()]))
+    width, found = STRIP * np.sqrt(area / count), []
+    for yarn, name in zip(part.straight, ("shortening_a", "shortening_b")):
+        lost = areas * result.fields[name][part.cells]
+        across = (yarn[0] * x[1] - yarn[1] * x[0]) / width
+        low, high = measures.extremes(comm, across)
+        at = across - low
+        # a cell counts for the two strips beside its centre, the nearer one more
+        left = np.floor(at).astype(int)
+        strips = np.zeros(int(high - low) + 3)
+        np.add.at(strips, left, (1 - (at - left)) * lost)
+        np.add.at(strips, left + 1, (at - left) * lost)
+        found.append(comm.allreduce(strips).max() / width)
+    return float(max(found))
+
+
+def fabric_warnings(result: Result) -> list[str]:
+    """Of each part of fabric of a sheet in space, as a plane one can't fold: a sentence where its
+    largest shear angle depends on mesh and contact, one where yarns are shortened."""
+    blank, fields = result.scene.blank, result.fields
+    if blank.mesh.geometry.dim == 2 or not set(FIELDS) <= set(fields):
+        return []
+    sentences: list[str] = []
+    for part in list(blank.parts.values()) or [blank.whole]:
+        unknown = int(np.isnan(fields["shear_angle"][part.cells]).sum())
+        if not result.scene.comm.allreduce(unknown):
+            found = shear_quantities(result, [part]) | shortening_quantities(result, [part])
+            sentences += _sentences(part.name or blank.name, found)
+    return sentences
+
+
+def _sentences(name: str, found: Mapping[str, Any]) -> Iterable[str]:
+    if found["shortening_at_shear_angle_max"] > CRUMPLED:
+        yield (
+            f"the largest shear angle of {name}, {rounded(found['shear_angle_max_deg'])} deg at "
+            f"{of_sheet(found['shear_angle_max_at_mm'])}, lies where yarns are shortened by "
+            f"{percent(found['shortening_at_shear_angle_max'])}: cells crumple there, and it "
+            "depends on mesh and contact; 99 % of the area stay below "
+            f"{rounded(found['shear_angle_99_percent_deg'])} deg"
+        )
+    share, lost = found[share_name(SHORTENED)], found["excess_length_mm"]
+    if share > AREA:
+        excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
+        yield (
+            f"compression shortens yarns of {name} by up to {percent(found['shortening_max'], 3)}, "
+            f"as at {of_sheet(found['shortening_max_at_mm'])}, and by more than "
+            f"{percent(SHORTENED, 6)} in {percent(share, 3)} of the area{excess}. The law stores "
+            "as shortening what a real ply folds into wrinkles"
+        )
