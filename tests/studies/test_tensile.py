@@ -114,7 +114,7 @@ def test_the_papers_specimen(launch):
         assert (done.folder / picture).stat().st_size > 10_000
 
 
-@pytest.mark.parametrize("study, allowed", [("tensile", 30), ("bias_extension", 66)])
+@pytest.mark.parametrize("study, allowed", [("tensile", 30), ("bias_extension", 70)])
 def test_a_curve_to_five_digits_is_cheap(launch, study, allowed):
     mesh = "--nx", 48, "--ny", 12, "--no-pictures"
     exact = launch(study, *FULL, *mesh, "--path-tolerance", 1e-8)
