@@ -7,6 +7,8 @@ ARGS ?=
 ONLY ?=
 DEBIAN13_ROOT ?= .debian13/root
 SID_ROOT ?= .debian13/sid
+# Processes of the tests on one rank: one more than cores, as some wait for others that they start.
+WORKERS ?= $(shell echo $$(($$(nproc) + 1)))
 # Seconds after which the ranks of a test run count as hung: far beyond what they take on a machine with other work.
 TEST_TIMEOUT ?= 21600
 
@@ -84,7 +86,7 @@ study: $(VENV)/installed
 	$(SCREEN) $(MPIRUN) $(PYTHON) $(or $(wildcard benchmarks/$(STUDY).py),studies/$(STUDY).py) $(or $(ARGS),--overwrite)
 
 test: $(VENV)/installed
-	$(SCREEN) $(PYTHON) -m pytest -n 3 --dist worksteal -m "not mpi$(if $(ONLY), and ($(ONLY)))" tests || { cat .pytest_cache/crash_*.txt; exit 1; }
+	$(SCREEN) $(PYTHON) -m pytest -n $(WORKERS) --dist worksteal --durations 20 -m "not mpi$(if $(ONLY), and ($(ONLY)))" tests || { cat .pytest_cache/crash_*.txt; exit 1; }
 	for part in $(MPI_PARTS); do \
 	  $(SCREEN) $(TEST_MPIRUN) $(PYTHON) .ci/pytest_on_ranks.py $$part -m "mpi$(if $(ONLY), and ($(ONLY)))" -xq --color=no -p no:cacheprovider || exit 1; done
 

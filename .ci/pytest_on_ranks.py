@@ -6,7 +6,8 @@ import sys
 import pytest
 from mpi4py import MPI
 
-status = pytest.main(sys.argv[1:])
+slowest = ["--durations", "20"] if MPI.COMM_WORLD.rank == 0 else []
+status = pytest.main([*sys.argv[1:], *slowest])
 sys.stdout.flush()
 if status != pytest.ExitCode.OK:
     MPI.COMM_WORLD.Abort(int(status))

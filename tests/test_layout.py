@@ -1,12 +1,15 @@
-"""Imports go one way through the rooms of the package, and functions are short."""
+"""Rules for the source: imports go one way, functions are short, public ones have types."""
 
 import ast
+import importlib.resources
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "fabric_fenicsx"
+MESHES = PACKAGE.parent / "meshes"
 # a room imports what stands before it, and itself
 ORDER = (
     "runtime",
@@ -37,11 +40,18 @@ FILES |= {p.relative_to(PACKAGE): p for p in PACKAGE.glob("*.py")}
 MODULES = {
     ".".join(p.with_suffix("").parts).removesuffix(".__init__"): path for p, path in FILES.items()
 }
-TREES = {name: ast.parse(path.read_text()) for name, path in MODULES.items()}
 LONGEST, MOST_ARGUMENTS = 60, 8
 # What still breaks a rule. Whoever mends one takes it off; an entry that is not needed fails.
 LONG = set()
 MANY_ARGUMENTS = set()
+# private names with arguments of their own that whoever calls a class gives
+CALLED = "__init__", "__call__"
+
+
+@cache
+def trees():
+    """{module: its syntax tree}."""
+    return {name: ast.parse(path.read_text()) for name, path in MODULES.items()}
 
 
 def imported(name, for_types=False):
@@ -50,12 +60,12 @@ def imported(name, for_types=False):
     here = MODULES[name].relative_to(PACKAGE).with_suffix("").parts
     skipped = {
         id(inner)
-        for node in ast.walk(TREES[name])
+        for node in ast.walk(trees()[name])
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
         for inner in ast.walk(node)
         if not for_types
     }
-    for node in ast.walk(TREES[name]):
+    for node in ast.walk(trees()[name]):
         if not isinstance(node, ast.ImportFrom) or id(node) in skipped:
             continue
         words = tuple(node.module.split(".")) if node.module else ()
@@ -83,7 +93,7 @@ def functions(name):
             else:
                 yield from inside(child, path)
 
-    return inside(TREES[name], name)
+    return inside(trees()[name], name)
 
 
 def lines(node):
@@ -123,22 +133,29 @@ def test_the_list_of_rooms_leaves_out_none():
     assert found == {*ORDER, *DOORS}
 
 
-@pytest.mark.parametrize("name", sorted(MODULES))
-def test_imports_go_down(name):
-    own = name.split(".")[0]
-    if own in (*DOORS, "studies"):  # these are outermost
-        return
-    for module in imported(name):
-        room = module.split(".")[0]
-        assert room in ORDER and ORDER.index(room) <= ORDER.index(own), module
+def test_imports_go_down():
+    """The package's own doors and the studies are outermost."""
+    rank = {room: place for place, room in enumerate(ORDER)}
+    wrong = []
+    for name in MODULES:
+        own = name.split(".")[0]
+        if own in (*DOORS, "studies"):
+            continue
+        found = ((module, module.split(".")[0]) for module in imported(name))
+        wrong += [(name, module) for module, room in found if rank.get(room, 99) > rank[own]]
+    assert not wrong
 
 
-@pytest.mark.parametrize("name", sorted(MODULES))
-def test_no_private_name_crosses_modules(name):
-    for node in ast.walk(TREES[name]):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            names = [alias.name for alias in node.names if not alias.name.startswith("__")]
-            assert not [each for each in names if each.startswith("_")]
+def test_no_private_name_crosses_modules():
+    wrong = [
+        (name, alias.name)
+        for name, tree in trees().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and node.level
+        for alias in node.names
+        if alias.name.startswith("_") and not alias.name.startswith("__")
+    ]
+    assert not wrong
 
 
 def test_no_module_leads_back_to_itself():
@@ -154,3 +171,33 @@ def test_functions_are_short():
 def test_functions_have_few_arguments():
     found = {own: len(arguments(node)) for name in MODULES for own, node in functions(name)}
     assert {own for own, count in found.items() if count > MOST_ARGUMENTS} == MANY_ARGUMENTS
+
+
+def public(body, inside=""):
+    """(name, node, whether the first argument is self or cls) of each public function."""
+    for node in body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            yield from public(node.body, f"{node.name}.")
+        if isinstance(node, ast.FunctionDef):
+            if not node.name.startswith("_") or node.name in CALLED:
+                static = any(ast.unparse(d) == "staticmethod" for d in node.decorator_list)
+                yield inside + node.name, node, bool(inside) and not static
+
+
+def test_public_names_are_annotated():
+    checked = {path.stem: ast.parse(path.read_text()) for path in MESHES.glob("*.py")}
+    checked |= {name: tree for name, tree in trees().items() if not name.startswith("studies.")}
+    untyped = []
+    for module, tree in checked.items():
+        for name, node, bound in public(tree.body):
+            a = node.args
+            each = [*a.posonlyargs, *a.args, *a.kwonlyargs, a.vararg, a.kwarg][bound:]
+            missing = [arg.arg for arg in each if arg and not arg.annotation]
+            missing += [] if node.returns else ["return"]
+            untyped += [f"{module}: {name} ({', '.join(missing)})"] if missing else []
+    assert not untyped
+
+
+@pytest.mark.versions
+def test_the_package_says_that_it_has_types():
+    assert importlib.resources.files("fabric_fenicsx").joinpath("py.typed").is_file()

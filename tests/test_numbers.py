@@ -1,4 +1,6 @@
-"""Whoever is given a number refuses, in one sentence, what is none."""
+"""Each number that a user gives is checked by a rule (tests/runtime/test_rules.py)."""
+
+import re
 
 import numpy as np
 import pytest
@@ -59,28 +61,26 @@ TAKERS = {
     "strain of a test": (lambda v: ff.Tensile(length=20, width=10, nx=2, strain=v), 0.01),
     "a yarn's b": (lambda v: ff.Yarn(b=v, d=1.0), 10),
 }
-WRONG = {
-    "text": "0.5",
-    "nan": float("nan"),
-    "complex": 0.5 + 0j,
-    "truth": True,
-    "list": [0.5],
-    "two": np.array([1.0, 2.0]),
-}
 
 
-@pytest.mark.parametrize("name", TAKERS)
-@pytest.mark.parametrize("kind", WRONG)
-def test_what_is_no_number_is_refused_in_words(name, kind):
-    with pytest.raises(ff.InputError, match=r" (is|are) .*; allowed (is|are) "):
-        TAKERS[name][0](WRONG[kind])
+def test_each_taker_refuses_what_is_no_number():
+    """In one sentence that says what is allowed."""
+    taken = []
+    for name, (make, _) in TAKERS.items():
+        for wrong in (float("nan"), True, [0.5]):
+            try:
+                make(wrong)
+            except ff.InputError as error:
+                taken += [] if re.search(" (is|are) .*; allowed (is|are) ", str(error)) else [name]
+            else:
+                taken.append(name)
+    assert not taken
 
 
-@pytest.mark.parametrize("name", TAKERS)
-def test_numbers_of_numpy_are_numbers(name):
-    make, right = TAKERS[name]
-    for number in (np.array(right), np.float64(right)):
-        make(number)
+def test_each_taker_takes_numbers_of_numpy():
+    for make, right in TAKERS.values():
+        for number in (np.array(right), np.float64(right)):
+            make(number)
 
 
 @pytest.mark.parametrize(

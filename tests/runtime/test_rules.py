@@ -1,8 +1,46 @@
-"""Names that are not known, and what they are near to."""
+"""Rules for numbers, and names that are not known."""
 
+import math
+
+import numpy as np
 import pytest
 
-from fabric_fenicsx.runtime.rules import did_you_mean, unknown_key
+from fabric_fenicsx.runtime.errors import InputError
+from fabric_fenicsx.runtime.rules import (
+    ABOVE_ZERO_OR_INF,
+    COUNT,
+    FINITE,
+    POSITIVE,
+    did_you_mean,
+    unknown_key,
+)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    ["0.5", None, True, 0.5 + 0j, math.nan, math.inf, [0.5], np.array([1.0, 2.0]), np.array("1")],
+    ids=repr,
+)
+def test_a_rule_refuses_what_is_no_finite_number(wrong):
+    for rule in (FINITE, POSITIVE, COUNT):
+        with pytest.raises(InputError, match=r"^`size` is .*; allowed is "):
+            rule.check("`size`", wrong)
+
+
+def test_a_rule_takes_numbers_of_numpy_and_gives_those_of_python():
+    for given in (2, 2.0, np.float64(2), np.float32(2), np.int64(2), np.array(2.0)):
+        assert type(FINITE.check("size", given)) is float
+        assert type(COUNT.check("nx", given)) is int
+    assert math.copysign(1, FINITE.check("size", -0.0)) == 1
+
+
+def test_a_rule_tells_what_it_allows():
+    with pytest.raises(InputError, match="^nx is 2.5; allowed is a whole number of 1 or more$"):
+        COUNT.check("nx", 2.5)
+    for wrong in (0, -1):
+        with pytest.raises(InputError, match=f"size is {wrong}; allowed is a number above 0"):
+            POSITIVE.check("size", wrong)
+    assert ABOVE_ZERO_OR_INF.check("lag", math.inf) == math.inf
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 @pytest.mark.versions
 def test_thresholds(launch):
-    done = launch("stability_map", "--quick", apart=True)
+    done = launch("stability_map", "--quick")
     assert done.status == 0, done.err
     q = done.summary["quantities"]
     assert done.summary["converged"]
