@@ -4,7 +4,7 @@ import dataclasses
 import os
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -129,7 +129,7 @@ def made(kind: type, table: Mapping[str, Any], path: str, folder: Path) -> Any:
 
 
 @contextmanager
-def located(path: str, names: Any):
+def located(path: str, names: Any) -> Iterator[None]:
     """Give messages the path of a table, `x` of these names being path.x."""
     try:
         yield
