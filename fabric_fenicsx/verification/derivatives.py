@@ -96,7 +96,7 @@ def check_derivatives(
         name, (rows, remarks) = f"term {thing.name}", _of_term(thing, at, load, size)
     else:
         raise InputError(
-            f"derivatives of {thing!r} are asked for with {at!r}; allowed are a law, a surface "
+            f"no derivatives of {thing!r} can be checked at {at!r}; allowed are a law, a surface "
             "with points, and a term with its scene"
         )
     table = "\n".join(f"{row.names:<45} {row.off:9.1e}  {row.where}" for row in rows)
@@ -229,7 +229,7 @@ def _remarks_on_shear(law, at):
 def _of_surface(surface, at):
     x = np.asarray(np.empty((0, 3)) if at is None else at, float)
     if not len(x):
-        raise InputError("a surface is checked at no points; allowed are some near it, (n, 3)")
+        raise InputError("a surface needs points near it, (n, 3), to be checked at")
     radii, here, h = radii_of(surface), surface.evaluate(x), 1e-5
     for lost in x[~np.isfinite(here.gap)]:
         raise InputError(
