@@ -25,7 +25,7 @@ COMPARED = {  # column of the table -> number of the run
 def dome(fabric: Law, **mesh: Any) -> Press:
     """The press of the double dome with this fabric and fields of the sheet."""
     press = Press.read("double_dome")
-    return press.replace(sheets=dataclasses.replace(press.sheets[0], fabric=fabric, **mesh))
+    return press.replace(sheets=[dataclasses.replace(press.sheets[0], fabric=fabric, **mesh)])
 
 
 def forming_cost(comm: MPI.Comm, fabric: Law, c: Configuration) -> dict[str, Any]:

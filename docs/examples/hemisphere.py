@@ -19,7 +19,7 @@ fabric = ff.WovenFabric(yarn, yarn, s1=0.01, thickness=0.4)
 round_ = {"dome_distance": 1e-3, "dome_radius": 50.0, "waist": 50.0, "wall_angle": 0.0}
 dome = ff.DoubleDome(depth=60.0, top_radius=49.9, entry_radius=10.0, saddle_depth=0.0, **round_)
 press = ff.Press(
-    sheets=ff.Sheet(fabric, length=200, width=200, nx=nx, bending_modulus=20.0),
+    sheets=[ff.Sheet(fabric, length=200, width=200, nx=nx, bending_modulus=20.0)],
     quarter=True,
     interface=ff.Interface(friction=friction),
     tools={"die": ff.PressTool(ff.DieOf("punch"), side="above"), "punch": ff.PressTool(dome)},

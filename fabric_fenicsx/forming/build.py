@@ -75,9 +75,7 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     tools that can't stand or move so."""
     nodes, thickness, pressed = laid.flat_nodes(), press.thickness(), press.thickness(PRESSED)
     at, dies = Placement(nodes, thickness, comm, warnings), press.dies()
-    clearances = {
-        name: press.tools[name].surface.clearance or CLEARANCE * thickness for name in dies
-    }
+    clearances = {name: press.clearance(name) or CLEARANCE * thickness for name in dies}
     usual_off = {of: max(0.0, clearances[name] - thickness) for name, of in dies.items()}
     stood: dict[str, tuple[Surface, np.ndarray]] = {}
     for name in (n for n in press.tools if n not in dies):
@@ -347,10 +345,10 @@ class FormingScene(Setup):
 
     def closed(self) -> dict[str, Tool]:
         """The tools that are closed on their dies at the end, {name: tool}."""
-        stages = [stage for stage in self.schedule.stages if stage.close is not None]
-        if not stages:
+        close = [stage.close for stage in self.schedule.stages if stage.close]
+        if not close:
             return {}
-        left = (stages[-1].close + CLOSED) * self.thickness
+        left = (close[-1] + CLOSED) * self.thickness
         names = self.data.dies().values()
         return {n: self.tools[n] for n in names if self.schedule.distance(n, 1.0) <= left}
 

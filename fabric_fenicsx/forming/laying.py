@@ -98,9 +98,8 @@ def _with_nx(sheet, nx, quarter, element=None):
 def _laid(sheet, quarter, comm):
     share, centred = (0.5, False) if quarter else (1.0, True)
     centred = sheet.centred if sheet.outline else centred
-    material = sheet.thickness_under(0.0)
-    how = {"spatial": True, "share": share, "centred": centred}
-    return lay(sheet, ("length", "width"), material, comm, **how)
+    sides, thickness = ("length", "width"), sheet.thickness_under(0.0)
+    return lay(sheet, sides, thickness, comm, spatial=True, share=share, centred=centred)
 
 
 def _piled(sheets, blanks):

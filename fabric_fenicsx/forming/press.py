@@ -37,7 +37,7 @@ class Press:
     Parameters
     ----------
     sheets
-        A `Sheet`, or several, the lowest first.
+        The lowest first; one alone needs no list.
     quarter
         Models x, y >= 0 with planes of symmetry.
     interface
@@ -80,7 +80,7 @@ class Press:
     LIMITS: ClassVar[Limits] = Limits()
     CHEAP_FROM: ClassVar[int] = 0  # errors are estimated when asked for
 
-    sheets: Sheet | Sequence[Sheet]
+    sheets: Sequence[Sheet]
     quarter: bool = False
     interface: Interface = Interface()
     tools: Mapping[str, PressTool] = field(default_factory=dict)
@@ -174,6 +174,11 @@ class Press:
         """{name of a die: the tool that it is the die of}."""
         surfaces = {name: tool.surface for name, tool in self.tools.items()}
         return {name: s.tool for name, s in surfaces.items() if isinstance(s, DieOf)}
+
+    def clearance(self, die: str) -> float | None:
+        """Distance of a die from its tool that is asked for [mm]."""
+        surface = self.tools[die].surface
+        return surface.clearance if isinstance(surface, DieOf) else None
 
     def pressures(self) -> dict[str, float]:
         """Of holders with a constant pressure {name: pressure at the start} [MPa]."""

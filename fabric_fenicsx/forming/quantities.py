@@ -64,7 +64,8 @@ def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
     parts = made.blank.parts or {"": made.blank.whole}
     closed = result.rows[-1]["load"] == 1 and made.closed()
     tool = next(iter(closed.values())) if closed else made.leader()
-    plies, below = {}, 0.0
+    plies: dict[str, dict[str, Any]] = {}
+    below = 0.0
     fabrics: list[Part] = []
     metals: list[Part] = []
     for sheet, (name, part) in zip(made.sheets, parts.items()):

@@ -14,6 +14,7 @@ import tomli_w
 
 from ..material.files import read_toml, write_whole
 from ..material.laws.base import Material
+from ..material.metal import METALS
 from ..material.presets import PRESETS
 from ..runtime.errors import InputError
 from ..runtime.rules import check_complete, shown, unknown_key
@@ -216,9 +217,9 @@ def _tool(table, name, folder):
     (kind,), given = kinds, {key: table.pop(key) for key in own if key in table}
     value = table.pop(kind)
     if kind == "shape":
-        surface: Surface | str | DieOf = _shape(value, table, path, own)
-        if given.get("side") == "above":
-            surface = Turned(surface, OVER)
+        shape = _shape(value, table, path, own)
+        over = given.get("side") == "above"
+        surface: Surface | str | DieOf = Turned(shape, OVER) if over else shape
     elif kind == "die_of":
         surface = made(DieOf, {"tool": value} | table, path, folder)
         given = {"side": "above"} | given
@@ -330,9 +331,10 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
         if isinstance(value, (list, tuple, np.ndarray)):
             return [plain(each, f"{where}.{k}".strip(".")) for k, each in enumerate(value, 1)]
         if isinstance(value, Material):
-            if PRESETS.get(value.name) == value:
-                return value.name
-            file = path.with_name(f"{path.stem}_{value.name or 'material'}.toml")
+            name = getattr(value, "name", "") or "material"
+            if value in (PRESETS.get(name), METALS.get(name)):
+                return name
+            file = path.with_name(f"{path.stem}_{name}.toml")
             write_whole(file, value.dumps())
             return file.name
         if isinstance(value, (str, bool, int, float)):

@@ -23,11 +23,13 @@ from .sheet import Sheet
 def membrane(sheet: Sheet) -> Membrane:
     """The membrane of a sheet of fabric."""
     weave = None if sheet.weave_angle is None else math.radians(sheet.weave_angle)
+    assert sheet.fabric
     return Membrane(sheet.fabric, integration=sheet.integration or "full", weave_angle=weave)
 
 
 def metal(sheet: Sheet, planes: Sequence[Where]) -> SheetMetal:
     """The `SheetMetal` of a sheet of metal; planes: of symmetry."""
+    assert sheet.metal
     return SheetMetal(sheet.metal, symmetric=planes)
 
 
