@@ -11,7 +11,8 @@ from ...material import kernel
 from ...material.laws import Law
 from ...runtime.errors import InputError
 from ...runtime.formatting import coordinates, of_sheet, percent, rounded
-from ...sheets.blank import OFF, Blank, Part
+from ...sheets.blank import Blank
+from ...sheets.part import OFF, Part
 
 FEW = 8  # cells, below which a mesh is no strip
 SLENDER = 100.0  # longest side over height of a cell, above which it is a sliver
