@@ -62,22 +62,22 @@ def within(
     yarns = options["a"], options.get("b", options["a"] + math.pi / 2)
 
     def made():
-        sheet, told = _outline(outline, layer)
+        sheet, notes = _outline(outline, layer)
         low, high = np.reshape(sheet.bounds, (2, 2))
         size = (high - low)[0] / nx if edges[1] is None else edges[1]
         try:
             points, cells, kind, left_out = outline_mesh(sheet, size, pattern, yarns)
         except InputError as error:
-            raise InputError("; ".join([str(error), *told])) from None
+            raise InputError("; ".join([str(error), *notes])) from None
         if layout.get("centred"):
             points[:, :2] -= (low + high) / 2
-        return MeshArrays(points, cells, kind, told + left_out)
+        return MeshArrays(points, cells, kind, notes + left_out)
 
     return on_root(comm, made)
 
 
 def source_of(outline: Outline) -> str:
-    """What messages call an outline."""
+    """Name of an outline in messages."""
     return f"outline {outline}" if isinstance(outline, (str, os.PathLike)) else "the outline"
 
 
