@@ -55,10 +55,10 @@ def outline_mesh(
             f"`size` {size:g} makes about {rounded(cells)} cells; allowed are up to {MOST:,} "
             f"(a size above {rounded(size * math.sqrt(cells / MOST))})"
         )
-    sheet, told = _simplified(sheet, size)
-    places, sizes = _fine_places(sheet, size, told)
+    sheet, notes = _simplified(sheet, size)
+    places, sizes = _fine_places(sheet, size, notes)
     if sheet.minimum_clearance < CLOSE * size:
-        where = "".join(f"; {words}" for words in told[-1:])
+        where = "".join(f"; {words}" for words in notes[-1:])
         raise InputError(
             f"the outline comes within {rounded(sheet.minimum_clearance)} mm of itself; allowed "
             f"for cells of this size is above {rounded(CLOSE * size)} mm{where}"
@@ -73,17 +73,17 @@ def outline_mesh(
         points, triangles = _along(sheet, size, size_at, yarns)
     else:
         points, triangles = _filled([sheet], size_at)
-    return np.column_stack([points, np.zeros(len(points))]), triangles, "triangle", told
+    return np.column_stack([points, np.zeros(len(points))]), triangles, "triangle", notes
 
 
 def _simplified(sheet, size):
     """The sheet without details that cells of this size cannot have, and words on holes that are
     left out."""
-    told, rings = [], []
+    notes, rings = [], []
     for ring in (sheet.exterior, *sheet.interiors):
         x = shapely.get_coordinates(ring)[:-1]
         if np.ptp(x, axis=0).max() < SMALL * size:
-            told.append(
+            notes.append(
                 f"a hole of {rounded(np.ptp(x, axis=0).max())} mm at {coordinates(x[0])} mm is "
                 "left out, as it is small beside the cells"
             )
@@ -92,10 +92,10 @@ def _simplified(sheet, size):
         rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).argmax(), 0))
     sheet = shapely.Polygon(rings[0], rings[1:]).simplify(DETAIL * size)
     coarser = shapely.remove_repeated_points(sheet, SMALL * size)
-    return (coarser if coarser.is_valid else sheet), told
+    return (coarser if coarser.is_valid else sheet), notes
 
 
-def _fine_places(sheet, size, told):
+def _fine_places(sheet, size, notes):
     """Places (n, 2) where cells are to be smaller, and their sizes there (n,): at short edges and
     where the sheet is narrow, which gets two cells across."""
     edges, dense = [], []
@@ -117,7 +117,7 @@ def _fine_places(sheet, size, told):
     faces[faces] = shapely.contains_xy(sheet, middle[faces])
     if faces.any() and (least := width[faces].min()) < SMALL * size:
         where = coordinates(middle[faces][width[faces].argmin()])
-        told.append(f"the outline is {rounded(least)} mm wide at {where} mm, less than a cell")
+        notes.append(f"the outline is {rounded(least)} mm wide at {where} mm, less than a cell")
     places = np.concatenate([np.transpose(places), middle[faces]])
     sizes = np.maximum(np.concatenate([sizes, width[faces] / 2]), SMALL * size)
     return places[sizes < size], sizes[sizes < size]

@@ -36,20 +36,20 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
     source, ending = f"outline {path}", path.suffix.lower()
     check_file(path, "outline", READ)
     if layer is not None and ending != ".dxf":
-        raise InputError(f"`layer` is {layer!r} for {source}; allowed is it for a .dxf")
-    told: list[str] = []
+        raise InputError(f"`layer` is allowed only for a .dxf, not for {source}")
+    notes: list[str] = []
     if ending in TABLES:
         rings = _table(path, source)
     elif ending == ".dxf":
-        lines, told, hint = _drawing(path, source, layer)
+        lines, notes, hint = _drawing(path, source, layer)
         try:
             rings = joined(lines, source)
-            return sheet_of(rings, source), told
+            return sheet_of(rings, source), notes
         except InputError as error:
             raise InputError(f"{error}{hint}") from None
     else:
         rings = joined(_boundary(path, source), source)
-    return sheet_of(rings, source), told
+    return sheet_of(rings, source), notes
 
 
 def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
@@ -61,7 +61,7 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     be read.
     """
     path = Path(path)
-    source, ending, told = f"trim line {path}", path.suffix.lower(), []
+    source, ending, notes = f"trim line {path}", path.suffix.lower(), []
     allowed = "a table of x, y and z (.csv, .txt), or a drawing (.dxf)"
     check_file(path, "trim line", allowed)
     if ending in TABLES:
@@ -69,14 +69,14 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     elif ending == ".dxf":
         lines, unit, _ = _curves(path, source, None)
         size = np.ptp(np.concatenate(lines), axis=0)
-        told = [f"{unit}, so it is {rounded(size[0], 4)} mm long in x"] if unit else []
+        notes = [f"{unit}, so it is {rounded(size[0], 4)} mm long in x"] if unit else []
         if size[2] <= PLANE * size.max():
             lines = [line[:, :2] for line in lines]
     else:
         raise InputError(f"{source} has the ending {ending or 'none'}; allowed is {allowed}")
     if lines[0].shape[1] == 2:
-        told.append(f"{source} has no z and is projected along z")
-    return lines, told
+        notes.append(f"{source} has no z and is projected along z")
+    return lines, notes
 
 
 # -- tables
@@ -141,8 +141,8 @@ def _drawing(path, source, layer):
             f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y"
         )
     sides = " x ".join(rounded(side, 4) for side in size[:2])
-    told = [f"{unit}, so it is {sides} mm"] if unit else []
-    return [line[:, :2] for line in lines], told, hint
+    notes = [f"{unit}, so it is {sides} mm"] if unit else []
+    return [line[:, :2] for line in lines], notes, hint
 
 
 def _curves(path, source, layer):

@@ -5,12 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
+from ..runtime.graph import connected
 
 GAP = 1e-4  # of the lines' extent, up to which their ends meet
 
@@ -21,11 +20,8 @@ def joined(lines: Sequence[np.ndarray], source: str) -> list[np.ndarray]:
     close, by the place."""
     gap = GAP * np.ptp(np.concatenate(lines), axis=0).max()
     ends = np.array([line[[0, -1]] for line in lines]).reshape(-1, 2)
-    pairs = cKDTree(ends).query_pairs(gap, output_type="ndarray")
-    meet = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(len(ends), len(ends)))
-    _, first, group = np.unique(
-        connected_components(meet, directed=False)[1], return_index=True, return_inverse=True
-    )
+    _, place = connected(len(ends), cKDTree(ends).query_pairs(gap, output_type="ndarray").T)
+    _, first, group = np.unique(place, return_index=True, return_inverse=True)
     ends = ends[first[group]].reshape(-1, 2, 2)
     pieces = [
         shapely.LineString([start, *line[1:-1], end]) for line, (start, end) in zip(lines, ends)
@@ -82,7 +78,6 @@ def sheet_of(rings: Sequence[np.ndarray], source: str) -> shapely.Polygon:
 
 
 def _area(ring, source):
-    """The area in a ring, checked."""
     points = len(np.unique(ring, axis=0))
     if points < 3:
         raise InputError(
@@ -102,5 +97,5 @@ def _area(ring, source):
 
 
 def _place(shape):
-    """Where an area is: its ring's first point, in words."""
+    """Text of the first point of an area's ring."""
     return coordinates(shape.exterior.coords[0])

@@ -14,6 +14,7 @@ from ..runtime.rules import COUNT, POSITIVE
 from .gmsh_cells import KINDS, meshed
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
+CELLS = "triangle", "quadrilateral"
 EDGE = 0.5  # least distance of corners of squares from the sheet's edges, over their size
 GRADING = 0.95  # by which cells of `graded` are shorter on the lines through the corners
 
@@ -41,10 +42,7 @@ def specimen(
     patterns and cells, sizes or numbers that are not above 0, for quadrilaterals `along` yarns, and
     for `graded` if the length is not a multiple of the width.
     """
-    for name, value, allowed in (
-        ("pattern", pattern, PATTERNS),
-        ("cell", cell, ("triangle", "quadrilateral")),
-    ):
+    for name, value, allowed in (("pattern", pattern, PATTERNS), ("cell", cell, CELLS)):
         if value not in allowed:
             raise InputError(f"{name} is {value!r}; allowed are {', '.join(allowed)}")
     length, width = POSITIVE.check("length", length), POSITIVE.check("width", width)
@@ -80,16 +78,13 @@ def specimen(
     if pattern == "graded":
         points = graded(points, width)
     numbers = np.stack([np.column_stack(c) for c in cells], 1).reshape(-1, len(cells[0]))
-    return (
-        np.column_stack([points, np.zeros(len(points))]),
-        numbers,
-        "quad" if cell == "quadrilateral" else "triangle",
-    )
+    kind = "quad" if cell == "quadrilateral" else "triangle"
+    return np.column_stack([points, np.zeros(len(points))]), numbers, kind
 
 
 def can_be_graded(length: float, width: float) -> bool:
-    """Whether lines at 45 deg from the corners at both ends of a strip meet the others' ends on its
-    edges."""
+    """True if lines at 45 deg from the corners at one end of a strip meet those from the other end
+    on its edges."""
     return abs(length / width - round(length / width)) <= 1e-9
 
 
@@ -125,9 +120,9 @@ def _along(
     sides = np.array([length, width])
     half = math.ceil(math.hypot(length, width) / 2 / size) + 1
     count = 2 * half + 1
-    across = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
+    axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     grid = np.indices((count, count)).reshape(2, -1).T - half
-    grid = size * (grid - 0.5) @ across + sides / 2
+    grid = size * (grid - 0.5) @ axes + sides / 2
     inside = (np.minimum(grid, sides - grid) > EDGE * size).all(1)
     number = np.where(inside, np.cumsum(inside) - 1, -1).reshape(count, count)
     x, y = (np.linspace(0, side, max(1, round(side / size)) + 1) for side in sides)
@@ -135,8 +130,7 @@ def _along(
     edges += [np.column_stack([0 * y + at, y])[1:-1] for at in (0, length)]
     points = np.concatenate([grid[inside], *edges])
     cells = Delaunay(points).simplices
-    arms = points[cells[:, 1:]] - points[cells[:, :1]]
-    area = arms[:, 0, 0] * arms[:, 1, 1] - arms[:, 0, 1] * arms[:, 1, 0]
+    area = np.linalg.det(points[cells[:, 1:]] - points[cells[:, :1]])
     cells = cells[abs(area) > 1e-6 * size**2]  # flat ones lie along the edges
     # of each square both triangles, whichever diagonal they have
     square = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, Unpack
@@ -11,7 +9,7 @@ from typing import Any, Self, Unpack
 import numpy as np
 import ufl
 from dolfinx import fem
-from dolfinx.mesh import Mesh, locate_entities_boundary, meshtags
+from dolfinx.mesh import Mesh
 from mpi4py import MPI
 from numpy.typing import ArrayLike
 from petsc4py import PETSc
@@ -19,18 +17,12 @@ from ufl.core.expr import Expr
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
-from ..runtime.rules import COUNT, POSITIVE
 from .cells import CELLS
 from .fibres import Direction, fibre_fields
-from .layout import Layout, axes_of, blank_options
-from .mesh_checks import MeshArrays, checked_mesh
+from .layout import Layout, blank_options
+from .mesh_checks import checked_mesh
 from .mesh_files import on_root, read_mesh
-
-SAME = 1e-15  # by which directions may differ that are taken as one
-# cosine of the angle between an edge and a yarn that it follows: a bias test's force is 3 % too
-# large with 1 deg, 8 % with 3 deg, 22 % with 10 deg
-ALONG = math.cos(math.radians(1.0))
-OFF = 0.5  # share of the cells off the yarns from which a mesh is taken not to follow them
+from .part import Part, bounds
 
 FLAT = 1e-6  # of its size, up to which a sheet is flat
 # flat triangles of cells, by their nodes: halves, or the four between a quadratic cell's nodes
@@ -42,17 +34,52 @@ TRIANGLES = {
 
 
 class Blank:
-    """A woven sheet: mesh, fibre fields `a0`, `b0` and the unknown `u`. `straight` has the two
-    directions if each is one all over, `orthogonal` tells whether they are so in every point.
-    `parts` are its named parts, see `divide` and `Stack`; `whole` is all of it.
+    """A woven sheet: mesh, fibre fields and the unknown displacement.
 
-    mesh: DOLFINx mesh of triangles or quadrilaterals in R^2 or R^3 [mm]. a, b, up: see
-    `fibre_fields`. degree: of the displacement, 1 or 2, on triangles also 3; None: 2 in a plane, in
-    space 1 where cells follow the yarns, so that they don't lock, and 2 elsewhere. frame: (gdim,
-    gdim) orthonormal rows; `u` holds the displacement's components along them, so that supports may
-    act along axes which are turned in space (default: x, y, z). name: what errors call it;
-    warnings: what may be wrong with its mesh, in words. Raises InputError for a frame of another
-    kind, and as `fibre_fields` does.
+    Most are made by `rectangle`, `outline`, `read` or `from_arrays`.
+
+    Parameters
+    ----------
+    mesh : dolfinx.mesh.Mesh
+        Triangles or quadrilaterals in R^2 or R^3 [mm].
+    a, b : float, (gdim,) or function
+        Directions of the yarns: an angle from the x axis about the z axis [rad]; a vector; or a
+        function of points (3, n) to angles (n,) or vectors (gdim, n). Without `b` yarns b are
+        perpendicular to a, turned counter-clockwise as seen from `up`.
+    degree : int or None
+        Of the displacement: 1 or 2, on triangles also 3. None: 2 in a plane; in space 1 where cells
+        follow the yarns, so that they don't lock, and 2 elsewhere.
+    frame : (gdim, gdim)
+        Orthonormal rows; `u` holds the displacement's components along them, so that supports may
+        act along axes which are turned in space (x, y, z).
+    up : (3,)
+        The side from which `b` is counter-clockwise.
+    name : str
+        The sheet's name in messages.
+
+    Attributes
+    ----------
+    a0, b0, u
+        Unit vectors along the yarns, one a cell; the displacement [mm]: DOLFINx functions.
+    whole, parts
+        All of it as a `Part`; its named parts, see `divide` and `Stack`.
+    straight, orthogonal
+        Both directions if each is one all over, otherwise None; True if they are orthogonal in
+        every point.
+    warnings : list of str
+        Doubts about its mesh.
+
+    Raises
+    ------
+    InputError
+        On all ranks, for another frame, and for directions that are not finite, normal to the
+        sheet, out of the plane of a plane blank, or parallel to each other.
+
+    Examples
+    --------
+    >>> sheet = ff.Blank.rectangle(100, 50, nx=4, fibre_angle=45)
+    >>> round(float(sheet.areas().sum()), 6), sheet.degree
+    (5000.0, 2)
     """
 
     def __init__(
@@ -69,7 +96,7 @@ class Blank:
         gdim = mesh.geometry.dim
         self.mesh, self.name = mesh, name
         self.warnings: list[str] = []
-        self.from_file = False  # whether its cells are a user's
+        self.from_file = False  # True if its cells are a user's
         self.a0, self.b0 = fibre_fields(mesh, a, b, up)
         self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
         if self.frame.shape != (gdim, gdim) or not np.allclose(
@@ -103,12 +130,23 @@ class Blank:
         return self.parts[name] if name else self.whole
 
     def divide(self, patches: Mapping[str, Callable[[np.ndarray], np.ndarray]], rest: str) -> None:
-        """Name patches as `parts`, by functions of the cells' centres (3, n) [mm] to a mask (n,);
-        what none of them marks is part `rest`, if there is any. Raises InputError for a patch
-        without cells, for a cell in two, and for a blank that has parts."""
+        """Name patches as `parts`.
+
+        Parameters
+        ----------
+        patches : dict of functions
+            From the cells' centres (3, n) [mm] to a mask (n,).
+        rest : str
+            The part of what none of them marks, if there is any.
+
+        Raises
+        ------
+        InputError
+            For a patch without cells, for a cell in two, and for a blank that has parts.
+        """
         if self.parts:
             raise InputError(
-                f"{self.name} has parts {', '.join(self.parts)} already; allowed is to divide once"
+                f"{self.name} has parts {', '.join(self.parts)} already: it is divided only once"
             )
         middles = self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)].mean(1).T
         masks = {name: np.asarray(where(middles), bool) for name, where in patches.items()}
@@ -165,21 +203,21 @@ class Blank:
     def extent(self) -> tuple[np.ndarray, np.ndarray]:
         """Least and greatest undeformed coordinates along the frame's axes, two arrays (gdim,)
         [mm]."""
-        return _bounds(self.mesh.comm, self.along(self.mesh.geometry.x.T))
+        return bounds(self.mesh.comm, self.along(self.mesh.geometry.x.T))
 
     def midpoints(self) -> np.ndarray:
         """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
-        owned = self.mesh.topology.index_map(self.mesh.topology.dim).size_local
-        return self.along(self.mesh.geometry.x[compat.geometry_dofmap(self.mesh)[:owned]].mean(1).T)
+        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
+        return self.along(self.mesh.geometry.x[nodes].mean(1).T)
 
     def is_flat(self) -> bool:
-        """Whether the undeformed sheet lies in a plane z = const; on all ranks together."""
-        low, high = _bounds(self.mesh.comm, self.mesh.geometry.x.T)
+        """True if the undeformed sheet lies in a plane z = const; on all ranks together."""
+        low, high = bounds(self.mesh.comm, self.mesh.geometry.x.T)
         return bool(high[2] - low[2] <= FLAT * (high - low).max())
 
     def places(self) -> np.ndarray:
-        """By which cells are told of: undeformed centres of the owned ones (cells, 2) along x and
-        y, if the sheet is not flat (cells, 3) along z, too [mm]."""
+        """Undeformed centres of the owned cells, (cells, 2) along x and y, if the sheet is not flat
+        (cells, 3) along z, too [mm]."""
         nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
         return self.mesh.geometry.x[nodes].mean(1)[:, : 2 if self.is_flat() else 3]
 
@@ -187,13 +225,13 @@ class Blank:
         """Undeformed corners of the owned cells along the frame's axes, in order around each,
         (cells, 3 or 4, gdim) [mm]."""
         nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
-        x = self.mesh.geometry.x[nodes[:, self._around()]]
+        x = self.mesh.geometry.x[nodes[:, self.around]]
         along = self.along(x.reshape(-1, 3).T)  # some ranks have no cell
         return np.moveaxis(along.reshape(len(along), *x.shape[:2]), 0, -1)
 
     @property
     def triangulated(self) -> bool:
-        """Whether `triangles` tell all of the sheet's shape: P1, and P2 with straight sides."""
+        """True if `triangles` are all of the sheet's shape: P1, and P2 with straight sides."""
         return compat.is_affine(self.mesh) and self.degree <= 2
 
     def triangles(self, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
@@ -217,10 +255,11 @@ class Blank:
         """Areas of the owned cells now over those of the flat sheet, both as `areas`, (cells,)."""
         x = self.coordinates()[:, : self.mesh.geometry.dim] + self.nodal_displacement()
         corners = compat.dofmap(self.V)[: self.mesh.topology.index_map(2).size_local]
-        return _areas(x[corners[:, self._around()]]) / self.areas()
+        return _areas(x[corners[:, self.around]]) / self.areas()
 
-    def _around(self):
-        """The corners of a cell, of its nodes, in order around it."""
+    @property
+    def around(self) -> list[int]:
+        """Corners of a cell, of its nodes, in order around it."""
         return [0, 1, 2] if compat.cell_name(self.mesh) == "triangle" else [0, 1, 3, 2]
 
     def inverted_area(self) -> ufl.Form:
@@ -233,20 +272,14 @@ class Blank:
         )
 
     def summed(self, values: np.ndarray, cells: np.ndarray | None = None) -> np.ndarray:
-        """Sums at the local nodes of `u`, (nodes, k) with k up to gdim, over the cells around each,
-        of all ranks, of `values` (owned cells, nodes of a cell or its corners, k); cells: which of
-        the owned (all)."""
-        gdim, k = self.mesh.geometry.dim, values.shape[2]
-        total = compat.petsc_vector(self.u).duplicate()
-        with total.localForm() as local:
-            local.set(0.0)
-            nodes = compat.dofmap(self.V)[slice(len(values)) if cells is None else cells]
-            nodes = nodes[:, : values.shape[1]]
-            np.add.at(local.array.reshape(-1, gdim)[:, :k], nodes.ravel(), values.reshape(-1, k))
-        total.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        total.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-        with total.localForm() as local:
-            return local.array.reshape(-1, gdim)[:, :k].copy()
+        """Sums at the local nodes of `u`, (nodes, k), over the cells around each, of all ranks, of
+        `values` (owned cells, nodes of a cell or its corners, k); cells: which of the owned
+        (all)."""
+        nodes = compat.dofmap(self.V)[slice(len(values)) if cells is None else cells]
+        nodes = nodes[:, : values.shape[1]]
+        total = np.zeros((len(self.coordinates()), values.shape[2]))
+        np.add.at(total, nodes.ravel(), values.reshape(-1, values.shape[2]))
+        return self._exchanged(total, add=True)
 
     def cell_means(self, values: np.ndarray) -> np.ndarray:
         """Means over the nodes of each owned cell, (cells,), of `values` (owned nodes,), on all
@@ -256,16 +289,25 @@ class Blank:
 
     def with_ghosts(self, values: np.ndarray) -> np.ndarray:
         """`values` (owned nodes,) or (owned nodes, k) of `u` at all local nodes, ghosts too."""
-        gdim, vector, parts = self.mesh.geometry.dim, compat.petsc_vector(self.u).duplicate(), []
-        columns = values if values.ndim == 2 else values[:, None]
-        for start in range(0, columns.shape[1], gdim):
-            part = columns[:, start : start + gdim]
-            vector.array.reshape(-1, gdim)[:, : part.shape[1]] = part
-            vector.ghostUpdate(addv=PETSc.InsertMode.INSERT, mode=PETSc.ScatterMode.FORWARD)
-            with vector.localForm() as local:
-                parts.append(local.array.reshape(-1, gdim)[:, : part.shape[1]].copy())
-        found = np.hstack(parts)
-        return found if values.ndim == 2 else found[:, 0]
+        local = np.zeros((len(self.coordinates()), *values.shape[1:]))
+        local[: len(values)] = values
+        return self._exchanged(local.reshape(len(local), -1), add=False).reshape(local.shape)
+
+    def _exchanged(self, local, add):
+        """Values (local nodes, k) with those of their owners, added up over ranks before."""
+        gdim, vector = self.mesh.geometry.dim, compat.petsc_vector(self.u).duplicate()
+        found = np.empty_like(local)
+        for start in range(0, local.shape[1], gdim):
+            columns = slice(start, min(start + gdim, local.shape[1]))
+            with vector.localForm() as form:
+                form.set(0.0)
+                form.array.reshape(-1, gdim)[:, : columns.stop - start] = local[:, columns]
+            if add:
+                vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+            vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+            with vector.localForm() as form:
+                found[:, columns] = form.array.reshape(-1, gdim)[:, : columns.stop - start]
+        return found
 
     @classmethod
     def from_arrays(
@@ -278,15 +320,29 @@ class Blank:
         spatial: bool = False,
         **options: Any,
     ) -> Self:
-        """Blank from `points` (n, 2 or 3) [mm] and `cells` (m, k) in gmsh's order, read on rank 0
-        (None elsewhere).
+        """Blank from arrays on rank 0 (None elsewhere).
 
-        kind: meshio's name of the cells: "triangle", "triangle6", "quad", "quad9". A sheet in a
-        plane z = const is meshed in R^2, so its displacement has two components, unless it is
-        `spatial`, free to leave its plane; any other is a manifold mesh in R^3. source: what errors
-        call the mesh; options: those of `Blank`. Raises InputError, on all ranks, for a mesh that
-        is no sheet, see `mesh_checks.checked_mesh`; what may be wrong with one that is used all the
-        same stands in `warnings`.
+        Parameters
+        ----------
+        points : (n, 2 or 3)
+            [mm]
+        cells : (m, k)
+            Numbers of their nodes, in gmsh's order.
+        kind : {"triangle", "triangle6", "quad", "quad9"}
+            meshio's name of the cells.
+        source : str
+            What messages call the mesh.
+        spatial : bool
+            True: free to leave its plane. A sheet in a plane z = const is otherwise meshed in R^2,
+            so its displacement has two components; any other is a manifold mesh in R^3.
+        **options
+            Those of `Blank`.
+
+        Raises
+        ------
+        InputError
+            On all ranks, for a mesh that is no sheet, see `mesh_checks.checked_mesh`; doubts about
+            one that is used all the same stand in `warnings`.
         """
         x, nodes, kind, warnings = on_root(
             comm,
@@ -313,32 +369,37 @@ class Blank:
         comm: MPI.Comm = MPI.COMM_WORLD,
         **layout: Unpack[Layout],
     ) -> Self:
-        """Rectangle of `length` x `width` [mm] in the plane z = 0, meshed from nx x ny rectangles.
+        """Rectangle in the plane z = 0.
 
-        - ny: by default the number that makes the rectangles square
-        - pattern: how they become cells, one of `meshes.specimen.PATTERNS`
-        - spatial: free to leave its plane
-        - element: P1, P2, P3, Q1 or Q2; by default P1 or P2, see `Blank`
-        - fibre_angle: from the length to yarns a (0), yarn_angle: from there to yarns b (90) [deg]
-        - turned: from x to the length [rad]; the blank's frame is then its length and width
-        - centred: the origin is the centre; otherwise it is a corner
+        Parameters
+        ----------
+        length, width : float
+            [mm]
+        nx, ny : int
+            Rectangles along length and width, square without `ny`.
+        pattern : str
+            How they become cells, one of `meshes.specimen.PATTERNS`.
+        spatial : bool
+            True: free to leave its plane.
+        element : {"P1", "P2", "P3", "Q1", "Q2"}
+            By default P1 or P2, see `degree` of `Blank`.
+        fibre_angle, yarn_angle : float
+            From the length to yarns a (0), and from there to yarns b (90) [deg].
+        turned : float
+            From x to the length [rad]; the blank's frame is then its length and width.
+        centred : bool
+            True: the origin is the centre, otherwise a corner.
 
-        Raises InputError as `specimen` does.
+        Raises
+        ------
+        InputError
+            For values that are not allowed or do not fit together.
         """
-        from ..meshes.specimen import specimen
+        from .meshing import rectangle
 
         options = blank_options(layout)
-        length, width = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
-        nx = COUNT.check("`nx`", nx)
-        ny = max(1, round(nx * width / length)) if ny is None else COUNT.check("`ny`", ny)
-        cell = "quadrilateral" if (layout.get("element") or "P")[0] == "Q" else "triangle"
-        yarns = math.radians(layout.get("fibre_angle", 0.0))
-        points, cells, kind, _ = on_root(
-            comm, lambda: MeshArrays(*specimen(length, width, nx, ny, pattern, cell, yarns), [])
-        )
-        points[:, :2] -= np.array([length, width]) / 2 if layout.get("centred") else 0.0
-        points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
-        return cls.from_arrays(comm, points, cells, kind, "the specimen", spatial, **options)
+        mesh = rectangle(comm, (length, width), (nx, ny), pattern, layout)
+        return cls.from_arrays(comm, *mesh[:3], "the specimen", spatial, **options)
 
     @classmethod
     def outline(
@@ -353,48 +414,33 @@ class Blank:
         comm: MPI.Comm = MPI.COMM_WORLD,
         **layout: Unpack[Layout],
     ) -> Self:
-        """Sheet in the plane z = 0 with this outline and its holes, meshed by triangles.
+        """Sheet in the plane z = 0 within an outline with holes, of triangles.
 
-        - outline: a file, and `layer` of a drawing, as `meshes.outline_files.read_outline` takes
-          them, or rings (n, 2) [mm], of which the largest is the outline and others are holes
-        - size: of the cells' edges [mm]; by default the extent along x over `nx`
-        - pattern: `unstructured`, or `along` both yarns, see `meshes.outline.outline_mesh`
-        - spatial and layout: as in `rectangle`, but the sheet lies as in the file, unless `centred`
+        Parameters
+        ----------
+        outline : file name or list of (n, 2)
+            A DXF, a CSV of x and y, or a mesh; or rings [mm], of which the largest is the outline.
+        nx, size : int, float
+            Edges of cells along the extent in x, or their length [mm].
+        pattern : {"unstructured", "along"}
+            `along`: cells along both yarns.
+        layer : str
+            Of a DXF, or several with commas between them.
+        spatial, **layout
+            As in `rectangle`; the sheet lies as in the file, unless `centred`.
 
-        `warnings` have what was left out. Raises InputError for quadrilaterals, and as the
-        functions named here and `from_arrays` do.
+        Raises
+        ------
+        InputError
+            For a file that cannot be read, rings that bound no sheet, quadrilaterals, and values
+            that are not allowed. What was left out stands in `warnings`.
         """
-        from ..meshes.outline import outline_mesh
-        from ..meshes.outline_files import read_outline
-        from ..meshes.rings import sheet_of
+        from .meshing import source_of, within
 
-        options, nx = blank_options(layout), COUNT.check("`nx`", nx)
-        if (layout.get("element") or "P")[0] != "P":
-            raise InputError(
-                f"`element` is {layout['element']}; allowed for an outline are triangles (P)"
-            )
-        source = f"outline {outline}" if isinstance(outline, (str, os.PathLike)) else "the outline"
-        yarns = options["a"], options.get("b", options["a"] + math.pi / 2)
-
-        def made():
-            if isinstance(outline, (str, os.PathLike)):
-                sheet, told = read_outline(outline, layer)
-            else:
-                sheet, told = sheet_of([np.asarray(ring, float) for ring in outline], source), []
-            low, high = np.reshape(sheet.bounds, (2, 2))
-            edge = (high - low)[0] / nx if size is None else size
-            try:
-                points, cells, kind, left_out = outline_mesh(sheet, edge, pattern, yarns)
-            except InputError as error:
-                raise InputError("; ".join([str(error), *told])) from None
-            if layout.get("centred"):
-                points[:, :2] -= (low + high) / 2
-            return MeshArrays(points, cells, kind, told + left_out)
-
-        points, cells, kind, told = on_root(comm, made)
-        blank = cls.from_arrays(comm, points, cells, kind, source, spatial, **options)
-        blank.warnings = [*told, *blank.warnings]
-        blank.from_file = True
+        mesh = within(comm, outline, layer, (nx, size), pattern, layout)
+        options, source = blank_options(layout), source_of(outline)
+        blank = cls.from_arrays(comm, *mesh[:3], source, spatial, **options)
+        blank.warnings, blank.from_file = [*mesh.warnings, *blank.warnings], True
         return blank
 
     @classmethod
@@ -406,130 +452,26 @@ class Blank:
         comm: MPI.Comm = MPI.COMM_WORLD,
         **options: Any,
     ) -> Self:
-        """Blank from a mesh that meshio, gmsh or PyVista reads (.msh, .inp, .bdf, .unv, .vtk, .vtu,
-        .stl, .xdmf ...), in mm; the rest, and what is raised, as in `from_arrays`; InputError also
-        for a file that cannot be read or has solid, mixed or unknown cells."""
-        points, cells, kind, _ = on_root(comm, lambda: read_mesh(path))
-        source = str(path)
-        blank = cls.from_arrays(comm, points, cells, kind, source, spatial, **options)
+        """Blank from a mesh in mm that meshio, gmsh or PyVista reads: .msh, .inp, .bdf, .unv, .vtk,
+        .vtu, .stl, .xdmf and others.
+
+        Parameters
+        ----------
+        path
+            The file.
+        spatial, **options
+            As in `from_arrays`.
+
+        Raises
+        ------
+        InputError
+            As `from_arrays`, and for a file that cannot be read or has solid, mixed or unknown
+            cells.
+        """
+        mesh = on_root(comm, lambda: read_mesh(path))
+        blank = cls.from_arrays(comm, *mesh[:3], str(path), spatial, **options)
         blank.from_file = True
         return blank
-
-
-class Part:
-    """Cells of a `blank`: a sheet of a stack, a patch, or all of it.
-
-    - name: "" if it is all of the blank; thickness: of a stack's sheet, otherwise None [mm]
-    - cells (n,): this rank's owned cells
-    - nodes (owned nodes,): mask of those at the part's cells, also at cells of other ranks
-    - straight: directions of yarns a and b where they are the same in all cells, otherwise None
-    - orthogonal: whether the yarns are so in every point
-    """
-
-    def __init__(
-        self,
-        blank: Blank,
-        name: str = "",
-        local_cells: np.ndarray | None = None,
-        thickness: float | None = None,
-        orthogonal: bool | None = None,
-    ) -> None:
-        mesh = blank.mesh
-        self.blank, self.name, self.thickness = blank, name, thickness
-        self.is_whole = local_cells is None
-        owned = mesh.topology.index_map(2).size_local
-        local = np.arange(len(compat.dofmap(blank.V))) if local_cells is None else local_cells
-        self.cells = local[local < owned].astype(np.int32)
-        count = blank.V.dofmap.index_map.size_local
-        at = compat.dofmap(blank.V)[local].ravel()
-        self.nodes = np.zeros(count, dtype=bool)
-        self.nodes[at[at < count]] = True
-        fibres = [field.x.array.reshape(-1, mesh.geometry.dim) for field in (blank.a0, blank.b0)]
-        self.straight = _common(mesh.comm, [values[self.cells] for values in fibres])
-        crossed = self.straight is not None or compat.is_affine(mesh)
-        self.orthogonal = crossed if orthogonal is None else orthogonal and crossed
-        if not self.is_whole:
-            self._tags = meshtags(mesh, 2, np.sort(self.cells), np.ones(len(self.cells), np.int32))
-
-    def follows_yarns(self) -> bool:
-        """Whether few of the cells lie off the yarns."""
-        return self.share_off_the_yarns() <= OFF
-
-    def share_off_the_yarns(self) -> float:
-        """Share of the part's cells at whose corners edges of the mesh do not run along both
-        yarns, of all ranks."""
-        blank, around = self.blank, self.blank._around()
-        corners, k = blank.corners()[self.cells], len(around)
-        edges = np.roll(corners, -1, 1) - corners
-        edges /= np.linalg.norm(edges, axis=2, keepdims=True)
-        follows = []
-        for field in (blank.a0, blank.b0):
-            yarn = field.x.array.reshape(-1, blank.mesh.geometry.dim)[self.cells]
-            edge = np.abs((edges * blank.along(yarn.T).T[:, None]).sum(2)) >= ALONG
-            follows.append(edge | np.roll(edge, 1, 1))  # both of its ends
-        marks = np.stack(follows, -1).astype(float)[:, np.argsort(around)]
-        nodes = compat.dofmap(blank.V)[self.cells, :k]
-        reached = (blank.summed(marks, self.cells)[nodes] > 0).any(1).all(1)
-        counts = np.array([(~reached).sum(), len(nodes)])
-        off, cells = blank.mesh.comm.allreduce(counts, MPI.SUM)
-        return float(off / cells)
-
-    def dx(self, degree: int | None = None, drawn: float = 1.0) -> ufl.Measure:
-        """Integration over the part, exact for polynomials of this degree on cells with straight
-        sides; None: what UFL estimates. On P1 the displacement is of degree 1, so its square needs
-        2, on P2 4; with less, nothing tells that the energy is off. drawn: distance of the points
-        from the cells' centres, over those of that rule.
-
-        All parts of a blank have the same subdomain number, so that they share compiled forms. So
-        a form must not mix parts.
-        """
-        metadata: dict[str, Any] = {} if degree is None else {"quadrature_degree": degree}
-        if degree is not None and drawn != 1:
-            points, weights = compat.quadrature(self.blank.mesh, degree, drawn)
-            # tuples, as UFL takes the names of forms from their text
-            metadata |= {
-                "quadrature_rule": "custom",
-                "quadrature_points": tuple(map(tuple, points.tolist())),
-                "quadrature_weights": tuple(weights.tolist()),
-            }
-        if self.is_whole:
-            return ufl.Measure("dx", self.blank.mesh, metadata=metadata)
-        return ufl.Measure(
-            "dx", self.blank.mesh, subdomain_data=self._tags, subdomain_id=1, metadata=metadata
-        )
-
-    def ds(
-        self, edge: Callable[[np.ndarray], np.ndarray], degree: int | None = None
-    ) -> ufl.Measure:
-        """Integration over those sides at the part's outer edge that `edge` marks, a function of
-        points (3, n) [mm] to a mask (n,), true at both ends of a side; degree: as in `dx`.
-        InputError, on all ranks, if it marks none."""
-        mesh = self.blank.mesh
-        mesh.topology.create_connectivity(1, 2)
-        sides = np.unique(locate_entities_boundary(mesh, 1, edge)).astype(np.int32)
-        cells = mesh.topology.connectivity(1, 2)
-        of = np.array([cells.links(side)[0] for side in sides], dtype=np.int32)
-        sides = sides[np.isin(of, self.cells)]
-        if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
-            where = f"{self.name}, part of {self.blank.name}" if self.name else self.blank.name
-            raise InputError(
-                f"the edge marks no side of {where}; allowed is a function of points (3, n) that "
-                "is true at both ends of some sides"
-            )
-        tags = meshtags(mesh, 1, sides, np.ones(len(sides), dtype=np.int32))
-        metadata = {} if degree is None else {"quadrature_degree": degree}
-        return ufl.Measure("ds", mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)
-
-    def spread(self, values: np.ndarray) -> np.ndarray:
-        """`values` (cells, ...) of the part's cells among the blank's owned cells; others get NaN,
-        in whole numbers 0."""
-        if self.is_whole:
-            return values
-        shape = self.blank.mesh.topology.index_map(2).size_local, *values.shape[1:]
-        none = np.nan if np.issubdtype(values.dtype, np.floating) else 0
-        found = np.full(shape, none, dtype=values.dtype)
-        found[self.cells] = values
-        return found
 
 
 def _areas(corners: np.ndarray) -> np.ndarray:
@@ -538,20 +480,3 @@ def _areas(corners: np.ndarray) -> np.ndarray:
     first, second = arms[:, :-1], arms[:, 1:]
     squares = (first**2).sum(2) * (second**2).sum(2) - (first * second).sum(2) ** 2
     return np.sqrt(np.maximum(squares, 0)).sum(1) / 2
-
-
-def _bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest of `values` (k, n) over n on all ranks, two arrays (k,)."""
-    low, high = values.min(1, initial=np.inf), values.max(1, initial=-np.inf)
-    lows, highs = np.empty_like(low), np.empty_like(high)
-    comm.Allreduce(low, lows, MPI.MIN)
-    comm.Allreduce(high, highs, MPI.MAX)
-    return lows, highs
-
-
-def _common(comm: MPI.Comm, fields: list[np.ndarray]) -> list[list[float]] | None:
-    """The vectors that fields (cells, k) have in all cells of all ranks, None if one differs."""
-    values = np.hstack(fields)
-    low = comm.allreduce(values.min(0, initial=np.inf), np.minimum)
-    high = comm.allreduce(values.max(0, initial=-np.inf), np.maximum)
-    return high.reshape(len(fields), -1).tolist() if (high - low).max() <= SAME else None

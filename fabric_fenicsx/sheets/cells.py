@@ -1,9 +1,10 @@
-"""Kinds of cells, and whether cells have a shape that can be computed with: area everywhere."""
+"""Kinds of cells, and checks of their shape: area everywhere."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import comb, factorial
 
 from ..runtime.errors import InputError
 
@@ -20,7 +21,7 @@ class CellKind(NamedTuple):
 
     @property
     def corners(self) -> int:
-        """How many corners it has."""
+        """Number of its corners."""
         return 3 if self.cell == "triangle" else 4
 
 
@@ -50,7 +51,7 @@ FINE = 40  # places along an edge at which a cell is looked at that may be turne
 
 
 def at_place(place: np.ndarray) -> str:
-    """Words for a place (2 or 3,) [mm]."""
+    """Text of a place (2 or 3,) [mm]."""
     return f"at {np.round(place, 6).tolist()} mm"
 
 
@@ -136,8 +137,8 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
         return
     # The normal is a polynomial: where its coefficients of Bernstein are positive it is, too; the
     # others are looked at.
-    places, bernstein = _bernstein(how.cell, 2 if how.cell == "triangle" else 3)
-    coefficients = np.einsum("bp,cp->cb", bernstein, _areas(x, cells, how, places, mean))
+    places, bernstein = _bernstein(how.cell)
+    coefficients = _areas(x, cells, how, places, mean) @ bernstein.T
     doubtful = np.flatnonzero(coefficients.min(1) <= FLAT * size**2)
     if not doubtful.size:
         return
@@ -153,18 +154,11 @@ def check_shapes(x: np.ndarray, cells: np.ndarray, how: CellKind, source: str) -
         )
 
 
-def _powers(how):
-    """Exponents (k, 2) of the monomials that a cell's shape functions are made of."""
-    p = how.degree
-    return np.array(
-        [(i, j) for i in range(p + 1) for j in range(p + 1) if how.cell != "triangle" or i + j <= p]
-    )
-
-
 def _shapes(how, places):
     """Shape functions (n, k) at `places` (n, 2) of the reference cell, and their derivatives along
     both axes."""
-    i, j = _powers(how).T
+    # exponents of the monomials that they are made of
+    i, j = np.round(how.degree * _lattice(how.cell, how.degree)).astype(int).T
     coefficients = np.linalg.inv(how.nodes[:, [0]] ** i * how.nodes[:, [1]] ** j)
     s, t = places[:, [0]], places[:, [1]]
     ds = i * s ** np.maximum(i - 1, 0) * t**j
@@ -186,25 +180,17 @@ def _lattice(cell, n):
     return np.column_stack([s, t])[inside]
 
 
-def _bernstein(cell, n):
+def _bernstein(cell):
     """Places (k, 2), and the matrix (k, k) from a polynomial's values there to its coefficients of
-    Bernstein: of degree n on triangles, n in each direction on quadrilaterals."""
+    Bernstein: of degree 2 on triangles, 3 in each direction on quadrilaterals."""
+    n = 2 if cell == "triangle" else 3
     places = _lattice(cell, n)
-    s, t = places.T
-    count = np.array([1, 1, 2, 6])[: n + 1]  # factorials
+    s, t = places.T[:, :, None]
     i, j = np.round(places * n).astype(int).T
     if cell == "triangle":
         k = n - i - j
-        r = np.clip(1 - s - t, 0, 1)
-        basis = (
-            count[n]
-            / (count[i] * count[j] * count[k])
-            * s[:, None] ** i
-            * t[:, None] ** j
-            * r[:, None] ** k
-        )
+        basis = s**i * t**j * np.clip(1 - s - t, 0, 1) ** k
+        basis *= factorial(n) / (factorial(i) * factorial(j) * factorial(k))
     else:
-        binomial = count[n] / (count * count[::-1])
-        basis = binomial[i] * s[:, None] ** i * (1 - s[:, None]) ** (n - i)
-        basis = basis * binomial[j] * t[:, None] ** j * (1 - t[:, None]) ** (n - j)
+        basis = comb(n, i) * s**i * (1 - s) ** (n - i) * comb(n, j) * t**j * (1 - t) ** (n - j)
     return places, np.linalg.inv(basis)

@@ -1,5 +1,4 @@
-"""Fibre fields a0, b0 on a sheet: one unit vector a cell and direction, in the cell's tangent
-plane."""
+"""Fibre fields a0, b0 on a sheet, in its cells' tangent planes."""
 
 from collections.abc import Callable
 
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 
-# an angle, a vector, or a function of points to either; see `fibre_fields`
+# an angle, a vector, or a function of points to either; see `Blank`
 Direction = ArrayLike | Callable[[np.ndarray], ArrayLike]
 
 # a projection shorter than this (about 84 deg out of plane) leaves no direction to speak of
@@ -21,20 +20,13 @@ NEARLY_NORMAL = 0.1
 def fibre_fields(
     mesh: Mesh, a: Direction = 0.0, b: Direction | None = None, up: ArrayLike = (0.0, 0.0, 1.0)
 ) -> tuple[fem.Function, fem.Function]:
-    """DG0 vector fields a0, b0 (gdim components) from `a` and `b`.
-
-    a, b: an angle from the x axis about the z axis [rad]; a vector (gdim,); or a function of points
-    (3, n) that returns angles (n,) or vectors (gdim, n). Vectors are projected to the tangent plane
-    and normalised. Without `b`, b0 is perpendicular to a0, turned counter-clockwise as seen from
-    `up` (3,). Raises InputError, on all ranks, for directions that are not finite, normal to the
-    sheet, out of the plane of a plane blank, or parallel to each other.
-    """
+    """DG0 vector fields a0, b0 (gdim components) of unit length in the cells' tangent planes, along
+    the directions of `Blank`, which also has what is raised."""
     centre, normal = _midpoints(mesh, up)
     a0 = _tangent(mesh, centre, normal, a, "a")
     b0 = np.cross(normal, a0) if b is None else _tangent(mesh, centre, normal, b, "b")
-    _collective(
-        mesh, np.abs((a0 * b0).sum(1)) > 1 - 1e-6, centre, "fibre directions a and b are parallel"
-    )
+    parallel = abs((a0 * b0).sum(1)) > 1 - 1e-6
+    _refuse(mesh, parallel, centre, "fibre directions a and b are parallel")
     space = compat.vector_space(mesh, "DG", 0, mesh.geometry.dim)
     fields = fem.Function(space), fem.Function(space)
     for field, values in zip(fields, (a0, b0)):
@@ -45,11 +37,12 @@ def fibre_fields(
 def _midpoints(mesh, up):
     """Centre and unit normal of each local cell, the normal on the side of `up`."""
     x = mesh.geometry.x[compat.geometry_dofmap(mesh)]
-    corners = x[:, :3] if compat.cell_name(mesh) == "triangle" else x[:, :4]
-    if corners.shape[1] == 3:
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    else:  # corners in tensor-product order
-        normal = np.cross(corners[:, 3] - corners[:, 0], corners[:, 2] - corners[:, 1])
+    if compat.cell_name(mesh) == "triangle":
+        corners, ends = x[:, :3], (1, 0, 2, 0)
+    else:  # in tensor-product order
+        corners, ends = x[:, :4], (3, 0, 2, 1)
+    p, q, r, s = (corners[:, end] for end in ends)
+    normal = np.cross(p - q, r - s)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     normal[normal @ np.asarray(up, float) < 0] *= -1
     return corners.mean(1), normal
@@ -75,36 +68,27 @@ def _tangent(mesh, centre, normal, direction, name):
             f"fibre direction {name} has {value.shape[1]} components; allowed is an angle or "
             f"{gdim} components"
         )
-    length = np.linalg.norm(value, axis=1)
+
+    def refuse(bad, flaw):
+        _refuse(mesh, bad, centre, f"fibre direction {name} {flaw}")
+
     with np.errstate(invalid="ignore", divide="ignore"):
-        value = value / length[:, None]
-        _collective(
-            mesh,
-            ~np.isfinite(value).all(1),
-            centre,
-            f"fibre direction {name} is zero or not finite",
-        )
+        value = value / np.linalg.norm(value, axis=1, keepdims=True)
+        refuse(~np.isfinite(value).all(1), "is zero or not finite")
         out = (value * normal).sum(1)
     if gdim == 2:
-        _collective(
-            mesh,
-            np.abs(out) > 1e-6,
-            centre,
-            f"fibre direction {name} leaves the plane of the plane blank",
-        )
+        refuse(abs(out) > 1e-6, "leaves the plane of the plane blank")
     value = value - out[:, None] * normal
     length = np.linalg.norm(value, axis=1)
-    _collective(
-        mesh, length < NEARLY_NORMAL, centre, f"fibre direction {name} is normal to the sheet"
-    )
+    refuse(length < NEARLY_NORMAL, "is normal to the sheet")
     return value / length[:, None]
 
 
-def _collective(mesh, bad, centre, what):
+def _refuse(mesh, bad, centre, flaw):
     """Raise the same InputError on all ranks if any rank has a bad cell."""
     mine = tuple(centre[np.flatnonzero(bad)[0]].round(6).tolist()) if bad.any() else None
     found = [where for where in mesh.comm.allgather(mine) if where is not None]
     if found:
         raise InputError(
-            f"{what} in the cell at {found[0]} mm; allowed are directions in its tangent plane"
+            f"{flaw} in the cell at {found[0]} mm; allowed are directions in its tangent plane"
         )

@@ -1,4 +1,4 @@
-"""How a sheet and its yarns lie."""
+"""Place of a sheet and directions of its yarns."""
 
 import math
 from typing import Any, TypedDict
@@ -7,19 +7,12 @@ import numpy as np
 
 from ..runtime.rules import BELOW_180, FINITE, Rule, unknown_key
 
-OF_OUTLINES = "size", "layer", "centred"  # what is said of a sheet with an outline alone
+OF_OUTLINES = "size", "layer", "centred"  # fields that need an outline
 FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
 
 
 class Layout(TypedDict, total=False):
-    """How a sheet and its yarns lie.
-
-    - element: P1, P2, P3, Q1 or Q2; by default as in `Blank`
-    - fibre_angle: from the length to yarns a; yarn_angle: from yarns a to yarns b [deg]
-    - turned: from x to the length [rad]; the blank's frame is then its length and width
-    - centred: the origin is the sheet's centre; otherwise a rectangle's corner, and that of an
-      outline's file
-    """
+    """Place of a sheet, its element and directions of its yarns, as in `Blank.rectangle`."""
 
     element: str | None
     fibre_angle: float

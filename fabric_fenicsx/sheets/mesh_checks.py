@@ -1,14 +1,13 @@
-"""What a mesh must be for its results to mean anything: checks of plain arrays, in NumPy and SciPy
-alone."""
+"""Checks of a mesh, without which its results mean nothing: of plain arrays, in NumPy and SciPy."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
 from ..runtime.errors import InputError
+from ..runtime.graph import connected
 from .cells import CELLS, at_place, check_shapes, one_sense
 
 # cosine of the angle between two cells at their edge below which one lies on the other
@@ -20,8 +19,7 @@ SAME = 1e-6  # distance of nodes at one place, over the mean edge at the sheet's
 
 
 class MeshArrays(NamedTuple):
-    """A mesh fit for use: points (n, 2 or 3) [mm], cells (m, k), their kind, and warnings about it
-    in words."""
+    """A mesh fit for use: points (n, 2 or 3) [mm], cells (m, k), their kind, and warnings."""
 
     points: np.ndarray
     cells: np.ndarray
@@ -38,8 +36,8 @@ def checked_mesh(
     errors call the mesh. Cells of a plane mesh that are turned over are turned, and warned of.
     Raises InputError, with the first number (from 0) and place, for a mesh without cells, nodes
     that are not there or not finite, cells without area, turned over inside by curved edges, given
-    twice, lying on others or hanging on a node inside an edge,
-    edges of more than two cells, and several sheets. Open slits are warned of.
+    twice, lying on others or hanging on a node inside an edge, edges of more than two cells, and
+    several sheets. Open slits are warned of.
     """
     if kind not in CELLS:
         raise InputError(f"{source} holds cells of kind {kind}; allowed are {sorted(CELLS)}")
@@ -69,32 +67,21 @@ def checked_mesh(
     if not plane and np.ptp(points[:, 2]) <= PLANE * np.ptp(points, axis=0).max():
         height, plane = np.median(points[:, 2]), True
     warnings: list[str] = []
-    if plane:
-        points = points[:, :2]
-    x = np.column_stack([points, np.full(len(points), height)]) if plane else points
+    x = np.column_stack([points[:, :2], np.full(len(points), height)]) if plane else points
     if plane:
         cells, warnings = one_sense(x, cells, how, source)
     check_shapes(x, cells, how, source)
     warnings += _Neighbours(x, cells, used, how, source, plane).check()
-    if plane:
-        if spatial:
-            points = np.column_stack([points, np.full(len(points), height)])
-    return MeshArrays(points, cells, kind, warnings)
+    return MeshArrays(x[:, :2] if plane and not spatial else x, cells, kind, warnings)
 
 
 class _Neighbours:
-    """How the cells of a mesh lie beside each other. x: points (n, 3) [mm]; numbers: (n,) of these
-    in the file."""
+    """Cells of a mesh beside each other. x: points (n, 3) [mm]; numbers: (n,) of these in the
+    file."""
 
     def __init__(self, x, cells, numbers, how, source, plane):
-        self.x, self.cells, self.numbers, self.how, self.source, self.plane = (
-            x,
-            cells,
-            numbers,
-            how,
-            source,
-            plane,
-        )
+        self.x, self.cells, self.numbers = x, cells, numbers
+        self.how, self.source, self.plane = how, source, plane
         corners = cells[:, : how.corners]
         n, k = corners.shape
         ends = np.stack([corners, np.roll(corners, -1, 1)], -1).reshape(-1, 2)
@@ -103,6 +90,9 @@ class _Neighbours:
         start = np.flatnonzero(np.diff(key[order], prepend=-1))
         count = np.diff(start, append=len(key))
         self.ends, self.order, self.start, self.count = ends, order, start, count
+        inner = start[count == 2]
+        # the two entries of `ends` (m, 2) of each edge between two cells
+        self.pairs = np.column_stack([order[inner], order[inner + 1]])
         self.of_cell = np.repeat(np.arange(n), k)
         # middle nodes of quadratic cells' edges stand behind the corners, in the order of the edges
         self.middles = cells[:, k : 2 * k].ravel() if how.degree == 2 else None
@@ -128,11 +118,12 @@ class _Neighbours:
     def _twice(self):
         corners = np.sort(self.cells[:, : self.how.corners], 1)
         _, first, number = np.unique(corners, axis=0, return_index=True, return_inverse=True)
-        again = np.flatnonzero(first[number.ravel()] != np.arange(len(corners)))
+        first = first[number.ravel()]
+        again = np.flatnonzero(first != np.arange(len(corners)))
         if again.size:
             raise InputError(
-                f"{self.source} holds {self._cell(again[0])} twice, as number "
-                f"{first[number.ravel()[again[0]]]} too; allowed is each cell once"
+                f"{self.source} holds {self._cell(again[0])} twice, as number {first[again[0]]} "
+                "too; allowed is each cell once"
             )
 
     def _crowded(self):
@@ -145,15 +136,8 @@ class _Neighbours:
                 "allowed are 2 cells or, at the rim, 1"
             )
 
-    def _pairs(self):
-        """The two entries of `ends` (m, 2) of each edge between two cells."""
-        inner = self.start[self.count == 2]
-        return np.column_stack([self.order[inner], self.order[inner + 1]])
-
     def _sheets(self):
-        pairs, n = self.of_cell[self._pairs()], len(self.cells)
-        graph = coo_matrix((np.ones(len(pairs)), tuple(pairs.T)), shape=(n, n))
-        parts, part = connected_components(graph, directed=False)
+        parts, part = connected(len(self.cells), self.of_cell[self.pairs].T)
         if parts > 1:
             other = np.flatnonzero(part != part[0])[0]
             raise InputError(
@@ -171,7 +155,7 @@ class _Neighbours:
                 f"{at_place(self.x[both[0]])}, at the corner of one cell and inside an edge or "
                 "cell of another; allowed are cells that meet at whole edges"
             )
-        middle = middles[self._pairs()]
+        middle = middles[self.pairs]
         torn = np.flatnonzero(middle[:, 0] != middle[:, 1])
         if torn.size:
             raise InputError(
@@ -181,17 +165,14 @@ class _Neighbours:
             )
 
     def _folds(self):
-        pairs = self._pairs()
-        p, q = self.x[self.ends[pairs[:, 0]]].swapaxes(0, 1)
+        p, q = self.x[self.ends[self.pairs[:, 0]]].swapaxes(0, 1)
         along = (q - p) / np.linalg.norm(q - p, axis=1, keepdims=True)
-        arms = [self.centres[self.of_cell[pairs[:, i]]] - p for i in (0, 1)]
-        across = [arm - (arm * along).sum(1, keepdims=True) * along for arm in arms]
-        cosine = (across[0] * across[1]).sum(1) / np.prod(
-            [np.linalg.norm(a, axis=1) for a in across], 0
-        )
-        folded = np.flatnonzero(cosine > FOLDED)
+        arms = self.centres[self.of_cell[self.pairs]] - p[:, None]  # of both cells
+        across = arms - (arms * along[:, None]).sum(2, keepdims=True) * along[:, None]
+        across /= np.linalg.norm(across, axis=2, keepdims=True)
+        folded = np.flatnonzero(across.prod(1).sum(1) > FOLDED)
         if folded.size:
-            one, other = self.of_cell[pairs[folded[0]]]
+            one, other = self.of_cell[self.pairs[folded[0]]]
             raise InputError(
                 f"{self.source} folds back on itself: {self._cell(other)} lies on cell {one} at "
                 "their edge; allowed is a sheet without overlap"
@@ -217,18 +198,18 @@ class _Neighbours:
         node = nodes[node]
         other = (node != ends[edge, 0]) & (node != ends[edge, 1])
         edge, node = edge[other], node[other]
-        arm, along = self.x[node] - p[edge], (q - p)[edge] / length[edge, None]
-        at = (arm * along).sum(1) / length[edge]
-        off = (
-            np.linalg.norm(arm - (arm * along).sum(1, keepdims=True) * along, axis=1) / length[edge]
-        )
+        # both over the edge's length
+        arm = (self.x[node] - p[edge]) / length[edge, None]
+        along = (q - p)[edge] / length[edge, None]
+        at = (arm * along).sum(1)
+        off = np.linalg.norm(arm - at[:, None] * along, axis=1)
         hits = np.flatnonzero((at > near) & (at < 1 - near) & (off < near))
         if hits.size:
+            hit = node[hits[0]]
             raise InputError(
-                f"{self.source} has a hanging node, number {self.numbers[node[hits[0]]]} "
-                f"{at_place(self.x[node[hits[0]]])}: "
-                f"it lies on an edge of cell {cells[edge[hits[0]]]}, which does not have it; "
-                "allowed are cells that meet at whole edges"
+                f"{self.source} has a hanging node, number {self.numbers[hit]} "
+                f"{at_place(self.x[hit])}: it lies on an edge of cell {cells[edge[hits[0]]]}, "
+                "which does not have it; allowed are cells that meet at whole edges"
             )
 
     def _overlaps(self, ends, cells):
@@ -242,7 +223,7 @@ class _Neighbours:
         whole = np.tile(np.arange(len(self.cells)), len(self.how.parts))
         centre = parts.mean(1)
         reach = np.linalg.norm(parts - centre[:, None], axis=2).max(1)
-        place, part = _within(centre, places, np.full(len(places), reach.max()))
+        place, part = _within(centre, places, reach.max())
         edges = np.roll(parts[part], -1, 1) - parts[part]
         arms = places[place][:, None] - parts[part]
         turn = edges[..., 0] * arms[..., 1] - edges[..., 1] * arms[..., 0]
@@ -254,8 +235,8 @@ class _Neighbours:
             first = np.flatnonzero(inside)[0]
             raise InputError(
                 f"{self.source} overlaps itself {at_place(places[place[first]])}: cell "
-                f"{own[place[first]]} reaches into "
-                f"cell {whole[part[first]]}; allowed is a sheet without overlap"
+                f"{own[place[first]]} reaches into cell {whole[part[first]]}; allowed is a sheet "
+                "without overlap"
             )
 
     def _slits(self, ends, cells):
@@ -269,19 +250,17 @@ class _Neighbours:
         place = self.x[nodes[pairs.min()]]
         return [
             f"{self.source} has {len(pairs)} nodes where another one lies, the first "
-            f"{at_place(place)}: the sheet is open "
-            "there, a slit; merge these nodes if it should be whole"
+            f"{at_place(place)}: the sheet is open there, a slit; merge these nodes if it should "
+            "be whole"
         ]
 
 
 def _within(
-    points: np.ndarray, centres: np.ndarray, radii: np.ndarray
+    points: np.ndarray, centres: np.ndarray, radii: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of numbers (centre, point) of the `points` (n, 3) within `radii` (m,) of `centres` (m,
-    3)."""
+    """Numbers of centres (k,) and of `points` (n, 3) that lie within their `radii`."""
     if not len(points) or not len(centres):
         return np.empty(0, int), np.empty(0, int)
     found: Any = cKDTree(points).query_ball_point(centres, radii)
-    return np.repeat(np.arange(len(centres)), [len(f) for f in found]), np.concatenate(
-        found
-    ).astype(int)
+    number = np.repeat(np.arange(len(centres)), [len(each) for each in found])
+    return number, np.concatenate(found).astype(int)

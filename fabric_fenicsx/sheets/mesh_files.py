@@ -36,8 +36,7 @@ def on_root(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> MeshArrays:
 
 
 def read_mesh(path: Path | str) -> MeshArrays:
-    """The mesh in a file, not checked yet; InputError for a file that cannot be read, or has solid,
-    mixed or unknown cells."""
+    """The mesh in a file, not checked yet; InputError as in `Blank.read`."""
     if not isinstance(path, (str, os.PathLike)):
         raise InputError(
             f"mesh file is given as {type(path).__name__}; allowed is its name, as a text or a path"
@@ -50,7 +49,8 @@ def read_mesh(path: Path | str) -> MeshArrays:
         )
     if path.suffix.lower() in (".dxf", ".csv"):
         raise InputError(
-            f"mesh file {path} is an outline without a mesh; allowed is it as `outline`, or {READ}"
+            f"mesh file {path} is an outline without a mesh; allowed is {READ}, or the file as "
+            "`outline`"
         )
     points, surface, others = read_surface_mesh(path, "mesh file")
     if solid := sorted(kind for kind, dim in others.items() if dim == 3):

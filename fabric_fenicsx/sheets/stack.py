@@ -1,4 +1,4 @@
-"""Several sheets that are laid on one another: one mesh with a part for each."""
+"""Sheets laid on one another: one mesh with a part for each."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -15,8 +15,8 @@ FLAT = 1e-9  # distance from its plane of a sheet that is flat, over its size
 
 
 class Sheet(NamedTuple):
-    """A sheet of a stack: a flat `blank` in space, its `thickness` [mm] and the `name` by which
-    `on` puts a term on it."""
+    """A flat `blank` in space, its `thickness` [mm], and its `name`, by which `on` puts a term on
+    it."""
 
     blank: Blank
     thickness: float
@@ -26,13 +26,33 @@ class Sheet(NamedTuple):
 class Stack(Blank):
     """Sheets, the lowest first, each laid on the one below: a blank whose `parts` they are.
 
-    The first stays at its height z, or its lower face is laid at `bottom` [mm]. Each other one is
-    laid `play` [mm] above the upper face of the sheet below it. Sheets may differ in outline, cells
-    and yarns, not in the kind of cells; if one is of degree 2, all are.
+    Sheets may differ in outline, cells and yarns, not in the kind of cells; if one is of degree 2,
+    all are.
 
-    Raises InputError without sheets, for names that are empty or the same, and for a thickness that
-    is not above 0. So it does for sheets in a plane mesh, not flat in z, of other cells than P1, P2
-    and Q1 or of different kinds, and for a sheet that lies beside all others.
+    Parameters
+    ----------
+    sheets : list of (Blank, float, str)
+        Flat sheets in space, their thicknesses [mm] and the names of their parts.
+    bottom : float
+        Height z of the lowest face [mm]; by default the first sheet stays where it is.
+    play : float
+        Between sheets [mm].
+    name : str
+        The stack's name in messages.
+
+    Raises
+    ------
+    InputError
+        Without sheets, for names that are empty or the same, and for a thickness that is not above
+        0; for sheets in a plane mesh, not flat in z, of other cells than P1, P2 and Q1 or of
+        different kinds, and for a sheet that lies beside all others.
+
+    Examples
+    --------
+    >>> plies = [ff.Blank.rectangle(60, 40, nx=3, spatial=True, fibre_angle=a) for a in (0, 45)]
+    >>> stack = ff.Stack([(plies[0], 0.5, "lower"), (plies[1], 0.5, "upper")], bottom=0)
+    >>> list(stack.parts), stack.heights
+    (['lower', 'upper'], array([0.25, 0.75]))
     """
 
     def __init__(

@@ -72,7 +72,7 @@ class CurvedTriangles:
     def sides(
         self, points: np.ndarray, triangle: np.ndarray, weights: np.ndarray, rim: float
     ) -> np.ndarray:
-        """On which side (n,) of the surface points (n, 3) are, 1 in front and -1 behind, `rim`
+        """Side (n,) of the surface on which points (n, 3) are, 1 in front and -1 behind, `rim`
         beside an open edge; their closest points lie on triangles (n,) at barycentric coordinates
         `weights` (n, 3)."""
         arm = points - np.einsum("nc,nci->ni", weights, self.corners[triangle])

@@ -9,7 +9,7 @@ from ..runtime.compiled import compiled
 
 
 class Shape(NamedTuple):
-    """What the dimensions of a double dome come to [mm].
+    """Numbers that follow from the dimensions of a double dome [mm].
 
     - half, radius, waist: half the distance of the domes, radius and half width of the outline;
       bend: curvature of its concave arcs [1/mm]
@@ -121,7 +121,7 @@ def implicit(dome: Shape, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 @compiled
 def plans(dome: Shape, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What `plan` gives at x, y (n,), (4, n)."""
+    """`plan` at x, y (n,), (4, n)."""
     found = np.empty((4, len(x)))
     for i in range(len(x)):
         found[0, i], found[1, i], found[2, i], found[3, i] = plan(dome, x[i], y[i])
@@ -130,7 +130,7 @@ def plans(dome: Shape, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 @compiled
 def heights(dome: Shape, x: np.ndarray) -> np.ndarray:
-    """What `height` gives at x (n,), (3, n)."""
+    """`height` at x (n,), (3, n)."""
     found = np.empty((3, len(x)))
     for i in range(len(x)):
         found[0, i], found[1, i], found[2, i] = height(dome, x[i])

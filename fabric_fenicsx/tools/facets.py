@@ -157,7 +157,7 @@ def corner_normals(
 
 
 def _true_planes(points, triangles, across, region):
-    """Which triangles are of a flat region with a vertex inside it: only a true plane has such."""
+    """Mask of triangles in flat regions with a vertex inside, which only true planes have."""
     low, high = np.full(len(points), len(triangles)), np.full(len(points), -1)
     np.minimum.at(low, triangles.ravel(), np.repeat(region, 3))
     np.maximum.at(high, triangles.ravel(), np.repeat(region, 3))
@@ -192,7 +192,7 @@ def _model_edges(across, given):
 
 
 def _smooth_vertices(across, sharp):
-    """How many smooth vertices there are, and that of each corner (m, 3): one for all corners that
+    """Number of smooth vertices, and that of each corner (m, 3): one for all corners that
     are joined across edges that are not sharp."""
     t, edge = np.nonzero(~sharp)
     o, back = across.triangle[t, edge], across.edge[t, edge]

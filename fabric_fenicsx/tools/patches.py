@@ -87,9 +87,9 @@ def _in(d, e, r):
 
 
 def _leg(chord, normal, second):
-    """From an end of an edge to the next control point of its cubic: along the chord in the tangent
-    plane, or where two planes meet along their intersection; of the length that makes an arc of an
-    arc."""
+    """Arms from an end of edges to the next control points of their cubics: along the chord in the
+    tangent plane, or where two planes meet along their intersection; of the length that makes an
+    arc of an arc."""
     length = np.linalg.norm(chord, axis=1, keepdims=True)
     chord = chord / length
     along = unit(chord - (chord * normal).sum(1, keepdims=True) * normal)
@@ -176,7 +176,7 @@ def place(patches: Patches, triangle: int, b: np.ndarray, w: np.ndarray, at: np.
 
 @compiled
 def evaluate(patches: Patches, triangle: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """What `place` gives, (n, 6, 3) [mm], on patches `triangle` (n,) at b (3, n)."""
+    """Places and derivatives, (n, 6, 3) [mm], on patches `triangle` (n,) at b (3, n)."""
     at, w = np.empty((len(triangle), 6, 3)), np.empty((6, 18))
     for n in range(len(triangle)):
         place(patches, triangle[n], b[:, n], w, at[n])

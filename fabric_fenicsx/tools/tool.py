@@ -88,7 +88,7 @@ class Tool:
 
     @property
     def displacement(self) -> np.ndarray:
-        """Where it is now, from where its surface was given, (3,) [mm]."""
+        """Distance moved from the place of its surface, (3,) [mm]."""
         return self._place + self.travel * self.direction
 
     def evaluate(self, points: ArrayLike, reach: float = math.inf) -> Nearest:

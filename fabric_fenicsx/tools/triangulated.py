@@ -25,8 +25,8 @@ KEPT = 4  # sets of points that are remembered, of so many different numbers
 
 
 class Known(NamedTuple):
-    """Of n points when they were sought last: their `place` (n, 3), by how much they are surely
-    `clear` (n,) of the surface [mm], on which `side` (n,), and the closest `triangle` (n,)."""
+    """Memory of n points from their last search: `place` (n, 3), least distance `clear` (n,) from
+    the surface [mm] and `side` (n,) of those beyond the reach, closest `triangle` (n,)."""
 
     place: np.ndarray
     clear: np.ndarray
@@ -167,8 +167,8 @@ class TriangulatedSurface(Surface):
 
     @property
     def bulges(self) -> np.ndarray:
-        """How far the patches' control points lie off the facets, (m,) [mm]: more than the patches
-        themselves."""
+        """Distances of the patches' control points from the facets, (m,) [mm]: more than those of
+        the patches themselves."""
         return self.curved.patches.bulge
 
     def mesh(

@@ -33,7 +33,7 @@ def checked_vector(
 
 
 def length_of(value: Any) -> int:
-    """How many numbers a vector has that is not checked yet; 0 if it is none."""
+    """Length of a vector that is not checked yet; 0 if it is none."""
     try:
         return len(value)
     except TypeError:

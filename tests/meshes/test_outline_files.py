@@ -176,7 +176,7 @@ def test_what_is_wrong_in_a_drawing_is_told(drawing, draw, words):
 
 
 def test_a_layer_is_of_a_drawing_alone_and_nonsense_is_none(table):
-    with pytest.raises(InputError, match=r"`layer` is 'cut' for .*ply.csv; allowed is it for"):
+    with pytest.raises(InputError, match=r"`layer` is allowed only for a .dxf, not for .*ply.csv"):
         table(SHEET, layer="cut")
     with pytest.raises(InputError, match="cannot be read .* allowed is a drawing"):
         table("hello\nworld\n", "ply.dxf")

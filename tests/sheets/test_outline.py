@@ -51,7 +51,7 @@ def test_it_may_be_centred_and_as_fine_as_asked_for(table):
         ({"nx": 0}, "`nx` is 0; allowed is a whole number"),
         ({"element": "Q1"}, "`element` is Q1; allowed for an outline are triangles"),
         ({"pattern": "crossed"}, "`pattern` is 'crossed'; allowed for an outline are"),
-        ({"layer": "CUT"}, "`layer` is 'CUT' for outline .*ply.csv"),
+        ({"layer": "CUT"}, "`layer` is allowed only for a .dxf, not for outline .*ply.csv"),
     ],
 )
 def test_errors_reach_all_ranks(table, options, words):
