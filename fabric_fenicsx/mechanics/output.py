@@ -11,15 +11,14 @@ from mpi4py import MPI
 
 from ..runtime.errors import InputError
 from ..sheets.blank import Part
-from .protocols import TellsCells, TellsHistory, TellsNodes, TellsSummary
 from .term import Term
 
-# method of terms: the role that has it, what it gives, and where that is told
-REPORTS: dict[str, tuple[type, str, str]] = {
-    "history": (TellsHistory, "column", "history.csv"),
-    "summary": (TellsSummary, "entry", "summary.json"),
-    "cell_fields": (TellsCells, "field", "the sheet"),
-    "nodal_fields": (TellsNodes, "field", "the sheet"),
+# method of terms: what it gives, and where that is told
+REPORTS: dict[str, tuple[str, str]] = {
+    "history": ("column", "history.csv"),
+    "summary": ("entry", "summary.json"),
+    "cell_fields": ("field", "the sheet"),
+    "nodal_fields": ("field", "the sheet"),
 }
 
 
@@ -96,7 +95,7 @@ def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dic
     """What `terms` tell by their `method`, one of `REPORTS`, merged. Raises InputError for one of
     the names `taken`, for a name that two terms give without a rule, for what JSON can't hold, and
     on all ranks for a field of another size than the rank's cells or nodes."""
-    _, noun, place = REPORTS[method]
+    noun, place = REPORTS[method]
     found: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in terms:
@@ -130,9 +129,8 @@ def told(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> dic
 
 def function_of(term: Term, method: str) -> Callable[[], Any] | None:
     """A term's `method`, or the function of that name in its `outputs`; None if it has neither."""
-    if method in term.outputs:
-        return partial(term.outputs[method], term)
-    return getattr(term, method, None)
+    function = term.outputs.get(method)
+    return getattr(term, method, function and partial(function, term))
 
 
 def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:

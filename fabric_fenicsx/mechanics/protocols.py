@@ -150,58 +150,33 @@ class MadeOf(Protocol):
         """A fabric or a metal."""
 
 
-# -- what is told of a state, on all ranks; values as in `mechanics.reports`
+# -- output of a state, on all ranks; values as in `mechanics.output`
 
 
-@runtime_checkable
-class TellsHistory(Protocol):
-    """Has columns of history.csv."""
+class GivesOutput(Protocol):
+    """Has some of these methods, or functions of the term of these names in its `outputs`."""
 
     def history(self) -> Mapping[str, Any]:
-        """{column: number}, the same columns each time."""
-
-
-@runtime_checkable
-class TellsSummary(Protocol):
-    """Has entries of summary.json."""
+        """Columns of history.csv, {column: number}, the same columns each time."""
 
     def summary(self) -> Mapping[str, Any]:
-        """{entry: what JSON can hold}, also at load 0."""
-
-
-@runtime_checkable
-class TellsCells(Protocol):
-    """Has fields on cells."""
+        """Entries of summary.json, {entry: what JSON can hold}, also at load 0."""
 
     def cell_fields(self) -> Mapping[str, Any]:
-        """{field: array (owned cells, ...)}."""
-
-
-@runtime_checkable
-class TellsNodes(Protocol):
-    """Has fields at nodes."""
+        """Fields on cells, {field: array (owned cells, ...)}."""
 
     def nodal_fields(self) -> Mapping[str, Any]:
-        """{field: array (owned nodes,) or (owned nodes, k)}."""
-
-
-@runtime_checkable
-class Warns(Protocol):
-    """Knows what speaks against a state though nothing failed."""
+        """Fields at nodes, {field: array (owned nodes,) or (owned nodes, k)}."""
 
     def warnings(self) -> list[str]:
-        """Sentences."""
-
-
-@runtime_checkable
-class Penetrated(Protocol):
-    """Lets sheet and tool, or two sheets, overlap a little."""
+        """Sentences on what speaks against a state though nothing failed."""
 
     def penetration_of_thickness(self) -> float:
-        """Deepest overlap in any accepted state, over the sheet's thickness, of all ranks."""
+        """Deepest overlap of sheet and tool, or of two sheets, in any accepted state, over the
+        sheet's thickness, of all ranks."""
 
     def where_deepest(self) -> str:
-        """In words, what was so deep in the sheet, and where."""
+        """Name and place of that overlap, in words."""
 
 
 @runtime_checkable

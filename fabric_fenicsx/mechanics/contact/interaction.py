@@ -1,6 +1,7 @@
 """An interaction of a sheet with what it touches: pressure at points, and friction along them."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -29,8 +30,8 @@ class Interaction(Term):
 
     friction: FrictionState | None = None
     depth: np.ndarray
-    rigid: np.ndarray | bool
-    thickness: np.ndarray | float
+    rigid: Any
+    thickness: Any
 
     def __init__(
         self, friction: float | Mapping[str, float] | Coulomb, owner: str, lag: float
@@ -49,19 +50,20 @@ class Interaction(Term):
         """Sliding of the points from the present state on."""
         raise NotImplementedError
 
-    def _slid_exactly(self) -> np.ndarray:
-        """Sliding since the accepted state, not linear in the displacement, (points, 3) [mm]."""
+    def _slid_exactly(self, sliding: Any) -> np.ndarray:
+        """Sliding since the accepted state, not linear in the displacement, (points, 3) [mm].
+        sliding: what `_sliding` gave in that state."""
         raise NotImplementedError
 
-    def _coefficient(self):
+    def _coefficient(self, law):
         """Friction coefficient of all points, or of each."""
-        return self.coulomb.coefficient
+        return law.coefficient
 
     def _start_friction(self):
         """Begin friction in the present state."""
         if self.coulomb:
             state = self.normal_forces(), self._sliding(), self.blank.mesh.comm
-            self.friction = FrictionState(self.coulomb, self._coefficient(), *state)
+            self.friction = FrictionState(self.coulomb, self._coefficient(self.coulomb), *state)
 
     def _note_depth(self, load, depth):
         """Keep the deepest overlap. At load 0 the last state counts, as those before it were not in
@@ -78,12 +80,14 @@ class Interaction(Term):
         changed = self._update_pressing()
         if not self.friction:
             return changed
-        return self.friction.update(self.normal_forces(), self._slid_exactly()) or changed
+        exact = self._slid_exactly(self.friction.sliding)
+        return self.friction.update(self.normal_forces(), exact) or changed
 
     def accept(self) -> None:
         """See `Term`."""
         if self.friction:
-            self.friction.accept(self.normal_forces(), self._slid_exactly(), self._sliding())
+            exact = self._slid_exactly(self.friction.sliding)
+            self.friction.accept(self.normal_forces(), exact, self._sliding())
 
     def energies(self) -> dict[str | None, float]:
         """See `StoresKinds`."""
@@ -135,20 +139,19 @@ class ToolInteraction(Interaction):
 
     # -- friction
 
-    def _coefficient(self):
-        given = super()._coefficient()
-        if not isinstance(given, Mapping):
-            return given
+    def _coefficient(self, law):
+        if not isinstance(law.coefficient, Mapping):
+            return law.coefficient
         found = np.zeros(self.nodes.count)
-        for name, coefficient in given.items():
+        for name, coefficient in law.coefficient.items():
             found[self.blank.part(name).nodes] = coefficient
         return found
 
     def _sliding(self):
         return ToolSliding(self.nodes, self.tool, self._normals(), *self._offsets())
 
-    def _slid_exactly(self):
-        return self.friction.sliding.exact(self._offsets()[0])
+    def _slid_exactly(self, sliding):
+        return sliding.exact(self._offsets()[0])
 
     def _friction_forces(self):
         """Forces on this rank's nodes that have the moment of friction at the face (nodes, 3) [N]:

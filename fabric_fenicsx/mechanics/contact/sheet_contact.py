@@ -193,8 +193,8 @@ class SheetContact(Interaction):
     def _sliding(self):
         return FaceSliding(self.points, self.faces.accepted)
 
-    def _slid_exactly(self):
-        return self.friction.sliding.exact(self.faces.now)
+    def _slid_exactly(self, sliding):
+        return sliding.exact(self.faces.now)
 
     # -- value, gradient, Hessian
 

@@ -1,6 +1,7 @@
 """Contact of a sheet with rigid tools: pressure at its nodes."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -121,7 +122,8 @@ class Contact(ToolInteraction):
         """Thickness without pressure [mm], the law of the face, and whether it is rigid, at each
         node."""
         t, k, s = (self._given[name] for name in ("thickness", "penalty", "smoothing"))
-        radius, faces = min(self.tool.surface.radii), []
+        radius = min(self.tool.surface.radii)
+        faces: list[tuple[float, Any]] = []
         materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, dtype=int))
         if t and k and not materials:
             faces = [(t, Rigid(k, SMOOTHING * PERMITTED * t))]

@@ -366,7 +366,7 @@ class Membrane(Term):
         return float(inside / whole)
 
     def warnings(self) -> list[str]:
-        """As in `Warns`: cells that lock, bands, and strains beyond the law's ranges."""
+        """As in `GivesOutput`: cells that lock, bands, and strains beyond the law's ranges."""
         found = locking_warning(self), band_warning(self), *range_warnings(self)
         return [text for text in found if text]
 
