@@ -93,11 +93,11 @@ class Contact(ToolInteraction):
     ) -> None:
         tool = checked_tool("contact", tool)
         super().__init__(tool, friction, f"contact with {tool.name}")
-        given = {"thickness": thickness, "penalty": penalty, "smoothing": smoothing}
-        for name, value in (given | {"permitted penetration": permitted}).items():
+        face = {"thickness": thickness, "penalty": penalty, "smoothing": smoothing}
+        for name, value in (face | {"permitted penetration": permitted}).items():
             if value is not None:
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
-        self._given, self.permitted, self._where = given, permitted, where
+        self._face, self.permitted, self._where = face, permitted, where
         # the last displacement, and what was found at it
         self._found: tuple[np.ndarray, Pressed] | None = None
         self._load, self._work = 0.0, Work()
@@ -110,8 +110,8 @@ class Contact(ToolInteraction):
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         self.nodes = Nodes(scene.blank, self.part, self._where)
         self.thickness, self._law, self.rigid = self._faces(scene)
-        stiffened = bool(self.permitted or self._given["penalty"] or self._given["smoothing"])
-        self.plies = PlyThickness(scene, self._given["thickness"], stiffened)
+        stiffened = bool(self.permitted or self._face["penalty"] or self._face["smoothing"])
+        self.plies = PlyThickness(scene, self._face["thickness"], stiffened)
         self._shift = self._accepted_shift = self.depth = np.zeros(self.nodes.count)
         self._accepted_travel = self.tool.travel
         self.lost = ""  # where the tool's surface gave no number
@@ -121,7 +121,7 @@ class Contact(ToolInteraction):
     def _faces(self, scene):
         """Thickness without pressure [mm], the law of the face, and whether it is rigid, at each
         node."""
-        t, k, s = (self._given[name] for name in ("thickness", "penalty", "smoothing"))
+        t, k, s = (self._face[name] for name in ("thickness", "penalty", "smoothing"))
         radius = min(self.tool.surface.radii)
         faces: list[tuple[float, Any]] = []
         materials, which = materials_at_nodes(scene) or ([], np.zeros(self.nodes.count, dtype=int))
