@@ -55,6 +55,9 @@ class Interaction(Term):
         sliding: what `_sliding` gave in that state."""
         raise NotImplementedError
 
+    def _forget_balance(self) -> None:
+        """Find the balance of a tool moved by force anew, as friction has changed."""
+
     def _coefficient(self, law):
         """Friction coefficient of all points, or of each."""
         return law.coefficient
@@ -81,7 +84,10 @@ class Interaction(Term):
         if not self.friction:
             return changed
         exact = self._slid_exactly(self.friction.sliding)
-        return self.friction.update(self.normal_forces(), exact) or changed
+        if not self.friction.update(self.normal_forces(), exact):
+            return changed
+        self._forget_balance()
+        return True
 
     def accept(self) -> None:
         """See `Term`."""
@@ -101,8 +107,8 @@ class Interaction(Term):
 class ToolInteraction(Interaction):
     """An interaction of a `tool` with the sheet's `nodes`.
 
-    A subclass also gives `force` and the hooks `_pressing_forces`, `_normals` and, of tools that
-    are not flat, `_offsets`.
+    A subclass also gives the hooks `_pressing_forces`, `_normals` and, of tools that are not flat,
+    `_offsets`.
     """
 
     tool: Tool
@@ -117,10 +123,6 @@ class ToolInteraction(Interaction):
         self.tool = tool
         if self.coulomb:
             self.resists = (*self.resists, "slide")
-
-    def force(self) -> np.ndarray:
-        """Force by which the tool presses the sheet, without friction, of all ranks, (3,) [N]."""
-        raise NotImplementedError
 
     def _pressing_forces(self) -> np.ndarray:
         """Forces of the tool on this rank's nodes, without friction, (nodes, 3) [N]. A tool moved
@@ -160,11 +162,10 @@ class ToolInteraction(Interaction):
             return np.zeros((self.nodes.count, 3))
         return self.friction.sliding.on_nodes(self.friction.forces())
 
-    def _friction_blocks(self):
-        """Decrease of the forces of friction as nodes move (nodes, 3, 3) [N/mm]."""
-        if not self.friction:
-            return np.zeros((self.nodes.count, 3, 3))
-        return self.friction.sliding.on_node_blocks(self.friction.blocks())
+    def _blocks(self):
+        """Decrease of all forces as nodes move (nodes, 3, 3) [N/mm]: those of friction; None if
+        there are none."""
+        return self.friction and self.friction.sliding.on_node_blocks(self.friction.blocks())
 
     def _friction_work(self):
         """Work of the tool's motion against friction since the accepted state, by trapezoids, on
@@ -193,10 +194,9 @@ class ToolInteraction(Interaction):
         return (self._pressing_forces() + self._friction_forces()).ravel()
 
     def tangent(self) -> Triplets:
-        """See `Term`: that of friction, (9 nodes,) each [N/mm]."""
-        if not self.friction:
-            return NO_TANGENT
-        return self.nodes.rows, self.nodes.cols, self._friction_blocks().ravel()
+        """See `Term`, (9 nodes,) each [N/mm]."""
+        blocks = self._blocks()
+        return NO_TANGENT if blocks is None else (self.nodes.rows, self.nodes.cols, blocks.ravel())
 
     def memory(self) -> dict[str, np.ndarray]:
         """See `Remembers`: of friction."""
@@ -212,6 +212,10 @@ class ToolInteraction(Interaction):
         limit = self.friction.limit if self.friction else np.zeros(self.nodes.count)
         pressed = limit > 0
         return self.nodes.places[pressed], self._normals()[pressed], limit[pressed]
+
+    def force(self) -> np.ndarray:
+        """Force by which the tool presses the sheet, without friction, of all ranks, (3,) [N]."""
+        return self.nodes.total(self._pressing_forces())
 
     def tool_force(self) -> np.ndarray:
         """See `Pressing`."""

@@ -13,7 +13,7 @@ from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
 from ..materials import materials_at_nodes
 from ..shell.morley import Where
-from ..term import SceneFacts, Triplets
+from ..term import SceneFacts
 from ..work import Work
 from . import output
 from .balance import Resistance, find_balance
@@ -203,9 +203,9 @@ class Contact(ToolInteraction):
             energy=np.full_like(now.energy, np.nan), forces=np.full_like(now.forces, np.nan)
         )
 
-    def _blocks(self, now):
-        """Decrease of the forces of contact and friction as nodes move, (nodes, 3, 3) [N/mm]."""
-        return now.blocks + self._friction_blocks()
+    def _blocks(self, now=None):
+        pressed, rubbed = (now or self.state()).blocks, super()._blocks()
+        return pressed + (0.0 if rubbed is None else rubbed)
 
     def _normals(self):
         return self.state().normal
@@ -228,11 +228,7 @@ class Contact(ToolInteraction):
         [mm]."""
         return np.broadcast_to(self._law.depth(np.array(pressure)), self.nodes.count)
 
-    def force(self) -> np.ndarray:
-        """See `ToolInteraction`."""
-        return self.nodes.total(self.state().forces)
-
-    # -- value and Hessian
+    # -- value and stiffness
 
     def energies(self) -> dict[str | None, float]:
         """See `StoresKinds`: of contact, what friction took, and on rank 0 minus the work of the
@@ -240,10 +236,6 @@ class Contact(ToolInteraction):
         kinds = {"contact": float(self.state().energy.sum()), **super().energies()}
         by_force = self.tool.force and self.nodes.comm.rank == 0
         return kinds | {None: -self.tool.push * self.tool.travel if by_force else 0.0}
-
-    def tangent(self) -> Triplets:
-        """See `Term`, (9 nodes,) each [N/mm]."""
-        return self.nodes.rows, self.nodes.cols, self._blocks(self.state()).ravel()
 
     def anticipate(self, f: np.ndarray) -> None:
         """See `Anticipates`: until the sheet moves, let `tangent` be the law's slope up to the
@@ -257,7 +249,7 @@ class Contact(ToolInteraction):
         """See `DrivenByForce`."""
         if not self.tool.force:
             return None
-        pushed = self._blocks(self.state()) @ self.tool.direction
+        pushed = self._blocks() @ self.tool.direction
         return -pushed.ravel(), float(self.nodes.total(pushed) @ self.tool.direction)
 
     # -- steps
@@ -278,12 +270,9 @@ class Contact(ToolInteraction):
         self._note_depth(self._load, -now.gap)
         super().accept()
 
-    def update_lagged(self) -> bool:
-        """See `Interaction`; a tool moved by force takes its new place."""
-        changed = super().update_lagged()
-        if changed and self.tool.force:
+    def _forget_balance(self):
+        if self.tool.force:
             self._found = None
-        return changed
 
     def _update_pressing(self):
         """Shift the surface by what is penetrated, if more than permitted."""
