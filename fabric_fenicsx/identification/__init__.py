@@ -1,33 +1,28 @@
 """The parameters of a woven fabric from test curves: two-stage nonlinear regression with confidence
-intervals.
+intervals. Nothing here needs DOLFINx.
 
 Stage 1 fits a, b, d and s1..s3 to the points at which no coupling acts (other yarns unstrained, no
-shear: k_TC = 1 in eq. (17)). Stage 2 fits c, p_min, s_T, s_C to all points with the former held, as
-in the paper. A joint fit of all of them from there gives the result, since stage 2 alone would hide
-what stage 1 leaves uncertain.
+shear: k_TC = 1 in eq. (17)). Stage 2 fits c, p_min, s_T, s_C to all points with the former fixed,
+as in the paper. A joint fit of all of them from there gives the result, since stage 2 alone would
+hide what stage 1 leaves uncertain.
 
 A parameter is fitted only if the data determine it: a test excites it, and its interval at 1 %
 noise or more is narrow enough (`problem.Problem.undetermined`). p_min needs tension with a negative
 strain across, as tension-tension data hardly tell it from c. All other parameters keep an assumed
-value, and the result says so. Values in `[assumed]` of sheet.toml replace those of Table 1; the fit
-starts from them, too.
+value, that of `[assumed]` in sheet.toml or of Table 1, and the result says so.
 
-A fabric with balanced = false is refused if only one of its directions was pulled. A test or
-sheet.toml must then tell the other direction: another fabric's values would invent the very
-difference that the user asks for.
+A fabric with balanced = false is refused if only one of its directions was pulled and nothing
+states the other: another fabric's values would invent the very difference that the user asks for.
 
 Compaction is apart from that: `fit_compaction` fits it to tests across the thickness alone.
-
-Stresses are those of the law (`homogeneous.nominal`); nothing of the law is repeated here.
 """
 
 from .compaction import CompactionFit, fit_compaction
 from .fit import identify
-from .lines import coverage_lines, result_lines
 from .parameter import Assumed, Determined
 from .pictures import draw
 from .problem import true_values
-from .result import Identification
+from .result import Identification, coverage_lines, result_lines
 from .synthetic import PLANS, coverage, synthesise, synthesise_compaction
 
 __all__ = [

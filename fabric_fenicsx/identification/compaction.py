@@ -17,8 +17,8 @@ from .parameter import Assumed, Determined
 
 NAMES = "exponent", "onset", "pressure"
 UNITS = {"exponent": "-", "onset": "MPa", "pressure": "MPa"}
-BEYOND = 1.1  # times the measured thicknesses, to which they tell under which pressure the sheet is
-WIDEST = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}  # factor of an interval that tells
+BEYOND = 1.1  # times the measured thicknesses, up to which they show the pressure of the sheet
+WIDEST = {"exponent": 3.0, "onset": 10.0, "pressure": 10.0}  # factor of an interval
 EXPONENTS = 1.01, 1e3
 PRESSURES = 1e-3  # of the lowest measured pressure: least onset and pressure of the sheet
 EVALUATIONS = 300
@@ -26,7 +26,7 @@ EVALUATIONS = 300
 
 @dataclass(frozen=True)
 class CompactionFit:
-    """What tests tell of compaction. determined, assumed: as of an `Identification`, by the names
+    """The result of `fit_compaction`. determined, assumed: as of an `Identification`, by the names
     exponent, onset and pressure; scatter: standard deviation of measured over fitted thickness,
     less 1; tests: with the measured thicknesses (n,) [mm] and those of the fit."""
 
@@ -38,7 +38,7 @@ class CompactionFit:
     warnings: list[str]
 
     def report(self) -> dict[str, Any]:
-        """All of it for JSON."""
+        """The result for JSON."""
         return {
             "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
             "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
@@ -56,23 +56,23 @@ class CompactionFit:
 
 def fit_compaction(sheet: Sheet) -> CompactionFit:
     """Exponent, onset and pressure of the `Compaction` that follows the sheet's compaction tests
-    best. InputError for tests that do not tell the exponent, or of plies of another thickness;
+    best. InputError for tests that do not determine the exponent, or of plies of another thickness;
     SolverFailure if the fit fails.
 
     Least squares of the logarithm of thickness over pressure, in logarithms of the three numbers,
-    so their 95 % intervals (t-distribution) are factors. Where the data do not tell the onset, as
-    where they begin far above it, it is the default or the lowest measured pressure, if that is
-    less. The intervals of the others are then those of a fit of all three.
+    so their 95 % intervals (t-distribution) are factors. An onset that the data do not
+    determine, as where they begin far above it, is the default or the lowest measured pressure, if
+    that is less. The intervals of the others are then those of a fit of all three.
     """
     problem, assumed = _Problem(sheet), {}
     fit = problem.fit()
     least = 1.01 * PRESSURES * problem.p.min()
     if fit.values["onset"] < least or fit.half["onset"] > math.log(WIDEST["onset"]):
-        held = min(Compaction.onset, float(problem.p.min()))
-        source = "default" if held == Compaction.onset else "lowest measured pressure"
+        onset = min(Compaction.onset, float(problem.p.min()))
+        source = "default" if onset == Compaction.onset else "lowest measured pressure"
         why = "the data do not tell it: they begin too far above it or scatter too much"
-        assumed["onset"] = Assumed(held, UNITS["onset"], source, why, {})
-        all_three, fit = fit, problem.fit(held)
+        assumed["onset"] = Assumed(onset, UNITS["onset"], source, why, {})
+        all_three, fit = fit, problem.fit(onset)
         fit = fit._replace(
             error={name: max(e, all_three.error[name]) for name, e in fit.error.items()},
             half={name: max(h, all_three.half[name]) for name, h in fit.half.items()},
@@ -87,10 +87,10 @@ def fit_compaction(sheet: Sheet) -> CompactionFit:
                 "more: of more points, a wider range of pressure or less scatter"
             )
     compaction = Compaction(**fit.values)
-    fitted = sheet.thickness * compaction.thickness(problem.p)
-    ends = np.cumsum([len(test.pressure) for test in sheet.compaction])[:-1]
-    parts = np.split(problem.h, ends), np.split(fitted, ends)
-    tests = list(zip(sheet.compaction, *parts, strict=True))
+    tests = []
+    for test in sheet.compaction:
+        fitted = sheet.thickness * compaction.thickness(test.pressure)
+        tests.append((test, sheet.measured_thickness(test), fitted))
     warnings = problem.warnings(compaction, determined)
     return CompactionFit(compaction, determined, assumed, fit.scatter, tests, warnings)
 
@@ -121,8 +121,7 @@ class _Problem:
             raise InputError("there is no test of compaction; allowed is one or more")
         self.t = sheet.thickness
         self.p = np.concatenate([test.pressure for test in sheet.compaction])
-        measured = [sheet.measured_thickness(test) for test in sheet.compaction]
-        self.h = np.concatenate(measured)
+        self.h = np.concatenate([sheet.measured_thickness(test) for test in sheet.compaction])
         low, high = self.h.min(), self.h.max()
         if not low / BEYOND <= self.t <= high * BEYOND:
             raise InputError(
@@ -132,32 +131,34 @@ class _Problem:
             )
         self.sd = np.ones(len(self.p))
         if all(test.noise for test in sheet.compaction):
-            self.sd = np.concatenate([_noise(*each) for each in zip(sheet.compaction, measured)])
+            self.sd = np.concatenate([_noise(test) for test in sheet.compaction])
 
     def residual(self, x: np.ndarray) -> np.ndarray:
-        """Of all points (n,), in standard deviations."""
+        """Residuals of all points (n,), in standard deviations."""
         n, onset, pressure = np.exp(x)
         y = log_compaction(np.array([pressure, *self.p]) / onset)
         return (np.log(self.t / self.h) + (y[0] - y[1:]) / n) / self.sd
 
     def fit(self, onset: float | None = None) -> _Fit:
-        """The three numbers; onset: that is held [MPa], None if it is fitted."""
-        free = [name for name in NAMES if name != "onset" or onset is None]
-        at = [NAMES.index(name) for name in free]
+        """The three numbers; onset: a fixed one [MPa], None if it is fitted."""
+        free = [k for k, name in enumerate(NAMES) if name != "onset" or onset is None]
         edges = PRESSURES * self.p.min(), self.p.max() / PRESSURES
-        low, high = np.log([EXPONENTS, edges, edges]).T
+        low, high = np.log([EXPONENTS, edges, edges]).T[:, free]
+        order = np.argsort(self.h)
+        # about the pressure under which plies of the tests are as thick as the sheet
+        near = math.exp(np.interp(self.t, self.h[order], np.log(self.p[order])))
         found: list[tuple[float, int, np.ndarray, Any]] = []
         starts = np.array([0.1, 1.0, 10.0]) * self.p.min()
         for begin in starts if onset is None else [onset]:
-            x = np.log([10.0, begin, self._pressure_of_sheet()])
+            x = np.log([10.0, begin, near])
             solved = least_squares(
-                lambda v, x=x: self.residual(_with(x, at, v)),
-                np.clip(x[at], low[at] + 1e-6, high[at] - 1e-6),
-                bounds=(low[at], high[at]),
+                lambda v, x=x: self.residual(_with(x, free, v)),
+                np.clip(x[free], low + 1e-6, high - 1e-6),
+                bounds=(low, high),
                 **dict.fromkeys(("ftol", "xtol", "gtol"), 1e-12),
                 max_nfev=EVALUATIONS,
             )
-            found.append((solved.cost, len(found), _with(x, at, solved.x), solved))
+            found.append((solved.cost, len(found), _with(x, free, solved.x), solved))
         _, _, x, solved = min(found)
         if solved.status <= 0:
             raise SolverFailure(
@@ -168,17 +169,12 @@ class _Problem:
         _, s, Vt = np.linalg.svd(solved.jac, full_matrices=False)
         spread = np.sqrt(((Vt.T / np.maximum(s, 1e-8 * s.max())) ** 2).sum(1) * variance)
         scatter = float(np.sqrt(np.sum((solved.fun * self.sd) ** 2) / dof))
-        values, error = dict(zip(NAMES, np.exp(x).tolist())), dict(zip(free, spread.tolist()))
+        error = dict(zip([NAMES[k] for k in free], spread.tolist()))
         half = {name: float(stats.t.ppf(0.975, dof)) * each for name, each in error.items()}
-        return _Fit(values, error, half, scatter)
-
-    def _pressure_of_sheet(self):
-        """About the pressure under which plies of the tests are as thick as the sheet."""
-        order = np.argsort(self.h)
-        return math.exp(np.interp(self.t, self.h[order], np.log(self.p[order])))
+        return _Fit(dict(zip(NAMES, np.exp(x).tolist())), error, half, scatter)
 
     def warnings(self, compaction: Compaction, determined: dict[str, Determined]) -> list[str]:
-        """What speaks against the fit."""
+        """Doubts about the fit."""
         found, p = [], compaction.pressure
         if not self.p.min() / 1.1 <= p <= self.p.max() * 1.1:
             found.append(
@@ -186,12 +182,11 @@ class _Problem:
                 f"{rounded(p)} MPa; they measured from {rounded(self.p.min())} to "
                 f"{rounded(self.p.max())} MPa"
             )
-        found += [
-            f"compaction.{name} is {'held by a bound' if each.at_bound else 'weakly determined'}"
-            for name, each in determined.items()
-            # forces hardly depend on the onset
-            if (each.weak and name != "onset") or each.at_bound
-        ]
+        for name, each in determined.items():
+            if each.at_bound:
+                found.append(f"compaction.{name} is held by a bound")
+            elif each.weak and name != "onset":  # forces hardly depend on the onset
+                found.append(f"compaction.{name} is weakly determined")
         return found
 
 
@@ -201,9 +196,9 @@ def _with(x, at, values):
     return x
 
 
-def _noise(test, thickness):
+def _noise(test):
     """The stated noise over the value, which is that over the thickness (n,)."""
     kind, size = test.noise
     values = test.response.values
     scale = {"absolute": 1.0, "maximum": test.response.peak}.get(kind, values)
-    return np.broadcast_to(size * scale / values, thickness.shape)
+    return np.broadcast_to(size * scale / values, values.shape)

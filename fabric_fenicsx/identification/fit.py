@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import stats
 
-from ..material.homogeneous import nominal
+from ..material.homogeneous import nominal_tangent
 from ..material.laws.coupled import SHEAR, YARN, WovenFabric, Yarn
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
@@ -22,17 +22,19 @@ STAGE_1 = ("a", "b", "d", *SHEAR)
 # Of the parameters that the data can't tell apart, the first of these becomes an assumption.
 GIVEN_UP = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
 QUICK = 60  # evaluations of a fit after which it is asked whether the data determine its parameters
-HIGHER = {
-    "a": "b",
-    "s2": "s1",
-    "s3": "s1",
-}  # higher terms are 0 by default if the lower one is fitted
+# higher terms are 0 by default if the lower one is fitted
+HIGHER = {"a": "b", "s2": "s1", "s3": "s1"}
 
 
 def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     """Fit the law to the curves, and compaction to the sheet's tests of it; InputError if they
     determine nothing or are too few, SolverFailure if a fit fails."""
-    compaction = _compaction(sheet, curves)
+    if sheet.compaction and not curves:
+        raise InputError(
+            "all tests are of compaction; allowed are one or more in the fabric's plane, too, or "
+            "`fit_compaction`, which needs no others"
+        )
+    compaction = fit_compaction(sheet) if sheet.compaction else None
     problem = Problem(sheet, curves)
     default, source, reason = _assumptions(problem, sheet)
     _check_yarns(sheet, problem.names, reason, source)
@@ -42,18 +44,14 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     found = _statistics(problem, theta, free, sd)
     if estimated is None and not all(c.noise for c in curves):
         estimated = NOISE * math.sqrt(found.variance)
-    bound = _at_bound(problem, theta, free, fitted)
+    bound = problem.at_bound(theta, free, fitted)
     determined = {
         problem.names[k]: _determined(problem, k, theta[k], staged[k], e, half, k in bound)
         for k, e, half in zip(free, found.error, found.half)
     }
     assumed = {
-        problem.names[k]: Assumed(
-            float(theta[k]),
-            unit_of(problem.names[k]),
-            source[problem.names[k]],
-            why,
-            _moves(problem, theta, free, found, sd, k),
+        (name := problem.names[k]): Assumed(
+            float(theta[k]), unit_of(name), source[name], why, _moves(problem, theta, found, sd, k)
         )
         for k, why in sorted(reason.items())
     }
@@ -64,8 +62,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     warnings = [
         *_remarks(curves),
         *_remarks(sheet.compaction),
-        *_noise_warnings(curves, found),
-        *_physics_warnings(softest, convex),
+        *_fit_warnings(curves, found, softest, convex),
         *_parameter_warnings(determined, problem),
         *filter(None, (toe_warning(*each) for each in fits)),
         *unit_warnings(curves),
@@ -89,6 +86,11 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     )
 
 
+def _remarks(tests):
+    """Sentences on what was left out of the files of tests."""
+    return [f"{test.file}: {text}" for test in tests for text in test.remarks]
+
+
 def _determined(problem, k, value, staged, error, half, at_bound):
     """Parameter k, fitted."""
     interval = tuple(np.clip([value - half, value + half], *problem.box(k)).tolist())
@@ -97,24 +99,11 @@ def _determined(problem, k, value, staged, error, half, at_bound):
     return Determined(float(value), float(error), interval, unit, float(staged), is_weak, at_bound)
 
 
-def _compaction(sheet, curves):
-    """The fit to the sheet's compaction tests, None without any."""
-    if not sheet.compaction:
-        return None
-    if not curves:
-        raise InputError(
-            "all tests are of compaction; allowed are one or more in the fabric's plane beside "
-            "them, or `fit_compaction`, which needs no others"
-        )
-    return fit_compaction(sheet)
-
-
 def _assumptions(problem, sheet):
-    """What holds unless it is fitted: values (parameters,), where each is from {name: source}, and
-    why some can't be fitted {number: reason}."""
+    """Values (parameters,) that hold unless they are fitted, their sources {name: source}, and why
+    some can't be fitted {number: reason}."""
     names, values = problem.names, true_values(DEFAULTS, sheet.balanced)
     source, reason = dict.fromkeys(names, "Table 1 of Schäfer et al."), {}
-    problem.prepare(np.array(list(values.values())))
     for k, name in enumerate(names):
         for key in (base(name), name):
             if key in sheet.assumed:
@@ -128,6 +117,21 @@ def _assumptions(problem, sheet):
     return np.array([values[n] for n in names]), source, reason
 
 
+def _check_yarns(sheet, names, reason, source):
+    """InputError for an unbalanced fabric of which one direction was neither pulled nor stated."""
+    if sheet.balanced:
+        return
+    known = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
+    for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
+        if f"{other}.b" in known and (missing := [n for n in "ab" if f"{yarn}.{n}" not in known]):
+            raise InputError(
+                f"sheet.toml: balanced is false, but no test tells the {yarn}'s "
+                f"{' and '.join(missing)}; "
+                f"allowed is a test uniaxial_{i} or biaxial, values in [assumed.{yarn}], "
+                f"or balanced = true, which gives the {yarn} the parameters of the {other}"
+            )
+
+
 def _weighted_fit(problem, theta, fitted):
     """Values fitted again while deviations depend on the fit, with the deviations (N,), and the
     noise that was estimated as in `_weights`."""
@@ -139,11 +143,25 @@ def _weighted_fit(problem, theta, fitted):
     return theta, sd, estimated
 
 
+def _weights(problem, theta):
+    """Deviations (N,), and the noise estimated for curves that state none. It is None unless others
+    state theirs: the variance of the residuals then gives it."""
+    predicted = problem.predict(theta)
+    stated = [curve.noise is not None for curve in problem.curves]
+    if all(stated) or not any(stated):
+        return problem.deviation(predicted), None
+    share = (predicted - problem.measured) / problem.peak
+    silent = np.concatenate([share[s] for (curve, _), s in problem.parts if curve.noise is None])
+    estimated = max(float(np.sqrt(np.mean(silent**2))), 1e-9)
+    return problem.deviation(predicted, estimated), estimated
+
+
 class _Statistics(NamedTuple):
-    """Degrees of freedom, variance of the weighted residuals, and for the free parameters (k,):
+    """Degrees of freedom, variance of the weighted residuals, and for the parameters `free` (k,):
     standard errors, half widths of the 95 % intervals, correlation (k, k), and the weighted
     Jacobian (N, k), for natural changes."""
 
+    free: list[int]
     dof: int
     variance: float
     error: np.ndarray
@@ -162,7 +180,20 @@ def _statistics(problem, theta, free, sd):
     error = np.sqrt(np.diag(covariance)) * problem.natural[free]
     spread = np.sqrt(np.diag(inverse @ inverse.T))
     correlation = inverse @ inverse.T / np.outer(spread, spread)
-    return _Statistics(dof, variance, error, stats.t.ppf(0.975, dof) * error, correlation, J)
+    half = stats.t.ppf(0.975, dof) * error
+    return _Statistics(free, dof, variance, error, half, correlation, J)
+
+
+def _moves(problem, theta, found, sd, k):
+    """Changes {name: change} of the fitted parameters if the assumed one k is 10 % larger, those
+    beyond half the widths of their intervals."""
+    free = found.free
+    if not free or not np.isfinite(problem.natural[k]):
+        return {}
+    more = 0.1 * theta[k] * (problem.jacobian(theta, [k])[:, 0] / sd)
+    change = -np.linalg.lstsq(found.jacobian, more, rcond=None)[0] * problem.natural[free]
+    least = np.maximum(found.half, 1e-3 * np.abs(theta[free]))
+    return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
 
 
 def _fabric(value, sheet, compaction, assumed):
@@ -172,31 +203,35 @@ def _fabric(value, sheet, compaction, assumed):
         Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN})
         for yarn in ("warp", "weft")
     )
-    shear: dict[str, Any] = {n: value[n] for n in SHEAR}
-    known = "thickness", "density", "fibre_density", "name"
-    across: dict[str, Any] = {name: getattr(sheet, name) for name in known}
-    across |= {"assumed": sorted({base(name) for name in assumed})}
-    across |= {"compaction": compaction.compaction} if compaction else {}
-    return WovenFabric(warp, weft, **shear, **across)
+    known: dict[str, Any] = {n: value[n] for n in SHEAR}
+    known |= {n: getattr(sheet, n) for n in ("thickness", "density", "fibre_density", "name")}
+    known |= {"compaction": compaction.compaction} if compaction else {}
+    return WovenFabric(warp, weft, **known, assumed=tuple({base(name) for name in assumed}))
 
 
-def _remarks(tests):
-    """What was left out of the files of tests."""
-    return [f"{test.file}: {words}" for test in tests for words in test.remarks]
+def _physics(problem, fabric):
+    """Smallest tau' over the measured angles [MPa], and whether W(eps_a, eps_b) is convex over the
+    measured tension."""
+    softest = convex = None
+    if problem.angle:
+        g = np.linspace(0, problem.angle, 1001)
+        softest = float((fabric.s1 + (2 * fabric.s2 + 3 * fabric.s3 * g) * g).min())
+    e = problem.strains
+    tension = e[(e[:, :2].max(1) > 0) & (e[:, :2].min(1) >= 0)]
+    if tension.size:
+        # by the kernel's tangent just inside tension; the kink at 0 belongs to compression
+        _, H = nominal_tangent(fabric, np.maximum(tension * [1, 1, 0], [1e-9, 1e-9, 0]))
+        convex = bool(np.all((H[:, 0] > 0) & (H[:, 0] * H[:, 1] - H[:, 2] ** 2 > 0)))
+    return softest, convex
 
 
-def _noise_warnings(curves, found):
-    if (
-        all(c.noise for c in curves)
-        and found.variance > stats.chi2.ppf(0.999, found.dof) / found.dof
-    ):
+def _fit_warnings(curves, found, softest, convex):
+    limit = stats.chi2.ppf(0.999, found.dof) / found.dof
+    if all(c.noise for c in curves) and found.variance > limit:
         yield (
             f"the curves lie {rounded(math.sqrt(found.variance), 2)} times their stated noise from "
             "the law, and the intervals are widened by that"
         )
-
-
-def _physics_warnings(softest, convex):
     if softest is not None and softest <= 0:
         yield f"the shear stiffness falls to {rounded(softest)} MPa over the measured angles"
     if convex is False:
@@ -220,33 +255,6 @@ def _parameter_warnings(determined, problem):
             yield f"{name} is weakly determined, as its interval is wider than +-100 %"
 
 
-def _check_yarns(sheet, names, reason, source):
-    """InputError for an unbalanced fabric of which one direction was not pulled and is not given
-    otherwise."""
-    if sheet.balanced:
-        return
-    said = {n for k, n in enumerate(names) if k not in reason or source[n] == "sheet.toml"}
-    for yarn, other, i in (("warp", "weft", "a"), ("weft", "warp", "b")):
-        if f"{other}.b" in said and (missing := [n for n in "ab" if f"{yarn}.{n}" not in said]):
-            raise InputError(
-                f"sheet.toml: balanced is false, but no test tells the {yarn}'s "
-                f"{' and '.join(missing)}; "
-                f"allowed is a test uniaxial_{i} or biaxial, values in [assumed.{yarn}], "
-                f"or balanced = true, which gives the {yarn} the parameters of the {other}"
-            )
-
-
-def _moves(problem, theta, free, found, sd, k):
-    """How the fitted parameters change if the assumed one k is 10 % larger: {name: change}. Only
-    changes beyond half the widths of their intervals count."""
-    if not free or not np.isfinite(problem.natural[k]):
-        return {}
-    more = 0.1 * theta[k] * (problem.jacobian(theta, [k])[:, 0] / sd)
-    change = -np.linalg.lstsq(found.jacobian, more, rcond=None)[0] * problem.natural[free]
-    least = np.maximum(found.half, 1e-3 * np.abs(theta[free]))
-    return {problem.names[f]: float(c) for f, c, most in zip(free, change, least) if abs(c) > most}
-
-
 def _regression(problem, default, reason, source):
     """Stage 1, stage 2 and the joint fit.
 
@@ -260,11 +268,8 @@ def _regression(problem, default, reason, source):
         free = _free(problem, reason)
         theta = _start(problem, default, reason, source, free)
         sd = problem.deviation(problem.measured)
-        first = [
-            k
-            for k in free
-            if base(names[k]) in STAGE_1 and np.any(problem.effect[uncoupled, k] > 0)
-        ]
+        seen = np.any(problem.effect[uncoupled] > 0, axis=0)
+        first = [k for k in free if base(names[k]) in STAGE_1 and seen[k]]
         theta = problem.fit(theta, first, sd, uncoupled)
         # tension that is coupled at every point, as with free sides alone
         lone = [k for k in free if base(names[k]) in ("a", "b") and k not in first]
@@ -275,7 +280,7 @@ def _regression(problem, default, reason, source):
         if not bad:
             s3 = names.index("s3")
             return theta, staged, [k for k in free if k != s3 or theta[s3] > 0]
-        k, why = _given_up(problem, bad, free, lone, np.maximum(abs(theta), abs(default)))
+        k, why = _given_up(names, bad, free, lone, np.maximum(abs(theta), abs(default)))
         reason[k] = why
 
 
@@ -290,14 +295,14 @@ def _free(problem, reason):
     if len(problem.measured) <= len(free):
         raise InputError(
             f"there are {len(problem.measured)} measured values for {len(free)} parameters; "
-            "allowed are more values than parameters"
+            "allowed are more values"
         )
     return free
 
 
 def _start(problem, default, reason, source, free):
     """Values that a fit begins with; higher terms that are not fitted are 0 beside a lower one that
-    is, which `source` then tells."""
+    is, as `source` then says."""
     names, theta = problem.names, default.copy()
     for k in reason:
         lower = names[k].replace(base(names[k]), HIGHER.get(base(names[k]), "-"))
@@ -328,10 +333,9 @@ def _joint_fit(problem, theta, free, rest, sd):
     return theta, staged, problem.undetermined(theta, free, sd * math.sqrt(variance))
 
 
-def _given_up(problem, bad, free, lone, size):
-    """Which of the parameters in `bad` becomes an assumption, and why; lone: those of tension that
-    is coupled at every point; size: of all parameters."""
-    names = problem.names
+def _given_up(names, bad, free, lone, size):
+    """The parameter in `bad` that becomes an assumption, and why; lone: those of tension that is
+    coupled at every point; size: of all parameters."""
     k, half = min(bad, key=lambda item: GIVEN_UP.index(base(names[item[0]])))
     yarn = names[k].removesuffix(base(names[k]))
     rival = yarn + "p_min"
@@ -347,45 +351,3 @@ def _given_up(problem, bad, free, lone, size):
         why += "; a and b are fitted for this value, "
         why += "a test with held sides or a biaxial one would tell"
     return k, why
-
-
-def _weights(problem, theta):
-    """Deviations (N,), and the noise estimated for curves that state none. It is None unless others
-    state theirs: the variance of the residuals then gives it."""
-    predicted = problem.predict(theta)
-    silent = np.concatenate(
-        [np.full(s.stop - s.start, curve.noise is None) for (curve, _), s in problem.parts]
-    )
-    if silent.all() or not silent.any():
-        return problem.deviation(predicted), None
-    estimated = max(
-        float(np.sqrt(np.mean(((predicted - problem.measured) / problem.peak)[silent] ** 2))), 1e-9
-    )
-    return problem.deviation(predicted, estimated), estimated
-
-
-def _at_bound(problem, theta, free, fitted):
-    """Parameters of `free` that a bound holds."""
-    x, low, high = problem._to_x(theta, fitted)
-    near = {
-        k for k, v, lo, hi in zip(fitted, x, low, high) if v - lo < 1e-6 or hi - v < 1e-6
-    } | set(free) - set(fitted)
-    shear = set(problem._shear(fitted))  # a bound on tau' holds all three
-    return near | shear & set(free) if near & shear else near
-
-
-def _physics(problem, fabric):
-    """Smallest tau' over the measured angles [MPa], and whether W(eps_a, eps_b) is convex over the
-    measured tension."""
-    softest = convex = None
-    if problem.angle:
-        g = np.linspace(0, problem.angle, 1001)
-        softest = float((fabric.s1 + (2 * fabric.s2 + 3 * fabric.s3 * g) * g).min())
-    tension = problem.strains[
-        (problem.strains[:, :2].max(1) > 0) & (problem.strains[:, :2].min(1) >= 0)
-    ]
-    if tension.size:
-        # by the kernel's tangent just inside tension; the kink at 0 belongs to compression
-        _, H = nominal(fabric, np.maximum(tension * [1, 1, 0], [1e-9, 1e-9, 0]), tangent=True)
-        convex = bool(np.all((H[:, 0] > 0) & (H[:, 0] * H[:, 1] - H[:, 2] ** 2 > 0)))
-    return softest, convex

@@ -37,9 +37,6 @@ class Assumed:
     moves: dict[str, float]
 
     def __str__(self) -> str:
-        told = f"assumed ({self.source}): {self.reason}"
-        if self.moves:
-            told += "; 10 % more of it moves " + ", ".join(
-                f"{n} by {v:+.3g} {unit_of(n)}".removesuffix(" -") for n, v in self.moves.items()
-            )
-        return told
+        moves = [f"{n} by {v:+.3g} {unit_of(n)}".removesuffix(" -") for n, v in self.moves.items()]
+        more = f"; 10 % more of it moves {', '.join(moves)}" if moves else ""
+        return f"assumed ({self.source}): {self.reason}{more}"

@@ -1,4 +1,4 @@
-"""Residuals of test curves in the parameters of the law, and what can be said of them."""
+"""Residuals of test curves in the parameters of the law, and what the curves determine."""
 
 import math
 from collections.abc import Sequence
@@ -37,13 +37,11 @@ def unit_of(name: str) -> str:
 def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:
     """Parameters of `fabric` by the names used here: 10 if balanced, otherwise 17 with warp. and
     weft. before the yarns'."""
-    return {
-        n: getattr(
-            fabric if n in SHEAR else getattr(fabric, n.split(".")[0] if "." in n else "warp"),
-            base(n),
-        )
-        for n in names_of(balanced)
-    }
+    own = {name: getattr(fabric, name) for name in SHEAR}
+    own |= {name: getattr(fabric.warp, name) for name in YARN}
+    for yarn in ("warp", "weft"):
+        own |= {f"{yarn}.{name}": getattr(getattr(fabric, yarn), name) for name in YARN}
+    return {name: own[name] for name in names_of(balanced)}
 
 
 class NotConverged(SolverFailure):
@@ -55,54 +53,41 @@ class NotConverged(SolverFailure):
 
 
 class Problem:
-    """Residuals of all curves in the parameters `names` (10 or 17), with all points in one call of
-    the kernel."""
+    """Residuals of all curves in the parameters `names` (10 or 17), with all N points in one call
+    of the kernel.
+
+    natural, effect: see `rescale`; start: the values at which the fit begins."""
 
     def __init__(self, sheet: Sheet, curves: Sequence[Curve]) -> None:
         self.names, self.thickness, self.curves = names_of(sheet.balanced), sheet.thickness, curves
         if not curves:
             raise InputError("there is no curve; allowed is one or more")
         parts = [(curve, response) for curve in curves for response in curve.responses]
-        sizes = [len(response.values) for _, response in parts]
-        self.slices = [slice(end - size, end) for size, end in zip(sizes, np.cumsum(sizes))]
-        self.parts = list(zip(parts, self.slices))
-        self.measured = np.concatenate([response.values for _, response in parts])
-        self.peak = np.concatenate(
-            [np.full(size, response.peak) for size, (_, response) in zip(sizes, parts)]
-        )
-        self.gain = np.concatenate([response.gain for _, response in parts])
-        self.half = np.concatenate(
-            [
-                np.zeros(size) if response.half is None else response.half
-                for size, (_, response) in zip(sizes, parts)
-            ]
-        )
-        self.component = np.concatenate(
-            [np.full(size, response.component) for size, (_, response) in zip(sizes, parts)]
-        )
+        ends = np.cumsum([len(response.values) for _, response in parts])
+        self.parts = [(p, slice(end - len(p[1].values), end)) for p, end in zip(parts, ends)]
+
+        def joined(value):
+            """A number of each part or of each of its points, (N,)."""
+            return np.concatenate([np.broadcast_to(value(c, r), r.values.shape) for c, r in parts])
+
+        self.measured = joined(lambda _, response: response.values)
+        self.peak = joined(lambda _, response: response.peak)
+        self.gain = joined(lambda _, response: response.gain)
+        self.half = joined(lambda _, response: 0.0 if response.half is None else response.half)
+        self.component = joined(lambda _, response: response.component)
         self.strains = np.concatenate([curve.strains for curve, _ in parts])
         self.halves = np.flatnonzero(self.half)
-        self.free = {}
-        for along in (0, 1):  # points under free tension, and where to start the strain across
-            pieces = [
-                (s, curve.responses[-1]) for (curve, _), s in self.parts if curve.free == along
-            ]
-            if pieces:
-                points = np.concatenate([np.r_[s] for s, _ in pieces])
-                start = [
-                    r.values.copy() if r.component == 3 else np.zeros(len(r.values))
-                    for _, r in pieces
-                ]
-                self.free[along] = points, np.concatenate(start)
-        self.angle = max(
-            (
-                np.abs(self.strains[s, 2]).max()
-                for (_, response), s in self.parts
-                if response.component == 2
-            ),
-            default=0.0,
-        )
+        # the yarns of points under free tension, and where to start the strain across
+        self.along = joined(lambda curve, _: -1 if curve.free is None else curve.free)
+        last = [curve.responses[-1] for curve, _ in parts]
+        begin = np.concatenate([r.values if r.component == 3 else 0 * r.values for r in last])
+        points = {along: np.flatnonzero(self.along == along) for along in (0, 1)}
+        self.free = {along: (at, begin[at]) for along, at in points.items() if at.size}
+        self.angle = float(np.abs(self.strains[self.component == 2, 2]).max(initial=0.0))
         self.extent = max(np.abs(self.strains[:, :2]).max(), 1e-3)
+        self.start = np.array([*true_values(DEFAULTS, sheet.balanced).values()])
+        self.natural = np.full(len(self.start), np.inf)
+        self.rescale(self.start)
 
     def material(self, theta: np.ndarray) -> WovenFabric:
         """A fabric without its checks, so that derivatives can be taken at bounds."""
@@ -110,33 +95,21 @@ class Problem:
         fabric = DEFAULTS.symbols(float)
         vars(fabric).update({n: v[n] for n in SHEAR}, thickness=self.thickness)
         for yarn in ("warp", "weft"):
-            vars(getattr(fabric, yarn)).update(
-                {n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN}
-            )
+            numbers = {n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN}
+            vars(getattr(fabric, yarn)).update(numbers)
         return fabric
 
     def predict(self, theta: np.ndarray) -> np.ndarray:
         """The law's prediction of every measured value, (N,)."""
-        fabric, strains = self.material(theta), self.strains
-        if self.free:
-            strains = strains.copy()
-            for along, (points, start) in self.free.items():
-                across = lateral_strain(fabric, along, strains[points, along], start)
-                strains[points, 1 - along] = start[:] = across  # near that of the next parameters
-        stress = nominal(
-            fabric,
-            np.concatenate([strains, strains[self.halves] * [1, 1, 0.5]])
-            if self.halves.size
-            else strains,
-        )
+        fabric, strains = self.material(theta), self.strains.copy()
+        for along, (points, start) in self.free.items():
+            across = lateral_strain(fabric, along, strains[points, along], start)
+            strains[points, 1 - along] = start[:] = across  # near that of the next parameters
+        at_half = strains[self.halves] * [1, 1, 0.5]
+        stress = nominal(fabric, np.concatenate([strains, at_half]))
         N = len(strains)
-        rows = np.arange(N)
-        across = np.zeros(N)
-        for along, (points, _) in self.free.items():
-            across[points] = strains[points, 1 - along]
-        value = self.gain * np.where(
-            self.component == 3, across, stress[rows, np.minimum(self.component, 2)]
-        )
+        across = np.where(self.along == 0, strains[:, 1], strains[:, 0])
+        value = self.gain * np.column_stack([stress[:N], across])[np.arange(N), self.component]
         value[self.halves] += self.half[self.halves] * stress[N:, 2]
         return value
 
@@ -147,24 +120,16 @@ class Problem:
 
     def jacobian(self, theta: np.ndarray, free: Sequence[int]) -> np.ndarray:
         """d(predict)/d(theta) (N, len(free)) by central differences."""
-        columns, sizes = [], self.sizes(theta)
-        for k in free:
-            step = np.zeros(len(theta))
-            step[k] = 1e-5 * sizes[k]
-            columns.append(
-                (self.predict(theta + step) - self.predict(theta - step)) / (2 * step[k])
-            )
+        steps = 1e-5 * np.diag(self.sizes(theta))
+        columns = [
+            (self.predict(theta + steps[k]) - self.predict(theta - steps[k])) / (2 * steps[k, k])
+            for k in free
+        ]
         return np.array(columns).T.reshape(len(self.measured), len(free))
 
-    def prepare(self, start: np.ndarray) -> None:
-        """Set the size of steps, and `natural`: the change of each parameter that moves a response
-        by its peak."""
-        self.start, self.natural = start, np.full(len(start), np.inf)
-        self.rescale(start)
-
     def rescale(self, theta: np.ndarray) -> None:
-        """Set `effect` (N, len(theta)), of each parameter on each value over its peak, and
-        `natural` from it."""
+        """Set `effect` (N, len(theta)), of each parameter on each value over its peak, and from it
+        `natural`: the change of each parameter that moves a response by its peak."""
         effect = np.abs(self.jacobian(theta, range(len(theta))) / self.peak[:, None])
         # 1e-9 of the peak for a large change is rounding, which differs from machine to machine
         effect[(effect < 1e-7 * effect.max(0)) | (effect * self.sizes(theta) < 1e-9)] = 0
@@ -179,33 +144,29 @@ class Problem:
         for (curve, _), s in self.parts:
             if curve.noise:
                 kind, size = curve.noise
-                scale = {"absolute": 1.0, "maximum": self.peak[s]}.get(
-                    kind, np.maximum(np.abs(predicted[s]), 0.05 * self.peak[s])
-                )
-                sd[s] = size * scale
+                value = np.maximum(np.abs(predicted[s]), 0.05 * self.peak[s])
+                sd[s] = size * {"absolute": 1.0, "maximum": self.peak[s]}.get(kind, value)
         return sd
 
+    def _yarns(self, name):
+        """The yarns, 0 or 1, whose parameter this is."""
+        return {"warp": (0,), "weft": (1,)}.get(name.rpartition(".")[0], (0, 1))
+
     def has_contraction(self, name: str) -> bool:
-        """Whether a point shows the yarns of p_min `name` in tension under a negative strain
+        """True if a point shows the yarns of p_min `name` in tension under a negative strain
         across."""
-        for i in (0, 1) if "." not in name else (("warp.p_min", "weft.p_min").index(name),):
-            prescribed = (
-                (self.strains[:, i] > 0) & (self.strains[:, 1 - i] < 0) & (self.component < 2)
-            )
-            if i in self.free or prescribed.any():
-                return True
-        return False
+        e, is_stress = self.strains, self.component < 2
+        prescribed = [(e[:, i] > 0) & (e[:, 1 - i] < 0) & is_stress for i in (0, 1)]
+        return any(i in self.free or prescribed[i].any() for i in self._yarns(name))
 
     def rests_on_form(self, name: str) -> bool:
-        """Whether only the form of free tests tells the p_min `name`: none of them has the strain
-        across, and no test of those yarns in tension prescribes it."""
-        known = [(curve.free, response.component) for (curve, response), _ in self.parts]
-        for i in (0, 1) if "." not in name else (("warp.p_min", "weft.p_min").index(name),):
-            prescribed = (self.strains[:, i] > 0) & (self.component < 2)
-            prescribed[[k for points, _ in self.free.values() for k in points]] = False
-            if prescribed.any() or (i, 3) in known:
-                return False
-        return True
+        """True if only the form of free tests determines the p_min `name`: none of them has the
+        strain across, and no test of those yarns in tension prescribes it."""
+        held = (self.component < 2) & (self.along < 0)
+        return not any(
+            np.any(held & (self.strains[:, i] > 0) | (self.along == i) & (self.component == 3))
+            for i in self._yarns(name)
+        )
 
     def undetermined(
         self, theta: np.ndarray, free: list[int], sd: Any = 0.0, slack: float = 1.0
@@ -219,27 +180,25 @@ class Problem:
         J = self.jacobian(theta, free) * self.natural[free] / weight[:, None]
         _, s, Vt = np.linalg.svd(J, full_matrices=len(free) > len(J))
         s = np.maximum(np.pad(s, (0, len(free) - len(s))), 1e-8 * s.max())
-        half = 1.96 * np.sqrt(((Vt.T / s) ** 2).sum(1))
-        limit = np.array(
-            [
-                0.5 / self.natural[k]
-                if base(self.names[k]) == "p_min"
-                else max(abs(theta[k]) / self.natural[k], 1)
-                for k in free
-            ]
-        )
-        return [
-            (k, h * self.natural[k]) for k, h, most in zip(free, half, limit) if h > slack * most
-        ]
+        half = 1.96 * np.sqrt(((Vt.T / s) ** 2).sum(1)) * self.natural[free]
+        size = np.maximum(np.abs(theta), self.natural)
+        limit = [0.5 if base(self.names[k]) == "p_min" else size[k] for k in free]
+        return [(k, h) for k, h, most in zip(free, half, limit) if h > slack * most]
 
     def box(self, k: int) -> tuple[float, float]:
         """Least and greatest value of parameter k that a fit takes: bounds from physics, and c no
         larger than the measured strains can show."""
         name = base(self.names[k])
-        low = (
-            1e-9 * self.natural[k] if name in ("b", "d", "s1") else -np.inf if name == "s2" else 0.0
-        )
+        low = {"s2": -np.inf}.get(name, 1e-9 * self.natural[k] if name in ("b", "d", "s1") else 0.0)
         return low, {"p_min": 1.0, "c": 50 / self.extent}.get(name, np.inf)
+
+    def at_bound(self, theta: np.ndarray, free: list[int], fitted: list[int]) -> set[int]:
+        """Parameters of `free` that a bound holds, or that are not among the `fitted` ones."""
+        x, low, high = self._to_x(theta, fitted)
+        held = (x - low < 1e-6) | (high - x < 1e-6)
+        near = {k for k, at in zip(fitted, held) if at} | set(free) - set(fitted)
+        shear = set(self._shear(fitted))  # a bound on tau' holds all three
+        return near | shear & set(free) if near & shear else near
 
     def _shear(self, free):
         """The shear parameters that are fitted through the stiffness tau' at points of [0,

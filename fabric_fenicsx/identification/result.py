@@ -1,6 +1,7 @@
-"""What an identification found, for a material file, a report and the screen."""
+"""The result of an identification, for a material file, a report and the screen."""
 
 import dataclasses
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,7 +35,7 @@ class Identification:
     compaction: CompactionFit | None = None  # None without a test of it: the default
 
     def remarks(self) -> list[str]:
-        """Lines for a material file that tell where its values are from."""
+        """Lines for a material file on the origin of its values."""
         lines = []
         if self.areal_weight is not None:
             lines.append(
@@ -64,7 +65,7 @@ class Identification:
         return self.assumed | {f"compaction.{name}": p for name, p in across.items()}
 
     def report(self) -> dict[str, Any]:
-        """All of it for JSON, with the r.m.s. error of each curve."""
+        """The result for JSON, with the r.m.s. error of each curve."""
         names = list(self.determined)
         return {
             "material": self.fabric.name,
@@ -75,7 +76,7 @@ class Identification:
             "determined": {n: dataclasses.asdict(p) for n, p in self.determined.items()},
             "assumed": {n: dataclasses.asdict(p) for n, p in self.assumed.items()},
             "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
-            "curves": [self._error(*fit) for fit in self.fits],
+            "curves": [_error(*fit) for fit in self.fits],
             "compaction": self.compaction and self.compaction.report(),
             "degrees_of_freedom": self.degrees_of_freedom,
             "variance_of_weighted_residuals": self.variance,
@@ -85,23 +86,50 @@ class Identification:
             "warnings": self.warnings,
         }
 
-    def _error(self, curve, response, predicted, _):
-        rms = float(np.sqrt(np.mean((predicted - response.values) ** 2)))
-        noise = None
-        if curve.noise:
-            kind, size = curve.noise
-            noise = (
-                f"{size:g} {response.unit}"
-                if kind == "absolute"
-                else f"{percent(size, 6)} of {kind}"
-            )
-        return {
-            "file": curve.file,
-            "test": curve.test,
-            "column": response.column,
-            "unit": response.unit,
-            "points": len(predicted),
-            "rms_error": rms,
-            "rms_error_of_peak": rms / response.peak,
-            "noise_stated": noise,
-        }
+
+def _error(curve, response, predicted, _):
+    rms = float(np.sqrt(np.mean((predicted - response.values) ** 2)))
+    noise = None
+    if curve.noise:
+        kind, size = curve.noise
+        unit = response.unit
+        noise = f"{size:g} {unit}" if kind == "absolute" else f"{percent(size, 6)} of {kind}"
+    return {
+        "file": curve.file,
+        "test": curve.test,
+        "column": response.column,
+        "unit": response.unit,
+        "points": len(predicted),
+        "rms_error": rms,
+        "rms_error_of_peak": rms / response.peak,
+        "noise_stated": noise,
+    }
+
+
+def result_lines(result: Identification) -> Iterator[str]:
+    """Lines for the screen: the parameters of `result`, the errors of its curves, its warnings."""
+    for name, p in result.all_determined.items():
+        low, high = p.interval
+        yield f"{name:20s} {p.value:12.6g} {p.unit:4s} 95 % interval {low:.6g} to {high:.6g}"
+    for name, assumed in result.all_assumed.items():
+        yield f"{name:20s} {assumed.value:12.6g} {assumed.unit:4s} {assumed}"
+    report = result.report()
+    for curve in report["curves"]:
+        yield (
+            f"{curve['file']}: r.m.s. error of {curve['column']} {curve['rms_error']:.4g} "
+            f"{curve['unit']}, {percent(curve['rms_error_of_peak'])} of its peak"
+        )
+    for test in (report["compaction"] or {"tests": []})["tests"]:
+        yield f"{test['file']}: r.m.s. error of thickness {test['rms_error_mm']:.3g} mm"
+    if result.areal_weight is not None:
+        density = f"{result.fabric.density:.4g} g/cm3"
+        yield f"density {density} = areal weight {result.areal_weight:g} g/m2 / thickness"
+    for warning in result.warnings:
+        yield f"warning: {warning}"
+
+
+def coverage_lines(found: Mapping[str, Any]) -> Iterator[str]:
+    """Lines for the result of `coverage`: how often true values lay in their intervals."""
+    for name, inside in found["inside"].items():
+        times = f"{inside} of {found['determined'][name]} times"
+        yield f"{name:12s} in its 95 % interval {times}, {found['seeds']} seeds"

@@ -57,54 +57,34 @@ def synthesise(
     KeyError for another plan.
     """
     random = np.random.default_rng(seed)
+    stated = ("maximum", noise) if noise else None
     balanced = fabric.is_balanced if balanced is None else balanced
     curves = []
     for name, (test, ends) in PLANS[plan].items():
         runs = data.TESTS[test].strains
-        free = ends.index(None) if None in ends else None
-        along = None if free is None else 1 - free
+        along = 1 - ends.index(None) if None in ends else None
         ramp = np.arange(1, points + 1) / points
-        strains = np.stack(
-            [
-                ramp * (e or 0) if c in runs else np.full(points, e or 0.0)
-                for c, e in zip(data.STRAINS, ends)
-            ],
-            -1,
-        )
-        strains[:, 2] = np.radians(strains[:, 2])
+        reached = zip(data.STRAINS, ends)
+        columns = [ramp * (e or 0) if c in runs else np.full(points, e or 0.0) for c, e in reached]
+        strains = np.stack([*columns[:2], np.radians(columns[2])], -1)
         exact = strains.copy()
-        if free is not None and along is not None:
-            exact[:, free] = lateral_strain(fabric, along, strains[:, along])
-        stress = nominal(fabric, exact)
-        measured = {"biaxial": ("sigma_a", "sigma_b"), "shear": ("tau",)}.get(
-            test, (f"sigma_{test[-1]}",)
-        )
-        values = {c: stress[:, ("sigma_a", "sigma_b", "tau").index(c)] for c in measured}
-        if free is not None:
-            values[data.STRAINS[free]] = exact[:, free]
-        values = {
-            c: v + noise * np.abs(v).max() * random.standard_normal(points)
-            for c, v in values.items()
-        }
-        responses = tuple(
-            Response(c, "-" if c.startswith("eps") else "MPa", v, np.ones(points))
-            for c, v in values.items()
-        )
-        abscissa = data.STRAINS.index(
-            max(runs, key=lambda c: np.ptp(strains[:, data.STRAINS.index(c)]))
-        )
-        curves.append(
-            Curve(
-                f"{name}.csv",
-                test,
-                strains,
-                responses,
-                np.arange(points),
-                abscissa,
-                along,
-                ("maximum", noise) if noise else None,
-            )
-        )
+        if along is not None:
+            exact[:, 1 - along] = lateral_strain(fabric, along, strains[:, along])
+        stress = dict(zip(("sigma_a", "sigma_b", "tau"), nominal(fabric, exact).T))
+        measured = {"biaxial": ("sigma_a", "sigma_b"), "shear": ("tau",)}
+        values = {c: stress[c] for c in measured.get(test, (f"sigma_{test[-1]}",))}
+        if along is not None:
+            values[data.STRAINS[1 - along]] = exact[:, 1 - along]
+        responses = []
+        for c, v in values.items():
+            unit = "-" if c.startswith("eps") else "MPa"
+            v = v + noise * np.abs(v).max() * random.standard_normal(points)
+            responses.append(Response(c, unit, v, np.ones(points)))
+        places = [data.STRAINS.index(c) for c in runs]
+        abscissa = max(places, key=lambda k: np.ptp(strains[:, k]))
+        rows = np.arange(points)
+        file = f"{name}.csv"
+        curves.append(Curve(file, test, strains, tuple(responses), rows, abscissa, along, stated))
     sheet = Sheet(
         fabric.name, fabric.thickness, fabric.density, balanced, fibre_density=fabric.fibre_density
     )
@@ -150,10 +130,5 @@ def coverage(
             determined[name] += 1
             inside[name] += fitted.interval[0] <= truth[name] <= fitted.interval[1]
     found = {n: d for n, d in determined.items() if d}
-    return {
-        "seeds": len(seeds),
-        "noise": noise,
-        "plan": plan,
-        "inside": {n: inside[n] for n in found},
-        "determined": found,
-    }
+    counts = {"inside": {n: inside[n] for n in found}, "determined": found}
+    return {"seeds": len(seeds), "noise": noise, "plan": plan} | counts

@@ -36,18 +36,18 @@ def toe_warning(curve: Curve, response: Response, predicted: np.ndarray, sd: np.
     strains = curve.strains[rising, k]
     low, high = (np.degrees if is_shear else lambda v: 100 * v)(strains[[0, first - 1]])
     side, unit = ("above", "deg") if is_shear else ("below", "%")
-    told = (
+    text = (
         f"{curve.file}: the first {first} points, from {rounded(low)} to {rounded(high)} {unit}, "
         f"all lie {side} the fit, by {abs(off[:first].mean()):.2g} {response.unit} on average, "
         f"{percent(share)} of {response.column} there: a toe, as "
     )
     if is_shear:
-        return told + (
+        return text + (
             "friction makes it where yarns begin to turn, which the law does not have; in a "
             "simulation the force at these angles will be too low"
         )
     fitted = values[0] - off[0]
-    return told + (
+    return text + (
         f"crimp or slack makes it where yarns straighten; the first point is {rounded(values[0])} "
         f"{response.unit}, and {rounded(fitted)} in the fit, so in a simulation the force at these "
         f"strains will be too high; if the strip was slack, {_slack(curve, strains, values, first)}"
@@ -61,5 +61,5 @@ def _slack(curve, strains, values, first):
     slope = (values[j] - values[i]) / (strains[j] - strains[i]) if j > i else np.inf
     end = max(strains[i] - values[i] / slope, 0.0)
     length = curve.keys.get("length")
-    told = f"{curve.slack + end * length:.2g} mm" if length else percent(curve.slack + end)
-    return f"a line `# slack: {told}` counts the strain from there"
+    slack = f"{curve.slack + end * length:.2g} mm" if length else percent(curve.slack + end)
+    return f"a line `# slack: {slack}` counts the strain from there"

@@ -1,4 +1,4 @@
-"""How a ply of fabric loses thickness under pressure."""
+"""Loss of a ply's thickness under pressure."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ import numpy as np
 from ..runtime.errors import InputError
 from ..runtime.rules import Rule, above_zero, check_complete, shown
 from .files import read_numbers
-from .parameters import Parameters
+from .material import Parameters
 
 ITERATIONS = 6  # of Newton's method; three or four do
 SMALL = 1e-3  # of y, below which e^y - 1 - y is taken as a series
@@ -21,12 +21,27 @@ class Compaction(Parameters):
     """Pressure p over the thickness h of a ply: p = p_0 (e^y - 1 - y), y = n ln(h_0 / h).
 
     So the fibre volume fraction grows with the power 1/n of pressure, once that is well above p_0,
-    and pressure begins with the square of compaction.
+    and pressure begins with the square of compaction. h_0 is the thickness without pressure.
 
-    - exponent: n; onset: p_0 [MPa], from which on the power law holds
-    - pressure [MPa], under which the fabric has its thickness; h_0 is that without pressure
+    Parameters
+    ----------
+    exponent : float
+        n, above 1 [-].
+    onset : float
+        p_0 [MPa], from which on the power law holds.
+    pressure : float
+        Pressure [MPa] under which the fabric has its thickness.
 
-    Raises InputError for an exponent up to 1, and pressures not above 0.
+    Raises
+    ------
+    InputError
+        For an exponent up to 1, and pressures not above 0.
+
+    Examples
+    --------
+    >>> ply = ff.Compaction(16.0, onset=1e-3, pressure=1e-3)
+    >>> ply.thickness(np.array([1e-3, 1.0])).round(3).tolist()  # over the fabric's
+    [1.0, 0.697]
     """
 
     rules: ClassVar[Mapping[str, Rule]] = {
@@ -46,9 +61,8 @@ class Compaction(Parameters):
 
 
 def compaction_of(document: dict[str, Any], units: Mapping[str, str]) -> Compaction | None:
-    """The compaction that a material file tells, taken out of its TOML document: a table
-    [compaction]; None for `compaction = false`; the default where it says nothing. units: of its
-    table [units]. Raises InputError by key."""
+    """The table [compaction] of a material file, taken out of its document; None for `compaction =
+    false`, the default without either. units: its table [units]. Raises InputError by key."""
     if "compaction" not in document:
         return Compaction()
     given = document.pop("compaction")
@@ -56,8 +70,7 @@ def compaction_of(document: dict[str, Any], units: Mapping[str, str]) -> Compact
         return None
     if not isinstance(given, dict):
         raise InputError(
-            f"compaction is {shown(given)}; allowed is a table, [compaction], or false for fabric "
-            "that keeps its thickness"
+            f"compaction is {shown(given)}; allowed is a table [compaction], or false for none"
         )
     numbers = read_numbers(given, Compaction.rules, units, "compaction.")
     check_complete(numbers, Compaction.rules, "compaction.", "in [compaction]")
@@ -65,7 +78,7 @@ def compaction_of(document: dict[str, Any], units: Mapping[str, str]) -> Compact
 
 
 def table_of(compaction: Compaction | None) -> dict[str, float] | bool:
-    """What a material file says of it, as `compaction_of` reads it."""
+    """Its entry in a material file."""
     return dataclasses.asdict(compaction) if compaction else False
 
 

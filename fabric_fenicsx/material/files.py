@@ -8,12 +8,27 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from ..readers.units import check_unit, power_of_key, suffixes
+from ..readers.units import UNITS, check_unit, suffixes
 from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, shown, unknown_key
+from ..runtime.rules import Rule, above_zero, did_you_mean, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
 FIBRES = {"fibre_density": above_zero("density")}
+
+
+def preset_or_file(
+    kind: str, source: Any, presets: Mapping[str, Any], read: Callable[[Any], Any]
+) -> Any:
+    """The preset of this name, else read(source) of a file; InputError, which calls it `kind`, if
+    neither exists."""
+    if isinstance(source, str) and source in presets:
+        return presets[source]
+    if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
+        return read(source)
+    raise InputError(
+        f"{kind} {shown(source)} is unknown{did_you_mean(source, presets)}; allowed is a preset "
+        f"({', '.join(presets)}) or a file that exists"
+    )
 
 
 def read_toml(path: str | os.PathLike[str], make: Callable[[dict[str, Any]], Any]) -> Any:
@@ -44,8 +59,7 @@ def write_whole(path: str | os.PathLike[str], text: str) -> None:
             part.unlink(missing_ok=True)
     except (OSError, ValueError) as error:
         raise InputError(
-            f"{path}: cannot be written ({_reason(error)}); "
-            "allowed is a file in a folder of this user"
+            f"{path}: cannot be written ({_reason(error)}); allowed is a folder of this user"
         ) from None
 
 
@@ -71,41 +85,58 @@ def take_units(document: dict[str, Any]) -> dict[str, str]:
 
 def read_numbers(
     table: Mapping[str, Any],
-    rules: Mapping[str, Rule],
+    rules: Mapping[str, Any],
     units: Mapping[str, str],
     where: str,
     also: tuple[str, ...] = (),
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """The numbers of one TOML table by the names of `rules`, in the package's units.
 
-    The unit is in the key or in `units`. where: what stands before a key in messages; also: keys
-    that belong to others. Raises InputError by key.
+    The unit is in the key, as `d_kPa` for the name d, or in `units`, the file's table {kind: unit}.
+    where: what stands before a key in messages; also: keys that belong to others. Raises InputError
+    by key.
     """
-    found: dict[str, float] = {}
+    found: dict[str, Any] = {}
     spelled: dict[str, str] = {}
     for key, value in table.items():
-        name = _name_of(key, rules)
-        if name is None:
-            raise unknown_key(key, (*rules, *also), where + key)
+        label = where + key
+        name, power = _meaning(key, rules, units, label, also)
         if name in found:
-            raise InputError(f"{where}{key} repeats {where}{spelled[name]}; allowed is {name} once")
-        power = power_of_key(name, rules[name].unit, key, units, where + key)
-        number = Decimal(repr(rules[name].check(where + key, value))).scaleb(power)
-        found[name] = rules[name].check(where + key, float(number))
+            raise InputError(f"{label} repeats {where}{spelled[name]}; allowed is {name} once")
+        checked = rules[name].check(label, value)
+        found[name] = rules[name].check(label, _scaled(checked, power))
         spelled[name] = key
     return found
 
 
-def _name_of(key, rules):
-    """Which of the names in `rules` a key has, with a unit or without; None if it is none or, with
-    no known unit, rather another one misspelt."""
-    begun = [name for name in rules if key == name or key.startswith(f"{name}_")]
-    longest = max(begun, key=len, default=None)
-    for name in sorted(begun, key=len, reverse=True):
-        if key == name or key.removeprefix(f"{name}_") in suffixes(rules[name].unit):
-            return name
-    near = difflib.get_close_matches(key, list(rules), n=1)
-    return longest if near in ([], [longest]) else None
+def _scaled(value, power):
+    """A number, or each of a list, times a power of ten, as exact as one typed by hand."""
+    if isinstance(value, tuple):
+        return tuple(_scaled(each, power) for each in value)
+    return float(Decimal(repr(value)).scaleb(power))
+
+
+def _meaning(key, rules, units, label, also):
+    """The name in `rules` that a key has, and the power of ten from its unit to the package's own;
+    InputError, which calls the key `label`, for one without or with another unit."""
+    for name, rule in rules.items():
+        kind, known = rule.unit, suffixes(rule.unit)
+        if key == name and kind and kind not in units:
+            keys = " or ".join(f"{name}_{unit}" for unit in known)
+            raise InputError(f"{label} has no unit; allowed is {keys}, or {kind} in [units]")
+        if key == name:
+            return name, UNITS[kind][units[kind]] if kind else 0
+        if key.startswith(f"{name}_") and (unit := key.removeprefix(f"{name}_")) in known:
+            return name, known[unit]
+    begun = max((name for name in rules if key.startswith(f"{name}_")), key=len, default="")
+    if not begun or difflib.get_close_matches(key, list(rules), n=1) not in ([], [begun]):
+        raise unknown_key(key, (*rules, *also), label)
+    if not (kind := rules[begun].unit):
+        raise InputError(
+            f"{label} has a unit, but {begun} is a pure number; allowed is the key {begun}"
+        )
+    unit = key.removeprefix(f"{begun}_")
+    raise unknown_key(unit, suffixes(kind), f"{label}: {kind} unit {unit!r}")
 
 
 def read_sheet_numbers(
@@ -113,7 +144,7 @@ def read_sheet_numbers(
     units: Mapping[str, str],
     also: tuple[str, ...] = (),
     rules: Mapping[str, Rule] | None = None,
-) -> tuple[dict[str, float], float | None]:
+) -> tuple[dict[str, Any], float | None]:
     """The numbers that a table has of thickness [mm], density [g/cm3] and the names of `rules`, and
     the areal weight [g/m2] if the density is from one: areal weight / thickness.
 
@@ -124,10 +155,7 @@ def read_sheet_numbers(
     weight = numbers.pop("areal_weight", None)
     if weight is not None and "thickness" in numbers:
         if "density" in numbers:
-            raise InputError(
-                "density and areal_weight are both given; "
-                "allowed is one, as each follows from the other"
-            )
+            raise InputError("density and areal_weight are both given; allowed is one of them")
         # from g/(m2 mm), rounded as a number typed by hand
         numbers["density"] = float(f"{1e-3 * weight / numbers['thickness']:.15g}")
     return numbers, weight

@@ -7,11 +7,10 @@ file alone. Yield stresses never fall, so that what a step minimises is convex.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from ..readers.units import power_of_key
 from ..runtime.errors import InputError
 from ..runtime.rules import (
     FINITE,
@@ -23,10 +22,9 @@ from ..runtime.rules import (
     unknown_key,
 )
 from .files import read_numbers
-from .parameters import Parameters
+from .material import Parameters
 
 CURVES: "dict[str, type[Hardening]]" = {}  # by their names in material files
-WHERE = "hardening."
 
 
 @dataclass(frozen=True)
@@ -48,25 +46,41 @@ class Hardening(Parameters):
         raise NotImplementedError
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """Its integral from 0, what flow dissipates per volume [N mm/mm^3]."""
+        """Its integral from 0, which flow dissipates per volume [N mm/mm^3]."""
         raise NotImplementedError
 
     def table(self) -> dict[str, Any]:
-        """What a material file says of it, in MPa."""
+        """Its table in a material file, in MPa."""
         return {"law": self.law} | {name: getattr(self, name) for name in self.rules}
-
-    @classmethod
-    def from_table(cls, table: Mapping[str, Any], units: Mapping[str, str]) -> Self:
-        """The curve of a file's table [hardening], without its law; InputError by key."""
-        numbers = read_numbers(table, cls.rules, units, WHERE, ("law",))
-        check_complete(numbers, cls.rules, WHERE, "in [hardening]")
-        return cls(**numbers)
 
 
 @dataclass(frozen=True)
 class Swift(Hardening):
-    """K (eps0 + p)^n (Swift, J. Mech. Phys. Solids 1, 1952): K [MPa], eps0, n [-]; n = 0 is ideal
-    plasticity."""
+    """Yield stress K (eps0 + p)^n.
+
+    Parameters
+    ----------
+    K : float
+        Stress at eps0 + p = 1 [MPa].
+    eps0 : float
+        Strain before the first yield [-].
+    n : float
+        Exponent, 0 to 1 [-]; 0 is ideal plasticity.
+
+    Raises
+    ------
+    InputError
+        For a value out of its range.
+
+    References
+    ----------
+    Swift, J. Mech. Phys. Solids 1, 1952.
+
+    Examples
+    --------
+    >>> ff.Swift(500.0, 0.01, 0.5).stress(np.array([0.0])).tolist()
+    [50.0]
+    """
 
     law = "swift"
     rules = {"K": above_zero("stress"), "eps0": above_zero(), "n": fraction()}
@@ -87,22 +101,44 @@ class Swift(Hardening):
         return cls(float(K), float(eps0), n)
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Yield stress [MPa]."""
         return self.K * (self.eps0 + p) ** self.n
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its derivative [MPa]."""
         return self.n * self.K * (self.eps0 + p) ** (self.n - 1)
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its integral from 0 [N mm/mm^3]."""
         power = self.n + 1
         return self.K / power * ((self.eps0 + p) ** power - self.eps0**power)
 
 
 @dataclass(frozen=True)
 class Voce(Hardening):
-    """Y0 + Q (1 - exp(-b p)) (Voce, J. Inst. Met. 74, 1948): Y0, Q [MPa], b [-]."""
+    """Yield stress Y0 + Q (1 - exp(-b p)), which ends at Y0 + Q.
+
+    Parameters
+    ----------
+    Y0, Q : float
+        First yield stress and its growth [MPa].
+    b : float
+        Rate of hardening [-].
+
+    Raises
+    ------
+    InputError
+        For a value out of its range.
+
+    References
+    ----------
+    Voce, J. Inst. Met. 74, 1948.
+
+    Examples
+    --------
+    >>> ff.Voce(160.0, 180.0, 14.0).stress(np.array([0.0, 10.0])).tolist()
+    [160.0, 340.0]
+    """
 
     law = "voce"
     rules = {"Y0": above_zero("stress"), "Q": not_negative("stress"), "b": above_zero()}
@@ -112,28 +148,59 @@ class Voce(Hardening):
     b: float
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Yield stress [MPa]."""
         return self.Y0 - self.Q * np.expm1(-self.b * p)
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its derivative [MPa]."""
         return self.Q * self.b * np.exp(-self.b * p)
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its integral from 0 [N mm/mm^3]."""
         return (self.Y0 + self.Q) * p + self.Q * np.expm1(-self.b * p) / self.b
+
+
+class Numbers(NamedTuple):
+    """The rule for a list of finite numbers; unit: as of a `Rule`."""
+
+    unit: str = ""
+
+    def check(self, name: str, value: Any) -> tuple[float, ...]:
+        """The numbers; InputError, which calls them `name`, for anything else."""
+        try:
+            return tuple(FINITE.check("", each) for each in value)
+        except (TypeError, InputError):
+            raise InputError(f"{name} is {shown(value)}; allowed is a list of numbers") from None
 
 
 @dataclass(frozen=True)
 class HardeningTable(Hardening):
-    """Through points: plastic strains `eps`, rising from 0, and stresses `sigma` [MPa] above 0 that
-    do not fall, two or more of each.
+    """Yield stress through points.
 
-    Between them a monotone cubic (SciPy's PCHIP), beyond the last a straight line at its slope
-    there. Raises InputError, which names the point, for other points than these.
+    Between them it is a monotone cubic (SciPy's PCHIP), beyond the last a straight line at its
+    slope there.
+
+    Parameters
+    ----------
+    eps : sequence of float
+        Plastic strains (n,), n >= 2, rising from 0 [-].
+    sigma : sequence of float
+        Stresses (n,), above 0, that do not fall [MPa].
+
+    Raises
+    ------
+    InputError
+        For other points than these; it names the point.
+
+    Examples
+    --------
+    >>> curve = ff.HardeningTable((0.0, 0.1, 0.3), (160.0, 260.0, 330.0))
+    >>> curve.stress(np.array([0.1])).tolist()
+    [260.0]
     """
 
     law = "table"
+    rules = {"eps": Numbers(), "sigma": Numbers("stress")}
 
     eps: tuple[float, ...]
     sigma: tuple[float, ...]
@@ -142,90 +209,55 @@ class HardeningTable(Hardening):
     _work: Any = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        try:
-            eps, sigma = (
-                np.array([FINITE.check("", each) for each in values])
-                for values in (self.eps, self.sigma)
-            )
-        except (TypeError, InputError):
+        super().__post_init__()
+        if len(self.eps) != len(self.sigma) or len(self.eps) < 2:
             raise InputError(
-                f"{WHERE}eps or sigma is {shown((self.eps, self.sigma))}; allowed are lists of "
-                "numbers"
-            ) from None
-        if eps.ndim != 1 or eps.shape != sigma.shape or len(eps) < 2:
-            raise InputError(
-                f"{WHERE}eps and sigma have shapes {eps.shape} and {sigma.shape}; allowed are two "
-                "lists of 2 or more numbers, as many of each"
+                "hardening.eps and sigma differ in length or are too short; allowed are two lists "
+                "of 2 or more numbers"
             )
-        last = 0.0, 0.0
-        for k, point in enumerate(zip(eps.tolist(), sigma.tolist())):
-            rises = point[0] > last[0] if k else point[0] == 0
-            if not (np.isfinite(point).all() and rises and point[1] > 0 and point[1] >= last[1]):
+        last = -np.inf, 0.0
+        for k, (p, stress) in enumerate(zip(self.eps, self.sigma)):
+            rises = p > last[0] if k else p == 0
+            if not (rises and stress > 0 and stress >= last[1]):
                 raise InputError(
-                    f"{WHERE}eps and sigma: point {k + 1} is {point}; allowed are strains that "
-                    "rise from 0 and stresses above 0 that do not fall"
+                    f"hardening: point {k + 1} is {(p, stress)}; allowed are strains that rise "
+                    "from 0 and stresses above 0 that do not fall"
                 )
-            last = point
-        object.__setattr__(self, "eps", tuple(eps.tolist()))
-        object.__setattr__(self, "sigma", tuple(sigma.tolist()))
+            last = p, stress
         from scipy.interpolate import PchipInterpolator  # takes long to import
 
-        curve = PchipInterpolator(eps, sigma)
+        curve = PchipInterpolator(self.eps, self.sigma)
         object.__setattr__(self, "_curve", curve)
         object.__setattr__(self, "_slope", curve.derivative())
         object.__setattr__(self, "_work", curve.antiderivative())
 
     def _split(self, p):
-        """What of p is within the table, and what beyond."""
+        """The parts of p within the table and beyond."""
         within = np.minimum(p, self.eps[-1])
         return within, p - within
 
     def stress(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Yield stress [MPa]."""
         within, beyond = self._split(p)
         return self._curve(within) + beyond * self._slope(self.eps[-1])
 
     def slope(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its derivative [MPa]."""
         return self._slope(self._split(p)[0])
 
     def work(self, p: np.ndarray) -> np.ndarray:
-        """As in `Hardening`."""
+        """Its integral from 0 [N mm/mm^3]."""
         within, beyond = self._split(p)
         end = self.sigma[-1] + beyond * self._slope(self.eps[-1]) / 2
         return self._work(within) + beyond * end
 
-    def table(self) -> dict[str, Any]:
-        """As in `Hardening`."""
-        return {"law": self.law, "eps": list(self.eps), "sigma": list(self.sigma)}
-
-    @classmethod
-    def from_table(cls, table: Mapping[str, Any], units: Mapping[str, str]) -> Self:
-        """As in `Hardening`."""
-        found: dict[str, Any] = {}
-        for key, values in table.items():
-            name = "sigma" if key.startswith("sigma") else key
-            if name not in ("eps", "sigma"):
-                raise unknown_key(key, ("law", "eps", "sigma"), WHERE + key)
-            if name in found:
-                raise InputError(f"{WHERE}{key} repeats {WHERE}{name}; allowed is {name} once")
-            if not isinstance(values, list):
-                raise InputError(f"{WHERE}{key} is {shown(values)}; allowed is a list of numbers")
-            kind = "stress" if name == "sigma" else ""
-            power = power_of_key(name, kind, key, units, WHERE + key)
-            try:
-                found[name] = tuple(float(f"{float(v)!r}e{power}") for v in values)
-            except (TypeError, ValueError):
-                raise InputError(
-                    f"{WHERE}{key} is {shown(values)}; allowed is a list of numbers"
-                ) from None
-        check_complete(found, ("eps", "sigma"), WHERE, "in [hardening]")
-        return cls(**found)
-
 
 def hardening_from(table: dict[str, Any], units: Mapping[str, str]) -> Hardening:
-    """The curve of a file's table [hardening]; InputError by key."""
+    """The curve of a file's table [hardening]; units: of its table [units]. InputError by key."""
     law = table.pop("law", None)
     if not isinstance(law, str) or law not in CURVES:
-        raise unknown_key(law, CURVES, f"{WHERE}law {shown(law)}")
-    return CURVES[law].from_table(table, units)
+        raise unknown_key(law, CURVES, f"hardening.law {shown(law)}")
+    curve = CURVES[law]
+    numbers = read_numbers(table, curve.rules, units, "hardening.", ("law",))
+    check_complete(numbers, curve.rules, "hardening.", "in [hardening]")
+    return curve(**numbers)

@@ -1,6 +1,6 @@
 """Logarithmic strain in a plane, with both derivatives in closed form.
 
-A symmetric tensor is told here by its mean and its two shears, (m, d, o): [[m + d, o], [o, m - d]].
+A symmetric tensor is its mean and its two shears here, (m, d, o): [[m + d, o], [o, m - d]].
 """
 
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Homogeneous states of a fabric: their stresses, and the state of free tension."""
 
-from typing import Literal, overload
-
 import numpy as np
 
 from ..runtime.errors import SolverFailure
@@ -10,23 +8,16 @@ from .laws import Law
 NARROWEST = -0.99  # strain across a free tension
 
 
-@overload
-def nominal(law: Law, strains: np.ndarray, tangent: Literal[False] = ...) -> np.ndarray: ...
-@overload
-def nominal(
-    law: Law, strains: np.ndarray, tangent: Literal[True]
-) -> tuple[np.ndarray, np.ndarray]: ...
-def nominal(
-    law: Law, strains: np.ndarray, tangent: bool = False
-) -> np.ndarray | tuple[np.ndarray, np.ndarray]:
-    """Stresses (n, 3) [MPa] conjugate to strains (n, 3) = eps_a, eps_b [-], gamma [rad].
-
-    With tangent=True also (n, 3): d(sigma_a)/d(eps_a), d(sigma_b)/d(eps_b), d(sigma_a)/d(eps_b).
-    """
+def nominal(law: Law, strains: np.ndarray) -> np.ndarray:
+    """Stresses (n, 3) [MPa] conjugate to strains (n, 3) = eps_a, eps_b [-], gamma [rad]."""
     eps_a, eps_b, gamma = strains.T
-    _, first, second = law.derivatives(eps_a, eps_b, gamma, tangent)
-    if second is None:
-        return first.T
+    return law.derivatives(eps_a, eps_b, gamma, second=False).first.T
+
+
+def nominal_tangent(law: Law, strains: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`nominal` and, (n, 3) [MPa], d(sigma_a)/d(eps_a), d(sigma_b)/d(eps_b),
+    d(sigma_a)/d(eps_b)."""
+    _, first, second = law.derivatives(*strains.T)
     return first.T, second[[0, 2, 1]].T
 
 
@@ -46,7 +37,7 @@ def lateral_strain(
     e[:, across] = 0 if start is None else np.clip(start, -0.8, 0)
     low, high = np.full(len(strain), -np.inf), np.full(len(strain), np.inf)
     for _ in range(200):
-        stress, stiffness = nominal(law, e, tangent=True)
+        stress, stiffness = nominal_tangent(law, e)
         before, pull = e[:, across].copy(), stress[:, across]
         if not np.isfinite(pull).all():
             raise SolverFailure("the stress across a free tension is not a number")

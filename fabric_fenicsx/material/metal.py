@@ -9,20 +9,42 @@ from typing import Any, ClassVar, Self
 
 from ..readers.units import UNITS
 from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, check_complete, did_you_mean, shown
-from .files import SHEET, read_sheet_numbers, take_table, take_units
+from ..runtime.rules import Rule, above_zero, check_complete, shown
+from .files import SHEET, preset_or_file, read_sheet_numbers, take_table, take_units
 from .hardening import Hardening, Swift, hardening_from
-from .laws.base import Material
+from .material import Material
 
 LAW = "metal"  # that material files name
 
 
 @dataclass(frozen=True)
 class Metal(Material):
-    """An isotropic metal that yields after von Mises: Young's modulus E [MPa], Poisson's ratio nu,
-    its `hardening` curve, thickness [mm], density [g/cm3] and a name.
+    """An isotropic metal that yields after von Mises.
 
-    Raises InputError for a value out of its range.
+    Parameters
+    ----------
+    E : float
+        Young's modulus [MPa].
+    nu : float
+        Poisson's ratio [-].
+    hardening : Swift, Voce or HardeningTable
+        Yield stress over equivalent plastic strain.
+    thickness : float
+        Thickness of the sheet [mm].
+    density : float
+        Mass per volume [g/cm3].
+    name : str
+
+    Raises
+    ------
+    InputError
+        For a value out of its range.
+
+    Examples
+    --------
+    >>> steel = ff.Metal(186600.0, 0.3, ff.Swift(520.0, 0.002, 0.2), thickness=1.0)
+    >>> steel.replace(thickness=0.8).thickness
+    0.8
     """
 
     rules: ClassVar[Mapping[str, Rule]] = {
@@ -48,7 +70,7 @@ class Metal(Material):
             raise InputError(f"name is {shown(self.name)}; allowed is a text")
 
     def table(self) -> dict[str, Any]:
-        """What a material file says of the metal."""
+        """The content of a material file."""
         units = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
         numbers = {name: getattr(self, name) for name in self.rules}
         head = {"law": LAW, "name": self.name} | numbers
@@ -81,18 +103,28 @@ METALS: Mapping[str, Metal] = MappingProxyType({"dc04": _DC04})
 
 
 def load_metal(source: str | os.PathLike[str]) -> Metal:
-    """The preset of this name, else the metal in the TOML file at this path; InputError if neither
-    exists.
+    """Load a metal by the name of a preset or from a material file.
 
-    `dc04`: the deep-drawing steel of the paper's laminate, 1 mm thick. E, nu and Rp0.05 are those
-    of its Table 2; of the hardening curve, which is not printed there, tensile strength (310 MPa)
-    and exponent (0.2) are within what EN 10130 asks of DC04 (270 to 350 MPa, 0.18 or more).
+    Parameters
+    ----------
+    source : str or path
+        A preset, or the path of a TOML file with `law = "metal"`. `dc04` is the deep-drawing
+        steel of the paper's laminate, 1 mm thick: E, nu and Rp0.05 of its Table 2; of the
+        hardening curve, which is not printed there, tensile strength (310 MPa) and exponent (0.2)
+        are within what EN 10130 asks of DC04 (270 to 350 MPa, 0.18 or more).
+
+    Returns
+    -------
+    Metal
+
+    Raises
+    ------
+    InputError
+        If there is neither a preset nor a file, and for what the file has wrong, by field.
+
+    Examples
+    --------
+    >>> ff.load_metal("dc04").E
+    186600.0
     """
-    if isinstance(source, str) and source in METALS:
-        return METALS[source]
-    if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        return Metal.from_toml(source)
-    raise InputError(
-        f"metal {shown(source)} is unknown{did_you_mean(source, METALS)}; allowed is a preset "
-        f"({', '.join(METALS)}) or a file that exists"
-    )
+    return preset_or_file("metal", source, METALS, Metal.from_toml)

@@ -8,8 +8,8 @@ from types import MappingProxyType
 from typing import Any
 
 from ..runtime.errors import InputError
-from ..runtime.rules import did_you_mean, shown, unknown_key
-from .files import read_toml
+from ..runtime.rules import shown, unknown_key
+from .files import preset_or_file, read_toml
 from .laws import LAWS, Law
 from .laws.coupled import WovenFabric, Yarn
 
@@ -32,22 +32,36 @@ PRESETS: Mapping[str, WovenFabric] = MappingProxyType(
 
 
 def load(source: str | os.PathLike[str]) -> Law:
-    """The preset of this name, else the material in the TOML file at this path; InputError if
-    neither exists.
+    """Load a fabric by the name of a preset or from a material file.
 
-    Its law is what the file says, `law = "NAME"`, by default `coupled`; `model = "fabric"` is
-    another way to say `law = "tabulated"`.
+    Parameters
+    ----------
+    source : str or path
+        `komeili`, the fabric of the paper's Table 1; `fabric`, the same without couplings; or the
+        path of a TOML file. That names its law, `law = "NAME"`, by default `coupled`;
+        `model = "fabric"` is another way to say `law = "tabulated"`.
+
+    Returns
+    -------
+    Law
+
+    Raises
+    ------
+    InputError
+        If there is neither a preset nor a file, and for what the file has wrong, by field.
+
+    Examples
+    --------
+    >>> fabric = ff.load("komeili")
+    >>> fabric.thickness, fabric.warp.b  # [mm], [MPa]
+    (1.0, 667.5)
     """
-    if isinstance(source, str) and source in PRESETS:
-        return PRESETS[source]
-    if isinstance(source, (str, os.PathLike)) and os.path.exists(source):
-        folder = Path(source).parent
-        return read_toml(source, lambda document: _law(document).from_document(document, folder))
-    names = ", ".join(PRESETS)
-    raise InputError(
-        f"material {shown(source)} is unknown{did_you_mean(source, PRESETS)}; allowed is a preset "
-        f"({names}) or a file that exists"
-    )
+
+    def read(path):
+        folder = Path(path).parent
+        return read_toml(path, lambda document: _law(document).from_document(document, folder))
+
+    return preset_or_file("material", source, PRESETS, read)
 
 
 def read_laws(path: str | os.PathLike[str]) -> None:

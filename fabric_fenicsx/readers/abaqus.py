@@ -3,8 +3,8 @@ their instances. meshio reads few types of elements and the last block of nodes 
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -19,11 +19,11 @@ CORNERS = {3: 3, 6: 3, 4: 4, 8: 4, 9: 4}  # by the number of nodes
 GENERATED = ("ELCOPY", "ELGEN", "NCOPY", "NFILL", "NGEN", "NMAP", "SYSTEM")
 
 
+@dataclass
 class _Part:
-    def __init__(self):
-        self.nodes: dict[int, list[float]] = {}
-        self.blocks: list[tuple[str, np.ndarray]] = []  # kind, nodes by their numbers
-        self.others: dict[str, int] = {}
+    nodes: dict[int, list[float]] = field(default_factory=dict)
+    blocks: list[tuple[str, np.ndarray]] = field(default_factory=list)  # kind, numbers of nodes
+    others: dict[str, int] = field(default_factory=dict)
 
 
 def read_abaqus(path: Path) -> SurfaceMesh:
@@ -38,8 +38,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
     for keyword, options, rows in _blocks(path, path):
         if keyword in GENERATED:
             raise InputError(
-                f"mesh file {path} uses *{keyword}; allowed are nodes and elements as lists, as a "
-                "preprocessor writes them"
+                f"mesh file {path} uses *{keyword}; allowed are nodes and elements as lists"
             )
         if keyword in ("PART", "INSTANCE"):
             part = parts.setdefault(options.get("NAME", "").upper(), _Part())
@@ -49,7 +48,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
         elif keyword in ("END PART", "END INSTANCE"):
             part = own
         elif keyword == "NODE":
-            _add_nodes(part, options, rows, path)
+            _add_nodes(part, options.get("SYSTEM", "R"), rows, path)
         elif keyword == "ELEMENT":
             _add_elements(part, options.get("TYPE", "").upper(), rows, path)
     if not any(each.nodes for each in parts.values()):
@@ -76,12 +75,12 @@ def _blocks(path: Path, main: Path) -> Iterator[tuple[str, dict[str, str], list[
         pairs = (word.partition("=") for word in words)
         options = {key.strip().upper(): value.strip().strip('"') for key, _, value in pairs}
         keyword, rows = " ".join(keyword.upper().split()), lines[start:following]
-        if "INPUT" in options and keyword in ("INCLUDE", "NODE", "ELEMENT"):
-            file = path.parent / options["INPUT"]
-            if keyword == "INCLUDE":
-                yield from _blocks(file, main)
-                continue
-            rows = file.read_text().splitlines() if file.is_file() else rows
+        file = path.parent / options.get("INPUT", "")
+        if keyword == "INCLUDE" and "INPUT" in options:
+            yield from _blocks(file, main)
+            continue
+        if keyword in ("NODE", "ELEMENT") and file.is_file():
+            rows = file.read_text().splitlines()
         yield keyword, options, rows
 
 
@@ -91,9 +90,9 @@ def _numbers(rows, of, keyword, path):
     try:
         return np.array([of(word) for word in words])
     except ValueError as error:
+        word = str(error).split(": ")[-1]
         raise InputError(
-            f"mesh file {path} has a row under *{keyword} with {str(error).split(': ')[-1]}; "
-            "allowed are numbers"
+            f"mesh file {path} has a row under *{keyword} with {word}; allowed are numbers"
         ) from None
 
 
@@ -102,11 +101,10 @@ def _length(word):
     return float(re.sub("[dD]", "e", word)) if word else 0.0
 
 
-def _add_nodes(part, options, rows, path):
-    if options.get("SYSTEM", "R").upper() != "R":
+def _add_nodes(part, system, rows, path):
+    if system.upper() != "R":
         raise InputError(
-            f"mesh file {path} has *NODE, SYSTEM={options['SYSTEM']}; allowed are rectangular "
-            "coordinates"
+            f"mesh file {path} has *NODE, SYSTEM={system}; allowed are rectangular coordinates"
         )
     for row in rows:
         number, *place = _numbers([row], _length, "NODE", path)
@@ -129,7 +127,8 @@ def _add_elements(part, of, rows, path):
     part.blocks.append((surface_kind(CORNERS[nodes], nodes), cells))
 
 
-def _assembled(placed: list[tuple[_Part, np.ndarray]], path: Path) -> SurfaceMesh:
+def _assembled(placed, path):
+    """The mesh of parts, each with the numbers of its instance."""
     points: list[np.ndarray] = []
     blocks: list[tuple[str, np.ndarray]] = []
     others: dict[str, int] = {}
@@ -138,21 +137,19 @@ def _assembled(placed: list[tuple[_Part, np.ndarray]], path: Path) -> SurfaceMes
         own = np.array(list(part.nodes), dtype=np.int64)
         order = np.argsort(own)
         for kind, cells in part.blocks:
-            at = np.searchsorted(own, cells, sorter=order).clip(0, max(0, len(own) - 1))
-            if not len(own) or (own[order[at]] != cells).any():
-                lost = cells[~np.isin(cells, own)][0]
+            if (lost := np.setdiff1d(cells, own)).size:
                 raise InputError(
-                    f"mesh file {path} has an element with node {lost}, which *NODE does not give; "
-                    "allowed are nodes that are there"
+                    f"mesh file {path} has an element with node {lost[0]}, which *NODE does not "
+                    "have; allowed are nodes that are there"
                 )
-            blocks.append((kind, order[at] + start))
+            blocks.append((kind, order[np.searchsorted(own, cells, sorter=order)] + start))
         points.append(_moved(np.array(list(part.nodes.values())).reshape(-1, 3), move))
         others |= part.others
         start += len(own)
     return SurfaceMesh.collected(np.vstack(points), blocks, others)
 
 
-def _moved(x: np.ndarray, move: Any) -> np.ndarray:
+def _moved(x, move):
     """Points where an instance has them: shifted, and turned about an axis of two points by an
     angle [deg]."""
     if len(move) >= 3:

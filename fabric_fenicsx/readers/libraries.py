@@ -28,7 +28,7 @@ class NotMine(Exception):
 
 
 def by_meshio(path: Path) -> SurfaceMesh:
-    """By meshio."""
+    """Read by meshio."""
     import meshio  # takes long to import
 
     if path.suffix.lower() not in meshio.extension_to_filetypes:
@@ -46,7 +46,7 @@ def by_meshio(path: Path) -> SurfaceMesh:
 
 
 def by_gmsh(path: Path) -> SurfaceMesh:
-    """By gmsh."""
+    """Read by gmsh."""
     if path.suffix.lower() not in GMSH:
         raise NotMine
     with open(path, "rb") as file:
@@ -105,7 +105,7 @@ def own_model(gmsh: Any, **options: float) -> Iterator[None]:
 
 
 def by_dolfinx(path: Path) -> SurfaceMesh:
-    """By DOLFINx, which needs no h5py for the .h5 file beside its XDMF."""
+    """Read by DOLFINx, which needs no h5py for the .h5 file beside its XDMF."""
     if path.suffix.lower() not in XDMF:
         raise NotMine
     import dolfinx
@@ -128,15 +128,16 @@ def by_dolfinx(path: Path) -> SurfaceMesh:
     ordered = np.empty_like(cells)
     ordered[:, compat.to_dolfinx_order(cell.name, cells.shape[1])] = cells
     if cells.shape[1] == 3 and x.shape[1] == 2:  # DOLFINx' triangles turn either way round
-        arms = x[ordered[:, 1:]] - x[ordered[:, :1]]
-        back = np.linalg.det(arms) < 0
+        edges = x[ordered[:, 1:]] - x[ordered[:, :1]]
+        back = np.linalg.det(edges) < 0
         ordered[back] = ordered[back][:, [0, 2, 1]]
     return SurfaceMesh.collected(x, [(surface_kind(corners, cells.shape[1]), ordered)], {})
 
 
 def by_pyvista(path: Path) -> SurfaceMesh:
-    """By PyVista with VTK's own readers, of one mesh or of several blocks."""
+    """Read by PyVista with VTK's own readers, of one mesh or of several blocks."""
     import pyvista
+    from vtkmodules.util.numpy_support import vtk_to_numpy
 
     try:
         reader = pyvista.get_reader(str(path))
@@ -152,7 +153,8 @@ def by_pyvista(path: Path) -> SurfaceMesh:
     if not isinstance(mesh, pyvista.UnstructuredGrid):
         mesh = mesh.cast_to_unstructured_grid()
     types, nodes = mesh.celltypes, mesh.cell_connectivity
-    ends = np.cumsum(sizes := _sizes(mesh))
+    offsets = vtk_to_numpy(mesh.GetCells().GetOffsetsArray())
+    ends, sizes = offsets[1:], np.diff(offsets)
     blocks, others = [], {}
     for kind, count in {*zip(types.tolist(), sizes.tolist())}:
         which = np.flatnonzero((types == kind) & (sizes == count))
@@ -163,13 +165,6 @@ def by_pyvista(path: Path) -> SurfaceMesh:
         else:
             blocks.append(_of_vtk(kind, name, nodes[ends[which][:, None] + np.arange(-count, 0)]))
     return SurfaceMesh.collected(mesh.points, blocks, others)
-
-
-def _sizes(mesh):
-    """Number of nodes of each cell."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-
-    return np.diff(vtk_to_numpy(mesh.GetCells().GetOffsetsArray()))
 
 
 def _of_vtk(kind, name, cells):

@@ -12,7 +12,6 @@ from tempfile import TemporaryFile
 from ..runtime.errors import InputError
 from .abaqus import read_abaqus
 from .libraries import NotMine, by_dolfinx, by_gmsh, by_meshio, by_pyvista
-from .nastran import ENDINGS, check_coordinate_systems
 from .stl import read_stl
 from .surface_mesh import SurfaceMesh
 
@@ -25,6 +24,7 @@ LIBRARIES: tuple[tuple[str, Reader], ...] = (
     ("PyVista", by_pyvista),
 )
 READ = "a mesh that meshio, gmsh or PyVista reads"
+NASTRAN = (".bdf", ".nas", ".dat", ".fem")
 LONGEST = 160  # of a reader's reason, in letters
 DOUBT = re.compile(r"\b(warning|warn|error|err)\b", re.IGNORECASE)
 
@@ -46,11 +46,10 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     check_file(path, what, allowed)
     if path.suffix.lower() == ".h5" and path.with_suffix(".xdmf").is_file():
         raise InputError(
-            f"{what} {path} has numbers alone; allowed is {path.with_suffix('.xdmf')}, which names "
-            "them"
+            f"{what} {path} has numbers alone; allowed is its {path.with_suffix('.xdmf')}"
         )
-    if path.suffix.lower() in ENDINGS:
-        check_coordinate_systems(path)
+    if path.suffix.lower() in NASTRAN:
+        _check_coordinate_systems(path)
     reasons: list[str] = []
     doubtful: list[SurfaceMesh] = []
     without: list[SurfaceMesh] = []
@@ -61,76 +60,87 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
             return mesh
         if mesh and len(mesh.points):
             (doubtful if mesh.cells else without).append(mesh)
-        elif mesh:
+        elif mesh or reason:
             reasons.append(f"{name}: {reason or 'no nodes in it'}")
-        elif reason:
-            reasons.append(f"{name}: {reason}")
     if doubtful:
         return doubtful[0]
     if without:
         found = sorted(next((mesh.others for mesh in without if mesh.others), {}))
         curves = path.suffix.lower() == ".msh" and "line" in found
+        more = ": gmsh saves them too with Mesh.SaveAll = 1" if curves else ""
         raise InputError(
             f"{what} {path} holds no surface cells, but {found or 'nodes alone'}; allowed is "
-            f"{allowed}, with triangles or quadrilaterals"
-            + (": gmsh saves them too with Mesh.SaveAll = 1" if curves else "")
+            f"{allowed}, with triangles or quadrilaterals{more}"
         )
-    told = "; ".join(reasons) or "no reader knows this ending"
+    why = "; ".join(reasons) or "no reader knows this ending"
     raise InputError(
-        f"{what} {path} cannot be read as {path.suffix or 'a mesh'} ({told}); allowed is {allowed}"
+        f"{what} {path} cannot be read as {path.suffix or 'a mesh'} ({why}); allowed is {allowed}"
     )
+
+
+def _check_coordinate_systems(path):
+    """InputError for a GRID of a Nastran deck in a coordinate system of its own, as the libraries
+    take all places for basic ones."""
+    with open(path, encoding="latin-1") as file:
+        for line in (each for each in file if each[:4].upper() == "GRID"):
+            if "," in line:  # the third field, in free, large or small fields
+                system = (line.split(",") + ["", ""])[2].strip()
+            else:
+                card = line.expandtabs(8)
+                system = card[24:40] if card[:8].rstrip().endswith("*") else card[16:24]
+            if system.strip().isdecimal() and int(system):
+                raise InputError(
+                    f"mesh file {path} has a GRID in coordinate system {system.strip()} "
+                    f"({' '.join(line.split())}); allowed are basic ones, 0 or none"
+                )
 
 
 def _attempt(reader: Reader, path: Path) -> tuple[SurfaceMesh | None, str]:
-    """What a reader finds, and its reason to fail or doubt in words, "" if there is none."""
-    mesh: SurfaceMesh | None = None
-    error: BaseException | None = None
-    with _printed() as lines:
-        try:
+    """The mesh that a reader finds, and its reason to fail or to doubt, "" if there is none."""
+    lines: list[str] = []
+    try:
+        with _printed(lines):
             mesh = reader(path)
-        except (InputError, NotMine) as e:
-            error = e
-        # the libraries raise whatever their parsing stumbles on, or exit
-        except (Exception, SystemExit) as e:
-            error = e
-    if isinstance(error, InputError):
-        raise error
-    if isinstance(error, NotMine):
+    except InputError:
+        raise
+    except NotMine:
         return None, ""
-    lines = _of_vtk(lines) or lines
-    if mesh:
-        return mesh, _line(filter(DOUBT.search, lines), path)
-    told = "" if isinstance(error, SystemExit) else " ".join(str(error).split())
-    if told and type(error).__name__ not in ("Exception", "ReadError", "OtherFormat"):
-        told = f"{type(error).__name__}: {told}"  # without it a KeyError is a number alone
-    if type(error).__name__ == "VTKExecutionError":
-        told = ""  # what it follows from is printed
-    return None, _line([told], path) or _line(lines, path) or "it gives no reason"
+    # the libraries raise whatever their parsing stumbles on, or exit
+    except (Exception, SystemExit) as error:
+        reasons = [_reason(error)], _first_of_vtk(lines), ["it gives no reason"]
+        return None, next(filter(None, (_line(each, path) for each in reasons)))
+    return mesh, _line(filter(DOUBT.search, _first_of_vtk(lines)), path)
 
 
-def _of_vtk(lines):
-    """VTK's first error without time and place, from which others follow."""
+def _reason(error):
+    """The text of an error, with its kind where a text as a KeyError's is none without."""
+    kind, text = type(error).__name__, " ".join(str(error).split())
+    if kind in ("SystemExit", "VTKExecutionError"):  # what it follows from is printed
+        return ""
+    return (
+        text if not text or kind in ("Exception", "ReadError", "OtherFormat") else f"{kind}: {text}"
+    )
+
+
+def _first_of_vtk(lines):
+    """VTK's first error without time and place, from which others follow; all lines without one."""
     found = [line for line in lines if "ERR|" in line][:1]
-    return [re.sub(r".*ERR\|( vtk\w* \(\w*\):)?", "Error:", line) for line in found]
+    return [re.sub(r".*ERR\|( vtk\w* \(\w*\):)?", "Error:", line) for line in found] or lines
 
 
 def _line(lines, path):
-    """One short line of a reader's words, without the file's name."""
+    """One short line of a reader's text, without the file's name."""
     text = " ".join(" ".join(lines).split()).replace(str(path.absolute()), path.name)
     text = text.replace(str(path), path.name)
-    text = re.sub(r"\x1b\[[0-9;]*m", "", re.sub(r"Error: Couldn't read file .*", "", text))
-    text = (
-        "".join(letter if letter.isprintable() else "?" for letter in text)
-        .strip(" ;")
-        .removeprefix("Error: ")
-    )
+    text = re.sub(r"\x1b\[[0-9;]*m|Error: Couldn't read file .*", "", text)
+    text = "".join(letter if letter.isprintable() else "?" for letter in text)
+    text = text.strip(" ;").removeprefix("Error: ")
     return text if len(text) <= LONGEST else text[:LONGEST].rsplit(" ", 1)[0] + " ..."
 
 
 @contextmanager
-def _printed() -> Iterator[list[str]]:
-    """Lines that the block prints, by Python or by libraries in C, once it is left."""
-    lines: list[str] = []
+def _printed(lines: list[str]) -> Iterator[None]:
+    """Add what the block prints, by Python or by libraries in C, to `lines`."""
     with TemporaryFile("w+", encoding="utf-8", errors="replace") as file:
         kept = []
         for stream, number in ((sys.stdout, 1), (sys.stderr, 2)):
@@ -141,7 +151,7 @@ def _printed() -> Iterator[list[str]]:
                 os.dup2(file.fileno(), number)
         try:
             with redirect_stdout(file), redirect_stderr(file):
-                yield lines
+                yield
         finally:
             file.flush()
             for handler in logging.root.handlers:  # one that was made meanwhile

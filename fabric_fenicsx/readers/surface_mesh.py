@@ -7,7 +7,7 @@ import numpy as np
 
 
 class OtherFormat(Exception):
-    """A file whose content is not of the format that its ending tells, in words."""
+    """A file whose content is of another format than its ending says; the message is the reason."""
 
 
 def surface_kind(corners: int, nodes: int) -> str:
@@ -49,7 +49,7 @@ class SurfaceMesh(NamedTuple):
 
     @property
     def sound(self) -> bool:
-        """Whether there are surface cells, and all their nodes."""
+        """True if there are surface cells, and all their nodes."""
         last = len(self.points) - 1
         return bool(self.cells) and all(
             0 <= cells.min() and cells.max() <= last for cells in self.cells.values()

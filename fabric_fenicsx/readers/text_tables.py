@@ -5,12 +5,12 @@ tabs, commas or blanks; decimal points or commas, and thousands' separators; lin
 units in the header or in a row of their own. What can mean two numbers is refused.
 """
 
-import codecs
 import csv
 import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,8 +28,8 @@ _HEADER = re.compile(r"\s*(.*?)\s*(?:[\[(]\s*(.*?)\s*[\])]|(?:/|\bin\b)\s*(\S+))
 
 
 class Problems(list[str]):
-    """What is wrong with a file, told at once: `with problems:` keeps an InputError of its block,
-    `stop` raises one of all that were kept."""
+    """Faults of a file, raised at once: `with problems:` keeps an InputError of its block, `stop`
+    raises one of all that were kept."""
 
     def __enter__(self) -> "Problems":
         return self
@@ -75,11 +75,12 @@ def read_lines(path: str | os.PathLike[str]) -> list[str]:
 
 
 def _decoded(data):
-    """The text of bytes; without a mark at their start it is UTF-16 if every other byte is 0."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return data.decode("utf-16")
-    for encoding, high in (("utf-16-le", data[1::2]), ("utf-16-be", data[::2])):
-        if high.count(0) > len(data) / 4:
+    """The text of bytes, in UTF-16 where they begin with its mark or every other byte is 0."""
+    for encoding, mark, high in (
+        ("utf-16-le", b"\xff\xfe", data[1::2]),
+        ("utf-16-be", b"\xfe\xff", data[::2]),
+    ):
+        if data.startswith(mark) or high.count(0) > len(data) / 4:
             return data.decode(encoding)
     try:
         return data.decode("utf-8")
@@ -88,8 +89,14 @@ def _decoded(data):
 
 
 def is_comment(line: str) -> bool:
-    """Whether a line begins with #, maybe in the quotes that a spreadsheet puts around it."""
+    """True if a line begins with #, maybe in the quotes that a spreadsheet puts around it."""
     return line.lstrip(' \t"').startswith("#")
+
+
+def rows_of(lines: Iterable[str]) -> list[tuple[int, str]]:
+    """Number and text of the lines that are neither empty nor comments."""
+    numbered = enumerate(lines, 1)
+    return [(row, text) for row, text in numbered if text.strip(" ,;\t") and not is_comment(text)]
 
 
 def table_of(
@@ -99,9 +106,9 @@ def table_of(
     asked for; usual: names of the columns where no header has such a name. InputError by row where
     there is no table."""
     lines = list(lines)
-    delimiter = next((d for _, text in lines[:1] for d in re.findall("^sep=(.)$", text)), None)
-    lines = lines[1:] if delimiter else lines
-    delimiter = delimiter or _delimiter(lines)
+    stated = re.findall("^sep=(.)$", lines[0][1]) if lines else []
+    lines = lines[1:] if stated else lines
+    delimiter = stated[0] if stated else _delimiter(lines)
     split = [(row, _split(text, delimiter)) for row, text in lines]
     is_data = [sum(map(_is_number, cells)) >= 2 for _, cells in split]
     known = [k for k, (_, cells) in enumerate(split) if any(is_known(_parted(c)[0]) for c in cells)]
@@ -111,21 +118,19 @@ def table_of(
         top = max(k for k in known if k < first)
     else:
         first = _longest_run(is_data)
+        if usual:
+            rows, cells = zip(*split[first:]) if split[first:] else ((), ())
+            return TextTable(first - 1, [*usual], [None] * len(usual), [*rows], [*cells])
         top = first - 1
-    if usual and not known:
-        body = split[first:]
-        rows, cells = [row for row, _ in body], [cells for _, cells in body]
-        return TextTable(top, [*usual], [None] * len(usual), rows, cells)
-    while not known and top > 0 and _are_units(split[top][1]):
-        top -= 1
+        while top > 0 and _are_units(split[top][1]):
+            top -= 1
     if top < 0 or (not known and _are_units(split[top][1])):
         where = f"row {split[0][0]}: there is no header above it" if split else "there is no header"
         raise InputError(f"{where}; allowed is a line such as eps_a [%], sigma_a [MPa]")
     row, header = split[top]
-    while len(header) > 1 and not header[-1].strip():
-        header.pop()
-    names, units = map(list, zip(*map(_parted, header)))
     body = split[top + 1 :]
+    header = header[: max((k for k, c in enumerate(header) if c.strip()), default=0) + 1]
+    names, units = map(list, zip(*map(_parted, header)))
     if body and top + 1 < first and not any(re.match(r"\s*[+-]?\d", c) for c in body[0][1]):
         units = _with_row_of_units(names, units, *body.pop(0))
     for _, cells in body:
@@ -139,10 +144,8 @@ def _with_row_of_units(names, units, row, cells):
     below = [_unit(cell.strip(" []()")) for cell in cells] + [None] * len(units)
     for name, unit, other in zip(names, units, below):
         if unit and other and unit != other:
-            raise InputError(
-                f"row {row}: the unit of {name} is {other}, and {unit} in the header; allowed is "
-                "one"
-            )
+            units = f"{other}, and {unit} in the header"
+            raise InputError(f"row {row}: the unit of {name} is {units}; allowed is one")
     return [unit or other for unit, other in zip(units, below)]
 
 
@@ -158,10 +161,10 @@ def _unit(text):
 
 
 def _are_units(cells):
-    """Whether cells are units in brackets, or known ones without."""
-    told = [cell.strip() for cell in cells if cell.strip()]
-    return bool(told) and all(
-        re.fullmatch(r"\[.*\]|\(.*\)|mm|cm|s|k?N|%|deg|rad|[kMG]?Pa", c) for c in told
+    """True if cells are units in brackets, or known ones without."""
+    texts = [cell.strip() for cell in cells if cell.strip()]
+    return bool(texts) and all(
+        re.fullmatch(r"\[.*\]|\(.*\)|mm|cm|s|k?N|%|deg|rad|[kMG]?Pa", c) for c in texts
     )
 
 
@@ -176,39 +179,33 @@ def _split(text, delimiter):
 
 
 def _delimiter(lines):
-    """The delimiter that gives most rows of numbers; without any, one that there is."""
-    best, most = "", (0, 0.0)  # rows, and the share of their cells that are numbers
-    for delimiter in DELIMITERS:
-        if (found := _score(lines, delimiter)) > most:
-            best, most = delimiter, found
-    present = [d for d in DELIMITERS[:3] if any(d in text for _, text in lines)]
-    return best or next(iter(present), ",")
+    """The delimiter that gives most rows of two numbers or more, and then most numbers in them;
+    without any such row, one that there is."""
 
+    def score(delimiter):
+        flags = [[*map(_is_number, _split(text, delimiter))] for _, text in lines]
+        flags = [each for each in flags if sum(each) >= 2]
+        return len(flags), sum(map(sum, flags)) / max(sum(map(len, flags)), 1)
 
-def _score(lines, delimiter):
-    """How many lines have two numbers or more between delimiters, and their share there."""
-    cells = [list(map(_is_number, _split(text, delimiter))) for _, text in lines]
-    cells = [each for each in cells if sum(each) >= 2]
-    return len(cells), sum(map(sum, cells)) / max(sum(map(len, cells)), 1)
+    scores = {delimiter: score(delimiter) for delimiter in DELIMITERS}
+    best = max(scores, key=lambda delimiter: scores[delimiter])
+    present = (d for d in DELIMITERS[:3] if any(d in text for _, text in lines))
+    return best if scores[best][0] else next(present, ",")
 
 
 def _longest_run(flags):
-    """Where the longest run of true flags begins, their number without any."""
-    start, length = len(flags), 0
-    k = 0
-    while k < len(flags):
-        end = k
-        while end < len(flags) and flags[end]:
-            end += 1
-        if end - k > length:
-            start, length = k, end - k
-        k = max(end, k) + 1
-    return start
+    """Place at which the longest run of true flags begins; their number without any."""
+    runs = [[*run] for flag, run in groupby(range(len(flags)), flags.__getitem__) if flag]
+    return max(runs, key=len)[0] if runs else len(flags)
+
+
+def _grouping(decimal):
+    """A pattern for what stands between thousands, before this sign for decimals."""
+    return f"[{GROUPS}{',' if decimal == '.' else '.'}]"
 
 
 def _pattern(decimal):
-    group = f"[{GROUPS}{',' if decimal == '.' else '.'}]"
-    whole = rf"(?:[1-9]\d{{0,2}}(?:{group}\d{{3}})+|\d+)"
+    whole = rf"(?:[1-9]\d{{0,2}}(?:{_grouping(decimal)}\d{{3}})+|\d+)"
     mark = re.escape(decimal)
     return re.compile(rf"[+-]?(?:{whole}(?:{mark}\d*)?|{mark}\d+)(?:[eE][+-]?\d+)?")
 
@@ -228,19 +225,19 @@ def number(cell: str, decimal: str) -> float:
     """The number in a cell, nan where it has none; decimal: the sign before decimals."""
     if not _NUMBERS[decimal].fullmatch(_plain(cell)):
         return math.nan
-    grouped = re.sub(f"[{GROUPS}{',' if decimal == '.' else '.'}]", "", _plain(cell))
-    return float(grouped.replace(decimal, "."))
+    return float(re.sub(_grouping(decimal), "", _plain(cell)).replace(decimal, "."))
 
 
 def decimal_signs(table: TextTable, wanted: Iterable[int]) -> list[str]:
     """The sign before decimals in each column, "." or ","; InputError where both could be meant in
     one of the columns `wanted`.
 
-    A column that alone does not tell goes with the others, or has points.
+    A column of which alone it is not clear goes with the others, or has points.
     """
-    columns = [_column(table, i) for i in range(len(table.names))]
-    found = []
-    for cells in columns:
+    columns, found = [], []
+    for i in range(len(table.names)):
+        cells = [(row, _plain(c[i])) for row, c in zip(table.rows, table.cells) if i < len(c)]
+        columns.append([(row, cell) for row, cell in cells if _is_number(cell)])
         dot, comma = (sum(bool(p.fullmatch(c)) for _, c in cells) for p in _NUMBERS.values())
         found.append("" if dot == comma else "." if dot > comma else ",")
     others = {sign for sign in found if sign} or {"."}
@@ -254,12 +251,6 @@ def decimal_signs(table: TextTable, wanted: Iterable[int]) -> list[str]:
                     "digits behind that sign; allowed is another number of decimals"
                 )
     return [sign or min(others) for sign in found]
-
-
-def _column(table, i):
-    """The numbers of a column, (row, cell)."""
-    cells = [(row, _plain(c[i])) for row, c in zip(table.rows, table.cells) if i < len(c)]
-    return [(row, cell) for row, cell in cells if _is_number(cell)]
 
 
 def values_of(

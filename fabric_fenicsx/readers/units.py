@@ -1,9 +1,7 @@
-"""Units of what users give: powers of ten to the package's own, mm, MPa, g/cm3, rad."""
+"""Units in files: powers of ten to the package's own, mm, MPa, g/cm3, rad."""
 
 import math
-from collections.abc import Mapping
 
-from ..runtime.errors import InputError
 from ..runtime.rules import unknown_key
 
 # kind -> unit -> power of ten to the first one of its kind, which is the package's own
@@ -34,27 +32,3 @@ def check_unit(kind: str, unit: object) -> None:
 def suffixes(kind: str) -> dict[str, int]:
     """Powers of ten of a kind's units, as they stand at the end of a key: g_per_cm3 for g/cm3."""
     return {unit.replace("/", "_per_"): power for unit, power in UNITS.get(kind, {}).items()}
-
-
-def power_of_key(name: str, kind: str, key: str, units: Mapping[str, str], label: str) -> int:
-    """Power of ten from the unit of a `key` in a file to the package's own.
-
-    The unit is in the key (`d_kPa` for the name d) or in `units`, the file's table {kind: unit};
-    kind is "" for a pure number. Raises InputError, which calls the key `label`.
-    """
-    if not kind:
-        if key != name:
-            raise InputError(
-                f"{label} has a unit, but {name} is a pure number; allowed is the key {name}"
-            )
-        return 0
-    known = suffixes(kind)
-    if key != name:
-        unit = key.removeprefix(f"{name}_")
-        if unit not in known:
-            raise unknown_key(unit, known, f"{label}: {kind} unit {unit!r}")
-        return known[unit]
-    if kind not in units:
-        keys = " or ".join(f"{name}_{unit}" for unit in known)
-        raise InputError(f"{label} has no unit; allowed is {keys}, or {kind} in [units]")
-    return UNITS[kind][units[kind]]

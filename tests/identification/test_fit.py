@@ -20,7 +20,7 @@ from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 
 KOMEILI = PRESETS["komeili"]
 SHEET = Sheet("x", 1.0, 0.75, True)
-SHIPPED = Path(__file__).parents[3] / "studies" / "data"
+SHIPPED = Path(__file__).parents[2] / "studies" / "data"
 # Where fits start in round trips, as the defaults are the truth for Table 1.
 FAR = {"a": 900.0, "b": 150.0, "c": 6.0, "s_T": 100.0, "s1": 1.0, "s2": 0.5, "s3": 1.0}
 FAR_ALL = FAR | {"d": 5.0, "p_min": 0.3, "s_C": 10.0}

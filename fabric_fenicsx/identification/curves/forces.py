@@ -27,7 +27,7 @@ def response(
     lengths: Mapping[str, float],
     t: float,
 ) -> Response:
-    """How the law predicts `values` (n,) of a column, in its inner unit, at shear angles gamma (n,)
+    """The response of `values` (n,) of a column, in its inner unit, at shear angles gamma (n,)
     [rad]; lengths: keys of the test [mm], t: thickness [mm]. Raises InputError for lengths that no
     specimen has."""
     gain: np.ndarray = np.ones_like(values)
@@ -44,8 +44,8 @@ def response(
         gain = t * fabric**2 / (frame * np.sin(math.pi / 4 - gamma / 2))
     elif test == "bias_extension":
         H, W = _bias_strip(lengths)
-        lever = (H / W - 1) * (np.cos(gamma / 2) - np.sin(gamma / 2))
-        gain, half = t * (2 * H - 3 * W) / lever, t * W / lever
+        arm = (H / W - 1) * (np.cos(gamma / 2) - np.sin(gamma / 2))
+        gain, half = t * (2 * H - 3 * W) / arm, t * W / arm
     return Response(column, unit_inside(column), values, gain, half)
 
 
@@ -54,8 +54,7 @@ def _bias_strip(lengths):
     H, W = lengths["height"], lengths["width"]
     if H < 2 * W:
         raise InputError(
-            f"height is {H:g} mm and width {W:g} mm; allowed is a height of 2 widths or "
-            "more, for a zone of full shear"
+            f"height is {H:g} mm and width {W:g} mm; allowed is a height of 2 widths or more"
         )
     return H, W
 
@@ -91,18 +90,18 @@ def bias_normalised(gamma: ArrayLike, force: ArrayLike, height: float, width: fl
     gamma: (n,) [rad], rising from above 0; force: (n,) [N]; height, width [mm] of the strip.
     F_sh(gamma/2) is interpolated linearly, from 0 at 0, so the formula is one linear system.
     """
-    A, lever = _cao(np.asarray(gamma, float), height, width)
-    return np.linalg.solve(A, lever * np.asarray(force))
+    A, arm = _cao(np.asarray(gamma, float), height, width)
+    return np.linalg.solve(A, arm * np.asarray(force))
 
 
 def bias_force(gamma: ArrayLike, F_sh: ArrayLike, height: float, width: float) -> np.ndarray:
     """The inverse of `bias_normalised`: forces (n,) [N] of a strip from F_sh (n,) [N/mm]."""
-    A, lever = _cao(np.asarray(gamma, float), height, width)
-    return A @ np.asarray(F_sh) / lever
+    A, arm = _cao(np.asarray(gamma, float), height, width)
+    return A @ np.asarray(F_sh) / arm
 
 
 def _cao(g, H, W):
-    """The formula as A F_sh = lever * F: A (n, n) [mm], lever (n,)."""
+    """The formula as A F_sh = arm * F: A (n, n) [mm], arm (n,)."""
     at_half = np.array([np.interp(g / 2, np.r_[0, g], np.r_[0, hat]) for hat in np.eye(len(g))]).T
     A = np.diag((2 * H - 3 * W) * np.cos(g)) + (W * np.cos(g / 2))[:, None] * at_half
     return A, (H / W - 1) * (np.cos(g / 2) - np.sin(g / 2))

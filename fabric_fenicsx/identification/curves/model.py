@@ -1,4 +1,4 @@
-"""What a test is, what it measured, and the sheet that was tested."""
+"""Kinds of tests with their columns and units; what a test measured, and the sheet."""
 
 import math
 from collections.abc import Mapping
@@ -36,13 +36,13 @@ _ALIASES = {
     "pressure": "druck",
     "thickness": "dicke",
 }
+_KNOWN = {column.casefold(): column for column in COLUMNS}
+_KNOWN |= {alias: c for c, aliases in _ALIASES.items() for alias in aliases.split(", ")}
 
 
 def column_of(name: str) -> str:
     """The column that a name in a header means, the name itself if it means none."""
-    known = {column.casefold(): column for column in COLUMNS}
-    known |= {alias: c for c, aliases in _ALIASES.items() for alias in aliases.split(", ")}
-    return name if name in COLUMNS else known.get(name.casefold(), name)
+    return name if name in COLUMNS else _KNOWN.get(name.casefold(), name)
 
 
 def units(column: str, thickness: float = math.nan) -> Mapping[str, float]:
@@ -64,15 +64,17 @@ class Kind(NamedTuple):
     strains: tuple[str, ...]  # columns that must be there
     optional: tuple[str, ...]  # strains that are 0 if their column is not there
     measured: tuple[str, ...]  # one of these at least
-    keys: tuple[str, ...] = ()
+    keys: tuple[str, ...] = ()  # that must be there
     sign: int = 0  # that the first strain and what is measured have; 0: either
     # what a machine writes -> the column that it becomes, and the key of the specimen it needs
     raw: Mapping[str, tuple[str, str]] = MappingProxyType({})
 
     @property
-    def may_be_slack(self) -> bool:
-        """Whether its strain may count from the end of a slack, in the key `slack`."""
-        return self.sign > 0 and self.strains != ("pressure",)
+    def all_keys(self) -> tuple[str, ...]:
+        """All keys that files of the test may have besides `test` and `noise`."""
+        may_be_slack = self.sign > 0 and self.strains != ("pressure",)
+        keys = *self.keys, *(key for _, key in self.raw.values()), *["slack"][:may_be_slack]
+        return tuple(dict.fromkeys(keys))
 
 
 def _strip(strain: str, stress: str) -> Kind:
@@ -95,15 +97,7 @@ TESTS = {
     ),
     COMPACTION: Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
 }
-
-
-def keys_of(test: Kind) -> tuple[str, ...]:
-    """All keys that files of a test may have besides `test` and `noise`."""
-    slack = ("slack",) if test.may_be_slack else ()
-    return tuple(dict.fromkeys((*test.keys, *(key for _, key in test.raw.values()), *slack)))
-
-
-KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in keys_of(test)))
+KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.all_keys))
 
 
 class Table(NamedTuple):
@@ -176,7 +170,7 @@ class CompactionTest:
 
 @dataclass(frozen=True)
 class Stated:
-    """What `sheet.toml` says of the CSV files: keys {file: {key: text}} of its tables
+    """Statements of `sheet.toml` on the CSV files: keys {file: {key: text}} of its tables
     [tests."FILE"], and columns {name in a header: column, maybe with a unit in brackets} of its
     table [columns]."""
 
@@ -186,7 +180,7 @@ class Stated:
 
 @dataclass(frozen=True)
 class Sheet:
-    """What `sheet.toml` says: thickness [mm], density [g/cm3], whether warp and weft are tied
+    """The content of `sheet.toml`: thickness [mm], density [g/cm3], whether warp and weft are tied
     (`balanced`), values to assume for parameters that the data don't determine, as {"p_min": ..} or
     {"warp.p_min": ..}, the areal weight [g/m2] if the density is from one, and the fibre density
     [g/cm3] if known. compaction: tests across the thickness; stated: on the CSV files."""

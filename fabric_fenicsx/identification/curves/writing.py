@@ -19,29 +19,28 @@ def write(
     """Write a data set that `read` reads back to 12 digits; remarks: comment lines for each CSV.
     Raises InputError."""
     folder, remarks = Path(folder), list(remarks)
+    numbers = {"thickness_mm": sheet.thickness, "density_g_per_cm3": sheet.density}
+    if sheet.fibre_density is not None:
+        numbers["fibre_density_g_per_cm3"] = sheet.fibre_density
+    text = tomli_w.dumps({"name": sheet.name, **numbers, "balanced": sheet.balanced})
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        numbers = {"thickness_mm": sheet.thickness, "density_g_per_cm3": sheet.density}
-        if sheet.fibre_density is not None:
-            numbers["fibre_density_g_per_cm3"] = sheet.fibre_density
-        text = tomli_w.dumps({"name": sheet.name, **numbers, "balanced": sheet.balanced})
         (folder / "sheet.toml").write_text(text, encoding="utf-8")
         for curve in curves:
-            test = TESTS[curve.test]
-            strains = {c: curve.strains[:, STRAINS.index(c)] for c in STRAINS}
-            told = [c for c in test.optional if np.any(strains[c])]
-            columns = {c: strains[c] for c in STRAINS if c in (*test.strains, *told)}
+            test, strains = TESTS[curve.test], dict(zip(STRAINS, curve.strains.T))
+            kept = [*test.strains, *(c for c in test.optional if np.any(strains[c]))]
+            columns = {c: strains[c] for c in STRAINS if c in kept}
             columns |= {r.column: r.values for r in curve.responses}
-            head = [f"test: {curve.test}", *(f"{k}: {v:g} mm" for k, v in curve.keys.items())]
+            keys = {"test": curve.test} | {k: f"{v:g} mm" for k, v in curve.keys.items()}
             if "lateral" in test.keys:
-                head.append(f"lateral: {'held' if curve.free is None else 'free'}")
-            head += _noise(curve.noise, curve.responses[0].unit)
-            _write_table(folder / curve.file, [*remarks, *head], columns)
+                keys["lateral"] = "held" if curve.free is None else "free"
+            keys |= _noise(curve.noise, curve.responses[0].unit)
+            _write_table(folder / curve.file, remarks, keys, columns)
         for pressed in sheet.compaction:
             response = pressed.response
             columns = {"pressure": pressed.pressure, response.column: response.values}
-            head = [f"test: {COMPACTION}", *_noise(pressed.noise, response.unit)]
-            _write_table(folder / pressed.file, [*remarks, *head], columns)
+            keys = {"test": COMPACTION} | _noise(pressed.noise, response.unit)
+            _write_table(folder / pressed.file, remarks, keys, columns)
     except OSError as error:
         raise InputError(
             f"{folder}: cannot be written ({error.strerror}); allowed is a folder of this user"
@@ -49,22 +48,20 @@ def write(
 
 
 def _noise(noise, unit):
-    """The line of a noise, none if it is not stated."""
+    """The key of a noise, none if it is not stated."""
     if not noise:
-        return []
+        return {}
     kind, size = noise
-    told = f"{size:g} {unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"
-    return [f"noise: {told}"]
+    return {"noise": f"{size:g} {unit}" if kind == "absolute" else f"{100 * size:g} % of {kind}"}
 
 
-def _write_table(path, head, columns):
-    """A CSV file of columns {name: (n,)} below the comment lines `head`."""
+def _write_table(path, remarks, keys, columns):
+    """A CSV file of columns {name: (n,)} below comment lines."""
     header = {c: SHOWN.get(c, unit_inside(c)) for c in columns}
+    numbers = [values / units(c)[header[c]] for c, values in columns.items()]
     with open(path, "w", newline="", encoding="utf-8") as stream:
-        stream.writelines(f"# {line}\n" for line in head)
+        stream.writelines(f"# {line}\n" for line in remarks)
+        stream.writelines(f"# {key}: {text}\n" for key, text in keys.items())
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(f"{c} [{unit}]" for c, unit in header.items())
-        writer.writerows(
-            [f"{v / units(c)[header[c]]:.12g}" for c, v in zip(columns, row)]
-            for row in zip(*columns.values())
-        )
+        writer.writerows([f"{v:.12g}" for v in row] for row in zip(*numbers))

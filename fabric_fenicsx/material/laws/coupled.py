@@ -19,10 +19,12 @@ from ...runtime.rules import (
     shown,
     unknown_key,
 )
+from ..energy import Derivatives
 from ..files import read_numbers, take_table, take_units
 from ..functions import exp, negative, positive
-from ..parameters import Parameters
-from .base import COUPLINGS, Derivatives, Law, check_couplings, sheet_fields
+from ..law_checks import COUPLINGS, check_couplings
+from ..material import Parameters
+from .base import Law, sheet_fields
 
 YARN: dict[str, Rule] = {
     "a": not_negative("stress"),
@@ -44,14 +46,32 @@ SHEAR: dict[str, Rule] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Yarn(Parameters):
-    """The seven parameters of one yarn direction. Only b and d are needed: by default there is no
-    cubic term and no coupling. Raises InputError for a value out of its range.
+    """The seven parameters of one yarn direction.
 
-    - a, b [MPa]: tension, cubic and quadratic term of the energy (eqs 15, 16)
-    - d [MPa]: compression (eqs 22, 23)
-    - p_min, c [-]: biaxial coupling, its floor, 0 to 1, and its rate (eqs 17, 18)
-    - s_T [MPa]: tension-shear coupling (eqs 26, 27)
-    - s_C [-]: compression-shear coupling (eqs 28, 29)
+    Only b and d are needed: by default there is no cubic term and no coupling.
+
+    Parameters
+    ----------
+    a, b : float
+        Cubic and quadratic term of the energy in tension [MPa], eqs (15), (16).
+    d : float
+        Compression [MPa], eqs (22), (23).
+    p_min, c : float
+        Floor, 0 to 1, and rate of the biaxial coupling [-], eqs (17), (18).
+    s_T : float
+        Tension-shear coupling [MPa], eqs (26), (27).
+    s_C : float
+        Compression-shear coupling [-], eqs (28), (29).
+
+    Raises
+    ------
+    InputError
+        For a value out of its range.
+
+    Examples
+    --------
+    >>> ff.Yarn(b=600.0, d=0.5).p_min
+    0.0
     """
 
     a: float = 0.0
@@ -70,14 +90,38 @@ class Yarn(Parameters):
 
 @dataclass(frozen=True)
 class WovenFabric(Law):
-    """A woven fabric: 17 parameters, thickness, density and the couplings that are on.
+    """A woven fabric with biaxial and normal-shear couplings, in 17 parameters.
 
-    - warp, weft: yarns along a0 and b0 (`Yarn`), the same one twice in a balanced fabric
-    - s1, s2, s3: shear stress over shear angle [MPa] (eqs 24, 25)
-    - thickness [mm], density [g/cm3]
-    - couplings: any of `COUPLINGS`, spelled with "_", "-" or an en dash
+    Parameters
+    ----------
+    warp, weft : Yarn
+        Yarns along a0 and b0, the same one twice in a balanced fabric.
+    s1, s2, s3 : float
+        Shear stress over shear angle [MPa], eqs (24), (25).
+    couplings : collection of str
+        Those that are on, any of `biaxial`, `tension_shear`, `compression_shear`.
+    thickness, density, name, compaction, fibre_density, assumed
+        As in `Law`.
 
-    Raises InputError for a value out of its range.
+    Raises
+    ------
+    InputError
+        For a value out of its range.
+
+    References
+    ----------
+    Schäfer, Werner, Henning and Kärger: the law of the paper, eqs (13) to (30).
+
+    Examples
+    --------
+    >>> yarn = ff.Yarn(b=600.0, d=0.5, p_min=0.7, c=20.0)
+    >>> fabric = ff.WovenFabric(yarn, yarn, s1=0.02, thickness=0.4)
+    >>> fabric.is_balanced
+    True
+    >>> fabric.replace(b=300.0).warp.b  # of both yarns
+    300.0
+    >>> sorted(fabric.without("biaxial").couplings)
+    ['compression_shear', 'tension_shear']
     """
 
     law = "coupled"
@@ -97,9 +141,9 @@ class WovenFabric(Law):
         super().__post_init__()
         object.__setattr__(self, "couplings", check_couplings(self.couplings))
 
-    def _value_words(self, name):
+    def _value_text(self, name):
         if name in SHEAR:
-            return super()._value_words(name)
+            return super()._value_text(name)
         unit = next(iter(UNITS[YARN[name].unit])) if YARN[name].unit else ""
         values = dict.fromkeys(f"{getattr(yarn, name):g}" for yarn in (self.warp, self.weft))
         return " and ".join(f"{value} {unit}".strip() for value in values)
@@ -114,22 +158,26 @@ class WovenFabric(Law):
 
     @property
     def is_balanced(self) -> bool:
-        """Whether warp and weft are equal."""
+        """True if warp and weft are equal."""
         return self.warp == self.weft
+
+    def _yarns(self):
+        """The yarns by their tables in a file."""
+        return {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
 
     @property
     def biaxial(self) -> bool:
-        """Whether k_TC acts (eqs 17, 18)."""
+        """True if k_TC acts (eqs 17, 18)."""
         return "biaxial" in self.couplings
 
     @property
     def tension_shear(self) -> bool:
-        """Whether W_ST acts (eqs 26, 27)."""
+        """True if W_ST acts (eqs 26, 27)."""
         return "tension_shear" in self.couplings
 
     @property
     def compression_shear(self) -> bool:
-        """Whether k_SC acts (eqs 28, 29)."""
+        """True if k_SC acts (eqs 28, 29)."""
         return "compression_shear" in self.couplings
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
@@ -259,10 +307,9 @@ class WovenFabric(Law):
         return k, k1 * k, (6 * y.s_C * (m * slope**2 + m2) + k1**2) * k
 
     def plausibility_warnings(self) -> list[str]:
-        """As in `Law`, of the parameters b and s1."""
-        known = {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
-        values = [(f"b of {yarn}", of_yarn.b) for yarn, of_yarn in known.items()]
-        return self._implausible([*values, ("s1", self.s1)])
+        """Sentences on a thickness, density, b or s1 that fabrics hardly have."""
+        values = {f"b of {name}": yarn.b for name, yarn in self._yarns().items()}
+        return self._implausible(values | {"s1": self.s1})
 
     def without(self, *names: str) -> Self:
         """A copy with these couplings off; InputError for an unknown name."""
@@ -282,26 +329,24 @@ class WovenFabric(Law):
         return dataclasses.replace(new, warp=warp, weft=weft)
 
     def table(self) -> dict[str, Any]:
-        """What a material file says of the fabric."""
+        """The content of a material file."""
         table = self.sheet_table()
         table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
         table["units"] = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
-        both = {"yarns": self.warp} if self.is_balanced else {"warp": self.warp, "weft": self.weft}
-        table |= {key: dataclasses.asdict(yarn) for key, yarn in both.items()}
-        table["shear"] = {name: getattr(self, name) for name in SHEAR}
-        return table
+        table |= {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
+        return table | {"shear": {name: getattr(self, name) for name in SHEAR}}
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
         """The fabric of a TOML document; InputError by field."""
         document.pop("law", None)
-        yarns = {key: take_table(document, key) for key in ("yarns", "warp", "weft")}
-        shear, units = take_table(document, "shear"), take_units(document)
+        tables = {key: take_table(document, key) for key in ("yarns", "warp", "weft", "shear")}
+        units = take_units(document)
         couplings = {key: document.pop(key) for key in ("couplings",) if key in document}
-        fields = sheet_fields(document, units, ("law", "couplings", "units", *yarns, "shear"))
-        fields |= couplings | read_numbers(shear, SHEAR, units, "shear.")
+        fields = sheet_fields(document, units, ("law", "couplings", "units", *tables))
+        fields |= couplings | read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")
-        numbers = {key: read_numbers(yarns[key], YARN, units, f"{key}.") for key in yarns}
+        numbers = {key: read_numbers(t, YARN, units, f"{key}.") for key, t in tables.items()}
         for direction in ("warp", "weft"):
             yarn = numbers["yarns"] | numbers[direction]
             table = direction if numbers[direction] or not numbers["yarns"] else "yarns"

@@ -64,8 +64,8 @@ class Law58(Law):
             ("eps_b", "E_b / B_b", self.E_b, self.B_b),
         )
         return tuple(
-            Range(strain, words, -math.inf, E / B, "there the stress stays as it is")
-            for strain, words, E, B in yarns
+            Range(strain, source, -math.inf, E / B, "there the stress stays as it is")
+            for strain, source, E, B in yarns
             if B
         )
 

@@ -12,29 +12,27 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
+from ...readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
 from ...readers.units import ANGLE, STRAIN, factors
 from ...runtime.errors import InputError
 from ...runtime.rules import shown
+from ..energy import Derivatives, Range
 from ..files import take_units
 from ..functions import where
-from ..parameters import Parameters
-from .base import Derivatives, Law, Range, sheet_fields
+from ..material import Parameters
+from .base import Law, sheet_fields
 
 MIN_POINTS = 3
-MAX_POINTS = (
-    40  # in a file: compiling the form takes the square of their number, half a minute at 100
-)
-EXTRAPOLATION = CONSTANT, LINEAR = "constant", "linear"
-CURVES = "warp", "weft", "shear"
+# in a file: compiling the form takes the square of their number, half a minute at 100
+MAX_POINTS = 40
+CONSTANT, LINEAR = "constant", "linear"
+CURVES = {"warp": "eps_a", "weft": "eps_b", "shear": "gamma"}  # and the strain of each
 _BEYOND = {
     CONSTANT: "there the stress stays at the table's last, without stiffness",
     LINEAR: "there the table's last slope goes on",
 }
-_COLUMNS = {
-    "yarn": (("eps", STRAIN), ("sigma", factors("stress"))),
-    "shear": (("gamma", ANGLE), ("tau", factors("stress"))),
-}
+_YARN = {"eps": STRAIN, "sigma": factors("stress")}
+_SHEAR = {"gamma": ANGLE, "tau": factors("stress")}
 
 
 @dataclass(frozen=True)
@@ -57,59 +55,57 @@ class Curve(Parameters):
     x: tuple[float, ...]
     y: tuple[float, ...]
     extrapolation: str = CONSTANT
-    # for each piece where its t is zero, and its energy's coefficients, highest power first
+    # energy, stress and tangent, piecewise polynomials
+    _functions: Any = field(init=False, repr=False, compare=False)
+    # for each piece of the energy where it starts, and its coefficients, highest power first
     _pieces: Any = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
-        for k in range(len(x)):
-            if not (math.isfinite(x[k]) and math.isfinite(y[k])):
-                raise InputError(f"point {k + 1} is ({x[k]}, {y[k]}); allowed are finite numbers")
-            if x[k] * y[k] < 0:
+        for k, (e, stress) in enumerate(zip(x, y)):
+            point = f"point {k + 1}"
+            if not (math.isfinite(e) and math.isfinite(stress)):
+                raise InputError(f"{point} is ({e}, {stress}); allowed are finite numbers")
+            if e * stress < 0:
                 raise InputError(
-                    f"point {k + 1}: the stress is {y[k]:.6g} MPa at the strain {x[k]:.6g}; "
-                    "allowed is one of the same sign"
+                    f"{point}: the stress is {stress:.6g} MPa at the strain {e:.6g}; allowed is "
+                    "one of the same sign"
                 )
-            if k and x[k] <= x[k - 1]:
+            if k and e <= x[k - 1]:
+                before = f"{x[k - 1]:.6g}"
                 raise InputError(
-                    f"point {k + 1}: {x[k]:.6g} comes after {x[k - 1]:.6g}; "
-                    "allowed are strains that rise strictly"
+                    f"{point}: {e:.6g} comes after {before}; allowed are rising strains"
                 )
         if len(x) < MIN_POINTS:
             raise InputError(f"the curve has {len(x)} points; allowed is {MIN_POINTS} or more")
-        zero = np.flatnonzero(x == 0)
-        if len(zero) != 1 or y[zero[0]] != 0:
+        if (0.0, 0.0) not in zip(x, y):
+            raise InputError("the curve has no point (0, 0); allowed is one that passes there")
+        if self.extrapolation not in _BEYOND:
             raise InputError(
-                "the curve has no point (0, 0); "
-                "allowed is one that is free of stress at zero strain"
+                f"extrapolation is {shown(self.extrapolation)}; allowed is {' or '.join(_BEYOND)}"
             )
-        if self.extrapolation not in EXTRAPOLATION:
-            raise InputError(
-                f"extrapolation is {shown(self.extrapolation)}; allowed is "
-                f"{' or '.join(EXTRAPOLATION)}"
-            )
-        from scipy.interpolate import PchipInterpolator  # takes long to import
+        from scipy.interpolate import PchipInterpolator, PPoly  # take long to import
 
         inner = PchipInterpolator(x, y)
-        left, right = (0.0, 0.0)
+        left, right = 0.0, 0.0
         if self.extrapolation == LINEAR:  # but never towards 0 and beyond
             left, right = np.maximum(inner.derivative()(x[[0, -1]]), 0) * [x[0] < 0, x[-1] > 0]
-        # stress of [left tail, pieces.., right tail]
-        c = np.column_stack([[0, 0, left, y[0]], inner.c, [0, 0, right, y[-1]]])
-        object.__setattr__(self, "_pieces", _energies(np.concatenate([x[:1], x]), c))
+        # a piece at each end, which goes on beyond
+        c = np.column_stack([[0, 0, left, y[0] - left], inner.c, [0, 0, right, y[-1]]])
+        stress = PPoly(c, [x[0] - 1, *x, x[-1] + 1])
+        energy = stress.antiderivative()
+        energy.c[-1] -= energy(0.0)
+        object.__setattr__(self, "_functions", (energy, stress, stress.derivative()))
+        object.__setattr__(self, "_pieces", np.vstack([energy.x[:-1], energy.c]))
 
     def __call__(self, e: ArrayLike) -> np.ndarray:
         """Stress [MPa] at strains `e`, of their shape."""
-        return self.derivatives(e)[1]
+        return self._functions[1](e)
 
     def derivatives(self, e: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Energy, stress and tangent [MPa] at strains `e`, each of their shape."""
-        e = np.asarray(e, float)
-        start, w4, w3, w2, w1, w0 = self._pieces[:, np.searchsorted(self.x, e, side="right")]
-        t = e - start
-        energy = (((w4 * t + w3) * t + w2) * t + w1) * t + w0
-        stress = ((4 * w4 * t + 3 * w3) * t + 2 * w2) * t + w1
-        return energy, stress, (12 * w4 * t + 6 * w3) * t + 2 * w2
+        energy, stress, tangent = self._functions
+        return energy(e), stress(e), tangent(e)
 
     def energy(self, e: Any) -> Any:
         """Energy [MPa] at strains of any kind that a law's energy takes."""
@@ -133,24 +129,32 @@ class Curve(Parameters):
         return new
 
 
-def _energies(starts: np.ndarray, c: np.ndarray) -> np.ndarray:
-    """Starts and coefficients of the energy (6, n + 1), continuous, zero at zero strain, of pieces
-    that begin at `starts`, where the stress has the coefficients c (4, n + 1)."""
-    W = np.vstack([c / np.array([4.0, 3.0, 2.0, 1.0])[:, None], np.zeros(c.shape[1])])
-    for k in range(2, c.shape[1]):
-        W[4, k] = np.polyval(W[:, k - 1], starts[k] - starts[k - 1])
-    rest = np.searchsorted(starts[1:], 0.0, side="right")
-    W[4] -= np.polyval(W[:, rest], 0.0 - starts[rest])
-    return np.vstack([starts, W])
-
-
 @dataclass(frozen=True)
 class TabulatedFabric(Law):
-    """FABRIC from tables: curves of warp and weft over nominal strain, of shear over the shear
-    angle. Shear is the same in both senses, so its table begins at 0.
+    """A fabric without couplings, from curves of its warp, its weft and its shear.
 
-    Raises InputError for a shear table that begins below 0, and for a thickness [mm] or density
-    [g/cm3] not above 0.
+    Parameters
+    ----------
+    warp, weft : Curve
+        Nominal stress [MPa] over strain [-] along the yarns.
+    shear : Curve
+        Shear stress [MPa] over shear angle [rad] from 0 on; the other sense is its mirror image.
+    thickness, density, name, compaction, fibre_density, assumed
+        As in `Law`.
+
+    Raises
+    ------
+    InputError
+        For a shear table that begins below 0, and for a value out of its range.
+
+    Examples
+    --------
+    >>> from fabric_fenicsx.material.laws.tabulated import Curve
+    >>> yarn = Curve((-0.1, 0.0, 0.01, 0.03), (-0.1, 0.0, 9.0, 45.0))
+    >>> shear = Curve((0.0, 0.4, 0.8), (0.0, 0.01, 0.09))
+    >>> fabric = ff.TabulatedFabric(yarn, yarn, shear, thickness=0.5)
+    >>> fabric.warp(0.03).item()
+    45.0
     """
 
     law = "tabulated"
@@ -164,13 +168,10 @@ class TabulatedFabric(Law):
         super().__post_init__()
         if self.shear.x[0] < 0:
             raise InputError(
-                f"shear begins at {self.shear.x[0]:.6g}; allowed is to begin at 0; "
-                "the other sense is its mirror image"
+                f"shear begins at {self.shear.x[0]:.6g}; allowed is 0, as both senses are alike"
             )
-        x, y = np.array(self.shear.x), np.array(self.shear.y)
-        mirrored = [tuple(np.concatenate([-v[:0:-1], v])) for v in (x, y)]
-        both = Curve(mirrored[0], mirrored[1], self.shear.extrapolation)
-        object.__setattr__(self, "_both", both)
+        x, y = ((*(-u for u in v[:0:-1]), *v) for v in (self.shear.x, self.shear.y))
+        object.__setattr__(self, "_both", Curve(x, y, self.shear.extrapolation))
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
         r"""The areas under the curves: $W = \int_0^{\epsilon_a} \sigma_a\,d\epsilon
@@ -181,19 +182,17 @@ class TabulatedFabric(Law):
         self, eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray, second: bool = True
     ) -> Derivatives:
         """In closed form."""
-        (A, A_a, A_aa), (B, B_b, B_bb), (H, H_g, H_gg) = (
-            curve.derivatives(v)
-            for curve, v in zip((self.warp, self.weft, self._both), (eps_a, eps_b, gamma))
-        )
+        pairs = (self.warp, eps_a), (self.weft, eps_b), (self._both, gamma)
+        (A, A_a, A_aa), (B, B_b, B_bb), (H, H_g, H_gg) = (c.derivatives(e) for c, e in pairs)
         zero = np.zeros_like(A)
         tangent = np.stack([A_aa, zero, B_bb, zero, zero, H_gg]) if second else None
         return Derivatives(np.stack([A, B, H], -1), np.stack([A_a, B_b, H_g]), tangent)
 
     def ranges(self) -> tuple[Range, ...]:
-        """What the tables cover. Yarns of a table without compression have none, which
-        `plausibility_warnings` tells."""
+        """Strains that the tables cover. Yarns of a table without compression have none, which
+        `plausibility_warnings` says."""
         found = []
-        for strain, name in zip(("eps_a", "eps_b", "gamma"), CURVES):
+        for name, strain in CURVES.items():
             curve = getattr(self, name)
             low = curve.x[0] if curve.x[0] < 0 else -math.inf
             beyond = _BEYOND[curve.extrapolation]
@@ -201,28 +200,27 @@ class TabulatedFabric(Law):
         return tuple(found)
 
     def plausibility_warnings(self) -> list[str]:
-        """As of any law, and of tables without compression, or in which the stress falls."""
+        """Sentences on numbers that fabrics hardly have, and on tables without compression or with
+        a stress that falls."""
         found = super().plausibility_warnings()
         for name in CURVES:
-            curve, words = getattr(self, name), f"the table of {name} of material {self.name}"
+            curve, table = getattr(self, name), f"the table of {name} of material {self.name}"
             if name != "shear" and curve.x[0] == 0:
                 found.append(
-                    f"{words} begins at 0, so the yarns have no stress and no stiffness in "
+                    f"{table} begins at 0, so the yarns have no stress and no stiffness in "
                     "compression; rows below 0 would give them one"
                 )
-            falls = np.flatnonzero(np.diff(curve.y) < 0)
-            if falls.size:
-                start = (
-                    math.degrees(curve.x[falls[0]]) if name == "shear" else 100 * curve.x[falls[0]]
-                )
+            for k in np.flatnonzero(np.diff(curve.y) < 0)[:1]:
+                x = curve.x[k]
+                start = f"{math.degrees(x):.4g} deg" if name == "shear" else f"{100 * x:.4g} %"
                 found.append(
-                    f"{words} falls from {start:.4g} {'deg' if name == 'shear' else '%'} on, where "
-                    "the fabric is unstable: strains gather in rows of cells"
+                    f"{table} falls from {start} on, where the fabric is unstable: strains gather "
+                    "in rows of cells"
                 )
         return found
 
     def table(self) -> dict[str, Any]:
-        """All of it; a material file names CSV files in the place of the points."""
+        """The curves and the sheet; a material file names CSV files in the place of the points."""
         curves = {name: getattr(self, name) for name in CURVES}
         tables = {
             name: {"x": list(c.x), "y": list(c.y), "extrapolation": c.extrapolation}
@@ -238,20 +236,17 @@ class TabulatedFabric(Law):
         CSV files beside it with the headers `eps [%], sigma [MPa]` and `gamma [deg], tau [MPa]`,
         and `extrapolation` of all, see `Curve`. Raises InputError by file and row.
         """
-        files = {key: document.pop(key, None) for key in CURVES}
-        beyond = document.pop("extrapolation", CONSTANT)
-        for key in ("law", "model"):
-            document.pop(key, None)
-        fields = sheet_fields(
-            document, take_units(document), ("law", "model", "extrapolation", *files)
-        )
-        for key, name in files.items():
-            if not isinstance(name, str):
+        own = {key: document.pop(key, None) for key in ("law", "model", "extrapolation", *CURVES)}
+        fields = sheet_fields(document, take_units(document), tuple(own))
+        for key in CURVES:
+            if not isinstance(own[key], str):
                 raise InputError(
-                    f"{key} is {name!r}; allowed is the name of a CSV file beside this one"
+                    f"{key} is {own[key]!r}; allowed is the name of a CSV file beside this one"
                 )
-            curve = read_table(folder / name, "shear" if key == "shear" else "yarn")
-            fields[key] = dataclasses.replace(curve, extrapolation=beyond)
+            curve = read_table(folder / own[key], "shear" if key == "shear" else "yarn")
+            if own["extrapolation"] is not None:
+                curve = dataclasses.replace(curve, extrapolation=own["extrapolation"])
+            fields[key] = curve
         return cls(**fields)
 
 
@@ -261,36 +256,33 @@ def read_table(path: str | os.PathLike[str], kind: str) -> Curve:
     Raises InputError by file and row.
     """
     try:
-        return _curve(read_lines(path), _COLUMNS[kind])
+        return _curve(read_lines(path), _SHEAR if kind == "shear" else _YARN)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
 def _curve(lines, columns):
-    """The curve in the lines of a file; InputError by row."""
-    wanted = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns)
-    rows = [(n, text) for n, text in enumerate(lines, 1) if text.strip(" ,;\t")]
-    rows = [(n, text) for n, text in rows if not is_comment(text)]
-    table = table_of(rows, lambda name: name in dict(columns))
+    """The curve in the lines of a file; columns: {name: factors of its units}."""
+    allowed = ", ".join(f"{name} [{'|'.join(units)}]" for name, units in columns.items())
+    table = table_of(rows_of(lines), columns.__contains__)
     if len(table.names) != 2:
-        raise InputError(f"row {table.top} is no header of two columns; allowed is {wanted}")
-    factors = {}
-    for i, (name, unit, (column, units)) in enumerate(zip(table.names, table.units, columns)):
-        if name != column or unit not in units:
-            told = name if unit is None else f"{name} [{unit}]"
-            raise InputError(f"row {table.top} has the column {told!r}; allowed is {wanted}")
-        factors[i] = name, units[unit]
+        raise InputError(f"row {table.top} is no header of two columns; allowed is {allowed}")
+    wanted = {}
+    for i, (name, unit, column) in enumerate(zip(table.names, table.units, columns)):
+        if name != column or unit not in columns[column]:
+            given = name if unit is None else f"{name} [{unit}]"
+            raise InputError(f"row {table.top} has the column {given!r}; allowed is {allowed}")
+        wanted[i] = name, columns[column][unit]
     problems = Problems()
-    x, y = values_of(table, factors, problems).values()
+    x, y = values_of(table, wanted, problems).values()
     if len(x) > MAX_POINTS:
-        problems.append(
-            f"has {len(x)} points; allowed are {MIN_POINTS} to {MAX_POINTS}, so thin it out"
-        )
+        allowed = f"{MIN_POINTS} to {MAX_POINTS}, so thin it out"
+        problems.append(f"has {len(x)} points; allowed are {allowed}")
     problems.stop()
     try:
         return Curve(tuple(x.tolist()), tuple(y.tolist()))
     except InputError as error:
         message = str(error)
         if match := re.match(r"point (\d+)", message):
-            message = message.replace(match[0], f"row {table.rows[int(match[1]) - 1]}", 1)
+            message = f"row {table.rows[int(match[1]) - 1]}{message[match.end() :]}"
         raise InputError(message) from None

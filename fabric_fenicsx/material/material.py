@@ -1,0 +1,91 @@
+"""Numbers with rules, of which materials are made, and materials as files hold them."""
+
+import copy
+import dataclasses
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import tomli_w
+
+from ..runtime.rules import unknown_key
+from .files import read_toml, write_whole
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """Numbers with rules: `rules` names those fields that are checked, and how."""
+
+    rules: ClassVar[Mapping[str, Any]] = {}
+
+    def __post_init__(self) -> None:
+        for name, rule in self.rules.items():
+            object.__setattr__(self, name, rule.check(name, getattr(self, name)))
+
+    def symbols(self, make: Callable[[float], Any]) -> Self:
+        """A copy, not checked, of which each number v of the energy is make(v); so make may give
+        UFL constants. Densities and compaction have no part in it; thickness comes last."""
+        new = copy.copy(self)
+        for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
+            value = getattr(self, field.name)
+            if field.name in ("density", "fibre_density", "compaction"):
+                continue
+            if isinstance(value, float):
+                object.__setattr__(new, field.name, make(value))
+            elif isinstance(value, Parameters):
+                object.__setattr__(new, field.name, value.symbols(make))
+        return new
+
+
+class Material(Parameters):
+    """Parameters of a sheet's material that a file holds; a subclass says what in `table`, and
+    reads it in `from_document`. thickness: of the sheet [mm]."""
+
+    thickness: float
+
+    def thickness_under(self, pressure: float) -> float:
+        """Thickness of the sheet between faces that press it [MPa], in mm."""
+        return self.thickness
+
+    def assumed_values(self) -> dict[str, str]:
+        """Numbers that act and that no test has determined, {name: value with unit}."""
+        return {}
+
+    @property
+    def label(self) -> str:
+        """The material's name in sentences."""
+        return getattr(self, "name", "") or getattr(self, "law", "material")
+
+    def replace(self, **changes: Any) -> Self:
+        """A changed copy; InputError for an unknown name."""
+        own = [field.name for field in dataclasses.fields(self)]
+        for key in changes:
+            if key not in own:
+                raise unknown_key(key, own, f"replace: {key}")
+        return dataclasses.replace(self, **changes)
+
+    def table(self) -> dict[str, Any]:
+        """The content of a material file."""
+        raise NotImplementedError
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
+        """The material of a TOML document that lies in `folder`; InputError by field."""
+        raise NotImplementedError
+
+    def dumps(self, remarks: Iterable[str] = ()) -> str:
+        """The TOML text, which reads back as an equal object; remarks: comment lines at its top."""
+        return "".join(f"# {line}\n" for line in remarks) + tomli_w.dumps(self.table())
+
+    def to_toml(self, path: str | os.PathLike[str], remarks: Iterable[str] = ()) -> None:
+        """Write the file whole or not at all, with `remarks` as comments; InputError where it
+        cannot be written."""
+        write_whole(path, self.dumps(remarks))
+
+    @classmethod
+    def from_toml(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a file written by hand or by `to_toml`; InputError with file, field and what is
+        allowed."""
+        return read_toml(path, lambda document: cls.from_document(document, Path(path).parent))
