@@ -1,4 +1,4 @@
-"""Every difference between DOLFINx 0.5.2 (Debian 12), 0.9 (Debian 13) and 0.11, in the newer names.
+"""All differences between DOLFINx 0.5.2 (Debian 12), 0.9 (Debian 13) and 0.11, in newer names.
 
 To drop Debian 12, delete what stands under `OLD`.
 """
@@ -18,7 +18,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from .runtime import cache_folders as home
+from .runtime import cache_folders
 from .runtime.jit_cache import TIMEOUT, compiled
 from .runtime.signals import end_with_reader
 
@@ -28,9 +28,11 @@ if not OLD:
     import basix.ufl
 
 end_with_reader()  # after petsc4py, which has a handler of its own
-if home.moved:  # DOLFINx may have been imported before, and has taken the place that was then
+if (
+    cache_folders.moved
+):  # DOLFINx may have been imported before, and has taken the place that was then
     _DEFAULTS = getattr(dolfinx.jit, f"DOLFINX_DEFAULT_JIT_{'PARAMETERS' if OLD else 'OPTIONS'}")
-    _DEFAULTS["cache_dir"] = (home.moved / "fenics", _DEFAULTS["cache_dir"][1])
+    _DEFAULTS["cache_dir"] = (cache_folders.moved / "fenics", _DEFAULTS["cache_dir"][1])
 
 # None touches NaN: without errno sqrt is one instruction, without traps both sides of a conditional
 # may be computed side by side; sums may be taken in another order and quotients as products; and
@@ -42,8 +44,7 @@ C_FLAGS = (
 
 
 def jit(**more: Any) -> dict[str, Any]:
-    """How forms and expressions are compiled, as the keyword that DOLFINx takes it by; `more`
-    options of FFCx."""
+    """Keyword argument of DOLFINx with the options for compiling, and `more` of FFCx."""
     options = {"cffi_extra_compile_args": C_FLAGS, "timeout": TIMEOUT} | more
     return {"jit_params": options} if OLD else {"jit_options": options}
 
@@ -88,7 +89,7 @@ def cell_name(mesh: Mesh) -> str:
 
 
 def is_affine(mesh: Mesh) -> bool:
-    """Whether every cell has one tangent plane: straight-sided triangles."""
+    """True if every cell has one tangent plane: straight-sided triangles."""
     return cell_name(mesh) == "triangle" and geometry_degree(mesh) == 1
 
 
@@ -101,14 +102,9 @@ def geometry_dofmap(mesh: Mesh) -> np.ndarray:
     """Geometry nodes of each local cell (owned first, then ghosts), (cells, k)."""
     if not OLD:
         return mesh.geometry.dofmaps[0] if NEW else mesh.geometry.dofmap
-    dofmap = mesh.geometry.dofmap
-    nodes = {
-        ("triangle", 1): 3,
-        ("triangle", 2): 6,
-        ("quadrilateral", 1): 4,
-        ("quadrilateral", 2): 9,
-    }
-    return dofmap.array.reshape(dofmap.num_nodes, nodes[cell_name(mesh), geometry_degree(mesh)])
+    dofmap, n = mesh.geometry.dofmap, geometry_degree(mesh) + 1
+    nodes = n * (n + 1) // 2 if cell_name(mesh) == "triangle" else n**2
+    return dofmap.array.reshape(dofmap.num_nodes, nodes)
 
 
 def dofmap(space: fem.FunctionSpace) -> np.ndarray:
@@ -162,27 +158,17 @@ class PointEvaluation:
 
     def __call__(self) -> np.ndarray:
         """Array (cells, points a cell, *shape of the expression)."""
-        values = (
-            self._expression.eval(self._cells)
-            if OLD
-            else self._expression.eval(self._mesh, self._cells)
-        )
-        return np.asarray(values).reshape(self._shape)
+        given = (self._cells,) if OLD else (self._mesh, self._cells)
+        return np.asarray(self._expression.eval(*given)).reshape(self._shape)
 
 
 def values_at(function: fem.Function, points: np.ndarray) -> np.ndarray:
     """Values (n, components) of a function at points (n, 3), NaN where none of this rank's cells
     holds the point."""
     mesh, geometry = function.function_space.mesh, dolfinx.geometry
-    if OLD:
-        found = geometry.compute_collisions(
-            geometry.BoundingBoxTree(mesh, mesh.topology.dim), points
-        )
-    else:
-        found = geometry.compute_collisions_points(
-            geometry.bb_tree(mesh, mesh.topology.dim), points
-        )
-    found = geometry.compute_colliding_cells(mesh, found, points)
+    collide = geometry.compute_collisions if OLD else geometry.compute_collisions_points
+    tree = (geometry.BoundingBoxTree if OLD else geometry.bb_tree)(mesh, mesh.topology.dim)
+    found = geometry.compute_colliding_cells(mesh, collide(tree, points), points)
     inside = np.diff(found.offsets) > 0
     values = np.full((len(points), function.function_space.dofmap.index_map_bs), np.nan)
     values[inside] = function.eval(points[inside], found.array[found.offsets[:-1][inside]])

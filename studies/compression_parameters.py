@@ -4,7 +4,7 @@ each varied alone."""
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.forming.forming import Forming
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.verification import compression_parameters as parameters
+from fabric_fenicsx.studies.lib import compression_parameters as parameters
 
 
 class CompressedPly(Forming):

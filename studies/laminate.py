@@ -6,7 +6,7 @@ from fabric_fenicsx.forming.laminate import MIDDLE, Laminate
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
-from fabric_fenicsx.verification import compression_parameters as parameters
+from fabric_fenicsx.studies.lib import compression_parameters as parameters
 
 
 def options():

@@ -6,7 +6,7 @@ from fabric_fenicsx.coupons.scenario import Scenario
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.verification.single_element import LABELS, MODELS, compare
+from fabric_fenicsx.studies.lib.single_element import LABELS, MODELS, compare
 
 AGREEMENT = 1e-9  # of the stresses at a state, or of s1 where they are smaller
 

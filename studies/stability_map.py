@@ -6,8 +6,8 @@ import numpy as np
 from fabric_fenicsx.command_line.study import parser, run
 from fabric_fenicsx.coupons.scenario import Scenario
 from fabric_fenicsx.runtime.errors import SolverFailure
-from fabric_fenicsx.verification.stability_maps import kernel_difference, stability_maps
-from fabric_fenicsx.verification.stability_thresholds import HIGH, LOW, thresholds
+from fabric_fenicsx.studies.lib.stability_maps import kernel_difference, stability_maps
+from fabric_fenicsx.studies.lib.stability_thresholds import HIGH, LOW, thresholds
 
 AGREEMENT = 1e-9  # of the kernel's stresses with the closed form, or of s1 where they are smaller
 

@@ -79,7 +79,7 @@ def resident_mib(comm: MPI.Comm, key: str) -> float:
 def elastic_seconds(scene: Scene) -> tuple[float, float]:
     """Seconds of the assembly, and of assembly, analysis, factorisation and solution by MUMPS, of
     linear elasticity on the scene's mesh."""
-    comm, twin = scene.comm, Scene(scene.blank, [LinearElasticity()], scene.supports.given)
+    comm, twin = scene.comm, Scene(scene.blank, [LinearElasticity()], scene.supports)
     A, b = twin.create_matrix(), twin.u.duplicate()
     b.set(1.0)
 
@@ -190,7 +190,7 @@ def solution_cost(comm: MPI.Comm, fabric: Law, c: Configuration) -> dict[str, An
         "residual_s": timed(comm, lambda: scene.residual(r)),
     }
     known, d = x.copy(), x.duplicate()
-    known.array[scene.held] = 0
+    known.array[scene.fixed_dofs] = 0
     rhs = A * known
 
     def solve():

@@ -228,7 +228,7 @@ def perturbed_start(s: Setting) -> Found:
     plain, blank = s.pulled(), s.blank()
     scene = Scene(blank, [s.membrane()], clamped_ends(6.0))
     blank.u.x.array[:] = noise(blank.coordinates()).ravel()
-    scene.u.array[scene.held] = 0
+    scene.u.array[scene.fixed_dofs] = 0
     scene.set(scene.u.copy())
     run = AuditedRun(scene)
     gap = abs(run.energy / plain.energy - 1)

@@ -19,7 +19,7 @@ from ..runtime.fields import choice, number
 from ..runtime.formatting import rounded
 from ..runtime.rules import FINITE, FROM_ZERO
 from ..scene.supports import Supports, clamped_ends
-from ..verification.pin_jointed import PinJointedStrip
+from .pin_jointed import PinJointedStrip
 from .scenario import ELEMENTS
 from .strip import INNER_ORDER, StripTest
 from .transition import transition_width

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from ..verification.pin_jointed import PinJointedStrip
+from .pin_jointed import PinJointedStrip
 
 RISE = 0.1, 0.9  # of the turn of a yarn, between which its transition zone is measured
 OUTER = 2 / 3  # of the distance from a zone's edge, from where a turn counts as whole

@@ -16,7 +16,8 @@ from ..mechanics.release_forces import RELEASED, ReleaseForces
 from ..mechanics.term import overrides
 from ..runtime.errors import InputError
 from ..scene.isostatic import isostatic, planes_of_symmetry
-from ..scene.scene import OF_CELLS, Scene, memory_of
+from ..scene.memory import OF_CELLS, memory_of
+from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.blank import Part
 
@@ -56,13 +57,13 @@ def unloading(
             f"unloading is asked of a run that reached {result.summary.get('stroke_reached')} of "
             "its load; allowed is one that reached all of it"
         )
-    blank, names = before.blank, [support.name for support in before.supports.given]
+    blank, names = before.blank, [support.name for support in before.supports]
     if lost := [name for name in keep if name not in names]:
         raise InputError(
             f"`keep` names {lost[0]!r}; allowed are supports of the scene: {', '.join(names)}"
         )
-    planes = list(planes_of_symmetry(blank, before.supports.given).values())
-    kept = [s for s in before.supports.given if s in planes or s.name in keep]
+    planes = list(planes_of_symmetry(blank, before.supports).values())
+    kept = [s for s in before.supports if s in planes or s.name in keep]
     own = [term for term in before.terms if _stays(term, together)]
     memory, formed = _memory(own), blank.u.x.array.copy()
     held = isostatic(blank, kept)

@@ -33,13 +33,9 @@ def default_measure(scene: Scene) -> Measure:
                 float(along @ (np.subtract(tool.path(load), tool.path(0.0)))),
                 float(along @ reports.tool_force(scene, tool)),
             )
-    strokes = [_stroke(scene, support, 1.0) for support in scene.supports.given]
-    lengths = [float(np.linalg.norm(stroke)) for stroke in strokes]
-    furthest = int(np.argmax(lengths))
-    support, along = (
-        scene.supports.given[furthest],
-        strokes[furthest] / max(lengths[furthest], 1e-300),
-    )
+    strokes = [(_stroke(scene, support, 1.0), support) for support in scene.supports]
+    stroke, support = max(strokes, key=lambda each: float(np.linalg.norm(each[0])))
+    along = stroke / max(float(np.linalg.norm(stroke)), 1e-300)
     return lambda scene, load: (
         float(along @ _stroke(scene, support, load)),
         float(along @ scene.reaction(support.name)),

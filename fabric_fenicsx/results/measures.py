@@ -113,7 +113,7 @@ def planes_of_symmetry(scene: Scene, part: Part) -> list[int]:
     comm, count = scene.comm, len(part.nodes)
     x = scene.blank.coordinates()[:count]
     held = np.zeros((count, scene.blank.mesh.geometry.dim), dtype=bool)
-    held.flat[scene.held] = True
+    held.flat[scene.fixed_dofs] = True
     found = []
     for axis in (0, 1):
         low = extremes(comm, x[part.nodes, axis])[0]

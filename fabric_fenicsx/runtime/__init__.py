@@ -1,1 +1,1 @@
-"""What a run needs of its process: errors, ranks, signals, files, timing, declared fields."""
+"""The process of a run: errors, ranks, signals, files, timing, declared fields."""

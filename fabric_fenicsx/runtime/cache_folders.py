@@ -1,4 +1,4 @@
-"""A place for caches of compiled code and of plotting, also where the home can't be written."""
+"""Folders for caches of compiled code and of plotting, also where the home can't be written."""
 
 import os
 import sys
@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 RANK = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")  # known without MPI
-moved: Path | None = None  # where caches are instead
+moved: Path | None = None  # the folder in place of the home's
 
 
 def cache() -> Path:
@@ -15,34 +15,32 @@ def cache() -> Path:
 
 
 def ensure_cache() -> None:
-    """Where nothing can be written in `cache`, XDG_CACHE_HOME names a temporary folder of this
-    user from here on, and rank 0 says so."""
+    """Let XDG_CACHE_HOME be a temporary folder of this user from here on if nothing can be written
+    in `cache`; rank 0 warns."""
     global moved
     try:
-        Path.home()
         _make(cache() / "fenics")
         return
     except RuntimeError:  # a user without an entry in the system, as in a container
-        wrong = "this user has no home"
+        wrong, home = "this user has no home", None
     except OSError as error:
-        wrong = f"{error.filename} can't be written ({error.strerror})"
+        wrong, home = f"{error.filename} can't be written ({error.strerror})", Path.home()
     try:
         folder = Path(tempfile.gettempdir()) / f"fabric_fenicsx_{os.getuid()}"
         _make(folder / "fenics")
         if folder.stat().st_uid != os.getuid():  # code is loaded from it
             raise PermissionError
-        kept = f"compiled code is kept in {folder}"
-        moved = folder
+        kept, moved = f"compiled code is kept in {folder}", folder
         os.environ |= {"XDG_CACHE_HOME": str(folder), "MPLCONFIGDIR": str(folder)}
-        if wrong.endswith("home"):  # DOLFINx asks for one
+        if home is None:  # DOLFINx needs one
             os.environ["HOME"] = str(folder)
-        elif _is_closed(Path(os.getenv("XDG_CONFIG_HOME") or Path.home() / ".config")):
+        elif _is_closed(Path(os.getenv("XDG_CONFIG_HOME") or home / ".config")):
             os.environ["XDG_CONFIG_HOME"] = str(folder)
     except OSError:
         kept = "nor is there a temporary folder for compiled code"
     if all(os.getenv(name, "0") == "0" for name in RANK):
-        words = f"warning: {wrong}; {kept}; XDG_CACHE_HOME=FOLDER chooses another folder"
-        print(words, file=sys.stderr, flush=True)
+        text = f"warning: {wrong}; {kept}; XDG_CACHE_HOME=FOLDER chooses another folder"
+        print(text, file=sys.stderr, flush=True)
 
 
 def _make(folder):
@@ -53,7 +51,7 @@ def _make(folder):
 
 
 def _is_closed(folder):
-    """Whether DOLFINx fails to look for its options there; that there are none it knows."""
+    """True where DOLFINx fails when it looks for its options; it copes with missing ones."""
     try:
         (folder / "dolfinx").stat()
     except FileNotFoundError:

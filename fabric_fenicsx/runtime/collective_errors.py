@@ -1,4 +1,4 @@
-"""Ranks that end together: one that fails alone would leave the others waiting for ever."""
+"""Errors on some ranks alone end all of them, which would otherwise wait for ever."""
 
 import sys
 import time
@@ -12,16 +12,16 @@ PATIENCE = 10.0  # s, for the others
 
 
 def is_alone(comm: MPI.Comm) -> bool:
-    """Whether the other ranks do not come here, too."""
-    everyone, end = comm.Ibarrier(), time.monotonic() + PATIENCE
-    while not (come := everyone.Test()) and time.monotonic() < end:
+    """True if other ranks do not call this, too, within `PATIENCE`."""
+    barrier, end = comm.Ibarrier(), time.monotonic() + PATIENCE
+    while not (done := barrier.Test()) and time.monotonic() < end:
         time.sleep(0.01)
-    return not come
+    return not done
 
 
 @contextmanager
 def all_or_none(comm: MPI.Comm) -> Iterator[None]:
-    """An exception within it that only some ranks meet is printed and ends all of them."""
+    """Print an exception that only some ranks meet inside, and end all of them."""
     try:
         yield
     except Exception:

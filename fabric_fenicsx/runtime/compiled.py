@@ -15,7 +15,7 @@ if not os.getenv("NUMBA_CACHE_DIR"):
 
 
 def compiled(function: F) -> F:
-    """The function as machine code, made at its first call and kept for later processes. Numbers
-    divided by 0 are infinite or NaN, as NumPy's."""
+    """The function as machine code, made at its first call and kept for later processes. Division
+    by 0 gives inf or NaN, as in NumPy."""
     machine_code: Any = numba.njit(cache=True, error_model="numpy")(function)
     return machine_code

@@ -1,19 +1,41 @@
-"""The ways in which a run ends without a result."""
+"""Errors that end a run."""
 
 from typing import Any
 
+NOT_BELIEVED = "the result is not to be believed: "  # beginning of the reason of such a run
+
 
 class InputError(ValueError):
-    """A user's mistake; the message is one sentence: what is wrong, where, and what is allowed."""
+    """A mistake in what a user gave: a value, a file, or how parts go together.
 
+    The message says what is wrong, where, and what is allowed.
 
-NOT_BELIEVED = "the result is not to be believed: "  # how the reason of such a run begins
+    Examples
+    --------
+    >>> ff.Limits(viscous=-1)
+    Traceback (most recent call last):
+        ...
+    fabric_fenicsx.runtime.errors.InputError: `Limits.viscous` is -1; allowed is a number above 0
+    """
 
 
 class SolverFailure(RuntimeError):
-    """The solver gave up; the message is the reason in words.
+    """No converged or no credible state at the asked load.
 
-    result: of a job, what it had reached by then (`job.Result`), otherwise None.
+    Parameters
+    ----------
+    reason
+        The message.
+    result
+        What a job had reached by then, a `Result`; None outside of jobs.
+
+    Examples
+    --------
+    >>> try:
+    ...     raise ff.SolverFailure("gave up at load factor 0.8")
+    ... except ff.SolverFailure as failure:
+    ...     print(failure, failure.result, sep="; ")
+    gave up at load factor 0.8; None
     """
 
     def __init__(self, reason: str, result: Any = None) -> None:
@@ -22,4 +44,10 @@ class SolverFailure(RuntimeError):
 
 
 class Interrupted(Exception):
-    """A run was asked to end before its time; its message says how to go on."""
+    """A run was asked to stop, as by Ctrl-C; the message says how to resume it.
+
+    Examples
+    --------
+    >>> issubclass(ff.Interrupted, ff.SolverFailure)
+    False
+    """

@@ -10,13 +10,9 @@ LOCK_FILE = ".lock"  # in a folder; a run that uses the folder locks this file
 
 
 def lock_folder(folder: Path) -> IO | None:
-    """Lock `folder` for this process until the file that this returns is closed; None if another
-    process has locked it.
-
-    The system removes the lock when the process ends, for whatever reason. On NFS this works
-    between machines if the server has locks. On a file system without locks nothing is locked.
-    Raises OSError if the folder can't be written to.
-    """
+    """Lock `folder` for this process until the returned file is closed or the process ends; None if
+    another process has locked it. A file system without locks locks nothing. Raises OSError if the
+    folder can't be written to."""
     file = open(folder / LOCK_FILE, "a")
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -29,11 +25,8 @@ def lock_folder(folder: Path) -> IO | None:
 
 
 def replace_file(path: Path, content: str | bytes, lasting: bool = False) -> None:
-    """Replace the content of the file `path` in one step; lasting: return only once it is on the
-    disk.
-
-    Raises OSError, which names the file, if it can't be written. The file then stays as it was.
-    """
+    """Replace the content of the file `path` in one step; lasting: wait until it is on the disk.
+    Raises OSError, which names the file, if it can't be written; the file then stays as it was."""
     part = path.with_name(path.name + ".part")
     try:
         with open(part, "wb") as file:

@@ -1,4 +1,4 @@
-"""Numbers as sentences have them: with few digits, and without an exponent where none is needed."""
+"""Numbers in sentences: few digits, and no exponent where none is needed."""
 
 import math
 from collections.abc import Collection, Iterable
@@ -8,7 +8,8 @@ MANY = 10.0  # a share above which its size says nothing more
 
 
 def rounded(number: float, digits: int = 3) -> str:
-    """A number of so many digits that count: 1230 for 1.23e+03; from 1e6 and below 1e-4 as 2e6."""
+    """A number with so many significant digits: 1230 for 1.23e+03; 2e6 from 1e6 on, 2e-5 below
+    1e-4."""
     text = f"{float(number) + 0.0:.{digits}g}"
     if "e" not in text:
         return text
@@ -17,14 +18,14 @@ def rounded(number: float, digits: int = 3) -> str:
 
 
 def percent(share: float, digits: int = 2) -> str:
-    """A share as 12 %; more than `MANY` is told as such."""
+    """A share as 12 %, or as more than `MANY`."""
     if MANY < share < math.inf:
         return f"more than {100 * MANY:g} %"
     return f"{rounded(100 * share, digits)} %"
 
 
 def of_sheet(point: Collection[float]) -> str:
-    """A place of an undeformed sheet: its x and y if that is flat, otherwise also z [mm]."""
+    """A place of an undeformed sheet: x and y if that is flat, otherwise also z [mm]."""
     return f"{coordinates(point)} mm of the {'flat' if len(point) == 2 else 'undeformed'} sheet"
 
 

@@ -1,5 +1,4 @@
-"""FFCx's cache of compiled forms, shared by processes that start, wait and are killed at any
-time."""
+"""FFCx's cache of compiled forms, shared by processes that may be killed at any time."""
 
 import fcntl
 import logging
@@ -19,11 +18,11 @@ TIMEOUT = 1  # seconds that FFCx waits for another process: after that `compiled
 
 
 def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
-    """What `make` compiles, on all ranks of `comm`.
+    """Call `make`, which compiles a form, on all ranks of `comm`, and return its result.
 
-    FFCx gives up after a time where another process compiles the same form, and each time where
-    one was killed while it did. Here the others are waited for, however long they take. A file that
-    is not ready when nobody compiles is left by the dead and removed.
+    FFCx gives up after a time if another process compiles the same form, and for ever if one was
+    killed while it did. Here others are waited for, however long they take, and an unfinished file
+    is removed when nobody compiles.
     """
     logging.disable(logging.INFO)  # the C compiler's command lines
     try:
@@ -51,8 +50,7 @@ def _unfinished(error: Exception) -> Path | None:
 
 @contextmanager
 def _lock(comm: MPI.Comm, kind: int) -> Iterator[None]:
-    """Hold the cache's lock on rank 0, which compiles; the system frees it when a process ends.
-    Without one where the file system has none."""
+    """Hold the cache's lock on rank 0, which compiles, if the file system has locks."""
     folder, file = cache() / "fenics", None
     if comm.rank == 0:
         try:

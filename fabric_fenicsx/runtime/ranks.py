@@ -1,4 +1,4 @@
-"""What starts a command on several ranks, and the environment that it needs."""
+"""Commands on several ranks, and their environment."""
 
 import os
 import sys
@@ -14,8 +14,8 @@ RANKS_ENVIRONMENT = {
 
 
 def on_ranks(ranks: int) -> list[str]:
-    """First words of a command that runs on so many ranks, with the MPI that this Python has: of
-    pip's DOLFINx, MPICH in the same folder as Python; else Debian's Open MPI."""
+    """Beginning of a command on so many ranks, with this Python's MPI: MPICH of pip's DOLFINx, in
+    the same folder as Python, else Debian's Open MPI."""
     if find_spec("dolfinx_solver"):
         return [str(Path(sys.executable).with_name("mpiexec")), "-n", str(ranks)]
     # Ranks give up their core while they wait only where they must share it: a core given up to

@@ -1,4 +1,4 @@
-"""Which numbers and names a user may give: one kind of rule for laws, tools, options and fields."""
+"""Rules for numbers and names that a user gives, to laws, tools, options and fields alike."""
 
 import difflib
 import math
@@ -14,8 +14,8 @@ from .errors import InputError
 
 @dataclass(frozen=True)
 class Rule:
-    """Finite numbers that pass `test`, in words `allowed`. kind: int for whole numbers; unit: kind
-    of unit that a material file gives the number in, "" for a pure number; endless: inf, too."""
+    """Finite numbers that pass `test`, described by `allowed`. kind: int for whole numbers; unit:
+    kind of unit in material files, "" for a pure number; endless: inf is allowed, too."""
 
     allowed: str
     test: Callable[[Any], bool] = lambda v: True
@@ -61,37 +61,29 @@ COUNT = Rule("a whole number of 1 or more", lambda v: v >= 1, int)
 SHARE = Rule("a fraction above 0 and up to 1, where 0.1 is 10 %", lambda v: 0 < v <= 1)
 BELOW_180 = Rule("an angle above 0 and below 180 deg", lambda v: 0 < v < 180)
 
-
-# what others call it
+# names that others use, by ours
 SYNONYMS = {
-    "material": "fabric",
-    "cloth": "fabric",
-    "orientation": "fibre_angle",
-    "angle": "fibre_angle",
-    "layer": "ply",
-    "plies": "ply",
-    "units": "unit",
-    "file": "mesh",
-    "cells": "nx",
-    "dxf": "outline",
-    "polygon": "outline",
-    "contour": "outline",
-    "mesh_size": "size",
-    "mu": "friction",
-    "young": "E",
-    "youngs_modulus": "E",
-    "poisson": "nu",
-    "rho": "density",
-    "mass_density": "density",
-    "areal_density": "areal_weight",
+    "fabric": "material cloth",
+    "fibre_angle": "orientation angle",
+    "ply": "layer plies",
+    "unit": "units",
+    "mesh": "file",
+    "nx": "cells",
+    "outline": "dxf polygon contour",
+    "size": "mesh_size",
+    "friction": "mu",
+    "E": "young youngs_modulus",
+    "nu": "poisson",
+    "density": "rho mass_density",
+    "areal_weight": "areal_density",
 }
 
 
 def did_you_mean(word: object, allowed: Iterable[str]) -> str:
-    """What a message says of a word that is not among those allowed, " (did you mean x?)", by its
-    spelling, whatever its capitals, or by what others call the same; "" if none is near."""
+    """Hint " (did you mean x?)" at the allowed name that is nearest in spelling or has the word as
+    a synonym; "" if none is near."""
     names = list(allowed)
-    known = {each.lower(): name for each, name in SYNONYMS.items() if name in names}
+    known = {each: name for name in names for each in SYNONYMS.get(name, "").split()}
     known |= {name.lower(): name for name in names}
     near = difflib.get_close_matches(str(word).lower(), known, n=1)
     return f" (did you mean {known[near[0]]}?)" if near else ""
@@ -105,7 +97,7 @@ def unknown_key(key: object, allowed: Iterable[str], label: str) -> InputError:
 
 
 def check_complete(found: Iterable[str], names: Iterable[str], where: str, place: str) -> None:
-    """InputError if one of the `names` was not found; where: what stands before them in a message,
+    """Raise InputError if one of the `names` was not found; where: prefix of names in the message,
     place: where they must be given."""
     if missing := [where + name for name in names if name not in found]:
         raise InputError(f"missing {', '.join(missing)}; allowed is to give all, {place}")

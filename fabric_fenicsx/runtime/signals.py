@@ -1,4 +1,4 @@
-"""Signals that ask a run to stop, or tell that nobody reads what it prints."""
+"""Signals that ask a run to stop, or say that its output has lost its reader."""
 
 import os
 import select
@@ -24,7 +24,7 @@ class StopSignals:
         self.forget()
 
     def __call__(self) -> str:
-        """What any rank received, as a text on all ranks; "" if nothing came."""
+        """Text on all ranks if any received a signal, else ""."""
         number = max(self.comm.allgather(self._number))
         return f"stopped by {signal.Signals(number).name}" if number else ""
 
@@ -35,9 +35,9 @@ class StopSignals:
 
 
 def end_with_reader() -> None:
-    """From here on the process ends without words, as other programs do, when it prints to a pipe
-    that nobody reads any more, as `| head` leaves it. Any other broken pipe is Python's
-    BrokenPipeError, which PETSc would make an abort of all ranks."""
+    """End the process silently from here on if it prints to a pipe that has no reader any more, as
+    after `| head`. Any other broken pipe stays Python's BrokenPipeError, which PETSc would make an
+    abort of all ranks."""
     if threading.current_thread() is threading.main_thread():  # the one that may
         signal.signal(signal.SIGPIPE, _end_if_unread)
 

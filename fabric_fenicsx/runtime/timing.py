@@ -1,4 +1,4 @@
-"""Where the wall time of this process goes."""
+"""Wall time of this process by phase."""
 
 import time
 from collections import defaultdict

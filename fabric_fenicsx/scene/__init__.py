@@ -1,1 +1,1 @@
-"""Scenes, their supports and what they tell."""
+"""Scenes, their supports and their output."""

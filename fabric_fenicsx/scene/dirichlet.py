@@ -1,6 +1,6 @@
-"""What supports hold in a scene: degrees of freedom, their displacements and reactions."""
+"""Dirichlet conditions of a scene: degrees of freedom that supports fix, and their reactions."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 from dolfinx import fem
@@ -13,86 +13,83 @@ from ..runtime.formatting import percent, rounded
 from ..sheets.blank import Blank
 from .supports import Support
 
-BORNE = 0.005  # of all forces from outside, more than what a support that only locates should bear
+BORNE = 0.005  # of all forces from outside, more than a support that only locates should bear
 
 
-class HeldDofs:
-    """Degrees of freedom of a `blank` that `supports` hold.
+class FixedDofs:
+    """Degrees of freedom of a `blank` that `supports` fix; iterating gives the supports.
 
-    - given: the supports
-    - dofs (held,): those that this rank owns and that are held now; dofs_of: of each support
-      {name: (nodes, gdim)}, free ones of its nodes among them
-    - bcs: DOLFINx's view of them
-    - locates: whether some only locate the sheet, and still hold it
+    - dofs (fixed,): those that this rank owns and that are fixed now; dofs_of: of each support
+      {name: (nodes, gdim)}, with free ones of its nodes
+    - bcs: the same for DOLFINx
+    - locates: True while supports fix some that only locate the sheet
     - work: of all supports
 
     Raises InputError for a support that holds no node, or components that the blank lacks.
     """
 
     def __init__(self, blank: Blank, supports: Iterable[Support]) -> None:
-        self.blank, self.given, self.work = blank, list(supports), Work()
-        V, gdim, x = blank.V, blank.mesh.geometry.dim, blank.coordinates()
-        owned = V.dofmap.index_map.size_local
+        self.blank, self._supports, self.work = blank, list(supports), Work()
+        self._gdim, x = blank.mesh.geometry.dim, blank.coordinates()
+        self._owned = blank.V.dofmap.index_map.size_local
         self.dofs_of: dict[str, np.ndarray] = {}
         self._nodes: list[np.ndarray] = []
-        for support in self.given:
-            if not set(support.components) <= set(range(gdim)):
+        for support in self:
+            if not set(support.components) <= set(range(self._gdim)):
+                in_space = ", or 2 on a blank made with `spatial=True`" if self._gdim == 2 else ""
                 raise InputError(
                     f"support {support.name} holds the components {tuple(support.components)} of "
-                    f"{blank.name}; allowed are those from 0 to {gdim - 1}"
-                    + (", or 2 on a blank made with `spatial=True`" if gdim == 2 else "")
+                    f"{blank.name}; allowed are those from 0 to {self._gdim - 1}{in_space}"
                 )
             nodes = np.flatnonzero(support.where(x.T))
-            if blank.mesh.comm.allreduce(int((nodes < owned).sum())) == 0:
+            owned = nodes[nodes < self._owned]
+            if blank.mesh.comm.allreduce(len(owned)) == 0:
                 raise InputError(
                     f"support {support.name} holds no node of {blank.name}; allowed are 1 or more"
                 )
             self._nodes.append(nodes)
-            self.dofs_of[support.name] = nodes[nodes < owned, None] * gdim + np.arange(gdim)
-        self.locates = any(support.locates for support in self.given)  # until `let_go`
-        self._hold(self.given)
+            self.dofs_of[support.name] = owned[:, None] * self._gdim + np.arange(self._gdim)
+        self.locates = any(support.locates for support in self)  # until `let_go`
+        self._fix(self)
 
-    def _hold(self, supports):
-        """Hold the degrees of freedom of these `supports` alone."""
-        V, gdim, x = self.blank.V, self.blank.mesh.geometry.dim, self.blank.coordinates()
-        held = np.zeros(len(x) * gdim, dtype=bool)
-        for support, nodes in zip(self.given, self._nodes):
+    def __iter__(self) -> Iterator[Support]:
+        return iter(self._supports)
+
+    def _fix(self, supports):
+        """Fix the degrees of freedom of these `supports` alone."""
+        supports, V, gdim = list(supports), self.blank.V, self._gdim
+        fixed = np.zeros(len(self.blank.coordinates()) * gdim, dtype=bool)
+        for support, nodes in zip(self, self._nodes):
             if support in supports:
-                held[nodes[:, None] * gdim + np.asarray(support.components, dtype=int)] = True
-        dofs = np.flatnonzero(held).astype(np.int32)
+                fixed[nodes[:, None] * gdim + np.asarray(support.components, dtype=int)] = True
+        dofs = np.flatnonzero(fixed).astype(np.int32)
         zero = PETSc.ScalarType(0)
         self.bcs = [fem.dirichletbc(zero, dofs[dofs % gdim == i], V.sub(i)) for i in range(gdim)]
-        self.dofs = dofs[dofs < V.dofmap.index_map.size_local * gdim]
-
-    @property
-    def _locating(self):
-        """Supports that only locate the sheet, and still hold it."""
-        return [support for support in self.given if support.locates] if self.locates else []
+        self.dofs = dofs[dofs < self._owned * gdim]
 
     def let_go(self) -> None:
-        """Hold no longer what supports only locate."""
+        """Drop the supports that only locate the sheet."""
         before, self.locates = self.dofs, False
-        self._hold([support for support in self.given if not support.locates])
+        self._fix(support for support in self if not support.locates)
         self.work.keep(np.isin(before, self.dofs))
 
     def values(self, load: float) -> np.ndarray:
-        """Displacements of `dofs` at a load factor, along the frame's axes, (held,) [mm]."""
-        x, gdim = self.blank.coordinates(), self.blank.mesh.geometry.dim
-        values = np.zeros(x.shape[0] * gdim)
-        for support, nodes in zip(self.given, self._nodes):
+        """Displacements of `dofs` at a load factor, along the frame's axes, (fixed,) [mm]."""
+        x = self.blank.coordinates()
+        values = np.zeros(len(x) * self._gdim)
+        for support, nodes in zip(self, self._nodes):
             value = (
                 support.value(x[nodes].T, load).T
                 if callable(support.value)
                 else load * np.asarray(support.value, float)
             )
-            components = list(support.components)
-            values[nodes[:, None] * gdim + np.asarray(components)] = value[..., components]
+            axes = list(support.components)
+            values[nodes[:, None] * self._gdim + np.asarray(axes)] = value[..., axes]
         return values[self.dofs]
 
     def reaction(self, name: str, forces: PETSc.Vec) -> np.ndarray:
         """Force of support `name` on the blank along the axes of the frame, (gdim,) [N]; forces:
-        internal ones of all degrees of freedom. Raises InputError if there is no support of that
-        name."""
+        internal ones of all degrees of freedom. Raises InputError for an unknown name."""
         if name not in self.dofs_of:
             raise InputError(
                 f"support {name!r} is not of this scene; allowed are {', '.join(self.dofs_of)}"
@@ -100,42 +97,43 @@ class HeldDofs:
         return self.blank.mesh.comm.allreduce(forces.array[self.dofs_of[name]].sum(0), MPI.SUM)
 
     def memory(self) -> np.ndarray:
-        """The memory of `work`, as rows of this rank's nodes (owned nodes, k): of each state
-        whether it is known, load, force and place."""
+        """The memory of `work` as rows of this rank's nodes, (owned nodes, k): of each state 1 if
+        it is known, load, force and place."""
         states = self.work.memory()
-        gdim, count = self.blank.mesh.geometry.dim, self.blank.V.dofmap.index_map.size_local
-        nodal = np.zeros((count * gdim, len(states), 4))
+        nodal = np.zeros((self._owned * self._gdim, len(states), 4))
         nodal[:, :, :2] = states[:, :2]
         if states.shape[1] > 2:
             nodal[self.dofs, :, 2:] = states[:, 2:].reshape(len(states), 2, -1).transpose(2, 0, 1)
-        return nodal.reshape(count, 4 * len(states) * gdim)
+        return nodal.reshape(self._owned, 4 * len(states) * self._gdim)
 
     def recall(self, memory: np.ndarray) -> None:
-        """Take back what `memory` gave."""
+        """Restore the history from `memory`."""
         states = len(self.work.memory())
         nodal = memory.reshape(-1, states, 4)
         known = nodal[:, :, :2].max(0, initial=0.0)
         self.blank.mesh.comm.Allreduce(MPI.IN_PLACE, known, MPI.MAX)  # a rank may have no node
-        self.work.recall(
-            np.hstack([known, nodal[self.dofs, :, 2:].transpose(1, 2, 0).reshape(states, -1)])
-        )
+        fixed = nodal[self.dofs, :, 2:].transpose(1, 2, 0).reshape(states, -1)
+        self.work.recall(np.hstack([known, fixed]))
+
+    def _located(self, sizes):
+        """The `sizes` of supports that only locate the sheet, and still hold it."""
+        return {s.name: sizes[s.name] for s in self if s.locates and self.locates}
 
     def located_share(self, sizes: dict[str, float]) -> float:
-        """What supports that only locate the sheet bear, over all forces; sizes: of nodal forces
-        added up, by supports and of all else [N]."""
-        borne = sum(sizes[support.name] for support in self._locating)
-        return borne / max(sum(sizes.values()), 1e-300)
+        """Share of all forces that supports bear which only locate the sheet; sizes: of nodal
+        forces added up, by supports and "" of all else [N]."""
+        return sum(self._located(sizes).values()) / max(sum(sizes.values()), 1e-300)
 
     def locating_warning(self, sizes: dict[str, float]) -> str:
-        """A sentence if supports that only locate the sheet bear a force, else ""; sizes: as in
+        """A warning if supports that only locate the sheet bear a force, else ""; sizes: as in
         `located_share`."""
         most = BORNE * sum(sizes.values())
-        borne = {s.name: sizes[s.name] for s in self._locating if sizes[s.name] > most}
+        borne = {name: force for name, force in self._located(sizes).items() if force > most}
         if not borne:
             return ""
-        words = " and ".join(f"{name} {rounded(force)} N" for name, force in borne.items())
+        forces = " and ".join(f"{name} {rounded(force)} N" for name, force in borne.items())
         return (
-            f"supports that should only keep the sheet in its place bear {words}, "
+            f"supports that should only keep the sheet in its place bear {forces}, "
             f"{percent(self.located_share(sizes))} of all forces, as sheet, yarns or tools are "
             "not symmetric: the formed shape depends on them; friction of a blank holder or of "
             "tools would hold the sheet without them"

@@ -1,24 +1,26 @@
-"""Supports that hold what is left of a sheet's rigid motions, and bear nothing in equilibrium."""
+"""Isostatic supports: they hold a sheet's remaining rigid motions, and bear nothing in
+equilibrium."""
 
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from ..sheets.blank import Blank, Part
+from .rigid_motions import TURNS
 from .supports import Support
 
 PLANE = 1e-6  # of a blank's size, within which nodes lie in one plane
-FIRM, HELD = 0.05, 1e-6  # share of a motion left by those held before, from which a node holds it
+FIRM, LOOSE = 0.05, 1e-6  # share of a motion left by those held before, from which a node holds it
 
 
 def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, Support]:
-    """Of the `supports` those that are planes of symmetry, by the axis across them: they hold nodes
+    """Those of the `supports` that are planes of symmetry, by the axis across them: they fix nodes
     of one plane, of the blank's length or width, along that axis alone, where they were."""
     found, near = {}, PLANE * _size(blank)
     x, comm = blank.coordinates(), blank.mesh.comm
     for support in supports:
-        fixed = not callable(support.value) and not any(support.value)
-        if support.components not in ((0,), (1,)) or not fixed or support.locates:
+        moves = callable(support.value) or any(support.value)
+        if support.components not in ((0,), (1,)) or moves or support.locates:
             continue
         (axis,) = support.components
         across = np.concatenate(comm.allgather(blank.along(x[support.where(x.T)].T)[axis]))
@@ -28,29 +30,30 @@ def planes_of_symmetry(blank: Blank, supports: Iterable[Support]) -> dict[int, S
 
 
 def isostatic(blank: Blank, kept: Sequence[Support]) -> list[Support]:
-    """Supports of few nodes of each sheet of `blank`, where these are now, that hold the rigid
-    motions that the `kept` ones leave: of the node that those hold most, or nearest to the sheet's
-    centre, of the one farthest from it, and of the one farthest from the line between them."""
+    """Supports of up to three nodes of each sheet of `blank`, where these are now, that hold the
+    rigid motions which the `kept` ones leave: of the node that those hold most, or nearest to the
+    sheet's centre, of the one farthest from it, and of the one farthest from the line between
+    them."""
     parts = [part for part in blank.parts.values() if part.thickness] or [blank.whole]
     return [support for part in parts for support in _of_sheet(blank, part, kept)]
 
 
 def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support]:
-    places, moved, held = _nodes(blank, part, kept)
+    places, moved, fixed = _nodes(blank, part, kept)
     now = (places + moved - (places + moved).mean(0)) / _size(blank)
     gdim = places.shape[1]
-    basis = np.empty((0, len(_row(now[0], 0))))
+    motions = gdim + len(TURNS[gdim])
+    basis = np.empty((0, motions))
     for axis in planes_of_symmetry(blank, kept):  # and no turn but about the axis
-        turns = np.eye(basis.shape[1])[gdim:]
+        turns = np.eye(motions)[gdim:]
         across = turns[[2]] if gdim == 2 else np.delete(turns, axis, 0)
-        basis = _with(basis, np.vstack([_row(now[0], axis), across]), HELD)
-    rows = [_row(now[k], axis) for k, axis in zip(*np.nonzero(held))]
-    basis = _with(basis, rows, HELD)
+        basis = _with(basis, np.vstack([_row(now[0], axis), across]), LOOSE)
+    basis = _with(basis, [_row(now[k], axis) for k, axis in zip(*np.nonzero(fixed))], LOOSE)
     found: dict[int, list[int]] = {}
-    corners = _corners(places, held)
-    for least in (FIRM, HELD):
-        for place, k in enumerate(corners):
-            for axis in range(gdim) if place == 0 else reversed(range(gdim)):
+    corners = _corners(places, fixed)
+    for least in (FIRM, LOOSE):
+        for k in corners:
+            for axis in range(gdim) if k == corners[0] else reversed(range(gdim)):
                 more = _with(basis, [_row(now[k], axis)], least)
                 if len(more) > len(basis):
                     basis = more
@@ -63,29 +66,29 @@ def _of_sheet(blank: Blank, part: Part, kept: Sequence[Support]) -> list[Support
 
 
 def _nodes(blank, part, kept):
-    """Of the sheet's nodes of all ranks, in the order of their places: these and the displacements
-    (n, gdim) along the frame's axes [mm], and which components `kept` supports hold."""
+    """Places and displacements (n, gdim) along the frame's axes [mm] of the sheet's nodes of all
+    ranks, sorted by place, and a mask of the components that `kept` supports fix."""
     owned, gdim = len(part.nodes), blank.mesh.geometry.dim
-    x, held = blank.coordinates()[:owned], np.zeros((owned, gdim))
+    x, fixed = blank.coordinates()[:owned], np.zeros((owned, gdim))
     for support in kept:
-        held[np.ix_(np.flatnonzero(support.where(x.T)), support.components)] = 1
+        fixed[np.ix_(np.flatnonzero(support.where(x.T)), support.components)] = 1
     u = blank.u.x.array[: owned * gdim].reshape(-1, gdim)
-    mine = np.hstack([blank.along(x.T).T, u, held])[part.nodes]
+    mine = np.hstack([blank.along(x.T).T, u, fixed])[part.nodes]
     rows = np.concatenate(blank.mesh.comm.allgather(mine))
     rows = rows[np.lexsort((rows[:, :gdim] / _size(blank)).round(9).T[::-1])]
-    places, moved, held = np.split(rows, [gdim, 2 * gdim], axis=1)
-    return places, moved, held > 0
+    places, moved, fixed = np.split(rows, [gdim, 2 * gdim], axis=1)
+    return places, moved, fixed > 0
 
 
-def _corners(places, held):
+def _corners(places, fixed):
     """Three nodes far from each other, the first one held most or in the middle."""
     middle = np.linalg.norm(places - places.mean(0), axis=1)
-    counts = held.sum(1)
+    counts = fixed.sum(1)
     first = _largest(-middle - 1e3 * middle.max() * (counts.max() - counts))
-    arms = places - places[first]
-    second = _largest(np.linalg.norm(arms, axis=1))
-    along = arms[second] / max(np.linalg.norm(arms[second]), 1e-300)
-    third = _largest(np.linalg.norm(arms - np.outer(arms @ along, along), axis=1))
+    offsets = places - places[first]
+    second = _largest(np.linalg.norm(offsets, axis=1))
+    along = offsets[second] / max(np.linalg.norm(offsets[second]), 1e-300)
+    third = _largest(np.linalg.norm(offsets - np.outer(offsets @ along, along), axis=1))
     return [first, second, third]
 
 
@@ -95,11 +98,10 @@ def _largest(values):
 
 
 def _row(place, axis):
-    """How a displacement of a place along an axis follows rigid moves and turns."""
-    gdim = len(place)
-    along = np.eye(gdim)[axis]
-    turns = [(0, 1)] if gdim == 2 else [(1, 2), (2, 0), (0, 1)]
-    return np.append(along, [place[i] * along[j] - place[j] * along[i] for i, j in turns])
+    """Displacement of a place along an axis by each rigid move and turn."""
+    along = np.eye(len(place))[axis]
+    turns = [place[i] * along[j] - place[j] * along[i] for i, j in TURNS[len(place)]]
+    return np.append(along, turns)
 
 
 def _with(basis, rows, least):
@@ -114,7 +116,7 @@ def _with(basis, rows, least):
 
 
 def _support(blank, name, place, axes, moved):
-    near, values = PLANE * _size(blank), np.append(moved, [0.0])[: len(moved)]
+    near, values = PLANE * _size(blank), moved.copy()
 
     def where(x):
         return np.linalg.norm(blank.along(x).T - place, axis=1) < near

@@ -1,4 +1,4 @@
-"""What is told of a scene's present state, on all ranks together."""
+"""Output of a scene's present state, the same on all ranks."""
 
 from collections.abc import Collection
 from typing import Any
@@ -13,7 +13,7 @@ from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnin
 from ..tools.tool import Tool
 from .scene import Scene
 
-# what every sheet and every summary has without terms
+# names in every sheet and every summary, without terms
 OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
 OF_A_SUMMARY = (
     *("study", "ranks", "converged", "stroke_reached", "reason", "element", "dofs", "cells"),
@@ -25,12 +25,12 @@ OF_A_SUMMARY = (
 
 
 def history(scene: Scene, taken: Collection[str] = ()) -> dict[str, Any]:
-    """What the terms add to a row of history.csv, beside the columns `taken`."""
+    """Entries of the terms in a row of history.csv, beside the columns `taken`."""
     return {name: each.value for name, each in merged(scene.terms, "history", taken).items()}
 
 
 def summary(scene: Scene) -> dict[str, Any]:
-    """What the terms say of themselves and the state in summary.json."""
+    """Entries of the terms in summary.json."""
     given = merged(scene.terms, "summary", OF_A_SUMMARY)
     return {"terms": [t.name for t in scene.terms]} | {k: v.value for k, v in given.items()}
 
@@ -49,7 +49,7 @@ def nodal_fields(scene: Scene, taken: Collection[str] = ()) -> Fields:
 
 
 def tools(scene: Scene) -> list[Tool]:
-    """The tools whose surface the sheet may touch."""
+    """Tools whose surface the sheet may touch."""
     return list(dict.fromkeys(term.tool for term in scene.terms if isinstance(term, Touching)))
 
 
@@ -60,8 +60,8 @@ def tool_force(scene: Scene, tool: Tool) -> np.ndarray:
 
 
 def deepest(scene: Scene) -> tuple[float, str]:
-    """How deep a tool or another sheet was in a sheet in any accepted state, over the sheet's
-    thickness, and in words which one and where."""
+    """Deepest penetration of a sheet by a tool or another sheet in any accepted state, over the
+    sheet's thickness; and which one it was, and where, as a text."""
     terms = [term for term in scene.terms if isinstance(term, Penetrated)]
     depths = [term.penetration_of_thickness() for term in terms]
     if not any(depths):
@@ -77,15 +77,15 @@ def overstretched(scene: Scene, strain: float) -> float:
 
 
 def most_shortened(scene: Scene, strain: float) -> tuple[float, str]:
-    """As `overstretched`, in which compression shortens them by more, and the name of the sheet
-    that it is of."""
+    """Share of a sheet's area in which compression shortens yarns by more than `strain`, and the
+    name of the sheet: the one with the largest share."""
     known = [(term.shortened(strain), term.part.name) for term in _membranes(scene)]
     return max(known, key=lambda each: each[0], default=(0.0, ""))
 
 
 def locking(scene: Scene) -> list[str]:
-    """Sentences on cells that lock, one for each sheet of which there is something to say."""
-    return [words for term in _membranes(scene) if (words := locking_warning(term))]
+    """Warnings of cells that lock, one for each sheet at most."""
+    return [text for term in _membranes(scene) if (text := locking_warning(term))]
 
 
 def _membranes(scene):
@@ -93,9 +93,9 @@ def _membranes(scene):
 
 
 def virial(scene: Scene) -> np.ndarray:
-    """Sum over the nodes of force times undeformed position along the frame's axes, after
-    `Scene.residual`, (gdim, gdim) [N mm]: in equilibrium the first Piola-Kirchhoff stress
-    integrated over the blank's volume."""
+    """Virial of the nodal forces after `Scene.residual`: sum of force times undeformed position,
+    (gdim, gdim) [N mm]. In equilibrium it is the first Piola-Kirchhoff stress integrated over the
+    blank's volume."""
     blank = scene.blank
     owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
     places = blank.along(blank.coordinates()[:owned].T).T
@@ -103,8 +103,8 @@ def virial(scene: Scene) -> np.ndarray:
 
 
 def outer_forces(scene: Scene) -> dict[str, float]:
-    """Sizes of nodal forces added up, after `Scene.residual`: of supports by their names, and ""
-    of all else [N]."""
+    """Sums of the sizes of nodal forces after `Scene.residual` [N]: of supports by their names, and
+    "" of all else."""
     of_supports = scene.supports.dofs_of.items()
     sizes = {name: abs(scene.forces.array[dofs]).sum() for name, dofs in of_supports}
     sizes[""] = sum(abs(given).sum() for given in scene.applied_forces())
@@ -112,7 +112,7 @@ def outer_forces(scene: Scene) -> dict[str, float]:
 
 
 def warnings(scene: Scene) -> list[str]:
-    """What speaks against the state though nothing failed, in words."""
+    """Doubts about the state though nothing failed, as sentences."""
     given = [membrane_warnings(term) for term in _membranes(scene)]
     given += [term.warnings() for term in scene.terms]
     found = [text for each in given for text in ([each] if isinstance(each, str) else each)]

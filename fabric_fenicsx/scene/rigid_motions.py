@@ -1,4 +1,4 @@
-"""Rigid motions of a sheet: which of them neither supports nor terms hold."""
+"""Rigid motions of a sheet that neither supports nor terms hold."""
 
 from collections.abc import Sequence
 
@@ -9,25 +9,26 @@ from ..mechanics.protocols import Rubbing, Touching
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..sheets.blank import Blank
-from .dirichlet import HeldDofs
+from .dirichlet import FixedDofs
 
 FLAT = 0.05  # height over length, up to which a smooth tool does not hold a blank within its plane
 BROAD = 1e-3  # stiffness against turning of friction that holds more than one place
-AXES = list(enumerate(np.eye(3)))
+TURNS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}  # axes of each turn's plane, by dimension
+NAMES = "length", "width", "normal"
 LIFTS = "move along its normal", "turn about its length", "turn about its width"
 
 
-def check_held(blank: Blank, terms: Sequence[Term], held: HeldDofs) -> str:
+def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
     """Raise InputError, naming the motion, if supports and terms let the blank move as a rigid
-    body; a sentence to warn with if, in its plane, only the shapes of smooth tools may hold it.
+    body; a warning if, in its plane, only the shapes of smooth tools may hold it, else "".
 
     Planes never do, nor does a ball against turning: motions along which no tool's normal anywhere
     points are refused. Other tools may once the sheet is formed, so refusing them would be wrong.
     """
     low, high = blank.extent()
     flat = len(low) == 2 or (high - low)[2] <= FLAT * (high - low).max()
-    resisted = {word for term in terms for word in term.resists}
-    node, axis = np.divmod(held.dofs, len(low))
+    resisted = {motion for term in terms for motion in term.resists}
+    node, axis = np.divmod(supports.dofs, len(low))
     x, along = blank.coordinates()[node], np.eye(3)[axis]
     free, smooth = free_motion(blank, x, along, resisted), "lift" in resisted
     if not free:
@@ -36,16 +37,16 @@ def check_held(blank: Blank, terms: Sequence[Term], held: HeldDofs) -> str:
     if smooth and not (flat and len({term.tool for term in touching}) == 1):
         pressed = [each for term in touching for each in term.may_press()]
         places, normals = (np.vstack(each) for each in zip((x, along), *pressed))
-        shapes_leave = free_motion(blank, places, normals, resisted)
-        if flat and not shapes_leave:
+        by_shapes = free_motion(blank, places, normals, resisted)
+        if flat and not by_shapes:
             return (
                 f"nothing but the shapes of tools without friction holds {blank.name}, which may "
                 f"{free} until it is formed: steps are slow till then and may fail; friction, or "
                 "supports that only locate it (`Support(..., locates=True)`), would hold it"
             )
-        free = shapes_leave
+        free = by_shapes
     if free:
-        names = ", ".join(support.name for support in held.given) or "none"
+        names = ", ".join(support.name for support in supports) or "none"
         raise InputError(
             f"the supports ({names}) leave {blank.name} free to {free}"
             + (", which contact without friction does not resist" if smooth else "")
@@ -56,7 +57,7 @@ def check_held(blank: Blank, terms: Sequence[Term], held: HeldDofs) -> str:
 
 
 def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
-    """Whether what friction of tools can bear in the accepted state holds the blank in its plane,
+    """True if the largest friction of tools in the accepted state holds the blank in its plane,
     against turning not only near one point. A stack's sheets may slide on one another, so of it
     this is not known."""
     known = [term.rubbed() for term in terms if isinstance(term, Rubbing)]
@@ -67,32 +68,32 @@ def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
     if not total:
         return False
     share = np.sqrt(most / total)[:, None]
-    tangents = np.concatenate([share * (axis - normals * normals[:, [i]]) for i, axis in AXES])
-    resisted = {word for term in terms for word in term.resists} - {"slide"}
+    axes = enumerate(np.eye(3))
+    tangents = np.concatenate([share * (axis - normals * normals[:, [i]]) for i, axis in axes])
+    resisted = {motion for term in terms for motion in term.resists} - {"slide"}
     return not free_motion(blank, np.tile(x, (3, 1)), tangents, resisted, BROAD)
 
 
 def free_motion(
     blank: Blank, places: np.ndarray, along: np.ndarray, resisted: set[str], least: float = 1e-9
 ) -> str:
-    """The rigid motion, in words such as "turn about its length", that is left free by the terms'
-    `resisted` ones and by what holds points of this rank at `places` (k, 3) [mm] along axes of the
-    frame or vectors `along` (k, 3); "" if none is. least: stiffness from which a motion is held, of
-    unit vectors that move all of the blank."""
+    """The rigid motion, such as "turn about its length", that neither terms (`resisted`) hold nor
+    points of this rank at `places` (k, 3) [mm] along axes of the frame or vectors `along` (k, 3);
+    "" if there is none. least: stiffness from which a motion is held, of unit vectors that move all
+    of the blank."""
     gdim = blank.mesh.geometry.dim
     low, high = (corner[:, None] for corner in blank.extent())
     x = (blank.along(places.T) - (low + high) / 2) / (high - low).max()
-    turns = [(0, 1)] if gdim == 2 else [(1, 2), (2, 0), (0, 1)]
     moves = list(along.T[:gdim])
-    motions = np.array(moves + [x[i] * moves[j] - x[j] * moves[i] for i, j in turns])
-    axes = "length", "width", "normal"
-    names = [f"move along its {axis}" for axis in axes[:gdim]]
-    names += [f"turn about its {axis}" for axis in (axes[2:] if gdim == 2 else axes)]
+    turns = [x[i] * moves[j] - x[j] * moves[i] for i, j in TURNS[gdim]]
+    names = [f"move along its {axis}" for axis in NAMES[:gdim]]
+    names += [f"turn about its {axis}" for axis in NAMES[-len(turns) :]]
     left = [
         i
         for i, name in enumerate(names)
         if not {name.split()[0], "lift" if name in LIFTS else "slide"} & resisted
     ]
+    motions = np.array(moves + turns)
     products = blank.mesh.comm.allreduce(motions @ motions.T, MPI.SUM)[np.ix_(left, left)]
     if not left:
         return ""

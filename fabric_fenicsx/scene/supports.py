@@ -19,14 +19,32 @@ AXIS = Rule("0, 1 or 2", lambda v: 0 <= v <= 2, int)
 class Support:
     """Prescribed displacement of some nodes along the axes of the blank's frame.
 
-    - where: function of points (3, n) [mm] to a mask (n,)
-    - components: the axes held
-    - value: displacement at full load (gdim,) [mm], growing with the load factor, or a function of
-      points (3, n) and load factor to (gdim, n)
-    - locates: only keeps the sheet from moving as a rigid body and should bear nothing. It lets go
-      of a single sheet as soon as friction of tools holds that. Otherwise a run warns if such
-      supports bear more than 0.5 % of all forces on nodes from outside, added up by size, and is
-      not believed beyond `Limits.located`
+    Parameters
+    ----------
+    name
+        In messages, and for `Scene.reaction`.
+    where
+        Function of points (3, n) [mm] that returns a mask (n,).
+    components
+        Axes that are fixed: 0, 1 and, for a sheet in space, 2.
+    value
+        Displacement at full load (gdim,) [mm], which grows with the load factor, or a function of
+        points (3, n) and load factor that returns (gdim, n).
+    locates
+        The support only keeps the sheet from moving as a rigid body and should bear nothing. It is
+        dropped from a single sheet as soon as friction of tools holds that. Otherwise a run warns
+        if such supports bear more than 0.5 % of all forces on nodes from outside, added up by size,
+        and is not believed beyond `Limits.located`.
+
+    Raises
+    ------
+    InputError
+        For components other than 0, 1 and 2, and for a value that is no vector.
+
+    Examples
+    --------
+    >>> ff.Support("left end", lambda x: x[0] < 1e-6, (0, 1)).value
+    (0.0, 0.0, 0.0)
     """
 
     name: str
@@ -50,23 +68,48 @@ class Support:
             object.__setattr__(self, "value", (*vector.tolist(), 0.0)[:3])
 
 
-# what a scene takes: supports, or a function that makes them for its blank
+# of a scene: supports, or a function that makes them for its blank
 Supports = Iterable[Support] | Callable[[Blank], Iterable[Support]]
 
 
 def clamped_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
-    """Supports of a strip clamped at both ends, "fixed grip" and "moving grip", of which the second
-    is pulled by `stroke` [mm] along the frame's first axis.
+    """Supports of a strip that is clamped at both ends and pulled along its length.
 
-    Raises InputError for a stroke that is not finite; they do if an end is not straight, over half
-    the strip's width or more.
+    Parameters
+    ----------
+    stroke
+        Displacement of the "moving grip" along the frame's first axis [mm]; the "fixed grip" stays.
+
+    Returns
+    -------
+    Callable
+        Function of a blank, for `Scene`. It raises InputError if an end is not straight over half
+        the strip's width or more.
+
+    Raises
+    ------
+    InputError
+        For a stroke that is not finite.
+
+    Examples
+    --------
+    >>> [s.name for s in ff.clamped_ends(2.0)(ff.Blank.rectangle(40, 20, nx=4))]
+    ['fixed grip', 'moving grip']
     """
     stroke = FINITE.check("`stroke`", stroke)
     return lambda blank: _ends(blank, stroke, tuple(range(blank.mesh.geometry.dim)))
 
 
 def rolling_ends(stroke: float = 0.0) -> Callable[[Blank], list[Support]]:
-    """As `clamped_ends`, with ends that are free to move across the strip but for one corner."""
+    """Supports of a strip that is pulled at both ends, which are free to move across it.
+
+    One corner is fixed across, too. See `clamped_ends` for parameters, result and errors.
+
+    Examples
+    --------
+    >>> [s.components for s in ff.rolling_ends(2.0)(ff.Blank.rectangle(40, 20, nx=4))]
+    [(0,), (0,), (1,)]
+    """
     stroke = FINITE.check("`stroke`", stroke)
 
     def supports(blank: Blank) -> list[Support]:
@@ -104,7 +147,7 @@ def _ends(blank, stroke, components):
 
 
 def on_edge(blank: Blank) -> Callable[[np.ndarray], np.ndarray]:
-    """Function of points (3, n) to whether they lie on the edge of a rectangular blank, (n,)."""
+    """Function of points (3, n) that returns the mask (n,) of those on a rectangle's edge."""
     low, high = (corner[:2, None] for corner in blank.extent())
     near = 1e-6 * (high - low).max()
 
@@ -116,9 +159,23 @@ def on_edge(blank: Blank) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def frame(deformation: Callable[[float], np.ndarray]) -> Callable[[Blank], list[Support]]:
-    """Support of a rectangle's whole edge, "frame", that deforms it homogeneously.
+    """Support of a rectangle's whole edge that deforms it homogeneously.
 
-    deformation: function of the load factor to the deformation gradient (2, 2).
+    Parameters
+    ----------
+    deformation
+        Function of the load factor that returns the deformation gradient (2, 2).
+
+    Returns
+    -------
+    Callable
+        Function of a blank, for `Scene`; its support is "frame".
+
+    Examples
+    --------
+    >>> shear = ff.frame(lambda load: np.array([[1.0, 0.1 * load], [0.0, 1.0]]))
+    >>> [support.name for support in shear(ff.Blank.rectangle(10, 10, nx=2))]
+    ['frame']
     """
 
     def supports(blank: Blank) -> list[Support]:

@@ -1,5 +1,4 @@
-"""What speaks against the tools of a scene: cells too large for them, other units, holes, radii,
-that nothing presses the sheet on them; after the run, that they touched nothing."""
+"""Warnings of a scene's tools, before a run and after it."""
 
 import math
 from collections.abc import Iterable
@@ -13,10 +12,10 @@ from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..tools.surface_warnings import hole_warning, radii_warning, size_warning
 from ..tools.tool import Tool
-from . import output as reports
+from . import output
 from .scene import Scene
 
-FEW = 50  # nodes of a rank that tell on which side of the sheet a tool is
+FEW = 50  # nodes of a rank that show on which side of the sheet a tool is
 INNER = "strain", "bending", "metal"  # energies of terms that press a sheet on nothing
 COEFFICIENT = 2.0  # of friction, above which it may be in per cent
 # angle of the least radius that one cell spans [deg]: in the double dome the punch force is then
@@ -28,22 +27,26 @@ def tool_warnings(scene: Scene) -> list[str]:
     """Sentences on cells too large for the tools, coefficients of friction above `COEFFICIENT`,
     tools in other units than mm or with holes, own surfaces that are curved more than their `radii`
     say, and tools on one side of a sheet that nothing presses on them."""
-    much: dict[float, list[str]] = {}
+    blank, tools = scene.blank, output.tools(scene)
+    found = [cell_size_warning(blank, tools), *_frictions(scene)]
+    nodes = blank.coordinates()[: blank.V.dofmap.index_map.size_local]
+    size = float(np.subtract(*blank.extent()[::-1]).max())
+    for tool in tools:
+        found += [size_warning(tool, size), hole_warning(tool)]
+        found += [radii_warning(tool, nodes, scene.comm)]
+    return [each for each in [*found, _one_sided(scene, nodes)] if each]
+
+
+def _frictions(scene):
+    """A sentence for each coefficient of friction that is above `COEFFICIENT`."""
+    names: dict[float, list[str]] = {}
     for term in scene.terms:
         if isinstance(term, PressingTerm) and term.coulomb and term.coulomb.largest > COEFFICIENT:
-            much.setdefault(term.coulomb.largest, []).append(term.tool.name)
-    told = [cell_size_warning(scene.blank, reports.tools(scene))]
-    told += [
-        f"friction on {', '.join(names)} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
-        for mu, names in much.items()
+            names.setdefault(term.coulomb.largest, []).append(term.tool.name)
+    return [
+        f"friction on {', '.join(some)} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
+        for mu, some in names.items()
     ]
-    blank = scene.blank
-    nodes = blank.coordinates()[: blank.V.dofmap.index_map.size_local]
-    low, high = blank.extent()
-    for tool in reports.tools(scene):
-        told += [size_warning(tool, float((high - low).max())), hole_warning(tool)]
-        told += [radii_warning(tool, nodes, scene.comm)]
-    return [each for each in [*told, _one_sided(scene, nodes)] if each]
 
 
 def _one_sided(scene, nodes):
@@ -51,16 +54,16 @@ def _one_sided(scene, nodes):
     its normal, else ""."""
     holding = [term for term in scene.terms if term.energy_kind not in INNER]
     if not all(isinstance(term, Contact) for term in holding) or not holding:
-        return ""  # what is else there may press it
-    held = bool((scene.held % scene.blank.mesh.geometry.dim == 2).any())
+        return ""  # something else may press it
+    fixed = bool((scene.fixed_dofs % scene.blank.mesh.geometry.dim == 2).any())
     x, sides = nodes[:: max(1, len(nodes) // FEW)], set()
-    for tool in reports.tools(scene):
+    for tool in output.tools(scene):
         for load in (0.0, 1.0):
             normal = tool.surface.evaluate(x - np.asarray(tool.path(load))).normal[:, 2]
             sides |= set(np.sign(normal[np.isfinite(normal)]))
-    if scene.comm.allreduce(held, MPI.LOR) or len(set().union(*scene.comm.allgather(sides))) != 1:
+    if scene.comm.allreduce(fixed, MPI.LOR) or len(set().union(*scene.comm.allgather(sides))) != 1:
         return ""
-    names = ", ".join(tool.name for tool in reports.tools(scene))
+    names = ", ".join(tool.name for tool in output.tools(scene))
     return (
         f"{scene.blank.name} has tools on one side alone ({names}), and no support holds it along "
         "z: nothing presses it on them; give it supports, a load, or a tool on its other side"
@@ -70,18 +73,16 @@ def _one_sided(scene, nodes):
 def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
     """A sentence if cells, or a quadratic one's halves, are too large to bend around the tools'
     least radius, else ""."""
-    radii = {tool.name: min(tool.surface.radii) for tool in tools}
-    least = min(radii.values(), default=math.inf)
+    tool = min(tools, key=lambda tool: min(tool.surface.radii), default=None)
+    least = min(tool.surface.radii) if tool else math.inf
     corners = blank.corners()
     longest = np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=2).max(1) / blank.degree
     total, cells = blank.mesh.comm.allreduce(np.array([longest.sum(), len(longest)]), MPI.SUM)
-    turn = math.degrees(total / cells / least)
-    if turn <= TURN:
+    if not tool or math.degrees(total / cells / least) <= TURN:
         return ""
-    name = min(radii, key=lambda name: radii[name])
     named = "cells" if blank.degree == 1 else "halves of quadratic cells"
     return (
-        f"{named} are {rounded(total / cells)} mm long where the {name} has a radius of "
+        f"{named} are {rounded(total / cells)} mm long where the {tool.name} has a radius of "
         f"{rounded(least)} mm: forces may be off by some per cent and angles by some degrees; "
         f"take {named} below {rounded(math.radians(TURN) * least)} mm"
     )
@@ -90,17 +91,17 @@ def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
 def untouched_warning(scene: Scene) -> str:
     """A sentence that names the tools on paths which have moved, and in no accepted state touched
     the sheet, else ""."""
-    told = []
-    for tool in reports.tools(scene):
-        its = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
+    found = []
+    for tool in output.tools(scene):
+        contacts = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
         moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
-        if its and moved and not any([contact.touched() for contact in its]):
-            gap = min(float(contact.gap().min(initial=math.inf)) for contact in its)
+        if contacts and moved and not any([contact.touched() for contact in contacts]):
+            gap = min(float(contact.gap().min(initial=math.inf)) for contact in contacts)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
-            told.append(
+            found.append(
                 f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"
             )
-    if not told:
+    if not found:
         return ""
-    return f"a tool never touched the sheet: {'; '.join(told)}; check its path and its surface"
+    return f"a tool never touched the sheet: {'; '.join(found)}; check its path and its surface"

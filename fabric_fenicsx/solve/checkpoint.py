@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from ..scene.scene import OF_CELLS
+from ..scene.memory import OF_CELLS
 from ..sheets.blank import Blank
 from .progress import Progress
 from .viscosity import Viscosity
@@ -31,51 +31,44 @@ CENTRES = "centres"  # of the cells, where a term remembers some
 
 
 class Checkpoint:
-    """A file `path` (.npz) with the last accepted state of `blank`. It identifies nodes by their
-    position and by the cells around them, cells by their centres.
-
-    problem: what defines the run, a dict that JSON can hold. A checkpoint of another problem is
-    refused.
-    """
+    """File `path` (.npz) with the last accepted state of `blank`. It identifies nodes by their
+    position and by the cells around them, cells by their centres. problem: definition of the run, a
+    dict that JSON can hold; a checkpoint of another problem is refused."""
 
     def __init__(self, path: Path, blank: Blank, problem: dict[str, Any]) -> None:
         self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(problem))
         self.comm = blank.mesh.comm
         self.owned = blank.V.dofmap.index_map.size_local
+        self._centres = blank.midpoints().T
         self._places = blank.coordinates()[: self.owned], self._around()
         self._known = [self.comm.gather(values) for values in self._places]
-        self._centres = blank.midpoints().T
 
     def _around(self):
-        """Sum of the arms from each owned node to the centres of the cells around it, (owned nodes,
-        gdim) [mm]: it tells nodes at one place apart, as on the two lips of a slit."""
+        """Sum of the vectors from each owned node to the centres of the cells around it, (owned
+        nodes, gdim) [mm]: it tells nodes at one place apart, as on the two lips of a slit."""
         blank = self.blank
-        centres = blank.midpoints().T
-        nodes = compat.dofmap(blank.V)[: len(centres)]
-        arms = centres[:, None] - blank.along(blank.coordinates().T).T[nodes]
-        return blank.summed(arms)[: self.owned]
+        nodes = compat.dofmap(blank.V)[: len(self._centres)]
+        vectors = self._centres[:, None] - blank.along(blank.coordinates().T).T[nodes]
+        return blank.summed(vectors)[: self.owned]
 
     def save(self, progress: Progress, notes: dict[str, Any]) -> None:
         """Write a `Progress` and `notes` (for JSON); the file is complete at any moment. Raises
         OSError if it can't be written."""
         gdim = self.blank.mesh.geometry.dim
-        parts = {}
-        for name, vector in (("u", progress.x), ("previous", progress.previous)):
-            parts[name] = self.comm.gather(vector.array.reshape(-1, gdim)[: self.owned])
-        memory = {
-            MEMORY + name: self.comm.gather(values) for name, values in progress.memory.items()
-        }
-        if any(name.startswith(CELLS) for name in memory):
-            memory[CENTRES] = self.comm.gather(self._centres)
+        arrays = {"u": progress.x, "previous": progress.previous}
+        arrays = {k: v.array.reshape(-1, gdim)[: self.owned] for k, v in arrays.items()}
+        arrays |= {MEMORY + name: values for name, values in progress.memory.items()}
+        if any(name.startswith(CELLS) for name in arrays):
+            arrays[CENTRES] = self._centres
+        gathered = {name: self.comm.gather(values) for name, values in arrays.items()}
         if self.comm.rank != 0:
             return
-        parts |= memory | dict(zip(PLACES, self._known))
-        meta = {"format": FORMAT, "problem": self.problem, "notes": notes} | {
-            k: getattr(progress, k) for k in SCALARS
-        }
+        gathered |= dict(zip(PLACES, self._known))
+        arrays = {name: np.concatenate(parts) for name, parts in gathered.items()}
+        meta = {k: getattr(progress, k) for k in SCALARS}
+        meta |= {"format": FORMAT, "problem": self.problem, "notes": notes}
         meta["viscosity"] = dataclasses.asdict(progress.viscosity)
-        arrays = {"meta": np.array(json.dumps(meta))}
-        arrays |= {name: np.concatenate(values) for name, values in parts.items()}
+        arrays["meta"] = np.array(json.dumps(meta))
         content = io.BytesIO()
         np.savez(content, checksum=np.array(_checksum(arrays)), **arrays)
         replace_file(self.path, content.getvalue(), lasting=True)
@@ -83,62 +76,62 @@ class Checkpoint:
     def load(
         self, memory: Mapping[str, np.ndarray] | None = None
     ) -> tuple[Progress, dict[str, Any]]:
-        """The saved `Progress` and notes. memory: the arrays that the scene's terms remember now;
-        the saved ones must have their names and widths (None: any).
+        """The saved `Progress` and notes. memory: arrays that the scene's terms remember now; the
+        saved ones must have their names and widths (None: any).
 
-        Raises InputError, on all ranks, if there is no such file, if it is damaged or of another
-        format, and if it is of another problem or mesh.
+        Raises InputError, on all ranks, for a file that is missing, damaged, of another format,
+        problem or mesh.
         """
-        content = self.comm.bcast(self._read(memory) if self.comm.rank == 0 else None)
-        if isinstance(content, str):
-            raise InputError(content)
+        content = self.comm.bcast(self._read_or_error(memory) if self.comm.rank == 0 else None)
+        if isinstance(content, InputError):
+            raise content
         meta, arrays = content
-        places = np.hstack([arrays["x"], arrays["around"]])
-        node = self._found(places, np.hstack(self._places), np.ptp(arrays["x"], axis=0), "nodes")
-        cell = node
-        if CENTRES in arrays:
-            centres = arrays[CENTRES]
-            cell = self._found(centres, self._centres, np.ptp(centres, axis=0), "cells")
-        vectors = [compat.petsc_vector(self.blank.u).duplicate() for _ in range(2)]
-        for vector, name in zip(vectors, ("u", "previous")):
-            vector.array[:] = arrays[name][node].ravel()
+        nodes = self._find(np.hstack([arrays[k] for k in PLACES]), np.hstack(self._places), "nodes")
+        cells = self._find(arrays[CENTRES], self._centres, "cells") if CENTRES in arrays else None
+        vectors = {}
+        for name in ("u", "previous"):
+            vectors[name] = compat.petsc_vector(self.blank.u).duplicate()
+            vectors[name].array[:] = arrays[name][nodes].ravel()
         remembered = {
-            k.removeprefix(MEMORY): values[cell if k.startswith(CELLS) else node]
+            k.removeprefix(MEMORY): values[cells if k.startswith(CELLS) else nodes]
             for k, values in arrays.items()
             if k.startswith(MEMORY)
         }
-        state = {k: meta[k] for k in SCALARS} | {
-            "viscosity": Viscosity(**meta["viscosity"]),
-            "memory": remembered,
-        }
-        return Progress(x=vectors[0], previous=vectors[1], **state), meta["notes"]
+        state = {k: meta[k] for k in SCALARS} | {"memory": remembered}
+        state["viscosity"] = Viscosity(**meta["viscosity"])
+        return Progress(vectors["u"], vectors["previous"], **state), meta["notes"]
 
-    def _found(self, saved, places, extent, what):
-        """Which of the `saved` nodes or cells (n, k) those at this rank's `places` (m, k) are."""
-        count, off, which = self.comm.allreduce(len(places)), math.inf, np.empty(0, int)
+    def _find(self, saved, places, kind):
+        """Indices of the `saved` nodes or cells (n, k) at this rank's `places` (m, k)."""
+        count, off, found = self.comm.allreduce(len(places)), math.inf, np.empty(0, int)
+        gdim = self._centres.shape[1]
         if saved.shape[1] == places.shape[1]:  # both in a plane, or both in space
-            distance, which = cKDTree(saved).query(places)
+            distance, found = cKDTree(saved).query(places)
             off = self.comm.allreduce(distance.max(initial=0.0), MPI.MAX)
-        if count != len(saved) or off > 1e-9 * extent.max():
+        if count != len(saved) or off > 1e-9 * np.ptp(saved[:, :gdim], axis=0).max():
             raise InputError(
-                f"checkpoint {self.path} is of another mesh, with {len(saved)} {what}, now there "
-                f"are {count} or they lie elsewhere; allowed is the same mesh"
+                f"checkpoint {self.path} is of another mesh, with {len(saved)} {kind}; now there "
+                f"are {count}, or they lie elsewhere"
             )
-        if self.comm.allreduce(np.bincount(which, minlength=count)).max() > 1:
-            amid = " amid the same cells" if what == "nodes" else ""
+        if self.comm.allreduce(np.bincount(found, minlength=count)).max() > 1:
+            amid = " amid the same cells" if kind == "nodes" else ""
             raise InputError(
-                f"checkpoint {self.path} has {what} that lie at one place{amid}; "
-                f"allowed is a mesh whose {what} can be told apart"
+                f"checkpoint {self.path} has {kind} that lie at one place{amid}, so they can't be "
+                "told apart"
             )
-        return which
+        return found
+
+    def _read_or_error(self, memory):
+        """Meta data and arrays of the file, or the InputError for it."""
+        try:
+            return self._read(memory)
+        except InputError as error:
+            return error
 
     def _read(self, memory):
-        """Meta data and arrays of the file, or what is wrong with it."""
+        name = f"checkpoint {self.path}"
         if not self.path.is_file():
-            return (
-                f"`resume=True` finds no checkpoint {self.path}; allowed is the `out` "
-                "of a run that was begun"
-            )
+            raise InputError(f"`resume=True` finds no {name}; it needs the `out` of a run")
         try:
             with np.load(self.path) as file:
                 arrays = {k: file[k] for k in file.files}
@@ -146,34 +139,23 @@ class Checkpoint:
             version = meta.get("format", 1)
         except Exception as e:  # readers raise whatever their parsing stumbles on
             reason = " ".join(str(e).split()) or type(e).__name__
-            return (
-                f"checkpoint {self.path} cannot be read ({reason}); allowed is "
-                "one that a study wrote"
-            )
+            raise InputError(f"{name} cannot be read ({reason})") from None
         if version != FORMAT:
-            return (
-                f"checkpoint {self.path} is of format {version}; allowed is {FORMAT}, "
-                "which this version writes"
-            )
+            raise InputError(f"{name} is of format {version}; this version reads {FORMAT}")
         if str(arrays.pop("checksum", "")) != _checksum(arrays):
-            return (
-                f"checkpoint {self.path} is damaged, as its content has another checksum; "
-                "allowed is one that a study wrote"
-            )
+            raise InputError(f"{name} is damaged: its content has another checksum")
         del arrays["meta"]
         for key, now in self.problem.items():
-            if meta["problem"].get(key) != now:
-                return (
-                    f"checkpoint {self.path} was made with {key} = {meta['problem'].get(key)}, "
-                    f"now it is {now}; allowed is the same problem, or a run "
-                    "that begins anew (`overwrite`)"
+            if (before := meta["problem"].get(key)) != now:
+                raise InputError(
+                    f"{name} was made with {key} = {before}, now it is {now}; take the same "
+                    "problem, or begin anew (`overwrite`)"
                 )
-        saved = _sizes({k: v for k, v in arrays.items() if k.startswith(MEMORY)})
-        now = _sizes({MEMORY + k: v for k, v in (memory or {}).items()})
+        saved = _widths({k: v for k, v in arrays.items() if k.startswith(MEMORY)})
+        now = _widths(memory or {})
         if memory is not None and (saved or meta["accepted"]) and saved != now:
-            return (
-                f"checkpoint {self.path} remembers {_listed(saved)} where the terms remember "
-                f"{_listed(now)}; allowed is the same problem"
+            raise InputError(
+                f"{name} remembers {saved or 'nothing'} where the terms remember {now or 'nothing'}"
             )
         return meta, arrays
 
@@ -186,11 +168,7 @@ def _checksum(arrays):
     return digest.hexdigest()
 
 
-def _sizes(memory):
-    """{name: numbers a node or cell} of arrays that terms remember."""
-    return {name.removeprefix(MEMORY): values.shape[1:] for name, values in memory.items()}
-
-
-def _listed(sizes):
-    words = (f"{name} {size}" for name, size in sorted(sizes.items()))
-    return ", ".join(words) or "nothing"
+def _widths(memory):
+    """Names of arrays that terms remember and their numbers a node or cell, as a text."""
+    sizes = {name.removeprefix(MEMORY): values.shape[1:] for name, values in memory.items()}
+    return ", ".join(f"{name} {size}" for name, size in sorted(sizes.items()))

@@ -1,4 +1,4 @@
-"""What a result may have at most to be believed."""
+"""Limits beyond which a result is not believed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,22 +9,46 @@ from ..runtime.formatting import percent
 from ..runtime.rules import POSITIVE
 
 GROUP = "limits, beyond which a result is not believed (exit status 3)"  # of options
+SENTENCES = {
+    "imbalance": "work of supports and tools differs from the energies by {} of these",
+    "viscous": "regularisation took {} of the strain energy",
+    "penetration": "the sheet is penetrated by {} of its thickness",
+    "shortening": "compression shortens yarns by more than "
+    f"{percent(SHORTENED)} in {{}} of the area, where a real ply wrinkles",
+    "located": "supports that only locate the sheet bear {} of the forces on it",
+}
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Largest values of a result that is believed, all as shares: 0.05 is 5 %.
+    """Limits beyond which a result is not believed, as shares: 0.05 is 5 %.
 
-    - imbalance: difference between external work and energies, over these
-    - viscous: energy that regularisation took, over the strain energy
-    - penetration: of tools into the sheet in any state in equilibrium, over its thickness
-    - strain: nominal strain of yarns in tension, in all but `EDGES` of the area
-    - shortening: area of a sheet in space in which compression shortens yarns by more than
-      `SHORTENED`, over all of it: a membrane does so where a real ply wrinkles
-    - located: forces of supports that only locate the sheet, over all forces from outside
+    Parameters
+    ----------
+    imbalance
+        Difference between external work and energies, over these.
+    viscous
+        Energy that regularisation took, over the strain energy.
+    penetration
+        Penetration of tools into the sheet in any state in equilibrium, over its thickness.
+    strain
+        Nominal strain of yarns in tension, in all but 1 % of the area.
+    shortening
+        Area of a sheet in space in which compression shortens yarns by more than 2 %, over all of
+        it: a membrane does so where a real ply wrinkles.
+    located
+        Forces of supports that only locate the sheet, over all forces from outside.
 
-    Raises InputError for a limit that is not above 0.
+    Raises
+    ------
+    InputError
+        For a limit that is not above 0.
+
+    Examples
+    --------
+    >>> ff.Limits(viscous=0.1).exceeded({"viscous": 0.2, "imbalance": 0.01})
+    ['regularisation took 20 % of the strain energy; allowed is 10 % (`Limits.viscous`)']
     """
 
     imbalance: float = number(
@@ -37,17 +61,10 @@ class Limits:
         0.1, POSITIVE, "penetration of tools into the sheet, over its thickness", GROUP
     )
     strain: float = number(
-        0.1,
-        POSITIVE,
-        "nominal strain of yarns in tension, singular points at edges left out",
-        GROUP,
+        0.1, POSITIVE, "nominal strain of yarns in tension, but for singular points", GROUP
     )
     shortening: float = number(
-        0.05,
-        POSITIVE,
-        "area in which compression shortens yarns by more than 2 %, over the sheet's: a real ply "
-        "wrinkles there",
-        GROUP,
+        0.05, POSITIVE, "area in which compression shortens yarns by more than 2 %", GROUP
     )
     located: float = number(
         0.05, POSITIVE, "forces of supports that only locate, over all from outside", GROUP
@@ -57,24 +74,17 @@ class Limits:
         check_fields(self, "`Limits.{}`".format)
 
     def exceeded(self, found: Mapping[str, float]) -> list[str]:
-        """What is wrong with a result, one sentence for each limit that is exceeded; found: values
-        under the names above, without strain."""
-        words = {
-            "imbalance": "work of supports and tools differs from the energies by {} of these",
-            "viscous": "regularisation took {} of the strain energy",
-            "penetration": "the sheet is penetrated by {} of its thickness",
-            "shortening": "compression shortens yarns by more than "
-            f"{percent(SHORTENED)} in {{}} of the area, where a real ply wrinkles",
-            "located": "supports that only locate the sheet bear {} of the forces on it",
-        }
-
-        def told(name, value):
-            limit = getattr(self, name)
-            # as many digits as tell the two apart
-            texts = [(percent(value, n), percent(limit, n)) for n in (3, 6, 17)]
-            mine, allowed = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
-            return f"{words[name].format(mine)}; allowed is {allowed} (`Limits.{name}`)"
-
+        """One sentence for each limit that is exceeded; found: values by the names above, without
+        strain."""
         return [
-            told(name, value) for name, value in found.items() if not value <= getattr(self, name)
+            self._sentence(name, value)
+            for name, value in found.items()
+            if not value <= getattr(self, name)
         ]
+
+    def _sentence(self, name, value):
+        limit = getattr(self, name)
+        # as many digits as tell the two apart
+        texts = [(percent(value, n), percent(limit, n)) for n in (3, 6, 17)]
+        found, allowed = next((pair for pair in texts if pair[0] != pair[1]), texts[-1])
+        return f"{SENTENCES[name].format(found)}; allowed is {allowed} (`Limits.{name}`)"

@@ -1,4 +1,4 @@
-"""How far to go along a correction."""
+"""Line search along a correction."""
 
 from typing import NamedTuple
 
@@ -6,8 +6,7 @@ import numpy as np
 from petsc4py import PETSc
 
 from .objective import Objective
-from .report import Report
-from .termination import End, SolveFailed
+from .report import Report, SolveFailed, Termination
 
 FLAT = 0.7  # slope left at the end, of the one at the start
 ROUNDING = 1e-12  # of the energy, below which its differences are noise
@@ -15,9 +14,9 @@ LONGEST = 8  # corrections, beyond which the search goes no further downhill
 SHORTEST = 1e-9  # of the correction, to which the end is bracketed
 
 
-class Place(NamedTuple):
-    """A state along the correction: its length, in corrections; energy [N mm], its slope [N mm per
-    correction] and the residual's norm [N] there."""
+class Point(NamedTuple):
+    """A state along the correction: its length, in corrections; energy [N mm], slope of the energy
+    [N mm per correction] and norm of the residual [N] there."""
 
     length: float
     energy: float
@@ -40,19 +39,19 @@ class LineSearch:
     def __call__(
         self, x: PETSc.Vec, energy: float, d: PETSc.Vec, shifted: bool, report: Report
     ) -> float:
-        """Move x along d; the energy there [N mm]. energy: that at x, which the objective was asked
-        for last; shifted: whether d is not the tangent's own. Counts cuts in the report. Raises
-        SolveFailed where no state along d will do."""
+        """Move x along d; the energy there [N mm]. energy: at x, evaluated last; shifted: d is not
+        the tangent's own direction. Counts cuts in the report. Raises SolveFailed where no state
+        along d is good enough."""
         r = self._objective.r
-        start = Place(0.0, energy, r.dot(d), r.norm())
-        if not start.slope < 0:  # only solvers that do not tell inertia get here
-            raise SolveFailed(End.LINE_SEARCH)
+        start = Point(0.0, energy, r.dot(d), r.norm())
+        if not start.slope < 0:  # only solvers that do not count negative pivots get here
+            raise SolveFailed(Termination.LINE_SEARCH)
         low, high, length, met_inverted = start, None, 1.0, False
         while True:
-            here = self._look(x, d, length)
+            here = self._evaluate(x, d, length)
             met_inverted |= here.energy == Objective.INVERTED
-            fell = self._fell(here, start)
-            if self._is_end(here, start, fell, shifted):
+            fell = _fell(here, start)
+            if _is_end(here, start, fell, shifted):
                 break
             if not (fell and here.slope < 0):
                 high = here
@@ -66,31 +65,31 @@ class LineSearch:
             report.cuts += 1
             length = _between(low, high)
             if high.length - low.length <= SHORTEST:
-                raise SolveFailed(End.INVERTED if met_inverted else End.LINE_SEARCH)
+                raise SolveFailed(Termination.INVERTED if met_inverted else Termination.LINE_SEARCH)
         self._trial.copy(x)
         return here.energy
 
-    def _look(self, x, d, length):
+    def _evaluate(self, x, d, length):
         x.copy(self._trial)
         self._trial.axpy(length, d)
         energy, r = self._objective(self._trial), self._objective.r
         slope = r.dot(d) if energy != Objective.INVERTED else np.nan
-        return Place(length, energy, slope, r.norm())
+        return Point(length, energy, slope, r.norm())
 
-    @staticmethod
-    def _fell(here, start):
-        """Whether the energy is less than at the start; within rounding, as its slope tells."""
-        if _within_rounding(start):
-            return here.energy != Objective.INVERTED and here.slope < 0
-        return here.energy < start.energy
 
-    @staticmethod
-    def _is_end(here, start, fell, shifted):
-        is_flat = abs(here.slope) <= -FLAT * start.slope
-        if not _within_rounding(start):
-            return fell and is_flat
-        halved = here.energy != Objective.INVERTED and not shifted and here.norm <= 0.5 * start.norm
-        return is_flat or halved
+def _fell(here, start):
+    """Less energy than at the start; within rounding, as the slope tells."""
+    if _within_rounding(start):
+        return here.energy != Objective.INVERTED and here.slope < 0
+    return here.energy < start.energy
+
+
+def _is_end(here, start, fell, shifted):
+    is_flat = abs(here.slope) <= -FLAT * start.slope
+    if not _within_rounding(start):
+        return fell and is_flat
+    halved = here.energy != Objective.INVERTED and not shifted and here.norm <= 0.5 * start.norm
+    return is_flat or halved
 
 
 def _within_rounding(start):
@@ -98,7 +97,7 @@ def _within_rounding(start):
 
 
 def _between(low, high):
-    """A length between two places: where the slope would be 0 if it were linear, or the middle."""
+    """A length between two points: where the slope would be 0 if it were linear, or the middle."""
     a, b, rise = low.length, high.length, high.slope - low.slope
     known = np.isfinite(high.slope) and high.slope > 0
     inside = a - low.slope * (b - a) / rise if known else 0.5 * (a + b)

@@ -1,10 +1,8 @@
-"""Linear solvers by name: their options, MUMPS' room and the inertia it tells."""
+"""Linear solvers by name: their options, and MUMPS' memory and inertia."""
 
 import functools
-from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from petsc4py import PETSc
 
 from ..runtime.errors import InputError
@@ -16,33 +14,22 @@ PREFIX = "fabric_"  # of PETSc's options
 MUMPS = {"mat_mumps_icntl_7": 4, "mat_mumps_icntl_8": 0}
 # PORD ends the process where all unknowns are coupled, as in a single cell: minimum degree there
 FULL = {"mat_mumps_icntl_7": 0}
+DIRECT = {"ksp_type": "preonly", **MUMPS}
+# flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times stiffer
+# than shear
+ITERATIVE = {"ksp_type": "fcg", "ksp_rtol": 1e-8, "ksp_max_it": 2000}
 LINEAR_SOLVERS: dict[str, dict[str, Any]] = {
-    "mumps-cholesky": {
-        "ksp_type": "preonly",
-        "pc_type": "cholesky",
-        "mat_mumps_icntl_24": 1,
-        **MUMPS,
-    },
-    "mumps-lu": {"ksp_type": "preonly", "pc_type": "lu", **MUMPS},
-    # flexible: their smoothers are not quite symmetric, which matters with yarns 50 000 times
-    # stiffer than shear
-    "cg-gamg": {
-        "ksp_type": "fcg",
-        "pc_type": "gamg",
-        "pc_gamg_agg_nsmooths": 0,
-        "ksp_rtol": 1e-8,
-        "ksp_max_it": 2000,
-    },
-    "cg-hypre": {"ksp_type": "fcg", "pc_type": "hypre", "ksp_rtol": 1e-8, "ksp_max_it": 2000},
+    "mumps-cholesky": DIRECT | {"pc_type": "cholesky", "mat_mumps_icntl_24": 1},
+    "mumps-lu": DIRECT | {"pc_type": "lu"},
+    "cg-gamg": ITERATIVE | {"pc_type": "gamg", "pc_gamg_agg_nsmooths": 0},
+    "cg-hypre": ITERATIVE | {"pc_type": "hypre"},
 }
-MUMPS_ROOM = 14  # its option for how much more than estimated it may take [%]
+MEMORY_MARGIN = 14  # MUMPS' option for memory beyond its estimate [%]
 NOT_DEFINITE = {  # singular too: a membrane without tension has no stiffness across itself
     getattr(PETSc.KSP.ConvergedReason, "DIVERGED_" + name)
     for name in ("INDEFINITE_MAT", "INDEFINITE_PC", "PCSETUP_FAILED")
 }
-
-
-KSP_WORDS = {
+KSP_REASONS = {
     value: name.lower().replace("_", " ").replace("diverged ", "")
     for name, value in vars(PETSc.KSP.ConvergedReason).items()
     if isinstance(value, int)
@@ -50,7 +37,7 @@ KSP_WORDS = {
 
 
 def is_there(name: str) -> bool:
-    """Whether PETSc was built with what the linear solver `name` needs; pip's has no hypre."""
+    """True if PETSc has what the linear solver `name` needs; pip's lacks hypre."""
     return name != "cg-hypre" or bool(PETSc.Sys.hasExternalPackage("hypre"))
 
 
@@ -64,46 +51,41 @@ def check_name(name: str) -> None:
 
 def configure(ksp: PETSc.KSP, A: PETSc.Mat, name: str) -> None:
     """Make `ksp` the linear solver `name`, one of `LINEAR_SOLVERS`, of the matrix A."""
-    options, given = PETSc.Options(PREFIX), dict(LINEAR_SOLVERS[name])
+    database, options = PETSc.Options(PREFIX), dict(LINEAR_SOLVERS[name])
     ksp.setOperators(A)
     if name.startswith("mumps"):
-        given |= FULL if _is_full(A) else {}
-        ksp.pc.setType(given["pc_type"])
+        entries = A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_allocated"]
+        options |= FULL if entries >= A.size[0] * A.size[1] else {}
+        ksp.pc.setType(options["pc_type"])
         ksp.pc.setFactorSolverType("mumps")
-    for key, value in given.items():
+    for key, value in options.items():
         if key not in _users_options():
-            options[key] = value
+            database[key] = value
     ksp.setFromOptions()
-    for key in given:
+    for key in options:
         # read only when the factor is made; read here too, as PETSc reports unused options
         if key.startswith("mat_mumps"):
-            options.getInt(key)
+            database.getInt(key)
         else:
-            options.delValue(key)
-
-
-def _is_full(A):
-    """Whether all entries of a matrix have a place."""
-    return A.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_allocated"] >= A.size[0] * A.size[1]
+            database.delValue(key)
 
 
 @functools.cache
 def _users_options():
-    """Those of `MUMPS` that the user gave to PETSc; asked before they are set here."""
+    """Keys of `MUMPS` that the user gave to PETSc, found before they are set here."""
     return [key for key in MUMPS if PETSc.Options(PREFIX).hasName(key)]
 
 
-def factorisation_had_room(pc: PETSc.PC) -> bool:
-    """False if MUMPS ran out of the room that its analysis foresaw, as where many pivots were zero
-    then and are not now. It then starts anew, with more: after an error it would never factor
-    again."""
+def had_memory(pc: PETSc.PC) -> bool:
+    """False if MUMPS ran out of the memory that its analysis estimated, as where many pivots were
+    zero then and are not now. It then starts anew with more, as it can't factor after an error."""
     if pc.getType() not in ("lu", "cholesky") or pc.getFactorSolverType() != "mumps":
         return True
     factor = pc.getFactorMatrix()
-    room = factor.getMumpsIcntl(MUMPS_ROOM)
-    if factor.getMumpsInfog(1) >= 0 or room > 10_000:
+    margin = factor.getMumpsIcntl(MEMORY_MARGIN)
+    if factor.getMumpsInfog(1) >= 0 or margin > 10_000:
         return True
-    PETSc.Options(PREFIX)[f"mat_mumps_icntl_{MUMPS_ROOM}"] = 5 * room
+    PETSc.Options(PREFIX)[f"mat_mumps_icntl_{MEMORY_MARGIN}"] = 5 * margin
     pc.reset()
     return False
 
@@ -111,25 +93,3 @@ def factorisation_had_room(pc: PETSc.PC) -> bool:
 def inertia(pc: PETSc.PC) -> tuple[int, int]:
     """Negative and zero pivots of the last factorisation by `mumps-cholesky`."""
     return pc.getFactorMatrix().getInertia()[:2]
-
-
-def subtract_compliances(
-    ksp: PETSc.KSP, given: Sequence[tuple[PETSc.Vec, float]], d: PETSc.Vec, rounding: float
-) -> bool:
-    """Make d, which `ksp` solved for, the solution with the tangent less c c^T / k for each `given`
-    c and k [N/mm], as of tools that a force moves (Woodbury's formula). False, and d unchanged, if
-    that tangent is not positive definite; rounding: share of the largest k that counts as 0."""
-    if not given:
-        return True
-    solved = [c.duplicate() for c, _ in given]
-    for (c, _), y in zip(given, solved):
-        ksp.solve(c, y)
-    given_up = np.array([[c.dot(y) for y in solved] for c, _ in given])
-    stiffness = np.array([k for _, k in given])
-    left = np.diag(stiffness) - (given_up + given_up.T) / 2
-    # none where sheet and tool can go together unresisted
-    if np.linalg.eigvalsh(left)[0] <= rounding * stiffness.max():
-        return False
-    for travel, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
-        d.axpy(travel, y)
-    return True

@@ -1,4 +1,4 @@
-"""A scene's energy as Newton's method sees it: a function of the displacement."""
+"""The function that Newton's method minimises."""
 
 from petsc4py import PETSc
 
@@ -6,10 +6,10 @@ from ..scene.scene import Scene
 
 
 class Objective:
-    """The energy of a scene at fixed supports. `r`: the residual at the displacement asked for
-    last [N]."""
+    """Energy of a scene at fixed supports; `r`: its gradient, the residual, at the displacement
+    evaluated last [N]."""
 
-    INVERTED = Scene.INVERTED  # the energy told where a cell is turned inside out
+    INVERTED = Scene.INVERTED  # the energy where a cell is turned inside out
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.r = scene, scene.u.duplicate()

@@ -1,21 +1,18 @@
-"""Saddles of the energy: whether a state is one, and the way down from it."""
+"""Saddles of the energy."""
 
 import numpy as np
 from petsc4py import PETSc
 
 from .line_search import ROUNDING
 from .objective import Objective
-from .report import Report
+from .report import Report, SolveFailed, Termination
 from .tangent import Tangent
-from .termination import End, SolveFailed
 
 
 class Saddles:
-    """Tells saddles from minima by the tangent's negative pivots, and leaves them.
-
-    It leaves along a direction of negative curvature that depends on neither the ranks nor chance.
-    smallest: displacement that counts as 0 [mm].
-    """
+    """Tells saddles from minima by the tangent's negative pivots, and leaves them along a direction
+    of negative curvature that depends on neither the ranks nor chance. smallest: displacement that
+    counts as 0 [mm]."""
 
     MOST = 5  # to be left in one solve
     EASY = 5  # iterations, within which a solve counts as easy
@@ -28,12 +25,12 @@ class Saddles:
         self._d, self._trial = (objective.r.duplicate() for _ in range(2))
 
     def is_here(self, x: PETSc.Vec, report: Report, on_the_way: bool = False) -> bool:
-        """Whether the tangent at x, where a solve has converged, has negative pivots. It is not
-        looked at if the last tangent of the solve had none and the state is on the way, or the
+        """True if the tangent at x, where a solve has converged, has negative pivots. It is not
+        factored for that if the last one of the solve had none and the state is on the way, or the
         solve was easy and no earlier tangent had any."""
         easy = report.iterations <= self.EASY and not report.cuts
-        believed = on_the_way or (easy and not self._tangent.negative_pivots_met)
-        if (believed and report.negative_pivots == 0) or not self._tangent.tells_inertia:
+        unsuspected = on_the_way or (easy and not self._tangent.negative_pivots_met)
+        if (unsuspected and report.negative_pivots == 0) or not self._tangent.counts_pivots:
             return False
         self._scene.set(x)
         self._tangent.assemble()
@@ -41,11 +38,10 @@ class Saddles:
         return report.negative_pivots > 0
 
     def leave(self, x: PETSc.Vec, energy: float, report: Report) -> float:
-        """Move x downhill from the saddle that it is at; the energy there [N mm]. Raises
-        SolveFailed."""
+        """Move x downhill from the saddle at x; the energy there [N mm]. Raises SolveFailed."""
         report.saddles += 1
         if report.saddles > self.MOST:
-            raise SolveFailed(End.SADDLE)
+            raise SolveFailed(Termination.SADDLE)
         d, trial = self._softest_direction(report), self._trial
         for _ in range(self.HALVINGS):
             for sign in (1.0, -1.0):
@@ -57,13 +53,13 @@ class Saddles:
                     trial.copy(x)
                     return found
             d.scale(0.5)
-        raise SolveFailed(End.SADDLE)
+        raise SolveFailed(Termination.SADDLE)
 
     def _softest_direction(self, report):
         """A direction of negative curvature, by inverse iteration, as long as the first step."""
         d, trial = self._d, self._trial
         d.array[:] = self._scene.blank.generic_displacement().ravel()
-        d.array[self._scene.held] = 0
+        d.array[self._scene.fixed_dofs] = 0
         shift, curvature = 0.0, np.inf
         for _ in range(self.INVERSE_ITERATIONS):
             d.scale(1 / d.norm())

@@ -1,4 +1,4 @@
-"""What is asked of the solver: each option declared once, with default, rule and help."""
+"""Options of the solver, each declared once with default, rule and help."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -17,23 +17,15 @@ LOOSER = 4.0  # path tolerance and limits: a mesh twice as coarse is off by as m
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Options of load stepping and Newton's method, for `Job`, the command line and stepping alike.
+    """Options of load stepping and Newton's method, for `Job`, the command line and stepping alike;
+    each field's help says what it is.
 
-    - steps: the first load step is 1/steps; max_step: the largest, by default as large. A step that
-      fails is halved; one that passes uncut lets the next grow
-    - tolerance: the residual's norm over that of the forces on the sheet; path_tolerance: a looser
-      one of the states between the start and full load or a milestone, None: the same
-    - viscosity: "auto" lets steps that halving does not mend have a drag on every node, which is
-      strengthened until they pass. It fades in those that follow, at full load in steps without
-      load, so the last state is in equilibrium without it
-    - accuracy: largest distance of a state from the straight continuation of the path, over the
-      displacement's norm, for scenes that depend on the path; steps beyond twice that are cut.
-      None: any
-    - balance: largest share of a step's work that may be missing from the energies; a step beyond
-      is halved. None: any
+    - steps: the first load step is 1/steps. A step that fails is halved; one that passes uncut lets
+      the next grow, up to max_step
+    - viscosity: the drag is strengthened until a step passes, and weakened in those that follow, at
+      full load in steps without load: the last state is in equilibrium without it
+    - accuracy: for scenes that depend on the path; steps beyond twice that are cut
     - linear_solver: one of `solve.linear.LINEAR_SOLVERS`
-    - every: accepted steps between states written for ParaView
-    - limits: beyond which a result is not believed
     - milestones: load factors to be hit exactly
 
     Raises InputError for a value that is not allowed.
@@ -45,29 +37,21 @@ class Settings:
         1e-8, BELOW_ONE, "residual of the last state, over the forces on the sheet", "solver"
     )
     path_tolerance: float | None = number(
-        1e-4,
-        BELOW_ONE,
-        "residual of states before full load: the curve is as good as this",
-        "solver",
+        1e-4, BELOW_ONE, "residual of states before full load and milestones", "solver"
     )
     viscosity: str = choice(
-        "auto",
-        ("auto", "off"),
-        "auto: steps that fail get a drag on the nodes, which fades",
-        "solver",
+        "auto", ("auto", "off"), "auto: a drag on the nodes for steps that fail", "solver"
     )
     accuracy: float | None = number(
         None,
         POSITIVE,
-        "largest share of the displacement by which a step may leave the straight continuation of "
-        "the path; a step beyond is cut",
+        "distance of a state from the straight continuation of the path, over the displacement",
         "solver",
     )
     balance: float | None = number(
         None,
         POSITIVE,
-        "largest share of a step's work that may be missing from the energies; a step beyond is "
-        "halved",
+        "share of a step's work that may be missing from the energies; else it is halved",
         "solver",
     )
     linear_solver: str = choice(

@@ -1,17 +1,17 @@
-"""Solutions with what terms hold during a solve, repeated until it need not be taken anew."""
+"""Staggered solution: what terms lag is updated between solves until it is settled."""
 
 from petsc4py import PETSc
 
 from .newton import Newton
 from .report import Report
 
-MOST = 30  # solutions of one step
-# tolerance of solutions after which something may be taken anew: 1e-1 and 1e-2 leave more to the
-# last one, 1e-3 more to those before it (double dome, 1344 cells: 589, 547, 568 iterations, 510
-# with 3e-3, before `LONG`)
+MOST = 30  # solves of one step
+# tolerance of solves after which something may be updated: 1e-1 and 1e-2 leave more to the last
+# one, 1e-3 more to those before it (double dome, 1344 cells: 589, 547, 568 iterations, 510 with
+# 3e-3, before `LONG`)
 LOOSE = 3e-3
-# tolerance of the first solution: forces of contact are then known well enough to be taken anew
-# (double dome, 1344 cells: 304 tangents if it is `LOOSE`, 279 with this)
+# tolerance of the first solve: forces of contact are then known well enough to be updated (double
+# dome, 1344 cells: 304 tangents if it is `LOOSE`, 279 with this)
 FIRST = 3e-2
 # iterations in which rounding may grow to what an update notices: a solution found in more of them
 # is made exact, so that ranks find the same (two plies, 12 cells: forces to 1e-4 with 15, 1e-10
@@ -19,20 +19,18 @@ FIRST = 3e-2
 LONG = 6
 
 
-def solve_lagged(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Report, int]:
-    """Solve for x, again and again until terms have nothing to take anew: at first to `FIRST`, to
-    `LOOSE` meanwhile, in the end to `tolerance` or the solver's. Nothing is to be taken anew after
-    that solution either. The last `Report`, with the iterations of the hardest solve, and the
-    iterations of all.
-    """
+def solve_staggered(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Report, int]:
+    """Solve for x until terms have nothing to update: first to `FIRST`, then to `LOOSE`, in the end
+    to `tolerance` or the solver's, and nothing is to be updated after that either. Returns the last
+    `Report`, with the iterations of the hardest solve, and the iterations of all."""
     scene, every = newton.scene, []
     asked = max(tolerance, newton.tolerance)
-    now = max(asked, FIRST) if scene.is_lagged else asked
+    now = max(asked, FIRST) if scene.has_lagged_terms else asked
     for _ in range(MOST + 1):
-        report = newton.solve_for(x, now, minimum=now == asked)
+        report = newton.solve(x, now, minimum=now == asked)
         every.append(report.iterations)
         if report.converged and now > asked and report.iterations > LONG:
-            report = newton.solve_for(x, asked, minimum=False)
+            report = newton.solve(x, asked, minimum=False)
             every.append(report.iterations)
         report.iterations = max(every)
         if not report.converged:
@@ -42,5 +40,5 @@ def solve_lagged(newton: Newton, x: PETSc.Vec, tolerance: float) -> tuple[Report
             break
         now = max(asked, LOOSE) if updated else asked
     else:
-        report.object(f"contact did not settle in {MOST} solutions")
+        report.reject(f"contact did not settle in {MOST} solutions")
     return report, sum(every)

@@ -5,56 +5,44 @@ from petsc4py import PETSc
 
 from ..runtime.timing import phase
 from ..scene.scene import Scene
-from .linear import (
-    KSP_WORDS,
-    NOT_DEFINITE,
-    PREFIX,
-    check_name,
-    configure,
-    factorisation_had_room,
-    inertia,
-    subtract_compliances,
-)
-from .report import Report
-from .termination import End, SolveFailed
+from . import linear
+from .report import Report, SolveFailed, Termination
 
 
 class Tangent:
-    """The second derivative of a scene's energy, A [N/mm], and the linear solver of that name.
+    """Second derivative of a scene's energy, A [N/mm], and the linear solver of that name.
 
-    MUMPS keeps its symbolic factorisation. Only `mumps-cholesky` tells negative pivots: a matrix
-    that has some is shifted along its diagonal until it has none. PETSc's own options of linear
-    solvers, as -fabric_ksp_view, have the prefix `fabric_`.
-
-    negative_pivots_met: whether any matrix so far had some; shift: the last one. Both are kept in
-    checkpoints, as the next solve begins with them. Raises InputError for an unknown solver.
+    MUMPS keeps its symbolic factorisation. Only `mumps-cholesky` counts negative pivots: a matrix
+    that has some is shifted along its diagonal until it has none. negative_pivots_met: True once
+    any matrix had some; shift: the last one; the next solve begins with both. Raises InputError for
+    an unknown solver.
     """
 
-    ATTEMPTS = 20  # shifts of one matrix, at most
-    # share of the largest stiffness of a tool moved by force, what rounding leaves of nothing
+    SHIFTS = 20  # of one matrix, at most
+    # share of the largest stiffness of a tool moved by force, up to which one is rounding
     ROUNDING = 1e-12
 
     def __init__(self, scene: Scene, linear_solver: str) -> None:
-        check_name(linear_solver)
+        linear.check_name(linear_solver)
         self._scene, self._name = scene, linear_solver
-        self.tells_inertia = linear_solver == "mumps-cholesky"
+        self.counts_pivots = linear_solver == "mumps-cholesky"
         self.negative_pivots_met, self.shift = False, 0.0
         self.ksp = PETSc.KSP().create(scene.comm)
-        self.ksp.setOptionsPrefix(PREFIX)
+        self.ksp.setOptionsPrefix(linear.PREFIX)
         self._make()
 
     def _make(self):
         self.A = self._scene.create_matrix()
-        configure(self.ksp, self.A, self._name)
+        linear.configure(self.ksp, self.A, self._name)
 
-    def assemble(self, held: bool = True) -> None:
-        """Make A the tangent at the scene's present state, anew if contact of sheets has found
-        other places; held: with unit rows and columns at the supports."""
+    def assemble(self, with_supports: bool = True) -> None:
+        """Make A the tangent at the scene's present state, with unit rows and columns at the
+        supports. It is a new matrix if contact of sheets has found other places."""
         if self._scene.places_changed():
             self.A.destroy()
             self.ksp.reset()
             self._make()
-        self._scene.tangent(self.A, held)
+        self._scene.tangent(self.A, with_supports)
 
     def mean_stiffness(self) -> float:
         """Mean of the diagonal [N/mm]."""
@@ -64,57 +52,74 @@ class Tangent:
         """Norm of the diagonal [N/mm]; raises SolveFailed if it is not a number."""
         norm = self.A.getDiagonal().norm()
         if not np.isfinite(norm):
-            raise SolveFailed(End.NO_NUMBER)
+            raise SolveFailed(Termination.NO_NUMBER)
         return norm
 
     def negative_pivots(self) -> int:
-        """How many A has; factors it if it is not factored yet."""
+        """Number of negative pivots of A, which is factored if it is not yet."""
         with phase("linear_solve"):
             self.ksp.setOperators(self.A)
             self.ksp.setUp()
-        return inertia(self.ksp.pc)[0]
+        return linear.inertia(self.ksp.pc)[0]
 
     def solve_with_last_factors(self, rhs: PETSc.Vec, d: PETSc.Vec) -> bool:
-        """Solve with the factors of the last solve; whether that succeeded."""
+        """Solve with the factors of the last solve; False if that fails."""
         with phase("linear_solve"):
             self.ksp.solve(rhs, d)
             return self.ksp.getConvergedReason() > 0 and self._subtract_compliances(d)
 
     def solve(self, rhs: PETSc.Vec, d: PETSc.Vec, report: Report) -> float:
-        """Solve A d = rhs, with A shifted until it is positive definite; the shift [N/mm]. Notes
+        """Solve A d = rhs, with A shifted until it is positive definite; the shift [N/mm]. Counts
         shifts and negative pivots of A itself in the report. Raises SolveFailed."""
         shift = 0.0
-        for attempt in range(self.ATTEMPTS):
+        for attempt in range(self.SHIFTS):
             reason = self._factor_and_solve(rhs, d)
             negative, zero = None, None
-            if self.tells_inertia and reason > 0:
-                negative, zero = inertia(self.ksp.pc)
+            if self.counts_pivots and reason > 0:
+                negative, zero = linear.inertia(self.ksp.pc)
             if attempt == 0:
                 report.negative_pivots = negative
             is_definite = not negative and not zero
             if is_definite and reason > 0 and self._subtract_compliances(d):
                 self.shift = shift or self.shift
                 return shift
-            if is_definite and reason < 0 and reason not in NOT_DEFINITE:
-                raise SolveFailed(End.LINEAR_SOLVER, KSP_WORDS.get(reason, "unknown reason"))
+            if is_definite and reason < 0 and reason not in linear.NOT_DEFINITE:
+                name = linear.KSP_REASONS.get(reason, "unknown reason")
+                raise SolveFailed(Termination.LINEAR_SOLVER, name)
             report.shifts, self.negative_pivots_met = report.shifts + 1, True
             larger = 8 * shift if shift else self._first_shift()
             self.A.shift(larger - shift)
             shift = larger
-        raise SolveFailed(End.SADDLE)
+        raise SolveFailed(Termination.SADDLE)
 
     def _factor_and_solve(self, rhs, d):
         with phase("linear_solve"):
-            self.ksp.setOperators(self.A)
-            self.ksp.solve(rhs, d)
-            while not factorisation_had_room(self.ksp.pc):
+            while True:
                 self.ksp.setOperators(self.A)
                 self.ksp.solve(rhs, d)
-            return self.ksp.getConvergedReason()
+                if linear.had_memory(self.ksp.pc):
+                    return self.ksp.getConvergedReason()
 
     def _first_shift(self):
         mean = self.A.getDiagonal().norm(PETSc.NormType.NORM_1) / self.A.size[0]
         return max(1e-8 * mean, self.shift / 4) if self.shift else 1e-4 * mean
 
     def _subtract_compliances(self, d):
-        return subtract_compliances(self.ksp, self._scene.compliances(), d, self.ROUNDING)
+        """Make d, which `ksp` solved for, the solution with A less c c^T / k of each tool that a
+        force moves (Woodbury's formula). False, and d unchanged, if that is not positive
+        definite."""
+        given = self._scene.compliances()
+        if not given:
+            return True
+        solved = [c.duplicate() for c, _ in given]
+        for (c, _), y in zip(given, solved):
+            self.ksp.solve(c, y)
+        product = np.array([[c.dot(y) for y in solved] for c, _ in given])
+        stiffness = np.array([k for _, k in given])
+        left = np.diag(stiffness) - (product + product.T) / 2
+        # none where sheet and tool can go together unresisted
+        if np.linalg.eigvalsh(left)[0] <= self.ROUNDING * stiffness.max():
+            return False
+        for travel, y in zip(np.linalg.solve(left, [c.dot(d) for c, _ in given]), solved):
+            d.axpy(travel, y)
+        return True

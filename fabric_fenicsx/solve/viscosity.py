@@ -7,9 +7,9 @@ WEAK, STRONG = 1e-7, 1e-1  # drag on a node, of the mean stiffness of one
 
 @dataclass
 class Viscosity:
-    """A drag on every node [N/mm per step], measured by the mean `stiffness` of one [N/mm]; energy
-    taken by it [N mm]. It fades by one stage after `easy_steps_asked` steps in a row that passed
-    uncut, a number that each failure doubles."""
+    """Drag on every node [N/mm per step], relative to the mean `stiffness` of one [N/mm], and the
+    energy that it took [N mm]. It is weakened after `easy_steps_asked` uncut steps in a row, a
+    number that each failure doubles."""
 
     drag: float = 0.0
     energy: float = 0.0
@@ -18,7 +18,7 @@ class Viscosity:
     easy_steps_asked: int = 1
 
     def strengthen(self) -> bool:
-        """One stage more; False if it is as strong as allowed."""
+        """Go one stage up; False if the drag is as strong as allowed."""
         if self.drag >= STRONG * self.stiffness:
             return False
         if self.drag:
@@ -27,8 +27,8 @@ class Viscosity:
         return True
 
     def note_accepted(self, uncut: bool, at_rest: bool) -> None:
-        """Note a step that passed. At rest, as the load does not change, the drag fades after each;
-        otherwise after `easy_steps_asked` that passed uncut."""
+        """Count an accepted step, and weaken the drag if it is due; at rest, where the load does
+        not change, it always is."""
         if not self.drag:
             return
         self.easy_steps = self.easy_steps + 1 if uncut else 0

@@ -1,1 +1,1 @@
-"""What studies compute to judge results: theory, reference solutions, errors, hard cases."""
+"""Checks of what users add: laws, surfaces, terms."""

@@ -96,7 +96,7 @@ def test_fabric_gives_back_what_it_stored(full):
     low, high = np.transpose(heights)
     assert full or high.max() - low.min() < 0.02  # a whole ply lies as its three nodes did
     held = {"point 1 of blank": (0, 1, 2), "point 2 of blank": (1, 2), "point 3 of blank": (2,)}
-    given = {s.name: s.components for s in job.scene.supports.given}
+    given = {s.name: s.components for s in job.scene.supports}
     assert given.items() >= (held if full else {"point 1 of blank": (2,)}).items()
 
 

@@ -89,8 +89,8 @@ def test_a_term_that_is_no_form_is_solved_for_like_any():
     blank = sheet(20.0, 10.0, 6, 3)
     scene = Scene(blank, [Elastic(), Springs()], clamped_ends(1.0))
     x = scene.u.copy()
-    x.array[scene.held] = scene.supports.values(1.0)
-    report = Newton(scene).solve_for(x)
+    x.array[scene.fixed_dofs] = scene.supports.values(1.0)
+    report = Newton(scene).solve(x)
     assert report.converged and report.iterations <= 5
     assert scene.energies()["springs"] > 0
 

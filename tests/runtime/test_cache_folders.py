@@ -6,25 +6,25 @@ import sys
 
 import pytest
 
-from fabric_fenicsx.runtime import cache_folders as home
+from fabric_fenicsx.runtime import cache_folders
 
-PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "MPLCONFIGDIR", *home.RANK)
+PLACES = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "MPLCONFIGDIR", *cache_folders.RANK)
 
 
 @pytest.fixture
 def places(tmp_path, monkeypatch):
     """Sets where home and temporary files are; what was set before is back after the test."""
-    monkeypatch.setattr(home, "moved", None)
+    monkeypatch.setattr(cache_folders, "moved", None)
     monkeypatch.setattr(os, "environ", {k: v for k, v in os.environ.items() if k not in PLACES})
-    monkeypatch.setattr(home.tempfile, "gettempdir", lambda: str(tmp_path))
-    monkeypatch.setattr(home.os, "getenv", lambda name, other=None: os.environ.get(name, other))
+    monkeypatch.setattr(cache_folders.tempfile, "gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr(cache_folders.os, "getenv", lambda name, other=None: os.environ.get(name, other))
     return lambda **given: os.environ.update(given)
 
 
 def test_a_home_that_can_be_written_has_the_cache(places, tmp_path, capsys):
     places(HOME=str(tmp_path))
-    home.ensure_cache()
-    assert home.cache() == tmp_path / ".cache"
+    cache_folders.ensure_cache()
+    assert cache_folders.cache() == tmp_path / ".cache"
     assert (tmp_path / ".cache/fenics").is_dir()
     assert capsys.readouterr().err == ""
 
@@ -33,9 +33,9 @@ def test_a_home_that_can_be_written_has_the_cache(places, tmp_path, capsys):
 def test_a_home_that_cannot_be_written_is_told_with_the_place_used(places, tmp_path, capsys, name):
     (tmp_path / "file").touch()
     places(**{"HOME": str(tmp_path), name: str(tmp_path / "file")})
-    home.ensure_cache()
+    cache_folders.ensure_cache()
     folder = tmp_path / f"fabric_fenicsx_{os.getuid()}"
-    assert home.cache() == folder
+    assert cache_folders.cache() == folder
     told = capsys.readouterr().err
     assert told.startswith(f"warning: {tmp_path / 'file'}")
     assert f"compiled code is kept in {folder}; XDG_CACHE_HOME=FOLDER chooses" in told
@@ -45,15 +45,15 @@ def test_a_user_without_a_home_gets_one(places, tmp_path, capsys, monkeypatch):
     def no_home():
         raise RuntimeError("Could not determine home directory.")
 
-    monkeypatch.setattr(home.Path, "home", no_home)
-    home.ensure_cache()
-    assert os.environ["HOME"] == str(home.cache())
+    monkeypatch.setattr(cache_folders.Path, "home", no_home)
+    cache_folders.ensure_cache()
+    assert os.environ["HOME"] == str(cache_folders.cache())
     assert "this user has no home" in capsys.readouterr().err
 
 
 def test_other_ranks_are_silent(places, tmp_path, capsys):
     places(HOME=os.devnull, OMPI_COMM_WORLD_RANK="1")
-    home.ensure_cache()
+    cache_folders.ensure_cache()
     assert capsys.readouterr().err == ""
 
 

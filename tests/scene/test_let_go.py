@@ -38,7 +38,7 @@ def pressed(friction, where=None, nx=8):
 def test_friction_takes_over_from_supports():
     scene = pressed(friction=0.3)
     result = ff.Job(scene, steps=4).run()
-    assert COMM.allreduce(len(scene.held)) == 0
+    assert COMM.allreduce(len(scene.fixed_dofs)) == 0
     assert all(row["iterations"] < 10 for row in result.rows[2:])
     assert result.force("table")[0] == pytest.approx(-20 * PULL, rel=1e-6)
     assert abs(scene.reaction("centre")).max() < 1e-4

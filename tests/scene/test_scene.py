@@ -16,7 +16,7 @@ from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.scene import output as reports
+from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
@@ -49,9 +49,9 @@ def test_tangent_is_the_derivative_of_the_residual(held):
     u.array[:] = (np.sin(x[:, ::-1] / 7) * [1e-2, 1e-2, 1.0]).ravel() + np.tile([0.0, 0, 0], len(x))
     u.array[:] += (0.03 * x * [1, 1, 0]).ravel()  # away from the kinks at rest
     d.array[:] = np.cos(x[:, [1, 2, 0]] / 3).ravel()
-    d.array[scene.held] = 0
+    d.array[scene.fixed_dofs] = 0
     scene.set(u)
-    scene.tangent(A, held=held)
+    scene.tangent(A, with_supports=held)
     forces = []
     for sign in (1, -1):
         v = u.copy()
@@ -61,11 +61,11 @@ def test_tangent_is_the_derivative_of_the_residual(held):
         scene.residual(r)
         forces.append(r)
     change = A * d
-    change.array[scene.held] = 0
+    change.array[scene.fixed_dofs] = 0
     difference = (forces[0] - forces[1]) * (0.5 / 1e-6)
     assert (difference - change).norm() <= 1e-7 * difference.norm()
     if held:
-        assert A.getDiagonal().array[scene.held] == pytest.approx(1.0)
+        assert A.getDiagonal().array[scene.fixed_dofs] == pytest.approx(1.0)
 
 
 def test_cantilever_by_steps():
@@ -133,9 +133,9 @@ def test_supports_that_only_locate_a_sheet_bear_nothing(pull, warned, nx):
     loads = [EdgeTension(lambda load, f=f: load * f, way, where) for f, way, where in ends]
     scene = Scene(blank, [Membrane(load("komeili")), *loads], [middle, *corners])
     assert not march(Newton(scene), 4).reason
-    assert len(reports.warnings(scene)) == warned
+    assert len(output.warnings(scene)) == warned
     if warned:
-        assert "bear middle 4 N, 2." in reports.warnings(scene)[0]
+        assert "bear middle 4 N, 2." in output.warnings(scene)[0]
 
 
 def test_a_dead_pressure_is_a_force_beside_which_locating_supports_bear_nothing():
@@ -153,7 +153,7 @@ def test_a_dead_pressure_is_a_force_beside_which_locating_supports_bear_nothing(
     terms = [Membrane(load("komeili")), Bedding(), DeadPressure(1e-3, (0, 0, -1))]
     scene = Scene(blank, terms, [corner])
     assert not march(Newton(scene), 1).reason
-    assert reports.outer_forces(scene)[""] == pytest.approx(0.8) and reports.warnings(scene) == []
+    assert output.outer_forces(scene)[""] == pytest.approx(0.8) and output.warnings(scene) == []
 
 
 def test_forces_that_cancel_at_a_locating_support_are_told():
@@ -163,7 +163,7 @@ def test_forces_that_cancel_at_a_locating_support_are_told():
     push = EdgeTension(lambda load: 4 * load, (0, -1), lambda x: x[1] < 1e-6)
     scene = Scene(blank, [Membrane(load("komeili")), pull, push], [ends])
     assert not march(Newton(scene), 4).reason
-    assert len(reports.warnings(scene)) == 1 and "bear ends" in reports.warnings(scene)[0]
+    assert len(output.warnings(scene)) == 1 and "bear ends" in output.warnings(scene)[0]
 
 
 BALLS = [Tool(Sphere(8.0, (10, 5, side * 9.0)), name="ball") for side in (-1, 1)]

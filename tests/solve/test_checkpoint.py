@@ -12,7 +12,7 @@ from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve.checkpoint import Checkpoint
-from fabric_fenicsx.solve.stepping import Progress, Viscosity
+from fabric_fenicsx.solve.progress import Progress
 
 COMM = MPI.COMM_WORLD
 LIP = 1e4
@@ -58,9 +58,7 @@ def progress(blank, **changes):
         "memory": memory,
         "solver": {"shift": 0.5},
     }
-    return Progress(
-        x=vectors[0], previous=vectors[1], viscosity=Viscosity(), **(state | costs | changes)
-    )
+    return Progress(*vectors, **(state | costs | changes))
 
 
 @pytest.mark.versions
@@ -118,7 +116,7 @@ def test_cells_that_moved_are_of_another_mesh(tmp_path):
     state.memory["cells 1 strain"] = of_cells(blank)
     checkpoint.save(state, {})
     checkpoint._centres = checkpoint._centres + 1e-3
-    with pytest.raises(InputError, match="of another mesh, with 32 cells, now there are 32 or"):
+    with pytest.raises(InputError, match="of another mesh, with 32 cells; now there are 32, or"):
         checkpoint.load(state.memory)
 
 
@@ -154,8 +152,8 @@ BROKEN = {
         "cannot be read",
     ),
     "arrays of another program": (lambda path: np.savez(path, u=np.ones(3)), "cannot be read"),
-    "earlier version": (lambda path: of_format(path, 6), "is of format 6; allowed is 7"),
-    "later version": (lambda path: of_format(path, 8), "is of format 8; allowed is 7"),
+    "earlier version": (lambda path: of_format(path, 6), "is of format 6; this version reads 7"),
+    "later version": (lambda path: of_format(path, 8), "is of format 8; this version reads 7"),
     "another displacement": (lambda path: changed(path, u=lambda u: 2 * u), "another checksum"),
     "short displacement": (lambda path: changed(path, u=lambda u: u[:-1]), "another checksum"),
     "other words": (
@@ -177,7 +175,7 @@ def test_what_is_wrong_with_a_checkpoint_is_said_on_all_ranks(shared_path, case)
     COMM.barrier()
     with pytest.raises(InputError, match=words) as error:
         checkpoint.load(state.memory)
-    assert str(path) in str(error.value) and "; allowed is" in str(error.value)
+    assert str(path) in str(error.value)
 
 
 @pytest.mark.mpi
@@ -190,9 +188,9 @@ def test_a_checkpoint_of_another_problem_is_refused(shared_path):
         Checkpoint(path, blank, {"a": 1}).load()
     slip = state.memory["0 slip"]
     for memory, words in (
-        ({}, "remembers 0 slip .3,. where the terms remember nothing; allowed is the same"),
-        ({"0 slip": slip[:, :2]}, "where the terms remember 0 slip .2,.; allowed"),
-        ({"0 slip": slip, "3 depth": slip}, "where the terms remember 0 slip .3,., 3 depth .3,.;"),
+        ({}, "remembers 0 slip .3,. where the terms remember nothing"),
+        ({"0 slip": slip[:, :2]}, "where the terms remember 0 slip .2,.$"),
+        ({"0 slip": slip, "3 depth": slip}, "where the terms remember 0 slip .3,., 3 depth .3,.$"),
     ):
         with pytest.raises(InputError, match=words):
             Checkpoint(path, blank, {"a": 2}).load(memory)
@@ -204,7 +202,7 @@ def test_a_checkpoint_of_another_mesh_is_refused(shared_path, degree, spatial):
     path = shared_path / "c.npz"
     Checkpoint(path, blank := slit(COMM, 1), {}).save(progress(blank), {})
     COMM.barrier()
-    with pytest.raises(InputError, match="is of another mesh, with 30 nodes, now there are"):
+    with pytest.raises(InputError, match="is of another mesh, with 30 nodes; now there are"):
         Checkpoint(path, slit(COMM, degree, spatial), {}).load()
 
 

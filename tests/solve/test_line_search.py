@@ -5,8 +5,7 @@ import pytest
 from petsc4py import PETSc
 
 from fabric_fenicsx.solve.line_search import FLAT, LineSearch
-from fabric_fenicsx.solve.report import Report
-from fabric_fenicsx.solve.termination import SolveFailed
+from fabric_fenicsx.solve.report import Report, SolveFailed
 
 
 class Along:

@@ -11,10 +11,10 @@ from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends
 from fabric_fenicsx.sheets.blank import Blank
-from fabric_fenicsx.solve import staggered as lagged
+from fabric_fenicsx.solve import staggered
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.staggered import FIRST, LOOSE
-from fabric_fenicsx.solve.step_criteria import FINEST
+from fabric_fenicsx.solve.stepping import FINEST
 
 
 class Losing(Term):
@@ -59,7 +59,7 @@ def test_steps_that_lose_work_are_halved_but_not_for_ever():
     steps = [b - a for a, b in zip(loads, loads[1:])]
     assert loads[-1] == 1
     assert reasons and all("of the step's work is not in the energies" in r for r in reasons)
-    # the first step is judged, too, and in the finest ones it is as it is
+    # the first step must meet it, too, and the finest ones need not
     assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * FINEST / 0.25 <= 1.5
 
 
@@ -113,13 +113,13 @@ class Holding(Term):
 @pytest.fixture
 def asked(monkeypatch):
     """Tolerances of all solves, negative where a saddle will do."""
-    tolerances, solve_for = [], Newton.solve_for
+    tolerances, solve = [], Newton.solve
 
     def noted(self, x, tolerance=0.0, minimum=True):
         tolerances.append(tolerance if minimum else -tolerance)
-        return solve_for(self, x, tolerance, minimum)
+        return solve(self, x, tolerance, minimum)
 
-    monkeypatch.setattr(Newton, "solve_for", noted)
+    monkeypatch.setattr(Newton, "solve", noted)
     return tolerances
 
 
@@ -134,7 +134,7 @@ def test_solves_are_rough_until_nothing_is_taken_anew(asked):
 @pytest.mark.mpi
 def test_a_long_solve_is_made_exact_before_something_is_taken_anew(asked, monkeypatch):
     """As rounding grows in it, by which ranks differ."""
-    monkeypatch.setattr(lagged, "LONG", -1)
+    monkeypatch.setattr(staggered, "LONG", -1)
     terms = [builders.Elastic(), Holding()]
     scene = Scene(Blank.rectangle(20, 10, nx=2), terms, clamped_ends(0.2))
     march(Newton(scene, 1e-8), steps=1)
@@ -152,15 +152,15 @@ def test_only_states_on_the_way_are_looser(asked):
 
 @pytest.mark.parametrize("iterations", [1, 99])
 def test_steps_grow_once_one_passed_uncut_however_many_iterations_it_took(monkeypatch, iterations):
-    solve_for, failures = Newton.solve_for, iter([True])
+    solve, failures = Newton.solve, iter([True])
 
     def counted(self, *args, **options):
-        report = solve_for(self, *args, **options)
+        report = solve(self, *args, **options)
         report.converged = report.converged and not next(failures, False)
         report.iterations = iterations
         return report
 
-    monkeypatch.setattr(Newton, "solve_for", counted)
+    monkeypatch.setattr(Newton, "solve", counted)
     loads = []
     scene = Scene(Blank.rectangle(20, 10, nx=2), [builders.Elastic()], clamped_ends(0.2))
     march(Newton(scene), steps=4, on_accept=lambda accepted: loads.append(accepted.load))

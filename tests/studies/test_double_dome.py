@@ -9,7 +9,7 @@ import pytest
 from fabric_fenicsx.forming.forming import Forming
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.results.fields import read_last
-from fabric_fenicsx.verification import compression_parameters
+from fabric_fenicsx.studies.lib import compression_parameters
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
 

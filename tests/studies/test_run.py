@@ -167,7 +167,7 @@ def test_a_spoilt_checkpoint_is_refused(launch, ranks):
     again = launch("tensile", *OPTIONS, "--steps", 3, "--resume", ranks=ranks)
     assert again.status == 2 and again.err.count("studies/tensile.py: error: ") == 1, again.err
     assert "Traceback" not in again.err
-    assert "checkpoint.npz is damaged, as its content has another checksum; allowed" in again.err
+    assert "checkpoint.npz is damaged: its content has another checksum" in again.err
     assert {k: v for k, v in everything(done.folder).items() if k.name != "log.txt"} == {
         k: v for k, v in before.items() if k.name != "log.txt"
     }

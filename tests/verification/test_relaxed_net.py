@@ -7,9 +7,9 @@ import pytest
 from nets.relaxed_net import relaxed_net
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.coupons.pin_jointed import PinJointedStrip
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.runtime.rules import above_zero
-from fabric_fenicsx.verification.pin_jointed import PinJointedStrip
 
 
 @dataclass(frozen=True)

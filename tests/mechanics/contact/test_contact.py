@@ -171,7 +171,7 @@ def test_tangent_of_a_scene_without_bending():
     scene.accept()
     u.array[:] *= 1.5
     d.array[:] = np.cos(x[:, [1, 2, 0]] / 3).ravel()
-    d.array[scene.held] = 0
+    d.array[scene.fixed_dofs] = 0
     A, r = scene.create_matrix(), scene.u.duplicate()
     scene.set(u)
     scene.tangent(A)
@@ -303,7 +303,7 @@ def test_circular_membrane_under_pressure():
         )
         x = scene.u.copy()
         scene.set_load(1.0)
-        report = Newton(scene).solve_for(x)
+        report = Newton(scene).solve(x)
         assert report.converged, report.reason
         errors.append(
             COMM.allreduce(displacement(blank)[:, 2].max(initial=0.0), MPI.MAX) / exact - 1

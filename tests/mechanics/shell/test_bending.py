@@ -296,7 +296,7 @@ class Yarns(Term):
 
 def equilibrium(scene, bending, steps, rests):
     """Newton's method on one rank; after the last step as many without load, for the normals."""
-    free = np.setdiff1d(np.arange(scene.u.array.size), scene.held)
+    free = np.setdiff1d(np.arange(scene.u.array.size), scene.fixed_dofs)
     A, r, u = scene.create_matrix(), scene.u.duplicate(), scene.u.array
     for load in [*np.arange(1, steps + 1) / steps, *[1.0] * rests]:
         scene.set_load(load)
@@ -305,7 +305,7 @@ def equilibrium(scene, bending, steps, rests):
             scene.residual(r)
             f = r.array.copy()
             bending.add_forces(f)
-            scene.tangent(A, held=False)
+            scene.tangent(A, with_supports=False)
             start, columns, values = A.getValuesCSR()
             tangent = (sparse.csr_matrix((values, columns, start), shape=K.shape) + K)[free][
                 :, free

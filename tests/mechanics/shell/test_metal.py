@@ -135,7 +135,7 @@ def bent(curvatures, points, metal):
 
     def note(state):
         dofs, forces = scene.supports.dofs_of["end"], np.zeros(scene.u.local_size)
-        forces[scene.held] = scene.held_forces()
+        forces[scene.fixed_dofs] = scene.support_forces()
         f = forces[dofs]
         x = blank.coordinates()[dofs[:, 0] // 3] + blank.u.x.array[dofs]
         torque = scene.comm.allreduce(float((x[:, 0] * f[:, 2] - x[:, 2] * f[:, 0]).sum()))

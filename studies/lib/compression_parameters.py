@@ -1,4 +1,4 @@
-"""Which compression parameters Figs 12 to 14 of Schäfer et al. vary, and a formed ply in one
+"""Compression parameters as Figs 12 to 14 of Schäfer et al. vary them, and a formed ply in one
 row."""
 
 import textwrap
@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..material.laws import Law
+from fabric_fenicsx.material.laws import Law
 
 BASE = {"p_min": 0.75, "E_C": 1.3, "s_C": 100.0}  # E_C [MPa] = 2 d, of a yarn in compression
 VARIED = {
@@ -36,7 +36,7 @@ def with_lost_ellipticity(grid: Any) -> Any:
 
 def shear_contrast(grid: Any) -> float:
     """Contrast of the shear angle of a ply's PyVista grid [deg], as in `results.forming`."""
-    from ..results import forming
+    from fabric_fenicsx.results import forming
 
     return float(np.degrees(forming.contrast(grid, "shear_angle")))
 
@@ -65,8 +65,8 @@ def row(
 
 
 def title(row: Mapping[str, Any]) -> str:
-    """What stands above the map of a ply: its parameter and, if it was not formed to the end, how
-    far it was and why not."""
+    """Title of a ply's map: its parameter and, if it was not formed to the end, the load that was
+    reached and the reason."""
     words = f"{row['parameter']} = {row['value']:g}"
     if row["reason"]:
         words += f": ends at load {row['stroke_reached']:.2f}\n"

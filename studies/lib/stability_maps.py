@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..material import stability
-from ..material.kernel import evaluate
-from ..material.laws import Law
-from ..material.laws.base import stresses_of_energy
-from ..material.paths import conjugate, gradient
-from .stability_thresholds import P_MIN
+from fabric_fenicsx.material import stability
+from fabric_fenicsx.material.kernel import evaluate
+from fabric_fenicsx.material.laws import Law
+from fabric_fenicsx.material.laws.base import stresses_of_energy
+from fabric_fenicsx.material.paths import conjugate, gradient
+from fabric_fenicsx.studies.lib.stability_thresholds import P_MIN
 
 GAMMA = 0, 20, 40  # deg
 AS_GIVEN = {"as given": ({}, 0), "p_min 0.25": ({"p_min": 0.25}, 0)}

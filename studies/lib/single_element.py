@@ -7,20 +7,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..material.homogeneous import lateral_strain
-from ..material.kernel import evaluate
-from ..material.laws import Law
-from ..material.laws.base import stresses_of_energy
-from ..material.paths import PATHS, conjugate, gradient
-from ..mechanics.shell.membrane import Membrane
-from ..runtime.errors import SolverFailure
-from ..scene import output as reports
-from ..scene.scene import Scene
-from ..scene.supports import rolling_ends
-from ..sheets.blank import Blank
-from ..solve.newton import Newton
-from ..solve.settings import Settings
-from ..solve.stepping import LoadStepping
+from fabric_fenicsx.material.homogeneous import lateral_strain
+from fabric_fenicsx.material.kernel import evaluate
+from fabric_fenicsx.material.laws import Law
+from fabric_fenicsx.material.laws.base import stresses_of_energy
+from fabric_fenicsx.material.paths import PATHS, conjugate, gradient
+from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.runtime.errors import SolverFailure
+from fabric_fenicsx.scene import output
+from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import rolling_ends
+from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.settings import Settings
+from fabric_fenicsx.solve.stepping import LoadStepping
 
 FREE = "free uniaxial a"
 MODELS = "hyperelastic", "FABRIC"
@@ -91,7 +91,7 @@ class Comparison:
                 yield row
 
     def panels(self) -> dict[str, dict]:
-        """PANELS as `results.pictures.panels` draws them."""
+        """PANELS as `plot.pictures.panels` draws them."""
         series: dict[str, dict] = {}
         for title, entries in PANELS.items():
             series[title] = {}
@@ -153,7 +153,7 @@ def prescribed(scene: Scene, strains: np.ndarray) -> tuple[np.ndarray, float]:
     for k in range(len(F)):
         membrane.blank.u.x.array[:] = (x @ (F[k] - np.eye(2)).T).ravel()
         scene.residual(r)
-        P[k] = reports.virial(scene) / membrane.fabric.thickness
+        P[k] = output.virial(scene) / membrane.fabric.thickness
         mismatch = max(mismatch, membrane.state()[3])
     return conjugate(P, F), mismatch
 

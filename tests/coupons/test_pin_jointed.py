@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fabric_fenicsx.verification.pin_jointed import PinJointedStrip
+from fabric_fenicsx.coupons.pin_jointed import PinJointedStrip
 
 RIGHT = math.pi / 2
 

@@ -1,4 +1,4 @@
-"""From which strains, parameters and shear angles the law loses convexity and ellipticity.
+"""Strains, parameters and shear angles from which the law loses convexity and ellipticity.
 
 What can be done with `material.stability` at states, sought along paths of yarn strains.
 """
@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
-from ..material import stability
-from ..material.homogeneous import lateral_strain
-from ..material.laws.coupled import WovenFabric
+from fabric_fenicsx.material import stability
+from fabric_fenicsx.material.homogeneous import lateral_strain
+from fabric_fenicsx.material.laws.coupled import WovenFabric
 
 LOW, HIGH = -0.20, 0.08  # yarn strains of the maps
 EPS_A = 0.03  # the paper's tests end here; up to it the worst tension-compression state is sought

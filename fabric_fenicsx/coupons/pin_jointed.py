@@ -35,14 +35,16 @@ class PinJointedStrip:
     @cached_property
     def _gaps(self) -> np.ndarray:
         """Lengths (2,) of alpha and of beta between the clamps [mm]."""
-        return self.length * abs(self._coordinates[:, 0]) - self.width * abs(
-            self._coordinates[:, 1]
-        )
+        length, width = abs(self._coordinates).T
+        return self.length * length - self.width * width
+
+    def _along_yarns(self, x, y):
+        """alpha and beta of places x, y (n,), (2, n)."""
+        return self._coordinates @ np.stack(np.broadcast_arrays(x, y))
 
     @property
     def locked(self) -> str:
-        """Why the strip can't lengthen, if it can't: which yarns run from clamp to clamp; else
-        empty."""
+        """Reason why the strip can't lengthen, if it can't: yarns from clamp to clamp; else ""."""
         small = 1e-9 * self.length
         # alpha is constant along yarns b
         names = [name for name, gap in zip("ba", self._gaps) if gap <= small]
@@ -92,15 +94,11 @@ class PinJointedStrip:
         )
 
     def held(self, x: ArrayLike, y: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-        """Whether the yarns a and b through places x, y (n,) end in a clamp, (2, n), and the
-        places' distance to the lines where that changes, (n,) [mm]."""
-        places = self._coordinates @ np.stack(
-            np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        )
-        of_length, of_width = (
-            self.length * self._coordinates[:, :1],
-            self.width * self._coordinates[:, 1:],
-        )
+        """Mask (2, n) of yarns a and b through places x, y (n,) that end in a clamp, and distances
+        of the places to the lines where that changes, (n,) [mm]."""
+        places = self._along_yarns(x, y)
+        of_length = self.length * self._coordinates[:, :1]
+        of_width = self.width * self._coordinates[:, 1:]
         low, high = np.minimum(0, of_width), np.maximum(0, of_width)
         clamped = [(places >= low + at) & (places <= high + at) for at in (0, of_length)]
         distance = np.min(
@@ -110,9 +108,9 @@ class PinJointedStrip:
         return (clamped[0] | clamped[1])[::-1], distance * abs(math.sin(self.b - self.a))
 
     def beside_clamps(self, x: ArrayLike, y: ArrayLike) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Where the turn of yarns a, then of yarns b, sets in: for each, which of the places x, y
-        (n,) count, and their distance into the zone where it has (n,) [mm]; an empty list if the
-        strip is `locked`.
+        """Borders of the zones in which yarns a, then yarns b, have turned: for each a mask of the
+        places x, y (n,) that count, and their distance into the zone (n,) [mm]; an empty list if
+        the strip is `locked`.
 
         There count, at both ends of the strip, those whose other yarn ends in the middle third of
         the clamp, as far as both zones reach along all of it.
@@ -120,9 +118,7 @@ class PinJointedStrip:
         if self.locked:
             return []
         middle = self._coordinates @ [self.length / 2, self.width / 2]
-        places = self._coordinates @ np.stack(
-            np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        )
+        places = self._along_yarns(x, y)
         # from the strip's middle towards its ends; it is the same turned by half a turn
         places = (places - middle[:, None]) * np.sign(self._coordinates[:, :1])
         clamp, half = self.width * abs(self._coordinates[:, 1]), self._gaps / 2

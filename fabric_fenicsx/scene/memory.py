@@ -1,0 +1,60 @@
+"""Memory of terms: their history in accepted states, for checkpoints and for unloading."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..mechanics.output import arrays, asked
+from ..mechanics.term import Term, overrides
+from ..runtime.errors import InputError
+
+OF_CELLS = "cells "  # begins the names of arrays in cells
+METHODS = ("", "memory"), (OF_CELLS, "cell_memory")
+
+
+def memory_of(terms: Iterable[Term]) -> dict[str, np.ndarray]:
+    """Memory of `terms`, {name: array (owned nodes, k)}, or (owned cells, k) where the name begins
+    with `OF_CELLS`; then follow the term's number and its own name for the array."""
+    return {
+        f"{place}{i} {key}": values
+        for i, term in enumerate(terms)
+        for (place, key), values in _memory(term).items()
+    }
+
+
+def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:
+    """Give the term of that number back its part of `memory`. Raises InputError, on all ranks, if
+    its memory is another one then."""
+    given = {key: memory[f"{place}{number} {key}"] for place, key in _memory(term)}
+    if not overrides(term, "recall"):
+        return
+    try:
+        term.recall(given)
+    except KeyError as error:
+        raise InputError(
+            f"`recall` of term {term.name} asks for {error}; allowed is what its memory has: "
+            f"{', '.join(given)}"
+        ) from error
+    found = {key: values for (_, key), values in _memory(term).items()}
+    lost = [key for key, values in found.items() if not _equal(values, given[key])]
+    if lost := term.blank.mesh.comm.allreduce(lost):
+        raise InputError(
+            f"`recall` of term {term.name} leaves {lost[0]} other than it was given; allowed is to "
+            "take back all that `memory` and `cell_memory` give"
+        )
+
+
+def _memory(term: Term) -> dict[tuple[str, str], np.ndarray]:
+    """Arrays by (beginning of their name, own name)."""
+    found: dict[tuple[str, str], np.ndarray] = {}
+    for place, method in METHODS:
+        if overrides(term, method):
+            own = arrays(term, method, asked(term, method, "array"))
+            found |= {(place, key): values for key, values in own.items()}
+    return found
+
+
+def _equal(found, given):
+    """Equality up to rounding."""
+    scale = np.abs(given).max(initial=0.0, where=np.isfinite(given))
+    return np.allclose(found, given, 1e-9, 1e-9 * scale, equal_nan=True)

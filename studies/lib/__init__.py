@@ -1,0 +1,1 @@
+"""Calculations of single studies, for the scripts one folder up."""
