@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...runtime.compiled import compiled
 from ...runtime.errors import InputError
 from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
 
@@ -63,26 +64,19 @@ class Coulomb:
 
     def potential(self, z: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
-        length, s = _length(z), self.slip
-        beyond = np.maximum(length - s, 0.0)
-        energy = limit * ((length - beyond) ** 2 / (2 * s) + beyond)
-        return energy, -(limit / np.maximum(length, s))[:, None] * z
+        return _potential(z, limit, self.slip)
 
     def blocks(self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         projector on the plane across `normal` (n, 3), of a sliding point less the direction of
         its slip."""
-        blocks, at = np.zeros((len(z), 3, 3)), np.flatnonzero(limit)
-        z, n, length = z[at], normal[at], _length(z[at])
-        size = (limit[at] / np.maximum(length, self.slip))[:, None, None]
-        square = np.where(length > self.slip, length**2, np.inf)[:, None, None]
-        along = n[:, :, None] * n[:, None] + z[:, :, None] * z[:, None] / square
-        blocks[at] = size * np.eye(3) - size * along
-        return blocks
+        return _blocks(z, limit, normal, self.slip)
 
     def elastic(self, z: np.ndarray) -> np.ndarray:
         """Elastic part of the slip, at most s long, (n, 3) [mm]."""
-        return z * np.minimum(1.0, self.slip / np.maximum(_length(z), 1e-300))[:, None]
+        return (
+            z * np.minimum(1.0, self.slip / np.maximum(np.linalg.norm(z, axis=1), 1e-300))[:, None]
+        )
 
 
 def as_coulomb(
@@ -99,6 +93,31 @@ def as_coulomb(
     return law if law.lag else dataclasses.replace(law, lag=lag)
 
 
-def _length(z):
-    """Lengths (n,) of vectors (n, 3)."""
-    return np.sqrt(z[:, 0] ** 2 + z[:, 1] ** 2 + z[:, 2] ** 2)
+@compiled
+def _potential(z, limit, slip):
+    """Energies (n,) and forces (n, 3)."""
+    energy, forces = np.zeros(len(z)), np.zeros_like(z)
+    for i in range(len(z)):
+        length = np.sqrt(z[i, 0] ** 2 + z[i, 1] ** 2 + z[i, 2] ** 2)
+        beyond = max(length - slip, 0.0)
+        energy[i] = limit[i] * ((length - beyond) ** 2 / (2 * slip) + beyond)
+        for k in range(3):
+            forces[i, k] = -(limit[i] / max(length, slip)) * z[i, k]
+    return energy, forces
+
+
+@compiled
+def _blocks(z, limit, normal, slip):
+    """Second derivatives (n, 3, 3)."""
+    blocks = np.zeros((len(z), 3, 3))
+    for i in range(len(z)):
+        if limit[i] == 0:
+            continue
+        length = np.sqrt(z[i, 0] ** 2 + z[i, 1] ** 2 + z[i, 2] ** 2)
+        size, square = limit[i] / max(length, slip), length**2 if length > slip else np.inf
+        for j in range(3):
+            blocks[i, j, j] = size
+            for k in range(3):
+                along = normal[i, j] * normal[i, k] + z[i, j] * z[i, k] / square
+                blocks[i, j, k] -= size * along
+    return blocks

@@ -107,7 +107,7 @@ class FrictionState:
 
     def recall(self, memory: dict[str, np.ndarray], sliding: Sliding) -> None:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
-        self._slip = memory["slip"]
+        self._slip = np.ascontiguousarray(memory["slip"])
         self._accepted_energy = memory["energy"].reshape(-1)
         self.sliding, self.limit = sliding, np.zeros(len(self._slip))
         self.begin()

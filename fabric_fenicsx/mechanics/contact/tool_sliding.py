@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ...runtime.compiled import compiled
 from ...tools.tool import Tool
 from .nodes import Nodes
 
@@ -25,9 +26,9 @@ class ToolSliding:
         offsets: np.ndarray,
         derivative: np.ndarray,
     ) -> None:
-        self.normals = normals
+        self.normals = np.ascontiguousarray(normals)
         self._nodes, self._tool, self._offsets = nodes, tool, offsets
-        self._derivative = derivative
+        self._derivative = np.ascontiguousarray(derivative)
         self._place, self._tool_place = nodes.displacement(), tool.displacement.copy()
 
     def tool_moved(self) -> np.ndarray:
@@ -52,13 +53,31 @@ class ToolSliding:
 
     def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
         """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""
-        found, at = np.zeros_like(blocks), np.flatnonzero(blocks.any((1, 2)))
-        A, B = self._derivative[at], blocks[at]
-        for k, m in np.ndindex(3, 3):
-            found[at] += A[:, :, k, None] * B[:, k, m, None, None] * A[:, m, None]
-        return found
+        return _congruent(self._derivative, blocks)
 
 
-def _times(A, x):
+@compiled
+def _times(matrices, vectors):
     """Products (n, 3) of matrices (n, 3, 3) and vectors (n, 3)."""
-    return A[:, :, 0] * x[:, :1] + A[:, :, 1] * x[:, 1:2] + A[:, :, 2] * x[:, 2:]
+    found = np.empty_like(vectors)
+    for i in range(len(vectors)):
+        A, x = matrices[i], vectors[i]
+        for j in range(3):
+            found[i, j] = A[j, 0] * x[0] + A[j, 1] * x[1] + A[j, 2] * x[2]
+    return found
+
+
+@compiled
+def _congruent(matrices, blocks):
+    """Products A B A (n, 3, 3) of symmetric matrices A and blocks B."""
+    found = np.zeros_like(blocks)
+    for n in range(len(blocks)):
+        B, A = blocks[n], matrices[n]
+        if not B.any():
+            continue
+        for i in range(3):
+            for j in range(3):
+                for k in range(3):
+                    for m in range(3):
+                        found[n, i, j] += A[i, k] * B[k, m] * A[m, j]
+    return found
