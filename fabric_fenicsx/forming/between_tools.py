@@ -11,7 +11,7 @@ import numpy as np
 from ..coupons.scenario import FITS, Scenario, halved
 from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
-from ..mechanics.contact.pressing_term import PressingTerm
+from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.shell import mesh_warnings
 from ..mechanics.shell.bending import Bending
@@ -228,7 +228,7 @@ class BetweenTools(Scenario):
             given = self.slip, self.lag, planes, self.penalty
             between = stacking.between(self.blank, self.plies, *given)
         terms += [*self.held(between), *between]
-        self.pressing = [term for term in terms if isinstance(term, PressingTerm)]
+        self.pressing = [term for term in terms if isinstance(term, ToolInteraction)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
         return terms
 

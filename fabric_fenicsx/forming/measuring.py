@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..job.job import Result
+from ..mechanics.contact import output as contact_output
 from ..mechanics.springs import Springs
 from ..scene import output as reports
 from ..sheets.blank import Part
@@ -41,8 +42,8 @@ def of_contact(forming: Any, result: Result) -> dict[str, Any]:
     return {
         "unbalanced_force_N": float(abs(total[2])),
         "penalty_N_per_mm3": forming.penalty,
-        "penetration_mm": max(contact.penetration() for contact in forming.contacts),
-        "penetration_largest_mm": max(contact.deepest() for contact in forming.contacts),
+        "penetration_mm": max(map(contact_output.penetration, forming.contacts)),
+        "penetration_largest_mm": max(map(contact_output.largest_penetration, forming.contacts)),
         "penetration_of_thickness": reports.deepest(scene)[0],
         "sticking_slip_mm": forming.slip if forming.friction else None,
         "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,

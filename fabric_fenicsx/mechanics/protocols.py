@@ -72,12 +72,12 @@ class Rubbing(Protocol):
         that each can bear in the accepted state, (k,) [N]."""
 
 
-@runtime_checkable
 class Penetrated(Protocol):
-    """Lets sheet and tool, or two sheets, overlap a little."""
+    """Lets sheet and tool, or two sheets, overlap a little; by methods or `Term.outputs`."""
 
     def penetration_of_thickness(self) -> float:
-        """Deepest overlap in any accepted state, over the sheet's thickness, of all ranks."""
+        """Deepest overlap of sheet and tool, or of two sheets, in any accepted state, over the
+        sheet's thickness, of all ranks."""
 
     def where_deepest(self) -> str:
         """The tool or sheet that was so deep in the sheet, and where, as text."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
@@ -31,7 +31,8 @@ class SceneFacts(Protocol):
 
 def overrides(term: Term, method: str) -> bool:
     """True if a term has a `method` of its own in place of that of `Term`."""
-    return method in vars(term) or getattr(type(term), method) is not getattr(Term, method)
+    own, base = (getattr(each, method, None) for each in (type(term), Term))
+    return method in vars(term) or own is not base
 
 
 class Term:
@@ -59,6 +60,8 @@ class Term:
         Number that changes when the places of `tangent` do.
     prestressed : bool
         True if the sheet may have stress as it lies, before load.
+    outputs : dict
+        Functions of the term by the names of methods that give output, beside the class.
     blank, part : Blank, Part
         The sheet and the part of it that the term is on, known in `set_up`. `blank.mesh.comm` is
         the MPI communicator, `blank.V.dofmap.index_map` numbers the nodes.
@@ -88,6 +91,7 @@ class Term:
     energy: ufl.Form | None = None
     pattern = 0
     prestressed = False
+    outputs: Mapping[str, Callable[[Any], Any]] = {}
     blank: Blank
     part: Part
     part_name = ""

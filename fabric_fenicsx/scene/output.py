@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.output import Fields, merged
-from ..mechanics.protocols import Penetrated, Pressing, Touching
+from ..mechanics.output import Fields, function_of, merged
+from ..mechanics.protocols import Pressing, Touching
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnings
 from ..tools.tool import Tool
@@ -62,12 +62,11 @@ def tool_force(scene: Scene, tool: Tool) -> np.ndarray:
 def deepest(scene: Scene) -> tuple[float, str]:
     """Deepest penetration of a sheet by a tool or another sheet in any accepted state, over the
     sheet's thickness; and which one it was, and where, as a text."""
-    terms = [term for term in scene.terms if isinstance(term, Penetrated)]
-    depths = [term.penetration_of_thickness() for term in terms]
-    if not any(depths):
-        return 0.0, ""
-    i = int(np.argmax(depths))
-    return depths[i], terms[i].where_deepest()
+    asked = [(function_of(t, "penetration_of_thickness"), t) for t in scene.terms]
+    depths = [(depth(), term) for depth, term in asked if depth]
+    deepest, term = max(depths, key=lambda each: each[0], default=(0.0, None))
+    where = function_of(term, "where_deepest") if term and deepest else None
+    return deepest, where() if where else ""
 
 
 def overstretched(scene: Scene, strain: float) -> float:
@@ -114,7 +113,7 @@ def outer_forces(scene: Scene) -> dict[str, float]:
 def warnings(scene: Scene) -> list[str]:
     """Doubts about the state though nothing failed, as sentences."""
     given = [membrane_warnings(term) for term in _membranes(scene)]
-    given += [term.warnings() for term in scene.terms]
+    given += [ask() for term in scene.terms if (ask := function_of(term, "warnings"))]
     found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
     located = scene.supports.locating_warning(outer_forces(scene))
     return [*found, *filter(None, [located])]

@@ -6,7 +6,8 @@ from collections.abc import Iterable
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.contact.pressing_term import PressingTerm
+from ..mechanics.contact import output as contact_output
+from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
@@ -41,8 +42,9 @@ def _frictions(scene):
     """A sentence for each coefficient of friction that is above `COEFFICIENT`."""
     names: dict[float, list[str]] = {}
     for term in scene.terms:
-        if isinstance(term, PressingTerm) and term.coulomb and term.coulomb.largest > COEFFICIENT:
-            names.setdefault(term.coulomb.largest, []).append(term.tool.name)
+        coulomb = term.coulomb if isinstance(term, ToolInteraction) else None
+        if coulomb and coulomb.largest > COEFFICIENT:
+            names.setdefault(coulomb.largest, []).append(term.tool.name)
     return [
         f"friction on {', '.join(some)} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
         for mu, some in names.items()
@@ -96,8 +98,8 @@ def untouched_warning(scene: Scene) -> str:
         contacts = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
         moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
-        if contacts and moved and not any([contact.touched() for contact in contacts]):
-            gap = min(float(contact.gap().min(initial=math.inf)) for contact in contacts)
+        if contacts and moved and not any([contact_output.touched(each) for each in contacts]):
+            gap = min(float(contact_output.gap(each).min(initial=math.inf)) for each in contacts)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
             found.append(
                 f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..runtime.compiled import compiled
 from .curved_triangles import CurvedTriangles
+from .newton_kernel import Local, dot, newton_step, put
 from .patches import Patches, place
 from .surfaces import Nearest
 
@@ -15,7 +16,7 @@ BENT = 0.99  # share of a surface's turning that has a larger radius than the le
 
 
 class Net(NamedTuple):
-    """What of `CurvedTriangles` the compiled search needs: its patches, triangles (m, 3), facets
+    """Parts of `CurvedTriangles` for the compiled search: its patches, triangles (m, 3), facets
     (m, 3), across each edge the triangle and its edge (m, 3), normals (n, 3) at the points, which
     of these are on the rim (n,), and the corners around each: those from `starts` on in `ring`."""
 
@@ -70,25 +71,15 @@ class Projection:
         return found
 
 
-class Local(NamedTuple):
-    """A patch at a place and the way from there to a point: the arm and its square, the unit
-    normal, fundamental forms, height over the tangent plane, distance beside it, and the slope and
-    a convex second derivative of half the square."""
+class Seen(NamedTuple):
+    """A patch at a place, seen from a point: the arm to the point and its square, its part beside
+    the normal, its products with both tangents, and the patch's `Local` geometry."""
 
     arm: tuple[float, float, float]
     square: float
-    normal: tuple[float, float, float]
-    metric: tuple[float, float, float]
-    bend: tuple[float, float, float]
-    height: float
     aside: float
     pull: tuple[float, float]
-    stiff: tuple[float, float, float]
-
-
-@compiled
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    local: Local
 
 
 @compiled
@@ -97,34 +88,27 @@ def _copy(a, b):  # compiles faster than b[:] = a
 
 
 @compiled
-def _local(at, x):
-    """The `Local` of place and derivatives (6, 3), as `place` gives them, and a point x (3,)."""
-    u, v = at[1], at[2]
+def _seen(at, x):
+    """The `Seen` of place and derivatives (6, 3), as `place` gives them, and a point x (3,)."""
+    u, v = (at[1, 0], at[1, 1], at[1, 2]), (at[2, 0], at[2, 1], at[2, 2])
     arm = (x[0] - at[0, 0], x[1] - at[0, 1], x[2] - at[0, 2])
-    square = _dot(arm, arm)
-    m0, m1, m2 = _dot(u, u), _dot(u, v), _dot(v, v)
+    uu, uv, vv = dot(u, u), dot(u, v), dot(v, v)
     n0, n1, n2 = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
     size = math.sqrt(max(n0 * n0 + n1 * n1 + n2 * n2, 1e-300))
     n0, n1, n2 = normal = (n0 / size, n1 / size, n2 / size)
-    bend = (_dot(at[3], normal), _dot(at[4], normal), _dot(at[5], normal))
-    high = _dot(arm, normal)
-    aside = math.sqrt(max(square - high * high, 0.0))
-    if aside < 1e-4 * abs(high):  # where the difference cancels
-        beside = (arm[0] - high * n0, arm[1] - high * n1, arm[2] - high * n2)
-        aside = math.sqrt(_dot(beside, beside))
-    # raised by as much of the metric as makes the least eigenvalue 0.1 in that metric
-    s0, s1, s2 = m0 - high * bend[0], m1 - high * bend[1], m2 - high * bend[2]
-    det = m0 * m2 - m1 * m1
-    mean = (m2 * s0 + m0 * s2 - 2 * m1 * s1) / (2 * det)
-    least = mean - math.sqrt(max(mean * mean - (s0 * s2 - s1 * s1) / det, 0.0))
-    lift = max(0.1 - least, 0.0)
-    stiff = (s0 + lift * m0, s1 + lift * m1, s2 + lift * m2)
-    pull = (_dot(u, arm), _dot(v, arm))
-    return Local(arm, square, normal, (m0, m1, m2), bend, high, aside, pull, stiff)
+    high, p, q = dot(arm, normal), dot(u, arm), dot(v, arm)
+    beside = (arm[0] - high * n0, arm[1] - high * n1, arm[2] - high * n2)
+    det = max(uu * vv - uv * uv, 1e-300)
+    g0, g1, g2 = vv / det, -uv / det, uu / det
+    l0, l1, l2 = dot(at[3], normal), dot(at[4], normal), dot(at[5], normal)
+    shape = (-g0 * l0 - g1 * l1, -g0 * l1 - g1 * l2, -g1 * l0 - g2 * l1, -g1 * l1 - g2 * l2)
+    along = (g0 * p + g1 * q, g1 * p + g2 * q)
+    local = Local(high, along, 0.0, normal, u, v, (g0, g1, g2), shape)
+    return Seen(arm, dot(arm, arm), math.sqrt(dot(beside, beside)), (p, q), local)
 
 
 class Sought(NamedTuple):
-    """What a search of one point fills in: a `row` of what is `found`; how near to the foot of the
+    """Aim of the search of one point: a `row` of what is `found`; how near to the foot of the
     normal it must come [mm], and the side of the gap beyond a rim."""
 
     found: Nearest
@@ -153,9 +137,9 @@ def _find(net, x, t, way, w, at, sought):
     came = -1  # the edge across which it came without moving
     for _ in range(100):
         place(net.patches, t, b, w, at)
-        here = _local(at, x)
+        here = _seen(at, x)
         if here.aside <= sought.tolerance:
-            _put_inside(sought, at, here)
+            put(sought.found, sought.row, here.local)
             return
         edge, ended = -1, False
         if here.square > last_square * (1 + 1e-12) and factor > 1e-3:
@@ -165,7 +149,7 @@ def _find(net, x, t, way, w, at, sought):
         else:
             last_t, last_square, factor = t, here.square, 1.0
             _copy(b, last_b)
-            edge, corner = _newton_step(here, b, step)
+            edge, corner = _step(here, b, step)
             if corner:
                 t, ended = _at_corner(net, t, b, here.arm, sought)
                 came, last_square = -1, math.inf
@@ -182,17 +166,16 @@ def _find(net, x, t, way, w, at, sought):
             came = -1
     # none was found where the distance has no minimum, as at centres of curvature
     place(net.patches, t, b, w, at)
-    here = _local(at, x)
-    _put(sought, here.arm, math.copysign(1.0, here.height), here.normal, here.normal, math.inf)
+    here = _seen(at, x)
+    normal = here.local.normal
+    _put(sought, here.arm, math.copysign(1.0, here.local.gap), normal, normal, math.inf)
 
 
 @compiled
-def _newton_step(here, b, step):
+def _step(here, b, step):
     """Put Newton's step in barycentric coordinates into `step` (3,); the edge at which it leaves
     the patch, -1 if at none, and whether b is at a corner there."""
-    (p, q), (s0, s1, s2) = here.pull, here.stiff
-    det = s0 * s2 - s1 * s1
-    step[1], step[2] = (s2 * p - s1 * q) / det, (s0 * q - s1 * p) / det
+    step[1], step[2] = newton_step(here.local)
     step[0] = -step[1] - step[2]
     edge, ends = -1, 0
     for k in range(2, -1, -1):
@@ -234,14 +217,14 @@ def _along_edge(net, t, k, b, at, here, sought):
     slope = du * here.pull[0] + dv * here.pull[1]
     first = du * at[1] + dv * at[2]
     second = du * du * at[3] + 2 * du * dv * at[4] + dv * dv * at[5]
-    speed = _dot(first, first)
-    size = speed - _dot(here.arm, second)
+    speed = dot(first, first)
+    size = speed - dot(here.arm, second)
     size = size if size > 0.1 * speed else speed
     if abs(slope) <= sought.tolerance * math.sqrt(speed):
         face, side, beyond = net.facets[t].copy(), sought.side, net.across[t, k]
         if beyond >= 0:
             face += net.facets[beyond]
-            side = math.copysign(1.0, _dot(here.arm, face))
+            side = math.copysign(1.0, dot(here.arm, face))
         _put(sought, here.arm, side, face, first, size)
         return True
     start, end = (k + 1) % 3, (k + 2) % 3
@@ -259,8 +242,8 @@ def _at_corner(net, t, b, arm, sought):
     for option in range(3):  # inside, and along the edges to the next and the last corner
         for n in range(net.starts[point], net.starts[point + 1]):
             legs = net.patches.legs[net.ring[n] // 3, net.ring[n] % 3]
-            p, q = _dot(legs[0], arm), _dot(legs[1], arm)
-            pp, pq, qq = _dot(legs[0], legs[0]), _dot(legs[0], legs[1]), _dot(legs[1], legs[1])
+            p, q = dot(legs[0], arm), dot(legs[1], arm)
+            pp, pq, qq = dot(legs[0], legs[0]), dot(legs[0], legs[1]), dot(legs[1], legs[1])
             u, v = max(p / pp, 0.0), max(q / qq, 0.0)
             if option == 0:
                 det = pp * qq - pq * pq
@@ -273,7 +256,7 @@ def _at_corner(net, t, b, arm, sought):
     if best <= sought.tolerance**2:
         normal, side = net.normals[point], sought.side
         if not net.on_rim[point]:
-            side = math.copysign(1.0, _dot(arm, normal))
+            side = math.copysign(1.0, dot(arm, normal))
         _put(sought, arm, side, normal, normal, math.inf)
         return t, True
     onwards, backwards = way[0] / 3, way[1] / 3  # legs are a third of the derivative
@@ -289,7 +272,7 @@ def _put(sought, arm, side, normal, first, size):
     """Fill in what belongs to a nearest point on an edge along `first`, whose square over the
     second derivative of half the distance's is over `size`; to one on a corner if that is
     infinite."""
-    distance = math.sqrt(_dot(arm, arm))
+    distance = math.sqrt(dot(arm, arm))
     on = distance < 1e-12
     a, b, c = normal[0], normal[1], normal[2]
     if not on:
@@ -307,40 +290,15 @@ def _put(sought, arm, side, normal, first, size):
 
 
 @compiled
-def _put_inside(sought, at, here):
-    """Fill in what belongs to a nearest point within a patch: the Hessian of the gap is -E I^-1 L
-    (I - gap L)^-1 E^T of tangents E and fundamental forms I, L."""
-    (g0, g1, g2), (l0, l1, l2), gap = here.metric, here.bend, here.height
-    r0, r1, r2 = g0 - gap * l0, g1 - gap * l1, g2 - gap * l2
-    det = (g0 * g2 - g1 * g1) * (r0 * r2 - r1 * r1)
-    det = det if abs(det) > 1e-300 else 1e-300
-    # entries of I^-1 L
-    a, b = g2 * l0 - g1 * l1, g2 * l1 - g1 * l2
-    c, d = g0 * l1 - g1 * l0, g0 * l2 - g1 * l1
-    m11, m22 = -(a * r2 - b * r1) / det, -(d * r0 - c * r1) / det
-    m12 = -((b * r0 - a * r1) + (c * r2 - d * r1)) / (2 * det)
-    found, row = sought.found, sought.row
-    found.gap[row] = gap
-    for i in range(3):
-        found.normal[row, i] = here.normal[i]
-        for j in range(3):
-            uu, vv = at[1, i] * at[1, j], at[2, i] * at[2, j]
-            uv = at[1, i] * at[2, j] + at[1, j] * at[2, i]
-            found.curvature[row, i, j] = m11 * uu + m12 * uv + m22 * vv
-
-
-@compiled
 def _curvatures(patches):
     """The larger and the smaller curvature (2, m) [1/mm] in the middle of each patch."""
     found, b = np.empty((2, len(patches.origin))), np.full(3, 1 / 3)
     w, at = np.empty((6, 18)), np.empty((6, 3))
     for t in range(len(patches.origin)):
         place(patches, t, b, w, at)
-        here = _local(at, at[0])
-        (g0, g1, g2), (l0, l1, l2) = here.metric, here.bend
-        det = max(g0 * g2 - g1 * g1, 1e-300)
-        mean = -(g2 * l0 + g0 * l2 - 2 * g1 * l1) / (2 * det)
-        spread = math.sqrt(max(mean * mean - (l0 * l2 - l1 * l1) / det, 0.0))
+        k11, k12, k21, k22 = _seen(at, at[0]).local.shape
+        mean = (k11 + k22) / 2
+        spread = math.sqrt(max((k11 - k22) ** 2 / 4 + k12 * k21, 0.0))
         found[0, t], found[1, t] = mean + spread, mean - spread
     return found
 

@@ -1,1 +1,1 @@
-"""What presses and rubs: tools, sheets, holders."""
+"""Contact and friction of sheets with tools, holders and each other."""

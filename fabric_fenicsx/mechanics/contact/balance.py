@@ -1,4 +1,4 @@
-"""Where a force on a tool is in balance with what the tool touches."""
+"""Balance of a force on a tool with the resistance of the sheet."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -10,8 +10,8 @@ MISSING = 1e-12  # of the force, that may be
 
 
 class Resistance(NamedTuple):
-    """What resists a tool: force along its direction [N], by how much that grows as it travels
-    [N/mm], and how far it is from the nearest point, 0 in contact [mm]."""
+    """Resistance to a tool: force along its direction [N], growth of it as the tool travels [N/mm],
+    and distance to the nearest point, 0 in contact [mm]."""
 
     force: float
     stiffness: float
@@ -22,7 +22,7 @@ def find_balance(
     force: float, look: Callable[[float], Resistance], start: float, reach: float, soft: float
 ) -> bool:
     """Seek the travel at which `look(travel)` resists with `force` [N], by Newton's method between
-    bounds; whether it was found. `look` was then called last there.
+    bounds; true if found. `look` was then called last there.
 
     start: travel to begin with; reach: what the tool may pass a point by, or go back, in one step;
     soft: step where it touches nothing and none is ahead [mm].

@@ -13,18 +13,33 @@ from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
 
 @dataclass(frozen=True)
 class Coulomb:
-    """Coulomb friction that starts with an elastic slip.
+    """Coulomb friction that begins with an elastic slip.
 
-    - coefficient: mu; on a tool that presses several sheets also one for each, {sheet name: mu}
-    - slip s [mm]: how far a sticking point slips at most
-    - lag: normal forces are held during a solve. It is repeated if they differ then from those held
-      by more than this share of their sum. With inf they follow one step behind. By default inf on
-      tools, 0.01 between sheets
+    A point pressed by P that has slipped by z, in its tangent plane, has the energy
+    mu P |z|^2 / (2 s) up to |z| = s and mu P (|z| - s / 2) beyond. In the methods z is (n, 3) [mm],
+    and limit (n,) [N] is mu P, the resistance of a point that slides.
 
-    Raises InputError for numbers out of range.
+    Parameters
+    ----------
+    coefficient
+        mu; on a tool that presses several sheets also one for each, {sheet name: mu}.
+    slip
+        s [mm], by which a sticking point slips at most.
+    lag
+        Normal forces are lagged during a solve. It is repeated if they differ by more than this
+        share of their sum from the lagged ones. With inf they follow one step behind. By default
+        inf on tools, 0.01 between sheets.
 
-    In the methods z (n, 3) [mm] is the slip of n points in their tangent planes, and limit (n,) [N]
-    is mu P, the resistance of a point that slides under the normal force P.
+    Raises
+    ------
+    InputError
+        For numbers out of range.
+
+    Examples
+    --------
+    >>> law = ff.Coulomb(0.3, slip=0.1)
+    >>> law.potential(np.array([[0.05, 0, 0], [2.0, 0, 0]]), np.array([3.0, 3.0]))[0]
+    array([0.0375, 5.85  ])
     """
 
     coefficient: float | Mapping[str, float]
@@ -32,54 +47,45 @@ class Coulomb:
     lag: float | None = None
 
     def __post_init__(self) -> None:
-        for value in self.coefficients:
+        for value in self._coefficients():
             FROM_ZERO.check("coefficient of friction", value)
         POSITIVE.check("slip of friction", self.slip)
         if self.lag is not None:
             ABOVE_ZERO_OR_INF.check("lag of friction", self.lag)
 
-    @property
-    def coefficients(self) -> list[float]:
-        """The one of all sheets, or that of each."""
-        given = self.coefficient
-        return list(given.values()) if isinstance(given, Mapping) else [given]
+    def _coefficients(self):
+        mu = self.coefficient
+        return list(mu.values()) if isinstance(mu, Mapping) else [mu]
 
     @property
     def largest(self) -> float:
         """The largest coefficient."""
-        return max(self.coefficients, default=0.0)
-
-    def energy(self, z: np.ndarray, limit: np.ndarray) -> np.ndarray:
-        """mu P |z|^2 / 2 s up to |z| = s, mu P (|z| - s / 2) beyond, (n,) [N mm]."""
-        return self.potential(z, limit)[0]
-
-    def forces(self, z: np.ndarray, limit: np.ndarray) -> np.ndarray:
-        """Forces on the points, against the slip (n, 3) [N]: minus the derivative of `energy`."""
-        return self.potential(z, limit)[1]
+        return max(self._coefficients(), default=0.0)
 
     def potential(self, z: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`energy` and `forces` at once."""
+        """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
         return _potential(z, limit, self.slip)
 
     def blocks(self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """The second derivative of `energy` (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
+        """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         projector on the plane across `normal` (n, 3), of a sliding point less the direction of
         its slip."""
         return _blocks(z, limit, normal, self.slip)
 
     def elastic(self, z: np.ndarray) -> np.ndarray:
-        """The elastic part of the slip, at most s long, (n, 3) [mm]."""
-        length = np.linalg.norm(z, axis=1)
-        return z * np.minimum(1.0, self.slip / np.maximum(length, 1e-300))[:, None]
+        """Elastic part of the slip, at most s long, (n, 3) [mm]."""
+        return (
+            z * np.minimum(1.0, self.slip / np.maximum(np.linalg.norm(z, axis=1), 1e-300))[:, None]
+        )
 
 
 def as_coulomb(
-    given: float | Mapping[str, float] | Coulomb, owner: str, lag: float
+    friction: float | Mapping[str, float] | Coulomb, owner: str, lag: float
 ) -> Coulomb | None:
-    """The law that a term is given as `friction`, with `lag` where it has none of its own; None if
-    all coefficients are 0. owner: the term, named in errors."""
+    """Law of a term's `friction`, with `lag` where it has none of its own; None if all coefficients
+    are 0. owner: the term, named in errors."""
     try:
-        law = given if isinstance(given, Coulomb) else Coulomb(given)
+        law = friction if isinstance(friction, Coulomb) else Coulomb(friction)
     except InputError as error:
         raise InputError(f"{owner}: {error}") from None
     if not law.largest:
@@ -102,6 +108,7 @@ def _potential(z, limit, slip):
 
 @compiled
 def _blocks(z, limit, normal, slip):
+    """Second derivatives (n, 3, 3)."""
     blocks = np.zeros((len(z), 3, 3))
     for i in range(len(z)):
         if limit[i] == 0:

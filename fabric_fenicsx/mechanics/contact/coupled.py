@@ -1,4 +1,4 @@
-"""Which nodes are coupled by points that touch, and how stiffly."""
+"""Stiffness between the nodes that are coupled by touching points."""
 
 import numpy as np
 from petsc4py import PETSc
@@ -28,18 +28,19 @@ class Coupled:
             each.astype(PETSc.IntType).ravel() for each in np.broadcast_arrays(rows, cols)
         )
 
-    def weighed(self, weights: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    def weighted(self, weights: np.ndarray, blocks: np.ndarray) -> np.ndarray:
         """Stiffness (m,) [N/mm] at `rows` and `cols` of points that move as `weights` (n, k) times
-        their nodes. blocks (n, 3, 3): by how much the force on each grows as it moves."""
-        return _weighed(weights, blocks, self._places, self._count).ravel()
+        their nodes. blocks (n, 3, 3): growth of the force on each as it moves."""
+        return _weighted(weights, blocks, self._places, self._count).ravel()
 
-    def levered(self, levers: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-        """As `weighed`, of points that move as matrices (n, 3, 3 k) times their nodes."""
-        return _levered(levers, blocks, self._places, self._count).ravel()
+    def moved(self, motions: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+        """As `weighted`, of points that move as matrices `motions` (n, 3, 3 k) times their
+        nodes."""
+        return _moved(motions, blocks, self._places, self._count).ravel()
 
 
 @compiled
-def _weighed(weights, blocks, places, count):
+def _weighted(weights, blocks, places, count):
     """Sums (count, 9) of weight times block times weight."""
     values = np.zeros((count, 9))
     for n in range(len(weights)):
@@ -55,11 +56,11 @@ def _weighed(weights, blocks, places, count):
 
 
 @compiled
-def _levered(levers, blocks, places, count):
-    """Sums (count, 3, 3) of transposed lever times block times lever."""
-    values, pulled = np.zeros((count, 3, 3)), np.empty(levers.shape[1:])
-    for n in range(len(levers)):
-        L, B = levers[n], blocks[n]
+def _moved(motions, blocks, places, count):
+    """Sums (count, 3, 3) of transposed matrix times block times matrix."""
+    values, pulled = np.zeros((count, 3, 3)), np.empty(motions.shape[1:])
+    for n in range(len(motions)):
+        L, B = motions[n], blocks[n]
         if not B.any():
             continue
         for a in range(3):

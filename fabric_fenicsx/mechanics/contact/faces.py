@@ -1,4 +1,4 @@
-"""The smooth face of a sheet of flat triangles: where points lie over it."""
+"""The smooth face of a sheet of flat triangles, and places of points over it."""
 
 from typing import NamedTuple
 
@@ -10,8 +10,8 @@ from ...runtime.compiled import compiled
 from ...runtime.errors import InputError
 from ...sheets.blank import Part
 from ...tools.facets import LAST, NEXT, vertex_normals
+from ...tools.newton_kernel import dot
 from ..shell.morley import Where
-from .face_sliding import Corners
 
 UP = np.array([0.0, 0.0, 1.0])
 ZERO = (0.0, 0.0, 0.0)
@@ -22,11 +22,11 @@ ITERATIONS = 12  # of Newton's method; three or four do
 
 
 class Over(NamedTuple):
-    """What lies below n points.
+    """Places on the face below n points.
 
     - triangle (n,), -1 where there is none; weights (n, 3): barycentric coordinates in it
     - gap (n,) [mm]; normal (n, 3): the gap's gradient, the face's normal but for terms of h^2
-    - curvature (n, 3, 3) [1/mm]: how the normal turns as the point moves, the gap's Hessian but for
+    - curvature (n, 3, 3) [1/mm]: turn of the normal as the point moves, the gap's Hessian but for
       such terms
     """
 
@@ -35,6 +35,17 @@ class Over(NamedTuple):
     gap: np.ndarray
     normal: np.ndarray
     curvature: np.ndarray
+
+
+class Corners(NamedTuple):
+    """The flat triangles that n points lie in: nodes (n, 3), global numbers; places (n, 3, 3) [mm];
+    weights (n, 3), barycentric; offset (n,) [mm] of the touching face from the triangle along the
+    points' normals, with a sign."""
+
+    nodes: np.ndarray
+    places: np.ndarray
+    weights: np.ndarray
+    offset: np.ndarray
 
 
 class Face:
@@ -97,7 +108,7 @@ class Face:
         return np.concatenate(self._comm.allgather(values))[self.nodes]
 
     def _rows_to_free_edges(self):
-        """How many cells lie between each node (n,) and the nearest free edge, up to `ROWS`."""
+        """Number of cells between each node (n,) and the nearest free edge, up to `ROWS`."""
         sides = np.sort(self.triangles[:, [NEXT, LAST]].swapaxes(1, 2).reshape(-1, 2), 1)
         ends, count = np.unique(sides, axis=0, return_counts=True)
         free = ends[count == 1]
@@ -110,8 +121,8 @@ class Face:
         return rows
 
     def _bulge_operator(self, share):
-        """Of each triangle the edges opposite its corners (m, 3), and the matrix (edges, nodes)
-        from displacements to (G_i - G_k) (X_k - X_i) / 2, times the `share` (n,) at its ends."""
+        """Edges opposite the corners of each triangle (m, 3), and the matrix (edges, nodes) from
+        displacements to (G_i - G_k) (X_k - X_i) / 2, times the `share` (n,) at its ends."""
         X, triangles, n = self._X[:, :2], self.triangles, len(self.nodes)
         p, q, r = X[triangles].swapaxes(0, 1)
         twice = _cross(q - p, r - p)
@@ -135,8 +146,8 @@ class Face:
         ends = np.sort(np.stack([triangles[:, NEXT], triangles[:, LAST]], 2).reshape(-1, 2), 1)
         keys, edges = np.unique(ends @ [n, 1], return_inverse=True)
         i, k = np.divmod(keys, n)
-        arm = (X[k] - X[i]) * np.minimum(share[i], share[k])[:, None]
-        bulges = sum(sparse.diags(arm[:, d] / 2) @ (G[d][i] - G[d][k]) for d in (0, 1))
+        side = (X[k] - X[i]) * np.minimum(share[i], share[k])[:, None]
+        bulges = sum(sparse.diags(side[:, d] / 2) @ (G[d][i] - G[d][k]) for d in (0, 1))
         return edges.reshape(-1, 3), bulges.tocsr()
 
     def weights(self, triangle: np.ndarray, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
@@ -163,10 +174,11 @@ class Face:
         """Numbers (cells,) of this rank's cells among `triangles`."""
         return self._own
 
-    def corners(self, triangle: np.ndarray, N: np.ndarray, arm: np.ndarray) -> Corners:
-        """`Corners` of triangles (n,) with points at barycentric coordinates N (n, 3), and arms."""
+    def corners(self, triangle: np.ndarray, N: np.ndarray, offset: np.ndarray) -> Corners:
+        """`Corners` of triangles (n,) with points at barycentric coordinates N (n, 3), and offsets
+        (n,)."""
         nodes = self.triangles[triangle]
-        return Corners(self.nodes[nodes], self.places[nodes], N, arm)
+        return Corners(self.nodes[nodes], self.places[nodes], N, offset)
 
     def flat(self, N: np.ndarray) -> np.ndarray:
         """Undeformed places (cells k, 3) [mm] of the points of `own_weights`."""
@@ -198,7 +210,7 @@ class Face:
     def below(
         self, points: np.ndarray, guess: np.ndarray, reach: float, ahead: np.ndarray | None = None
     ) -> Over:
-        """What lies below points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
+        """The `Over` of points (n, 3) [mm], up to `reach` [mm] away. guess (n,): triangles to
         look in first, -1 for none; ahead (n, 3): if given, triangles are passed over whose normal
         is more than 90 deg off this one."""
         at = np.flatnonzero(guess >= 0)
@@ -216,7 +228,7 @@ class Face:
             np.zeros((len(points), 3)),
             np.zeros((len(points), 3, 3)),
         )
-        self._tell(np.flatnonzero(triangle >= 0), y, found)
+        self._fill(np.flatnonzero(triangle >= 0), y, found)
         found.triangle[~(abs(found.gap) <= reach)] = -1
         return found
 
@@ -233,15 +245,14 @@ class Face:
         return np.take_along_axis(near, np.lexsort((near, away.round(6)), axis=1), 1)
 
     def _seek(self, points, rows, triangles, ahead):
-        """Of `triangles` (k, many) the first that each of `rows` (k,) of the points lies over, -1
-        for none, and where: two coordinates in it and a height, over its normal's length (k, 3)."""
+        """The first of `triangles` (k, many) that each of `rows` (k,) of the points lies over, -1
+        for none; two coordinates in it and a height, over its normal's length (k, 3)."""
         nodes = self.triangles, self.places, self.normals
         ahead = np.empty((0, 3)) if ahead is None else ahead[rows]
         return _seek(points[rows], triangles, *nodes, ahead)
 
-    def _tell(self, at, y, found):
-        """Put into rows `at` (k,) of `found` what lies below those points, at places y (n, 3) of
-        their triangles."""
+    def _fill(self, at, y, found):
+        """Fill rows `at` (k,) of `found`, of points over places y (n, 3) of their triangles."""
         y, triangle = y[at], found.triangle[at]
         nodes = self.triangles[triangle]
         corners, normals = self.places[nodes], self.normals[nodes]
@@ -254,7 +265,7 @@ class Face:
         products = weights[:, NEXT] * weights[:, LAST]
         edges = self._bulge[self._edges[triangle]]
         bulge, height = np.einsum("nc,nci->ni", products, edges), y[:, 2:]
-        # how the unit normal changes as the point moves
+        # change of the unit normal as the point moves
         m_along = np.einsum("nai,ni->na", m, unit)
         turns = m - m_along[:, :, None] * unit[:, None]  # along both coordinates
         turns /= length[:, None, None]
@@ -282,7 +293,7 @@ def _seek(points, candidates, triangles, places, normals, ahead):
                 continue
             settled, a, b, height, along = _place_below(x, triangles[c], places, normals)
             fits = settled and min(1 - a - b, a, b) >= -INSIDE
-            if fits and (len(ahead) == 0 or _dot(along, ahead[i]) > 0):
+            if fits and (len(ahead) == 0 or dot(along, ahead[i]) > 0):
                 found[i] = c
                 y[i, 0], y[i, 1], y[i, 2] = a, b, height  # elements, which numba compiles quickly
                 break
@@ -291,8 +302,9 @@ def _seek(points, candidates, triangles, places, normals, ahead):
 
 @compiled
 def _place_below(x, nodes, places, normals):
-    """Whether Newton's method settles on a place in a triangle below x, its two coordinates there,
-    its height over the normal's length, and that normal."""
+    """The point of a triangle whose interpolated normal goes through x, by Newton's method: whether
+    it settles, two coordinates, the height over the normal's length, and that normal. It is not the
+    nearest point, as the triangle is not curved with its normals."""
     p, q, r = nodes
     e, f = _less(places[q], places[p]), _less(places[r], places[p])
     n, m, k = _less(normals[p], ZERO), _less(normals[q], normals[p]), _less(normals[r], normals[p])
@@ -304,9 +316,9 @@ def _place_below(x, nodes, places, normals):
         miss = _more(_more(_more(off, a, e), b, f), height, along)
         on_e, on_f = _more(e, height, m), _more(f, height, k)
         across = _crossed(on_f, along)
-        size = -_dot(on_e, across)
-        d_a, d_b = _dot(miss, across) / size, _dot(miss, _crossed(along, on_e)) / size
-        d_height = _dot(miss, _crossed(on_e, on_f)) / size
+        size = -dot(on_e, across)
+        d_a, d_b = dot(miss, across) / size, dot(miss, _crossed(along, on_e)) / size
+        d_height = dot(miss, _crossed(on_e, on_f)) / size
         step = abs(d_a) + abs(d_b) + abs(d_height)
         a, b, height = _bounded(a + d_a), _bounded(b + d_b), _bounded(height + d_height)
         if not step >= 1e-13:
@@ -317,11 +329,6 @@ def _place_below(x, nodes, places, normals):
 @compiled
 def _bounded(y):
     return min(max(y, -1e3), 1e3)
-
-
-@compiled
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
@@ -352,7 +359,7 @@ def _cross(a, b):
 
 
 def _plane(places, on):
-    """Which places (n, 3) lie on an edge of symmetry, and the plane's normal (3,)."""
+    """Numbers of the places (n, 3) on an edge of symmetry, and the plane's normal (3,)."""
     at = np.flatnonzero(on)
     if not len(at):
         return at, UP

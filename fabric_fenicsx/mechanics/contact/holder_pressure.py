@@ -13,12 +13,12 @@ from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
 from ..load import at_load, check_over_load
-from ..output import Value
 from ..term import SceneFacts
 from ..term_checks import bind
+from . import output
 from .coulomb import Coulomb
+from .interaction import ToolInteraction
 from .nodes import Nodes, values_at
-from .pressing_term import PressingTerm
 from .sheet_contact import SheetContact
 from .thickness import PlyThickness
 
@@ -26,26 +26,48 @@ UPDATES = 3  # of the pressed areas in a step, at most: at the flange's end they
 PRESSURE = "pressure of the blank holder [MPa]"
 
 
-class BlankHolderPressure(PressingTerm):
-    """Dead `pressure` [MPa] along `direction` (3,) on the parts of the sheet under a holder.
+class BlankHolderPressure(ToolInteraction):
+    """Dead pressure of a blank holder on the parts of a sheet under it.
 
-    pressure: a number, there from the start, or a function of the load factor. A `Contact` bears
-    it on the other side of the sheet.
-    under: function of positions (3, n) [mm] to the share (n,) of each node's area, 0 to 1, that is
-    under the holder. The areas are lagged, but updated up to `UPDATES` times in a step if more than
-    `lag` of their sum has changed; lag None: never within a step.
-    against: contacts with and between the sheets that lie on this one, from it to the last. The
-    pressure then acts only where all of them lie on one another, as a plate's does that rests on
-    the whole stack: a rim that reaches beyond the next sheet is not pressed.
-    tool: moves with the holder along a path, for its friction; by default one at rest.
-    friction: of the holder's side, a coefficient or a `Coulomb`, as of `Contact`: without it the
-    holder does not hold the sheet in its plane.
+    A `Contact` bears it on the other side of the sheet. The pressed areas are lagged.
 
-    Raises InputError for a direction or pressure that is not finite or below 0, for `under` of
-    another shape, and as `Nodes` does.
+    Parameters
+    ----------
+    pressure
+        Number [MPa], there from the start, or function of the load factor.
+    direction
+        In which it presses (3,).
+    under
+        Function of positions (3, n) [mm] to the share (n,) of each node's area, 0 to 1, that is
+        under the holder.
+    tool
+        Moves with the holder along a path, for its friction; by default one at rest.
+    lag
+        The areas are updated within a step, at most `UPDATES` times, if more than this share of
+        their sum has changed; with None never.
+    against
+        Contacts with and between the sheets that lie on this one, from it to the last. The pressure
+        then acts only where all of them lie on one another, as a plate's does that rests on the
+        whole stack: a flange that reaches beyond the next sheet is not pressed.
+    friction
+        Of the holder's side, as of `Contact`. Without it the holder does not hold the sheet in its
+        plane.
+
+    Raises
+    ------
+    InputError
+        For a direction or pressure that is not finite or below 0, a tool moved by force, `under` of
+        another shape, and as `Contact` does for blanks.
+
+    Examples
+    --------
+    >>> holder = ff.BlankHolderPressure(lambda load: 2 * load, (0, 0, -1), lambda x: x[0] > 50)
+    >>> holder.shares(np.array([[40.0, 60.0], [0.0, 0.0], [0.0, 0.0]]))
+    array([0., 1.])
     """
 
     name, energy_kind = "blank holder", "friction"
+    outputs = {"cell_fields": output.holder_cell_fields}
 
     def __init__(
         self,
@@ -71,7 +93,7 @@ class BlankHolderPressure(PressingTerm):
             )
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
+        """See `Term`."""
         if self.part.is_whole and any(part.thickness for part in scene.blank.parts.values()):
             raise InputError(
                 "the blank holder would press each sheet of the stack; allowed is "
@@ -80,95 +102,74 @@ class BlankHolderPressure(PressingTerm):
         self.nodes = Nodes(scene.blank, self.part)
         for contact in self._against:
             bind(contact, scene)
-        self._plies = PlyThickness(scene)
+        self.plies = PlyThickness(scene)
         self._accepted_areas = self._pressed()
         self.set_load(0.0)
         self.accept()
-        self.start_friction()
+        self._start_friction()
+
+    # -- steps
 
     def set_load(self, load: float) -> None:
         """Set the pressure; InputError if it is not a number from 0 there."""
         self.now = at_load(PRESSURE, FROM_ZERO, self._pressure, load)
-        self._areas = self._accepted_areas
-        self._updates = 0
+        self.areas, self._updates = self._accepted_areas, 0
         if self.friction:  # as these forces follow from the load alone
-            self.friction.press(self.normal_forces())
+            self.friction.begin(self.normal_forces())
 
     def accept(self) -> None:
         """Count `work` from the present state, and press what is under the holder now."""
         self._from, self._before = self.nodes.displacement(), self.now
-        self._accepted_force = self.nodes.total(self.pressing_forces())
-        self._areas = self._accepted_areas = self._pressed()
-        self.accept_friction()
+        self._accepted_force = self.nodes.total(self._pressing_forces())
+        self.areas = self._accepted_areas = self._pressed()
+        super().accept()
 
-    def update_lagged(self) -> bool:
-        """Press the areas under the holder now, if they differ by more than `lag`, and have
-        friction follow; whether any did."""
-        updated = self._update_areas()
-        rubbed = self.update_friction()
-        return updated or rubbed
-
-    def _update_areas(self):
+    def _update_pressing(self):
+        """Press the areas under the holder now, if they differ by more than `lag`."""
         if self.lag is None or self._updates == UPDATES:
             return False
         now = self._pressed()
-        changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self._areas), now]))
+        changed, all_of_it = self.nodes.total(np.column_stack([abs(now - self.areas), now]))
         if changed <= self.lag * all_of_it:
             return False
-        self._areas, self._updates = now, self._updates + 1
+        self.areas, self._updates = now, self._updates + 1
         return True
 
     def work(self) -> float:
         """Done on this rank's nodes since the last accepted state, by trapezoids [N mm]."""
-        moved = (self._areas[:, None] * (self.nodes.displacement() - self._from)).sum(0)
+        moved = (self.areas[:, None] * (self.nodes.displacement() - self._from)).sum(0)
         pressed = float(0.5 * (self._before + self.now) * (moved @ self.direction))
-        return pressed + self.friction_work()
+        return pressed + self._friction_work()
+
+    # -- state
 
     def energies(self) -> dict[str | None, float]:
-        """As in `StoresKinds`: minus the work of the pressure, and what friction took."""
-        pressed = float((self.pressing_forces() * self.nodes.displacement()).sum())
+        """See `Term`: minus the work of the pressure, and what friction took."""
+        pressed = float((self._pressing_forces() * self.nodes.displacement()).sum())
         return {**super().energies(), None: -pressed}
 
-    def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Remembers`."""
-        self.recall_friction(memory)
-
     def normal_forces(self) -> np.ndarray:
-        """As in `PressingTerm`."""
-        return self.now * self._areas
+        """See `Interaction`."""
+        return self.now * self.areas
 
-    def pressing_forces(self) -> np.ndarray:
-        """As in `PressingTerm`."""
+    def _pressing_forces(self):
         return self.normal_forces()[:, None] * self.direction
 
-    def normals(self) -> np.ndarray:
-        """As in `PressingTerm`."""
+    def _normals(self):
         return np.tile(self.direction, (self.nodes.count, 1))
 
-    def cell_fields(self) -> dict[str, Value]:
-        """As `PlyThickness.fields`, of the face that the holder presses."""
-        share = self._areas / np.maximum(self.nodes.areas, 1e-300)
-        lost = self.blank.cell_means(share) * self._plies.lost_under(self.now)
-        return self._plies.fields(lost)
-
     def force(self) -> np.ndarray:
-        """Of the holder on the ply, of all ranks (3,) [N], in the last accepted state."""
+        """See `ToolInteraction`, in the last accepted state."""
         return self._accepted_force
 
-    def _pressed(self):
-        """Areas (nodes,) under the holder [mm^2]."""
-        x = self.nodes.places + self.nodes.displacement()
-        return self.shares(x.T) * self._covered()
-
     def shares(self, points: np.ndarray) -> np.ndarray:
-        """Of each of `points` (3, n) [mm], how much is under the holder, 0 to 1 (n,)."""
+        """Share of each of `points` (3, n) [mm] that is under the holder, 0 to 1 (n,)."""
         return np.clip(values_at(self.under, points, f"`under` of the {self.name}", float), 0, 1)
 
-    def _covered(self):
-        """Areas (nodes,) of the sheet over which all the others lie [mm^2]."""
-        if not self._against:
-            return self.nodes.areas
-        covered = self._against[-1].points.covered()
-        for contact in reversed(self._against[:-1]):
+    def _pressed(self):
+        """Areas (nodes,) under the holder, where all the other sheets lie on this one [mm^2]."""
+        x = self.nodes.places + self.nodes.displacement()
+        covered: np.ndarray | None = None
+        for contact in reversed(self._against):
             covered = contact.points.covered(covered)
-        return covered
+        return self.shares(x.T) * (self.nodes.areas if covered is None else covered)

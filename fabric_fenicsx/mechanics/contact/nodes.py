@@ -17,7 +17,7 @@ from ..shell.morley import Where
 def values_at(
     function: Callable[[np.ndarray], np.ndarray], points: np.ndarray, name: str, kind: type = bool
 ) -> np.ndarray:
-    """What a `function` of `points` (3, n) gives: a mask (n,) or, of `kind` float, numbers (n,).
+    """Values of a `function` of `points` (3, n): a mask (n,) or, of `kind` float, numbers (n,).
     Raises InputError, which calls the function `name`, where it fails and for another answer."""
     n, answer = points.shape[1], "a mask (n,)" if kind is bool else "numbers (n,)"
     allowed = f"allowed is a function of points (3, n) to {answer}"
@@ -94,7 +94,7 @@ class Nodes:
 
 
 def _areas(blank, part):
-    """Of the part, at the local nodes of the blank."""
+    """Areas of the part at the local nodes of the blank."""
     if blank.degree == 2:  # the integrals of shape functions are 0 at corners
         share = np.array([1, 1, 1, 3, 3, 3]) / 12
         return blank.summed((blank.areas()[part.cells, None] * share)[..., None], part.cells)[:, 0]

@@ -1,5 +1,7 @@
 """Points of one sheet and the places on another one that lie below them."""
 
+from functools import cached_property
+
 import numpy as np
 from scipy import sparse
 
@@ -17,17 +19,13 @@ class Pairs:
         used = np.unique(weights.indices)
         self._relative = weights = weights[:, used].tocsr()
         self._transposed = weights.T.tocsr()
-        known = nodes[used]
-        self._gathered = GatheredNodes(blank, known)
-        self._known = known
-        self._coupled: Coupled | None = None
+        self._known = nodes[used]
+        self._gathered = GatheredNodes(blank, self._known)
 
-    @property
+    @cached_property
     def coupled(self) -> Coupled:
-        """The nodes that the points couple; not found before a stiffness is asked for."""
-        if self._coupled is None:
-            self._coupled = Coupled(self._by_point(self._relative.indices), self._known)
-        return self._coupled
+        """The nodes that the points couple."""
+        return Coupled(self._by_point(self._relative.indices), self._known)
 
     def relative(self) -> np.ndarray:
         """Displacement of the points relative to the other sheet, (n, 3) [mm]."""
@@ -44,9 +42,9 @@ class Pairs:
         self._gathered.add(self._transposed @ forces, f)
 
     def values(self, blocks: np.ndarray) -> np.ndarray:
-        """Stiffness (m,) [N/mm] at the rows and columns of `coupled`. blocks (n, 3, 3): by how much
-        the force on each point grows as it moves."""
-        return self.coupled.weighed(self._by_point(self._relative.data), blocks)
+        """Stiffness (m,) [N/mm] at the rows and columns of `coupled`. blocks (n, 3, 3): growth of
+        the force on each point as it moves."""
+        return self.coupled.weighted(self._by_point(self._relative.data), blocks)
 
     def _by_point(self, entries):
         """Entries of all weights as rows (n, k)."""

@@ -63,20 +63,20 @@ class Rigid(NamedTuple):
     smoothing: float
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `PressureLaw`."""
+        """See `PressureLaw`."""
         k, s = self
         soft, beyond = np.minimum(e, s), np.maximum(e - s, 0.0)
         energy = k * (soft**3 / (6 * s) + beyond * (s + beyond) / 2)
         return energy, k * (soft**2 / (2 * s) + beyond), k * soft / s
 
     def depth(self, p: np.ndarray) -> np.ndarray:
-        """As in `PressureLaw`."""
+        """See `PressureLaw`."""
         k, s = self
         return np.where(p < k * s / 2, np.sqrt(2 * s * p / k), p / k + s / 2)
 
 
 class Compacted(NamedTuple):
-    """Fabric that is compacted: p = p_0 (e^y - 1 - y), y = n ln(L / (L - e)), at depths e, see
+    """Compacted fabric: p = p_0 (e^y - 1 - y), y = n ln(L / (L - e)), at depths e, see
     `Compaction`; above `HARD` it grows with the slope that it has there.
 
     - length: L [mm], half the thickness without pressure of one ply, or of two added up
@@ -88,7 +88,7 @@ class Compacted(NamedTuple):
     onset: float
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `PressureLaw`."""
+        """See `PressureLaw`."""
         L, n, p_0 = self
         soft = np.minimum(e, _hardest(self))
         beyond = e - soft
@@ -101,7 +101,7 @@ class Compacted(NamedTuple):
         return energy, pressure + slope * beyond, slope
 
     def depth(self, p: np.ndarray) -> np.ndarray:
-        """As in `PressureLaw`."""
+        """See `PressureLaw`."""
         beyond = np.maximum(p - HARD, 0.0)
         if beyond.any():
             beyond = beyond / self(np.asarray(_hardest(self)))[2]
@@ -124,13 +124,13 @@ class InSeries(NamedTuple):
     second: Compacted
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `PressureLaw`."""
+        """See `PressureLaw`."""
         mine, others = self._shared(e)
         (W, p, k), (W_2, _, k_2) = self.first(mine), self.second(others)
         return W + W_2, p, k * k_2 / np.maximum(k + k_2, 1e-300)
 
     def depth(self, p: np.ndarray) -> np.ndarray:
-        """As in `PressureLaw`."""
+        """See `PressureLaw`."""
         return self.first.depth(p) + self.second.depth(p)
 
     def _shared(self, e):
@@ -149,26 +149,25 @@ class InSeries(NamedTuple):
 
 
 class ByPlace:
-    """The one of several `laws` that each of n places has: `which` (n,) counts from 0."""
+    """One of several `laws` at each of n places: `which` (n,) counts from 0."""
 
     def __init__(self, laws: Sequence[PressureLaw], which: np.ndarray) -> None:
         self.laws, self.which = list(laws), which
 
     def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As in `PressureLaw`."""
-        found = np.zeros((3, len(self.which)))
-        for k, law in enumerate(self.laws):
-            here = self.which == k
-            found[:, here] = law(np.broadcast_to(e, here.shape)[here])
-        energy, pressure, slope = found
+        """See `PressureLaw`."""
+        energy, pressure, slope = self._of_each(lambda law: law, e, 3)
         return energy, pressure, slope
 
     def depth(self, p: np.ndarray) -> np.ndarray:
-        """As in `PressureLaw`."""
-        found = np.zeros(len(self.which))
+        """See `PressureLaw`."""
+        return self._of_each(lambda law: law.depth, p, 1)[0]
+
+    def _of_each(self, function, x, count):
+        """`count` values (count, n) of the laws' functions at x, each at its own places."""
+        found, x = np.zeros((count, len(self.which))), np.broadcast_to(x, len(self.which))
         for k, law in enumerate(self.laws):
-            here = self.which == k
-            found[here] = law.depth(np.broadcast_to(p, here.shape)[here])
+            found[:, self.which == k] = function(law)(x[self.which == k])
         return found
 
 

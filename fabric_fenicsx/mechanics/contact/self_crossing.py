@@ -1,4 +1,4 @@
-"""Where a sheet passes through itself, which no term resists, or through another one."""
+"""Places where a sheet passes through itself, which no term resists, or through another one."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -45,8 +45,8 @@ def crossings(places: np.ndarray, triangles: np.ndarray) -> np.ndarray:
 
 
 def self_crossings(part: Part) -> np.ndarray:
-    """Of a sheet at its present displacement, its cells taken as flat triangles, on all ranks
-    (k, 3) [mm]; none of a sheet in a plane."""
+    """Crossings of a sheet at its present displacement, its cells taken as flat triangles, on all
+    ranks (k, 3) [mm]; none of a sheet in a plane."""
     blank, comm = part.blank, part.blank.mesh.comm
     if blank.mesh.geometry.dim < 3:
         return np.empty((0, 3))

@@ -1,4 +1,4 @@
-"""Where the points of a sheet lie over another sheet."""
+"""Points of a sheet that lie over another sheet."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,8 +10,7 @@ from scipy import sparse
 
 from ...sheets.blank import Part
 from ..shell.morley import Where
-from .face_sliding import Corners
-from .faces import Face
+from .faces import Corners, Face
 from .nodes import Nodes
 from .pairs import Pairs
 
@@ -40,13 +39,13 @@ class Facing(NamedTuple):
     corners: tuple[Corners, Corners]
 
     def unit_normals(self) -> np.ndarray:
-        """Of the face below, towards the points (n, 3)."""
+        """Unit normals of the face below, towards the points (n, 3)."""
         return self.normal / np.linalg.norm(self.normal, axis=1)[:, None]
 
-    def arms(self) -> np.ndarray:
-        """From mid-surface to mid-surface, across the faces (n, 3) [mm]."""
+    def offsets(self) -> np.ndarray:
+        """Vectors from mid-surface to mid-surface, across the faces (n, 3) [mm]."""
         over, below = self.corners
-        return (below.arm - over.arm)[:, None] * self.unit_normals()
+        return (below.offset - over.offset)[:, None] * self.unit_normals()
 
     def paraboloid(self) -> tuple[np.ndarray, np.ndarray]:
         """Gap (n,) [mm] and its gradient (n, 3) at the present displacement, from place, gradient
@@ -143,12 +142,12 @@ class SheetPoints:
         )
 
     def _corners(self, over, at):
-        """Of the points `at`, what a `Facing` tells."""
-        own, face, arm = self._own, self._face, over.gap[at]
+        """`corners` of the `Facing` of the points `at`."""
+        own, face, gap = self._own, self._face, over.gap[at]
         mine, N = at // len(self._places), self._places[at % len(self._places)]
         return (
-            own.corners(own.own_triangles()[mine], N, -self._share * arm),
-            face.corners(over.triangle[at], over.weights[at], (1 - self._share) * arm),
+            own.corners(own.own_triangles()[mine], N, -self._share * gap),
+            face.corners(over.triangle[at], over.weights[at], (1 - self._share) * gap),
         )
 
     def of_all(self, facing: Facing, values: np.ndarray, other: float = 0.0) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""How thick plies of fabric are between the faces that press them."""
+"""Thickness of plies of fabric between the faces that press them."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from ..term import SceneFacts
 
 
 class PlyThickness:
-    """Fields in cells of fabric, NaN in others, which the contacts of a scene tell together: each
-    one what is lost on its own faces.
+    """Fields in cells of fabric, NaN in others, to which each contact of a scene adds the thickness
+    lost on its own faces.
 
     thickness [mm]: in place of the fabrics'; rigid: whether the contact's faces are, also those of
-    fabric that has a `Compaction`, which contradicts the fabric, so that nothing is told.
+    fabric that has a `Compaction`, which contradicts the fabric, so that there are no fields.
     """
 
     def __init__(

@@ -6,7 +6,8 @@ from builders import COMM, off_differences
 from builders import sheet as rectangle
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.face_sliding import Corners, FaceSliding
+from fabric_fenicsx.mechanics.contact.face_sliding import FaceSliding
+from fabric_fenicsx.mechanics.contact.faces import Corners
 
 FABRIC = ff.load("komeili")
 T = FABRIC.thickness_under(0.0)
@@ -33,25 +34,25 @@ def displaced(contact, motion):
     blank = contact.blank
     x = blank.coordinates() + blank.nodal_displacement()
     blank.u.x.array[:] += motion(x).ravel()
-    return contact._sliding.slid()
+    return contact.friction.sliding.slid()
 
 
 @pytest.mark.mpi
 def test_a_small_turn_of_both_is_no_sliding(pair):
     axis = np.array([0.3, -0.5, 0.2])
     slid = displaced(pair, lambda x: 1e-6 * np.cross(axis, x) + [1.0, 2.0, 3.0])
-    normals = pair._held.accepted.unit_normals()
+    normals = pair.friction.sliding.normals
     along = slid - (slid * normals).sum(1, keepdims=True) * normals
     assert abs(along).max(initial=0) < 0.01 * 1e-6 * T  # normals are the smooth face's
 
 
 @pytest.mark.mpi
 def test_forces_at_faces_have_neither_sum_nor_moment(pair):
-    facing, blank = pair._held.accepted, pair.blank
+    facing, blank = pair.faces.accepted, pair.blank
     along = np.array([1.0, 0.4, 0.0]) + 0 * facing.normal
     along -= (along * facing.unit_normals()).sum(1, keepdims=True) * facing.unit_normals()
     f = np.zeros(len(blank.u.x.array))
-    pair._sliding.add(along, f)
+    pair.friction.sliding.add(pair.points.of_all(facing, along), f)
     owned = 3 * pair.points.nodes.count
     forces = f[:owned].reshape(-1, 3)
     x = (blank.coordinates() + blank.nodal_displacement())[: len(forces)]
@@ -69,9 +70,11 @@ def test_friction_and_its_stiffness_are_derivatives(pair):
 
 
 def test_a_rank_without_points_has_no_sliding(pair):
-    over, below = (Corners(*(each[:0] for each in c)) for c in pair._held.accepted.corners)
-    none = FaceSliding(pair.blank, over, below, np.zeros((0, 3)))
-    assert none.slid().shape == (0, 3) and not none.values(np.zeros((0, 3, 3))).any()
+    start, n = pair.faces.accepted, pair.points.count
+    corners = tuple(Corners(*(each[:0] for each in c)) for c in start.corners)
+    nothing = start._replace(points=start.points[:0], normal=start.normal[:0], corners=corners)
+    none = FaceSliding(pair.points, nothing)
+    assert not none.slid().any() and not none.values(np.ones((n, 3, 3))).any()
     f = np.zeros(len(pair.blank.u.x.array))
-    none.add(np.zeros((0, 3)), f)
+    none.add(np.ones((n, 3)), f)
     assert not f.any()

@@ -7,7 +7,7 @@ from mpi4py import MPI
 import fabric_fenicsx as ff
 from fabric_fenicsx.mechanics.contact.balance import Resistance, find_balance
 from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
-from fabric_fenicsx.mechanics.contact.friction import Friction
+from fabric_fenicsx.mechanics.contact.friction import FrictionState
 from fabric_fenicsx.mechanics.contact.pressing import anticipate, press
 from fabric_fenicsx.mechanics.contact.pressure_law import (
     HARD,
@@ -90,56 +90,80 @@ def test_a_tool_that_meets_nothing_finds_no_balance():
 LIMIT = 0.3 * AREAS
 
 
+class Slid:
+    """Points on a plane that slid by x [mm] along it."""
+
+    normals, x = UP, 0.0
+
+    def slid(self):
+        return along(self.x)
+
+
 def friction(**options):
     """Points pressed by 1 N for each area."""
-    return Friction(Coulomb(0.3, 0.1, **options), 0.3, AREAS, UP, MPI.COMM_SELF)
+    return FrictionState(Coulomb(0.3, 0.1, **options), 0.3, AREAS, Slid(), MPI.COMM_SELF)
 
 
 def along(x):
-    return np.tile([x, 0.0, 0.0], (4, 1))
+    return np.outer(np.ones(4), np.array([1.0, 0.0, 0.0]) * x)
+
+
+def at(state, x):
+    """The state of friction after sliding by x, or a vector x."""
+    state.sliding.x = x
+    return state
 
 
 def test_points_stick_then_slide_and_keep_what_is_elastic():
     rubbing = friction()
-    assert rubbing.forces(along(0.05))[:, 0] == pytest.approx(-LIMIT / 2)
-    assert rubbing.forces(along(0.5))[:, 0] == pytest.approx(-LIMIT)
-    assert rubbing.energy(along(0.5)) == pytest.approx(LIMIT.sum() * 0.45)
-    rubbing.accept(along(0.5), AREAS, UP)
-    assert rubbing.energy(along(0.0)) == pytest.approx(LIMIT.sum() * 0.45)
-    assert rubbing.forces(along(-0.1))[:, 0] == pytest.approx(0, abs=1e-12)
+    assert at(rubbing, 0.05).forces()[:, 0] == pytest.approx(-LIMIT / 2)
+    assert at(rubbing, 0.5).forces()[:, 0] == pytest.approx(-LIMIT)
+    assert rubbing.energy() == pytest.approx(LIMIT.sum() * 0.45)
+    rubbing.accept(AREAS, along(0.5), Slid())
+    assert rubbing.energy() == pytest.approx(LIMIT.sum() * 0.45)
+    assert at(rubbing, -0.1).forces()[:, 0] == pytest.approx(0, abs=1e-12)
 
 
 def test_motion_along_the_normal_rubs_on_nothing():
-    assert not friction().forces(np.array(UP)).any()
+    rubbing = friction()
+    rubbing.sliding.slid = lambda: UP
+    assert not rubbing.forces().any()
 
 
 def test_blocks_are_derivatives_of_the_forces():
     rubbing, h, d = friction(), 1e-7, np.array([0.6, 0.5, 0.3])
     for x in (0.03, 0.2):
-        change = rubbing.forces(along(x) + h * d) - rubbing.forces(along(x) - h * d)
-        assert -rubbing.blocks(along(x)) @ d == pytest.approx(change / (2 * h), rel=1e-5, abs=1e-6)
+        rubbing.sliding.slid = lambda: along(x) + rubbing.sliding.x * d
+        change = at(rubbing, h).forces() - at(rubbing, -h).forces()
+        blocks = at(rubbing, 0.0).blocks()
+        assert -blocks @ d == pytest.approx(change / (2 * h), rel=1e-5, abs=1e-6)
 
 
-def test_normal_forces_are_taken_anew_beyond_the_lag_and_forgotten_by_restore():
+def test_normal_forces_are_taken_anew_beyond_the_lag_and_forgotten_by_begin():
     rubbing = friction(lag=0.1)
-    assert not rubbing.update_lagged(1.05 * AREAS, along(0.0), along(0.0))
-    assert rubbing.update_lagged(2 * AREAS, along(0.0), along(0.0))
-    assert rubbing.forces(along(1.0))[:, 0] == pytest.approx(-2 * LIMIT)
-    rubbing.restore()
-    assert rubbing.forces(along(1.0))[:, 0] == pytest.approx(-LIMIT)
-    assert not friction().update_lagged(
-        2 * AREAS, along(0.0), along(0.0)
-    )  # one step behind, by default
+    assert not rubbing.update(1.05 * AREAS, along(0.0))
+    assert rubbing.update(2 * AREAS, along(0.0))
+    assert at(rubbing, 1.0).forces()[:, 0] == pytest.approx(-2 * LIMIT)
+    rubbing.begin()
+    assert rubbing.forces()[:, 0] == pytest.approx(-LIMIT)
+    assert not friction().update(2 * AREAS, along(0.0))  # one step behind, by default
+
+
+def test_sliding_that_is_not_linear_is_taken_anew():
+    rubbing = friction(lag=0.1)
+    assert not at(rubbing, 0.05).update(AREAS, along(0.0504))
+    assert rubbing.update(AREAS, along(0.08))
+    assert rubbing.forces()[:, 0] == pytest.approx(-0.8 * LIMIT)
 
 
 def test_what_is_remembered_is_taken_back():
     first, second = friction(), friction()
-    first.accept(along(0.15), AREAS, UP)
-    second.recall(first.memory())
-    second.accept(along(0.0), AREAS, UP)
+    first.accept(AREAS, along(0.15), Slid())
+    second.recall(first.memory(), Slid())
+    second.accept(AREAS, along(0.0), Slid())
     for x in (0.0, 0.02, 0.3):
-        assert second.forces(along(x)) == pytest.approx(first.forces(along(x)))
-        assert second.energy(along(x)) == pytest.approx(first.energy(along(x)))
+        assert at(second, x).forces() == pytest.approx(at(first, x).forces())
+        assert second.energy() == pytest.approx(first.energy())
 
 
 # -- fabric

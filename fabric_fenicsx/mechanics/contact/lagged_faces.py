@@ -1,14 +1,42 @@
-"""How the faces of two sheets are held during a solve."""
+"""The faces of two sheets, lagged during a solve."""
 
 from collections.abc import Callable
 
 import numpy as np
+from mpi4py import MPI
 
-from .aitken import Aitken
 from .sheet_points import Facing, SheetPoints
 
+LEAST = 0.1  # share of the way to a solution
 
-class HeldFaces:
+
+class Aitken:
+    """Relaxation of what is lagged, from the solutions that followed: all of the way at first, then
+    as far as A. C. Aitken's rule says (U. Küttler and W. A. Wall, 2008), less where solutions
+    alternate. The first `owned` numbers of a solution are this rank's."""
+
+    def __init__(self, comm: MPI.Comm, owned: int, taken: np.ndarray) -> None:
+        self._comm, self._owned = comm, owned
+        self.start(taken)
+
+    def start(self, taken: np.ndarray) -> None:
+        """Begin at the state that was `taken` last."""
+        self._taken, self.share = taken, 1.0
+        self._missed: np.ndarray | None = None
+
+    def next(self, found: np.ndarray) -> np.ndarray:
+        """State to take after the solution `found`."""
+        missed = found - self._taken
+        if self._missed is not None:
+            less, before = (missed - self._missed)[: self._owned], self._missed[: self._owned]
+            along, square = self._comm.allreduce(np.array([before @ less, less @ less]))
+            self.share = float(np.clip(-self.share * along / max(square, 1e-300), LEAST, 1.0))
+        self._taken = found.copy() if self.share == 1 else self._taken + self.share * missed
+        self._missed = missed
+        return self._taken
+
+
+class LaggedFaces:
     """The `Facing` that contact uses within a solve, so that its energy has no kinks.
 
     After a solve the faces are looked at again. If that changes the forces on the points by more
@@ -36,21 +64,21 @@ class HeldFaces:
         self._take(self.accepted)
 
     def accept(self) -> None:
-        """Take the faces as they are, and those are the accepted ones."""
+        """Take the faces as they are, as the accepted ones."""
         self.begin_here()
         self._place = self._u.copy()
         self._take(self.accepted)
 
     def begin_here(self) -> None:
-        """Have the faces as they are the accepted ones, from which sliding counts."""
+        """Make the faces as they are the accepted ones, from which sliding counts."""
         present = self._points.facing()
         if present is not self.accepted:
             self.accepted = present
             self.pattern += 1
 
     def update(self, forces: Callable[[Facing], np.ndarray]) -> bool:
-        """Take the faces anew if they are off by more than `lag`; whether they were, the same on
-        all ranks. forces: function of a `Facing` to the forces on all points (count, 3) [N]."""
+        """Take the faces anew if they are off by more than `lag`; true if so, the same on all
+        ranks. forces: function of a `Facing` to the forces on all points (count, 3) [N]."""
         present = self._points.facing()
         before, after = forces(self.now), forces(present)
         sizes = [np.linalg.norm(each, axis=1).sum() for each in (after - before, after)]

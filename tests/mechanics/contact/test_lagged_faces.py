@@ -1,4 +1,4 @@
-"""Where points of a sheet lie over another one, and how that is held, without any law."""
+"""Where points of a sheet lie over another one, and how the faces are lagged, without any law."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from builders import COMM
 from builders import sheet as rectangle
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.held_faces import HeldFaces
+from fabric_fenicsx.mechanics.contact.lagged_faces import LaggedFaces
 from fabric_fenicsx.mechanics.contact.sheet_points import SheetPoints
 
 T = 1.0
@@ -57,8 +57,8 @@ def test_values_of_points_go_to_cells_and_back(points):
 
 @pytest.mark.mpi
 def test_faces_are_taken_anew_only_if_forces_change(points):
-    held = HeldFaces(points, 0.01, 3 * points.nodes.count)
-    start, pattern = held.now, held.pattern
+    faces = LaggedFaces(points, 0.01, 3 * points.nodes.count)
+    start, pattern = faces.now, faces.pattern
 
     def forces(facing):
         return points.of_all(facing, facing.normal)
@@ -68,10 +68,10 @@ def test_faces_are_taken_anew_only_if_forces_change(points):
         z[:] = slope * points.blank.coordinates()[:, 0]
 
     tilt(1e-3)  # turns normals by 0.1 %
-    assert not held.update(forces) and held.now is start and held.pattern == pattern
+    assert not faces.update(forces) and faces.now is start and faces.pattern == pattern
     tilt(0.05)
-    assert held.update(forces) and held.now is not start and held.pattern > pattern
-    held.restore()
-    assert held.now is start is held.accepted
-    held.accept()
-    assert held.accepted is points.facing()
+    assert faces.update(forces) and faces.now is not start and faces.pattern > pattern
+    faces.restore()
+    assert faces.now is start is faces.accepted
+    faces.accept()
+    assert faces.accepted is points.facing()

@@ -1,0 +1,222 @@
+"""An interaction of a sheet with what it touches: pressure at points, and friction along them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...tools.tool import Tool
+from ..term import NO_TANGENT, Term, Triplets
+from .coulomb import Coulomb, as_coulomb
+from .friction import FrictionState, Sliding
+from .nodes import Nodes
+from .tool_sliding import ToolSliding
+
+
+class Interaction(Term):
+    """A potential of points that are pressed and rub on a face: value (`energies`), gradient
+    (`add_forces`) and Hessian (`tangent`) at the present displacement. `set_load` begins a step
+    from the last accepted state, `accept` ends it. Forces, depths and fields for output are
+    functions in `contact.output`.
+
+    A subclass gives the pressing part: these methods, with friction's by `super`, `normal_forces`,
+    and the hooks `_update_pressing`, `_sliding` and `_slid_exactly`. It calls `_start_friction` at
+    the end of `set_up`.
+
+    - coulomb, friction: the law of friction and its state; None without friction
+    - depth, rigid, thickness: at each point, or one of all: deepest overlap in accepted states
+      [mm], whether that is penetration of a rigid face, and the sheet's thickness [mm]
+    """
+
+    friction: FrictionState | None = None
+    depth: np.ndarray
+    rigid: Any
+    thickness: Any
+
+    def __init__(
+        self, friction: float | Mapping[str, float] | Coulomb, owner: str, lag: float
+    ) -> None:
+        self.coulomb = as_coulomb(friction, owner, lag)
+
+    def normal_forces(self) -> np.ndarray:
+        """Sizes of the forces that press this rank's points, (points,) [N]."""
+        raise NotImplementedError
+
+    def _update_pressing(self) -> bool:
+        """Take the lagged part of what presses anew, if needed; true if it was."""
+        return False
+
+    def _sliding(self) -> Sliding:
+        """Sliding of the points from the present state on."""
+        raise NotImplementedError
+
+    def _slid_exactly(self, sliding: Any) -> np.ndarray:
+        """Sliding since the accepted state, not linear in the displacement, (points, 3) [mm].
+        sliding: what `_sliding` gave in that state."""
+        raise NotImplementedError
+
+    def _forget_balance(self) -> None:
+        """Find the balance of a tool moved by force anew, as friction has changed."""
+
+    def _coefficient(self, law):
+        """Friction coefficient of all points, or of each."""
+        return law.coefficient
+
+    def _start_friction(self):
+        """Begin friction in the present state."""
+        if self.coulomb:
+            state = self.normal_forces(), self._sliding(), self.blank.mesh.comm
+            self.friction = FrictionState(self.coulomb, self._coefficient(self.coulomb), *state)
+
+    def _note_depth(self, load, depth):
+        """Keep the deepest overlap. At load 0 the last state counts, as those before it were not in
+        equilibrium."""
+        self.depth = np.fmax(self.depth if load else 0.0, depth)
+
+    def set_load(self, load: float) -> None:
+        """See `Term`."""
+        if self.friction:
+            self.friction.begin()
+
+    def update_lagged(self) -> bool:
+        """See `Term`: of what presses, then of friction."""
+        changed = self._update_pressing()
+        if not self.friction:
+            return changed
+        exact = self._slid_exactly(self.friction.sliding)
+        if not self.friction.update(self.normal_forces(), exact):
+            return changed
+        self._forget_balance()
+        return True
+
+    def accept(self) -> None:
+        """See `Term`."""
+        if self.friction:
+            exact = self._slid_exactly(self.friction.sliding)
+            self.friction.accept(self.normal_forces(), exact, self._sliding())
+
+    def energies(self) -> dict[str | None, float]:
+        """See `Term`."""
+        return {"friction": self.friction.energy()} if self.friction else {}
+
+    def stored(self) -> float:
+        """See `Term`, energy taken by friction included."""
+        return sum(self.energies().values())
+
+
+class ToolInteraction(Interaction):
+    """An interaction of a `tool` with the sheet's `nodes`.
+
+    A subclass also gives the hooks `_pressing_forces`, `_normals` and, of tools that are not flat,
+    `_offsets`.
+    """
+
+    tool: Tool
+    nodes: Nodes
+    # in the accepted state, before it was accepted and after it was
+    _friction_force = _friction_at_start = np.zeros(3)
+
+    def __init__(
+        self, tool: Tool, friction: float | Mapping[str, float] | Coulomb, owner: str
+    ) -> None:
+        super().__init__(friction, owner, lag=np.inf)  # normal forces are one step behind
+        self.tool = tool
+        if self.coulomb:
+            self.resists = (*self.resists, "slide")
+
+    def _pressing_forces(self) -> np.ndarray:
+        """Forces of the tool on this rank's nodes, without friction, (nodes, 3) [N]. A tool moved
+        by force is then where its force is balanced, on all ranks."""
+        raise NotImplementedError
+
+    def _normals(self) -> np.ndarray:
+        """Unit vectors along which this rank's nodes are or would be pressed, (nodes, 3)."""
+        raise NotImplementedError
+
+    def _offsets(self) -> tuple[np.ndarray, np.ndarray]:
+        """Offsets of the nodes from the tool across its surface (nodes, 3) [mm], NaN far from it,
+        and the symmetric derivatives of a node's place less its offset (nodes, 3, 3)."""
+        n = self.nodes.count
+        return np.zeros((n, 3)), np.tile(np.eye(3), (n, 1, 1))
+
+    # -- friction
+
+    def _coefficient(self, law):
+        if not isinstance(law.coefficient, Mapping):
+            return law.coefficient
+        found = np.zeros(self.nodes.count)
+        for name, coefficient in law.coefficient.items():
+            found[self.blank.part(name).nodes] = coefficient
+        return found
+
+    def _sliding(self):
+        return ToolSliding(self.nodes, self.tool, self._normals(), *self._offsets())
+
+    def _slid_exactly(self, sliding):
+        return sliding.exact(self._offsets()[0])
+
+    def _friction_forces(self):
+        """Forces on this rank's nodes that have the moment of friction at the face (nodes, 3) [N]:
+        less than friction where the sheet lies round a bar, more where it lies in a hollow."""
+        if not self.friction:
+            return np.zeros((self.nodes.count, 3))
+        return self.friction.sliding.on_nodes(self.friction.forces())
+
+    def _blocks(self):
+        """Decrease of all forces as nodes move (nodes, 3, 3) [N/mm]: those of friction; None if
+        there are none."""
+        return self.friction and self.friction.sliding.on_node_blocks(self.friction.blocks())
+
+    def _friction_work(self):
+        """Work of the tool's motion against friction since the accepted state, by trapezoids, on
+        rank 0 [N mm]."""
+        if not self.friction:
+            return 0.0
+        ends = self._friction_at_start + self.nodes.total(self._friction_forces())
+        work = 0.5 * ends @ self.friction.sliding.tool_moved()
+        return float(work) if self.nodes.comm.rank == 0 else 0.0
+
+    # -- asked by a scene
+
+    def accept(self) -> None:
+        """See `Term`."""
+        if self.friction:
+            self._friction_force = self.nodes.total(self._friction_forces())
+            super().accept()
+            self._friction_at_start = self.nodes.total(self._friction_forces())
+
+    def add_forces(self, f: np.ndarray) -> None:
+        """See `Term`."""
+        f[: 3 * self.nodes.count] -= self.applied_forces()
+
+    def applied_forces(self) -> np.ndarray:
+        """See `Term`, friction included."""
+        return (self._pressing_forces() + self._friction_forces()).ravel()
+
+    def tangent(self) -> Triplets:
+        """See `Term`, (9 nodes,) each [N/mm]."""
+        blocks = self._blocks()
+        return NO_TANGENT if blocks is None else (self.nodes.rows, self.nodes.cols, blocks.ravel())
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """See `Term`: of friction."""
+        return self.friction.memory() if self.friction else {}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        """See `Term`."""
+        if self.friction:
+            self.friction.recall(memory, self._sliding())
+
+    def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `Rubbing`: the nodes."""
+        limit = self.friction.limit if self.friction else np.zeros(self.nodes.count)
+        pressed = limit > 0
+        return self.nodes.places[pressed], self._normals()[pressed], limit[pressed]
+
+    def force(self) -> np.ndarray:
+        """Force by which the tool presses the sheet, without friction, of all ranks, (3,) [N]."""
+        return self.nodes.total(self._pressing_forces())
+
+    def tool_force(self) -> np.ndarray:
+        """See `Pressing`."""
+        return self.force() + self._friction_force
