@@ -65,6 +65,7 @@ class Face:
     the gap is positive.
 
     - nodes (n,): global numbers; triangles (m, 3): corners, by their places in `nodes`
+    - own_triangles (cells,): numbers of this rank's cells among `triangles`
     - symmetric: as in `Bending`, functions of points that mark edges on planes of symmetry
 
     Raises InputError for other cells than triangles, linear or quadratic with straight sides.
@@ -90,7 +91,7 @@ class Face:
         order = np.lexsort(X[triangles.reshape(-1, 3)].mean(1).round(9).T)
         self.triangles = triangles.reshape(-1, 3)[order]
         first = sum(counts[: comm.rank])
-        self._own = order.argsort()[first : first + len(known)]
+        self.own_triangles = order.argsort()[first : first + len(known)]
         # corners in an order that does not depend on the ranks
         place = np.empty(len(X), dtype=np.int64)
         place[np.lexsort(X.round(9).T)] = np.arange(len(X))
@@ -168,11 +169,9 @@ class Face:
 
     def own_weights(self, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
         """`weights` of this rank's cells, at the k places N (k, 3) of each, (cells k, nodes)."""
-        return self.weights(np.repeat(self._own, len(N)), np.tile(N, (len(self._own), 1)), flat)
-
-    def own_triangles(self) -> np.ndarray:
-        """Numbers (cells,) of this rank's cells among `triangles`."""
-        return self._own
+        return self.weights(
+            np.repeat(self.own_triangles, len(N)), np.tile(N, (len(self.own_triangles), 1)), flat
+        )
 
     def corners(self, triangle: np.ndarray, N: np.ndarray, offset: np.ndarray) -> Corners:
         """`Corners` of triangles (n,) with points at barycentric coordinates N (n, 3), and offsets
@@ -182,7 +181,7 @@ class Face:
 
     def flat(self, N: np.ndarray) -> np.ndarray:
         """Undeformed places (cells k, 3) [mm] of the points of `own_weights`."""
-        corners = self._X[self.triangles[self._own]]
+        corners = self._X[self.triangles[self.own_triangles]]
         return np.einsum("kc,nci->nki", N, corners).reshape(-1, 3)
 
     def flat_height(self) -> float:
@@ -221,13 +220,9 @@ class Face:
             triangle[rest], y[rest] = self._seek(
                 points, rest, self._near(points[rest], reach), ahead
             )
-        found = Over(
-            triangle,
-            np.zeros((len(points), 3)),
-            np.full(len(points), np.inf),
-            np.zeros((len(points), 3)),
-            np.zeros((len(points), 3, 3)),
-        )
+        n = len(points)
+        empty = np.zeros((n, 3)), np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3, 3))
+        found = Over(triangle, *empty)
         self._fill(np.flatnonzero(triangle >= 0), y, found)
         found.triangle[~(abs(found.gap) <= reach)] = -1
         return found

@@ -96,8 +96,7 @@ class BlankHolderPressure(ToolInteraction):
         """See `Term`."""
         if self.part.is_whole and any(part.thickness for part in scene.blank.parts.values()):
             raise InputError(
-                "the blank holder would press each sheet of the stack; allowed is "
-                '`.on("NAME")` with the one that it touches'
+                'the blank holder of a stack needs `.on("NAME")`, the sheet that it touches'
             )
         self.nodes = Nodes(scene.blank, self.part)
         for contact in self._against:

@@ -102,7 +102,7 @@ def tool_nodal_fields(contact: Contact) -> dict[str, Value]:
 
 def surface_warnings(contact: Contact) -> list[str]:
     """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
-    lost = next(filter(None, contact.nodes.comm.allgather(contact.lost)), "")
+    lost = next(filter(None, contact.nodes.comm.allgather(contact.undefined_at)), "")
     if not lost:
         return []
     surface = type(contact.tool.surface).__name__

@@ -146,7 +146,7 @@ class SheetPoints:
         own, face, gap = self._own, self._face, over.gap[at]
         mine, N = at // len(self._places), self._places[at % len(self._places)]
         return (
-            own.corners(own.own_triangles()[mine], N, -self._share * gap),
+            own.corners(own.own_triangles[mine], N, -self._share * gap),
             face.corners(over.triangle[at], over.weights[at], (1 - self._share) * gap),
         )
 

@@ -114,7 +114,7 @@ class Contact(ToolInteraction):
         self.plies = PlyThickness(scene, self._face["thickness"], stiffened)
         self._shift = self._accepted_shift = self.depth = np.zeros(self.nodes.count)
         self._accepted_travel = self.tool.travel
-        self.lost = ""  # where the tool's surface gave no number
+        self.undefined_at = ""  # where the tool's surface gave no number
         self.accept()
         self._start_friction()
 
@@ -167,7 +167,7 @@ class Contact(ToolInteraction):
                 value[deep] = exact
         lost = np.flatnonzero(np.isnan(nearest.gap) & np.isfinite(x).all(1))
         if len(lost):
-            self.lost = f"{coordinates(x[lost[0]])} mm"
+            self.undefined_at = f"{coordinates(x[lost[0]])} mm"
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.own] = np.inf
         return press(

@@ -528,7 +528,7 @@ def test_pressed_areas_that_alternate_are_left_alone_in_the_end():
 @pytest.mark.mpi
 def test_a_holder_touches_one_sheet_of_a_stack():
     stack = Stack([(sheet(10, 10, 2, 2), T, name) for name in ("lower", "upper")])
-    with pytest.raises(InputError, match="would press each sheet of the stack; allowed is `.on"):
+    with pytest.raises(InputError, match="blank holder of a stack needs `.on"):
         alone(stack, BlankHolderPressure(1.0, (0, 0, 1), lambda x: x[0] > 0))
 
 
