@@ -16,12 +16,10 @@ from .scene import Scene
 # names in every sheet and every summary, without terms
 OF_A_SHEET = "u", "yarn_coordinate_a", "yarn_coordinate_b", "rank", "part"
 OF_A_SUMMARY = (
-    *("study", "ranks", "converged", "stroke_reached", "reason", "element", "dofs", "cells"),
-    *("terms", "steps_accepted", "steps_rejected", "newton_iterations", "energy"),
-    *("reaction_N", "reaction_is"),
-    *("energy_imbalance", "energy_imbalance_largest", "branches", "quantities", "error"),
-    *("warnings", "wall_s", "peak_memory_mib", "versions"),
-)
+    "study ranks converged stroke_reached reason element dofs cells terms steps_accepted "
+    "steps_rejected newton_iterations energy reaction_N reaction_is energy_imbalance "
+    "energy_imbalance_largest branches quantities error warnings wall_s peak_memory_mib versions"
+).split()
 
 
 def history(scene: Scene, taken: Collection[str] = ()) -> dict[str, Any]:

@@ -136,23 +136,3 @@ class Newton:
         self.objective(x)
         force = self.objective.r.norm()
         return bool(force <= self.smallest * self.stiffness(x)) if force else True
-
-    def follow_supports(self, x: PETSc.Vec, change: np.ndarray) -> None:
-        """Add to x its linear response to a `change` (fixed dofs of this rank) [mm] of the
-        supports."""
-        scene, d, rhs = self.scene, self._d, self.objective.r
-        scene.set(x)
-        d.set(0)
-        d.array[scene.fixed_dofs] = change
-        self.tangent.assemble(with_supports=False)
-        self.tangent.A.mult(d, rhs)
-        rhs.scale(-1)
-        rhs.array[scene.fixed_dofs] = change
-        self.tangent.assemble()
-        try:
-            self.tangent.stiffness_norm()
-            self.tangent.solve(rhs, d, Report())
-        except SolveFailed:
-            d.set(0)  # the supports alone move; the iterations that follow say what is wrong
-        d.array[scene.fixed_dofs] = change
-        x.axpy(1.0, d)

@@ -10,6 +10,7 @@ import numpy as np
 from ..runtime.formatting import rounded
 from . import step_criteria
 from .newton import Newton
+from .prediction import keep_contact, predict
 from .progress import Accepted, Outcome, Progress
 from .report import Report
 from .settings import Settings
@@ -148,43 +149,16 @@ class LoadStepping:
         if start:
             start.copy(x)
         else:
-            self._predict(trial)
+            predict(self.newton, progress, trial.size, trial.values)
         x.copy(self._predicted)
-        if scene.keeps_gaps and not start:
-            self._keep_contact(x)
+        if scene.keeps_gaps and not start and not keep_contact(scene, x):
+            self._predicted.copy(x)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         trial.report, iterations = solve_staggered(self.newton, x, trial.tolerance)
         progress.iterations += iterations
         if self.settings.accuracy and progress.last_step:
             self._predicted.axpy(-1.0, x)
             trial.deviation = self._predicted.norm() / max(x.norm(), 1e-300)
-
-    def _predict(self, trial):
-        """Make `newton.x` the start of a trial: extrapolated if cells allow it."""
-        scene, progress, x = self.scene, self.progress, self.newton.x
-        progress.x.copy(x)
-        if not trial.size:
-            return
-        if progress.last_step:
-            share = trial.size / progress.last_step
-            x.axpby(-share, 1 + share, progress.previous)
-            x.array[scene.fixed_dofs] = trial.values
-            scene.set(x)
-            if scene.energy() != scene.INVERTED:
-                return
-            progress.x.copy(x)
-        self.newton.follow_supports(x, trial.values - x.array[scene.fixed_dofs])
-
-    def _keep_contact(self, x):
-        """Move nodes of the prediction x out of the tools that it goes through, if that lowers the
-        energy."""
-        scene = self.scene
-        scene.set(x)
-        energy, motion = scene.energy(), scene.motion_to_gaps()
-        x.array[:] += motion
-        scene.set(x)
-        if not scene.energy() < energy:
-            self._predicted.copy(x)
 
     def _apply_criteria(self, trial):
         """Reject the trial's state, if there is one, by the criteria of steps."""

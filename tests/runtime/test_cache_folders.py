@@ -17,7 +17,9 @@ def places(tmp_path, monkeypatch):
     monkeypatch.setattr(cache_folders, "moved", None)
     monkeypatch.setattr(os, "environ", {k: v for k, v in os.environ.items() if k not in PLACES})
     monkeypatch.setattr(cache_folders.tempfile, "gettempdir", lambda: str(tmp_path))
-    monkeypatch.setattr(cache_folders.os, "getenv", lambda name, other=None: os.environ.get(name, other))
+    monkeypatch.setattr(
+        cache_folders.os, "getenv", lambda name, other=None: os.environ.get(name, other)
+    )
     return lambda **given: os.environ.update(given)
 
 
