@@ -55,24 +55,27 @@ def couples(law: Energy, name: str) -> bool:
     return bool(abs(mixed).max() > 1e-9 * abs(second).max())
 
 
-def check_rules(law: str, rules: Mapping[str, Any]) -> None:
-    """InputError for a rule of a class of law that is none."""
-    for name, rule in rules.items():
-        if not (isinstance(rule, Rule) and rule.unit in ("", *UNITS)):
-            unit = rule.unit if isinstance(rule, Rule) else rule
+def check_class(cls: Any) -> None:
+    """InputError for a class of a law that is no dataclass of its own, or whose numbers and rules
+    do not match."""
+    named = {*cls.__dict__.get("__annotations__", {}), *cls.rules}
+    if missing := sorted(named - {*cls.__dataclass_fields__}):
+        raise InputError(
+            f"law {cls.law} has no number {', '.join(missing)}; allowed is a class with "
+            f"@dataclass(frozen=True) above it and `{missing[0]}: float` in it"
+        )
+    for name, rule in cls.rules.items():
+        unit = getattr(rule, "unit", rule)
+        if not isinstance(rule, Rule) or unit not in ("", *UNITS):
             raise InputError(
-                f"rule of {name} of law {law} is for {shown(unit)}; allowed is one of "
+                f"rule of {name} of law {cls.law} is for {shown(unit)}; allowed is one of "
                 f"`runtime.rules`, as above_zero(unit), for {', '.join(UNITS)} or none"
             )
-
-
-def check_fields(law: Any) -> None:
-    """InputError for a number of a law that no rule names, which files would lack."""
-    for field in dataclasses.fields(law):
+    for field in dataclasses.fields(cls):  # a file would lack a number that no rule names
         number = field.init and field.type in (float, "float")
-        if number and field.name not in law.rules and field.name not in SHEET:
+        if number and field.name not in cls.rules and field.name not in SHEET:
             allowed = "allowed is one for each number, in `rules`"
-            raise InputError(f"{field.name} of law {law.law} has no rule; {allowed}")
+            raise InputError(f"{field.name} of law {cls.law} has no rule; {allowed}")
 
 
 def check_rest(law: Energy) -> None:

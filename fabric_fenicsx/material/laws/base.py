@@ -78,22 +78,15 @@ class Law(Material, Energy):
                 f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
                 f"than {', '.join(sorted(LAWS))}"
             )
-        law_checks.check_rules(cls.law, cls.rules)
         LAWS[cls.law] = cls
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:
-        """InputError for a class that is not a dataclass of its own."""
-        named = {*cls.__dict__.get("__annotations__", {}), *cls.rules}
-        if missing := sorted(named - {*cls.__dataclass_fields__}):
-            raise InputError(
-                f"law {cls.law} has no number {', '.join(missing)}; allowed is a class with "
-                f"@dataclass(frozen=True) above it and `{missing[0]}: float` in it"
-            )
+        """InputError as from `check_class`."""
+        law_checks.check_class(cls)
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        law_checks.check_fields(self)
         known = FIBRES if self.fibre_density is not None else {}
         for name, rule in (SHEET | known).items():
             object.__setattr__(self, name, rule.check(name, getattr(self, name)))

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ...readers.text_tables import Problems, read_lines, rows_of, table_of, values_of
 from ...readers.units import ANGLE, STRAIN, factors
 from ...runtime.errors import InputError
+from ...runtime.formatting import percent
 from ...runtime.rules import shown
 from ..energy import Derivatives, Range
 from ..files import take_units
@@ -212,7 +213,7 @@ class TabulatedFabric(Law):
                 )
             for k in np.flatnonzero(np.diff(curve.y) < 0)[:1]:
                 x = curve.x[k]
-                start = f"{math.degrees(x):.4g} deg" if name == "shear" else f"{100 * x:.4g} %"
+                start = f"{math.degrees(x):.4g} deg" if name == "shear" else percent(x, 4)
                 found.append(
                     f"{table} falls from {start} on, where the fabric is unstable: strains gather "
                     "in rows of cells"
