@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-from .chain_rule import in_invariants
 from .laws import Law
-from .strains import check_weave_angle, nominal_strain, shear_angle
+from .strains import check_weave_angle, in_invariants, nominal_strain, shear_angle
+
+SQUARE = np.array([[0, 1, 3], [1, 2, 4], [3, 4, 5]])  # places of aa, ab, bb, ag, bg, gg
 
 
 class State(NamedTuple):
@@ -85,27 +86,19 @@ def evaluate(
     gamma = shear_angle(I6, area, cosine, sine)
 
     W = fabric.derivatives(nominal_strain(I4), nominal_strain(I8), gamma, tangent)
-    slopes, bends = in_invariants(W.first, W.second, I4, I6, I8, area)
+    W2 = None if W.second is None else W.second[SQUARE]
+    slopes, bends = in_invariants((I4, I6, I8), 1 / area, W.first, W2)
     # dI/dC in Voigt's 11, 22, 12: dI4/dC = a a, dI6/dC = sym(a b), dI8/dC = b b
-    M = [
-        np.stack(np.broadcast_arrays(a1 * a1, a2 * a2, a1 * a2), -1),
-        np.stack(np.broadcast_arrays(a1 * b1, a2 * b2, (a1 * b2 + a2 * b1) / 2), -1),
-        np.stack(np.broadcast_arrays(b1 * b1, b2 * b2, b1 * b2), -1),
-    ]
+    M = np.empty((3, len(C), 3))
+    M[0].T[:] = a1 * a1, a2 * a2, a1 * a2
+    M[1].T[:] = a1 * b1, a2 * b2, (a1 * b2 + a2 * b1) / 2
+    M[2].T[:] = b1 * b1, b2 * b2, b1 * b2
     # S = 2 dW/dC; eqs (11), (12)
-    S11, S22, S12 = np.moveaxis(2 * sum(w[:, None] * m for w, m in zip(slopes, M)), 1, 0)
-    S = np.stack([S11, S12, S12, S22], -1).reshape(-1, 2, 2)
+    S = 2 * sum(w[:, None] * m for w, m in zip(slopes, M))[:, [[0, 2], [2, 1]]]
     push = given
     if cauchy_green is not None:  # U of C in closed form (Cayley-Hamilton)
         J = np.sqrt(J2)
         push = (C + J[:, None, None] * np.eye(2)) / np.sqrt(C11 + C22 + 2 * J)[:, None, None]
-    dSdE = None
-    if bends:
-        dSdE = np.zeros((len(C), 3, 3))
-        for (i, j), bend in bends.items():
-            pair = (4 * bend)[:, None, None] * M[i][:, :, None] * M[j][:, None, :]
-            dSdE += pair if i == j else pair + pair.swapaxes(1, 2)
-
     return State(
         invariants=np.stack([I4, I6, I8, gamma], -1),
         energy=W.parts.sum(-1),
@@ -113,7 +106,7 @@ def evaluate(
         S=S,
         cauchy=np.einsum("nij,njk,nlk->nil", push, S, push) / np.sqrt(J2)[:, None, None],
         strain_state=1 + (I8 <= 1) + 2 * (I4 <= 1),
-        tangent=dSdE,
+        tangent=None if bends is None else 4 * np.einsum("ijn,inp,jnq->npq", bends, M, M),
     )
 
 
@@ -128,8 +121,7 @@ def _deformation(stretch, gradient, cauchy_green):
     rows, columns = given.shape[-2:] if given.ndim >= 2 else (0, 0)
     if (rows, columns) not in ((2, 2), (3, 2)) or (rows == 3 and gradient is None):
         raise InputError(
-            f"the strain measure has shape {given.shape}; "
-            "allowed is (n, 2, 2), for F also (n, 3, 2)"
+            f"the measure has shape {given.shape}; allowed is (n, 2, 2), for F also (n, 3, 2)"
         )
     given = given.reshape(-1, rows, columns)
     C = given if cauchy_green is not None else np.einsum("nki,nkj->nij", given, given)
@@ -138,16 +130,12 @@ def _deformation(stretch, gradient, cauchy_green):
         inverted = (np.linalg.det(given) <= 0) if rows == 2 else (J2 <= 0)
         bad = np.flatnonzero(~np.isfinite(J2) | (J2 <= 0) | (C[:, 0, 0] <= 0) | inverted)
     if bad.size:
-        raise InputError(
-            f"the deformation at point {bad[0]} is {given[bad[0]].tolist()}; "
-            "allowed are finite ones with J > 0"
-        )
+        place = f"point {bad[0]} is {given[bad[0]].tolist()}"
+        raise InputError(f"the deformation at {place}; allowed are finite ones with J > 0")
     if gradient is None:
         skew = np.abs(given[:, 0, 1] - given[:, 1, 0]).max(initial=0.0)
         if skew > 1e-12 * np.abs(given).max(initial=0.0):
-            raise InputError(
-                "stretch or Cauchy-Green tensors are not symmetric; allowed are symmetric ones"
-            )
+            raise InputError("U or C is not symmetric; allowed are symmetric tensors")
     return given, C
 
 
@@ -157,8 +145,7 @@ def _directions(fibres, count):
     for name, v in (("a0", a), ("b0", b)):
         if len(v) not in (1, count) or not (np.abs((v**2).sum(1) - 1) < 1e-9).all():
             raise InputError(
-                f"fibres {name} of shape {v.shape} are not unit vectors, one or {count}; "
-                "allowed are unit vectors (2,) or (n, 2)"
+                f"fibres {name} have shape {v.shape}; allowed are unit vectors (2,) or ({count}, 2)"
             )
     if (np.abs((a * b).sum(1)) > 1 - 1e-9).any():
         raise InputError("fibres a0 and b0 are parallel; allowed is any other angle")

@@ -31,6 +31,43 @@ def shear_angle(I6: Any, area: Any, cos_angle: Any, sin_angle: Any) -> Any:
     return atan(I6 / area) - atan(cos_angle / sin_angle)
 
 
+# strains, of (eps_a, eps_b, gamma), that depend on I4, on I6 and on I8
+DEPENDENT = (0, 2), (2,), (1, 2)
+
+
+def in_invariants(I: Any, A: Any, W1: Any, W2: Any) -> tuple[list[Any], list[list[Any]] | None]:
+    """First, [3], and second, [3][3], derivatives of an energy in I = (I4, I6, I8), from those in
+    (eps_a, eps_b, gamma), W1 [3] and W2 [3][3], by the chain rule; without W2 the second are None.
+
+    A: 1 / sqrt(I4 I8 - I6^2).
+    """
+    I4, I6, I8 = I
+    three, a, b, g = range(3), 1 / sqrt(I4), 1 / sqrt(I8), I6 * A / 2
+    # dq/dI
+    J = {(0, 0): a / 2, (1, 2): b / 2, (2, 0): -g * a**2, (2, 1): A, (2, 2): -g * b**2}
+    first = [sum(W1[k] * J[k, i] for k in DEPENDENT[i]) for i in three]
+    if W2 is None:
+        return first, None
+    A3 = A**2 * A
+    H = {  # d2q/dI2
+        (0, 0, 0): -a * a**2 / 4,
+        (1, 2, 2): -b * b**2 / 4,
+        (2, 0, 0): g * a**2 * (a**2 + I8 * A**2 / 2),
+        (2, 2, 2): g * b**2 * (b**2 + I4 * A**2 / 2),
+        (2, 0, 2): g * A**2 / 2,
+        (2, 0, 1): -I8 * A3 / 2,
+        (2, 1, 2): -I4 * A3 / 2,
+        (2, 1, 1): I6 * A3,
+    }
+    moved = [[sum(W2[k][m] * J[m, j] for m in DEPENDENT[j]) for j in three] for k in three]
+
+    def second(i, j):
+        terms = [J[k, i] * moved[k][j] + W1[k] * H.get((k, i, j), 0) for k in DEPENDENT[i]]
+        return sum(terms)
+
+    return first, [[second(min(i, j), max(i, j)) for j in three] for i in three]
+
+
 def check_weave_angle(angle: float) -> float:
     """`angle` between the yarns of a weave without shear [rad]; InputError unless it is above 0
     and below pi."""

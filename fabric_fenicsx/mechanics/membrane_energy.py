@@ -12,10 +12,9 @@ from collections.abc import Sequence
 from ufl import Form, Measure, diff, dot, grad, sqrt, variable
 from ufl.core.expr import Expr
 
-from ..material.chain_rule import in_invariants
 from ..material.expression import energy_in_ufl
 from ..material.laws import Law
-from ..material.strains import nominal_strain, shear_angle
+from ..material.strains import in_invariants, nominal_strain, shear_angle
 
 # undeformed yarns a0, b0, deformed ones fa, fb, or what a displacement adds: two vectors
 Yarns = tuple[Expr, Expr]
@@ -79,13 +78,14 @@ def variations(f: Yarns, dv: Yarns, dw: Yarns, cosine: Expr, law: Law, rules: Ru
     I4, I6, I8 = invariants(fa, fb)
     q = [variable(strain) for strain in strains(I4, I6, I8, cosine)]
     W = energy_in_ufl(law, *q)
-    Wa, Wb, Wg = first = [diff(W, x) for x in q]
-    second = [diff(Wx, q[j]) for Wx, j in ((Wa, 0), (Wa, 1), (Wb, 1), (Wa, 2), (Wb, 2), (Wg, 2))]
-    W1, W2 = in_invariants(first, second, I4, I6, I8, sqrt(I4 * I8 - I6**2))
+    W1 = [diff(W, x) for x in q]
+    W2 = [[diff(W1[min(i, j)], q[max(i, j)]) for j in range(3)] for i in range(3)]
+    W_i, W_ij = in_invariants((I4, I6, I8), 1 / sqrt(I4 * I8 - I6**2), W1, W2)
+    assert W_ij
     dIv = 2 * dot(fa, va), dot(fa, vb) + dot(fb, va), 2 * dot(fb, vb)
     dIw = 2 * dot(fa, wa), dot(fa, wb) + dot(fb, wa), 2 * dot(fb, wb)
     ddI = 2 * dot(va, wa), dot(va, wb) + dot(vb, wa), 2 * dot(vb, wb)
-    once, twice = (sum(W1[i] * dI[i] for i in range(3)) for dI in (dIv, ddI))
+    once, twice = (sum(W_i[i] * dI[i] for i in range(3)) for dI in (dIv, ddI))
     for i in range(3):
-        twice += dIv[i] * sum(W2[min(i, j), max(i, j)] * dIw[j] for j in range(3))
+        twice += dIv[i] * sum(W_ij[i][j] * dIw[j] for j in range(3))
     return [integral(law.thickness * each, rules) for each in (once, twice)]

@@ -159,7 +159,7 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     found: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in terms:
-        if not overrides(term, method):
+        if not function_of(term, method):
             continue
         given = asked(term, method, noun)
         mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}
@@ -185,15 +185,18 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     }
 
 
-def function_of(term: Term, method: str) -> Callable[[], Any]:
-    """The function of that name in a term's `outputs`, or else its `method`."""
+def function_of(term: Term, method: str) -> Callable[[], Any] | None:
+    """A term's `method`, or the function of that name in its `outputs`; None if it has neither."""
+    if overrides(term, method):
+        return getattr(term, method)
     function = term.outputs.get(method)
-    return partial(function, term) if function else getattr(term, method)
+    return function and partial(function, term)
 
 
 def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
     """Answer of a term's `method`; InputError if that is no dict."""
-    given = function_of(term, method)()
+    ask = function_of(term, method)
+    given = ask and ask()
     if not isinstance(given, Mapping):
         raise InputError(
             f"`{method}` of term {term.name} returns {type(given).__name__}; allowed is a dict "

@@ -70,3 +70,14 @@ class Rubbing(Protocol):
     def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Points of the undeformed sheet (k, 3) [mm], unit normals (k, 3) there, and the friction
         that each can bear in the accepted state, (k,) [N]."""
+
+
+class Penetrated(Protocol):
+    """Lets sheet and tool, or two sheets, overlap a little; by methods or `Term.outputs`."""
+
+    def penetration_of_thickness(self) -> float:
+        """Deepest overlap of sheet and tool, or of two sheets, in any accepted state, over the
+        sheet's thickness, of all ranks."""
+
+    def where_deepest(self) -> str:
+        """The tool or sheet that was so deep in the sheet, and where, as text."""

@@ -31,8 +31,8 @@ class SceneFacts(Protocol):
 
 def overrides(term: Term, method: str) -> bool:
     """True if a term has a `method` of its own in place of that of `Term`."""
-    own = getattr(type(term), method) is not getattr(Term, method)
-    return own or method in term.outputs or method in vars(term)
+    own, base = (getattr(each, method, None) for each in (type(term), Term))
+    return method in vars(term) or own is not base
 
 
 class Term:
@@ -61,7 +61,7 @@ class Term:
     prestressed : bool
         True if the sheet may have stress as it lies, before load.
     outputs : dict
-        {method: function of the term}, of output that is written beside the class.
+        Functions of the term by the names of methods that give output, beside the class.
     blank, part : Blank, Part
         The sheet and the part of it that the term is on, known in `set_up`. `blank.mesh.comm` is
         the MPI communicator, `blank.V.dofmap.index_map` numbers the nodes.

@@ -60,12 +60,11 @@ def tool_force(scene: Scene, tool: Tool) -> np.ndarray:
 def deepest(scene: Scene) -> tuple[float, str]:
     """Deepest penetration of a sheet by a tool or another sheet in any accepted state, over the
     sheet's thickness; and which one it was, and where, as a text."""
-    terms = [term for term in scene.terms if "penetration_of_thickness" in term.outputs]
-    depths = [function_of(term, "penetration_of_thickness")() for term in terms]
-    if not any(depths):
-        return 0.0, ""
-    i = int(np.argmax(depths))
-    return depths[i], function_of(terms[i], "where_deepest")()
+    asked = [(function_of(t, "penetration_of_thickness"), t) for t in scene.terms]
+    depths = [(depth(), term) for depth, term in asked if depth]
+    deepest, term = max(depths, key=lambda each: each[0], default=(0.0, None))
+    where = function_of(term, "where_deepest") if term and deepest else None
+    return deepest, where() if where else ""
 
 
 def overstretched(scene: Scene, strain: float) -> float:
@@ -112,7 +111,7 @@ def outer_forces(scene: Scene) -> dict[str, float]:
 def warnings(scene: Scene) -> list[str]:
     """Doubts about the state though nothing failed, as sentences."""
     given = [membrane_warnings(term) for term in _membranes(scene)]
-    given += [function_of(term, "warnings")() for term in scene.terms]
+    given += [ask() for term in scene.terms if (ask := function_of(term, "warnings"))]
     found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
     located = scene.supports.locating_warning(outer_forces(scene))
     return [*found, *filter(None, [located])]

@@ -64,6 +64,7 @@ class Scene:
                 f"the scene of {blank.name} has no elastic term; it needs one, as a membrane"
             )
         self._assembly = Assembly(blank, self.terms)
+        # asked once, as Protocols take long to tell
         self._lagged = [term for term in self.terms if overrides(term, "update_lagged")]
         self._anticipating = [term for term in self.terms if isinstance(term, Anticipates)]
         self._keeping = [term for term in self.terms if isinstance(term, KeepsGaps)]

@@ -42,9 +42,9 @@ def _frictions(scene):
     """A sentence for each coefficient of friction that is above `COEFFICIENT`."""
     names: dict[float, list[str]] = {}
     for term in scene.terms:
-        its = isinstance(term, ToolInteraction) and term.coulomb
-        if its and term.coulomb.largest > COEFFICIENT:
-            names.setdefault(term.coulomb.largest, []).append(term.tool.name)
+        coulomb = term.coulomb if isinstance(term, ToolInteraction) else None
+        if coulomb and coulomb.largest > COEFFICIENT:
+            names.setdefault(coulomb.largest, []).append(term.tool.name)
     return [
         f"friction on {', '.join(some)} has a coefficient of {mu:g}, which is much: 25 % is 0.25"
         for mu, some in names.items()
@@ -98,8 +98,7 @@ def untouched_warning(scene: Scene) -> str:
         contacts = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
         moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
-        touched = [contact_output.touched(contact) for contact in contacts]
-        if contacts and moved and not any(touched):
+        if contacts and moved and not any([contact_output.touched(each) for each in contacts]):
             gap = min(float(contact_output.gap(each).min(initial=math.inf)) for each in contacts)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
             found.append(

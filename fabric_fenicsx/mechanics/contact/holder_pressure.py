@@ -143,7 +143,7 @@ class BlankHolderPressure(ToolInteraction):
     # -- state
 
     def energies(self) -> dict[str | None, float]:
-        """See `StoresKinds`: minus the work of the pressure, and what friction took."""
+        """See `Term`: minus the work of the pressure, and what friction took."""
         pressed = float((self._pressing_forces() * self.nodes.displacement()).sum())
         return {**super().energies(), None: -pressed}
 

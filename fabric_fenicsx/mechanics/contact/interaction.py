@@ -79,7 +79,7 @@ class Interaction(Term):
             self.friction.begin()
 
     def update_lagged(self) -> bool:
-        """See `Lagged`: of what presses, then of friction."""
+        """See `Term`: of what presses, then of friction."""
         changed = self._update_pressing()
         if not self.friction:
             return changed
@@ -96,7 +96,7 @@ class Interaction(Term):
             self.friction.accept(self.normal_forces(), exact, self._sliding())
 
     def energies(self) -> dict[str | None, float]:
-        """See `StoresKinds`."""
+        """See `Term`."""
         return {"friction": self.friction.energy()} if self.friction else {}
 
     def stored(self) -> float:
@@ -190,7 +190,7 @@ class ToolInteraction(Interaction):
         f[: 3 * self.nodes.count] -= self.applied_forces()
 
     def applied_forces(self) -> np.ndarray:
-        """See `Loaded`, friction included."""
+        """See `Term`, friction included."""
         return (self._pressing_forces() + self._friction_forces()).ravel()
 
     def tangent(self) -> Triplets:
@@ -199,11 +199,11 @@ class ToolInteraction(Interaction):
         return NO_TANGENT if blocks is None else (self.nodes.rows, self.nodes.cols, blocks.ravel())
 
     def memory(self) -> dict[str, np.ndarray]:
-        """See `Remembers`: of friction."""
+        """See `Term`: of friction."""
         return self.friction.memory() if self.friction else {}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """See `Remembers`."""
+        """See `Term`."""
         if self.friction:
             self.friction.recall(memory, self._sliding())
 

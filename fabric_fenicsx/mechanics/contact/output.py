@@ -33,7 +33,7 @@ def largest_penetration(term: Interaction) -> float:
 
 
 def penetration_of_thickness(term: Interaction) -> float:
-    """See `GivesOutput`."""
+    """See `Penetrated`."""
     return _largest(term, _penetrated(term) / term.thickness)
 
 
@@ -75,7 +75,7 @@ def touched(contact: Contact) -> bool:
 
 
 def where_tool_is_deepest(contact: Contact) -> str:
-    """See `GivesOutput`, with the place in the undeformed sheet."""
+    """See `Penetrated`, with the place in the undeformed sheet."""
     depth, places = _penetrated(contact), contact.nodes.places
     i = int(depth.argmax()) if depth.size else None
     mine = (0.0, ()) if i is None else (depth[i], tuple(places[i]))
@@ -101,7 +101,7 @@ def tool_nodal_fields(contact: Contact) -> dict[str, Value]:
 
 
 def surface_warnings(contact: Contact) -> list[str]:
-    """See `GivesOutput`: if the tool's surface gave no number, which may be why steps failed."""
+    """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
     lost = next(filter(None, contact.nodes.comm.allgather(contact.undefined_at)), "")
     if not lost:
         return []

@@ -204,7 +204,7 @@ class SheetContact(Interaction):
         return self.faces.pattern
 
     def energies(self) -> dict[str | None, float]:
-        """See `StoresKinds`: of contact, and what friction took."""
+        """See `Term`: of contact, and what friction took."""
         return {"contact": float(self.state().energy.sum()), **super().energies()}
 
     def add_forces(self, f: np.ndarray) -> None:
@@ -265,7 +265,7 @@ class SheetContact(Interaction):
         return {name: self.points.among_cells(values) for name, values in known.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """See `RemembersCells`."""
+        """See `Term`."""
         known = {name: self.points.of_cells(rows) for name, rows in memory.items()}
         self.depth = known["depth"]
         if self.friction:

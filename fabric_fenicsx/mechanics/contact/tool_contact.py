@@ -231,7 +231,7 @@ class Contact(ToolInteraction):
     # -- value and stiffness
 
     def energies(self) -> dict[str | None, float]:
-        """See `StoresKinds`: of contact, what friction took, and on rank 0 minus the work of the
+        """See `Term`: of contact, what friction took, and on rank 0 minus the work of the
         force that moves the tool."""
         kinds = {"contact": float(self.state().energy.sum()), **super().energies()}
         by_force = self.tool.force and self.nodes.comm.rank == 0
@@ -306,7 +306,7 @@ class Contact(ToolInteraction):
         return super().memory() | {"shift": shift, "travel": travel, "depth": depth, "work": work}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """See `Remembers`."""
+        """See `Term`."""
         self._shift = self._accepted_shift = memory["shift"][:, 0]
         self.depth = memory["depth"][:, 0]
         self.tool.travel = self._accepted_travel = float(self.nodes.common(memory["travel"])[0])
