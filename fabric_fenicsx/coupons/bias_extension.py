@@ -51,7 +51,7 @@ class BiasSetup(StripSetup):
 
     def _compare_with_theory(self, length, width):
         """Set `strip`, of inextensible yarns, and `no_theory`: why it says nothing of this test."""
-        data, area = self.data, self.comm.allreduce(measures.areas(self.blank).sum())
+        data, area = self.data, self.comm.allreduce(self.blank.areas().sum())
         a, self.rest = math.radians(data.fibre_angle), self.membrane.weave_angle
         self.strip = PinJointedStrip(length, width, a, a + math.radians(data.yarn_angle))
         whole = abs(area / (length * width) - 1) < 1e-6
@@ -132,7 +132,7 @@ class BiasSetup(StripSetup):
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
         blank, comm, fields, rows = self.blank, self.comm, result.fields, result.rows
-        area, signed = measures.areas(blank), fields["shear_angle"]
+        area, signed = blank.areas(), fields["shear_angle"]
         gamma, degrees = np.abs(signed), np.degrees(signed)
         stroke = rows[-1]["displacement_mm"]
         theory = math.nan

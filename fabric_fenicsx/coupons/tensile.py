@@ -58,7 +58,7 @@ class TensileSetup(StripSetup):
     def quantities(self, result: Result) -> dict[str, Any]:
         """Strains at the middle, of 98 % of the area and extreme, and the width at the middle."""
         fields, blank, comm = result.fields, self.blank, self.comm
-        area, degrees = measures.areas(blank), np.degrees(fields["shear_angle"])
+        area, degrees = blank.areas(), np.degrees(fields["shear_angle"])
         width = (self.high - self.low)[1]
         near = measures.near(comm, blank.midpoints(), self.centre, width / 8)
         strains = {name: fields[name] for name in ("log_eps_11", "log_eps_22")}
