@@ -141,7 +141,7 @@ def compare(
         fine = np.array([(row["load"], row["reaction_N"]) for row in finest.rows]).T
         curve = np.array([(row["load"], row["reaction_N"]) for row in result.rows]).T
         add("curve_N", abs(fine[1, -1]) * curve_distance(curve, fine), 0.0)
-    area, comm = measures.areas(result.scene.blank), result.scene.comm
+    area, comm = result.scene.blank.areas(), result.scene.comm
     for name, apart in field_differences(result, finest).items():
         root = float(np.sqrt(measures.mean(comm, apart**2, area) or 0.0))
         shear = name == "shear_angle"

@@ -51,7 +51,7 @@ class BiasSetup(StripSetup):
 
     def _compare_with_theory(self, length, width):
         """Set `strip`, of inextensible yarns, and `no_theory`: why it says nothing of this test."""
-        data, area = self.data, self.comm.allreduce(measures.areas(self.blank).sum())
+        data, area = self.data, self.comm.allreduce(self.blank.areas().sum())
         a, self.rest = math.radians(data.fibre_angle), self.membrane.weave_angle
         self.strip = PinJointedStrip(length, width, a, a + math.radians(data.yarn_angle))
         whole = abs(area / (length * width) - 1) < 1e-6

@@ -19,8 +19,7 @@ def draw_setup(made: FormingScene, folder: Path) -> None:
     if made.comm.rank:
         return
     with _no_loss("setup.png"):
-        tools = list(made.tools.values())
-        press_pictures.setup_picture(folder / "setup.png", plies, tools, motions)
+        press_pictures.setup_picture(folder / "setup.png", plies, made.tools, motions)
 
 
 def draw(made: FormingScene, result: Result, folder: Path) -> None:

@@ -91,7 +91,7 @@ def _wrinkles(made, result, fabrics, found):
     if not fabrics:
         return None
     cells = np.concatenate([part.cells for part in fabrics])
-    short, areas = quantities.shortening(result.fields)[cells], measures.areas(made.blank)[cells]
+    short, areas = quantities.shortening(result.fields)[cells], made.blank.areas()[cells]
     return (found.get("wrinkles") or {}) | {
         "shortening": measures.mean(made.comm, short, areas),
         "excess_length_mm": found.get("excess_length_mm"),

@@ -2,7 +2,7 @@
 mirrored."""
 
 import csv
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,27 +13,15 @@ from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from ..postprocess.ply import Grid
+from ..postprocess.ply import Grid, grid_of
 from ..postprocess.shape import File
 from ..postprocess.states import states, triangulated
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from ..tools.tool import Tool
+from . import space
 from .pictures import figure, plt
-from .space import (
-    SHEAR,
-    STEEL,
-    TOOL,
-    cropped,
-    draw_plies,
-    image,
-    mirrored,
-    shear_bar,
-    shear_limit,
-    surface_of,
-    unit,
-)
 
 TOOLS = ("#3b6fb6", "#d9822b", "#5aa469", "#8e5ea2", "#b83a3a", "#6b7a8f")
 BLANK, CUT = "#e6d8a8", "#4a5360"
@@ -64,37 +52,34 @@ def flat_grids(blank: Blank | Stack) -> dict[str, Grid]:
     corners, comm = blank.corners(), blank.mesh.comm
     for part in list(blank.parts.values()) or [blank.whole]:
         x = np.concatenate(comm.allgather(corners[part.cells]))
-        cells, count = np.arange(x[:, :, 0].size).reshape(len(x), -1), x.shape[1]
-        kind = pyvista.CellType.TRIANGLE if count == 3 else pyvista.CellType.QUAD
+        cells = np.arange(x[:, :, 0].size).reshape(x.shape[:2])
         points = np.pad(x.reshape(-1, x.shape[2]), ((0, 0), (0, 3 - x.shape[2])))
-        grid = pyvista.UnstructuredGrid({kind: cells}, points)
-        grid.point_data["u"] = np.zeros_like(points)
-        grids[part.name] = grid
+        grids[part.name] = grid_of(points, cells, np.zeros_like(points))
     return grids
 
 
 def setup_picture(
     path: File,
     plies: Mapping[str, Grid],
-    tools: Mapping[str, Tool | pyvista.PolyData] | Sequence[Tool],
+    tools: Mapping[str, Tool | pyvista.PolyData],
     motions: Mapping[str, Any] | None = None,
 ) -> None:
     """The flat plies and the tools where they are now, in space and in sections through the centre:
     1600 x 1200 pixels.
 
     plies: {name: grid}, as of `flat_grids` (before a run) or of a run's states; they are drawn as
-    they were cut. tools: by name, or with their own names; a tool's surface is drawn around the
-    blank. motions: {name of a tool: (3,)}, where it goes from there [mm]. Raises InputError where
-    VTK finds nothing to draw on.
+    they were cut. tools: {name: tool}, drawn around the blank, or {name: surface}. motions: {name
+    of a tool: (3,)}, where it goes from there [mm]. Raises InputError where VTK finds nothing to
+    draw on.
     """
-    if not isinstance(tools, Mapping):
-        tools = {tool.name: tool for tool in tools}
     motions = {name: np.asarray(v, float) for name, v in (motions or {}).items() if np.any(v)}
-    scene = _scene({name: surface_of(grid, formed=False) for name, grid in plies.items()}, tools)
-    pixels = image(lambda plotter: _draw_setup(plotter, scene, motions), VIEW, scene.bounds)
+    scene = _scene(
+        {name: space.surface_of(grid, formed=False) for name, grid in plies.items()}, tools
+    )
+    pixels = space.image(partial(_draw_setup, scene=scene, motions=motions), VIEW, scene.bounds)
     page = plt.figure(figsize=(16, 12))
     ax = page.add_axes((0.02, 0.4, 0.96, 0.54))
-    ax.imshow(cropped([pixels])[0], interpolation="lanczos")
+    ax.imshow(space.cropped([pixels])[0], interpolation="lanczos")
     ax.axis("off")
     above = {"loc": "upper center", "ncol": 4, "fontsize": 17, "frameon": False}
     page.legend(handles=_legend(scene, motions), **above)
@@ -118,21 +103,21 @@ def filmstrip(path: File, folder: Path | str, loads: ArrayLike = SHOWN) -> None:
     chosen = [known[k] for k in np.unique(abs(at[:, None] - wanted).argmin(0))]
     scenes = [_of_state(state) for state in chosen]
     plies = [surface for scene in scenes for surface in scene.plies.values()]
-    above, bounds, limit = _of_state(known[0]).above, _bounds(plies), shear_limit(plies)
+    above, bounds, limit = _of_state(known[0]).above, _bounds(plies), space.shear_limit(plies)
     size = max(np.ptp(s["place"], axis=0).max() for s in scenes[0].plies.values())
     spacing = min(SPACINGS, key=lambda s: abs(np.log(LINES * s / size)))
     images = []
     for scene in scenes:
         scene = scene._replace(above=above)
         draw = partial(_draw_state, scene=scene, limit=limit, spacing=spacing)
-        images.append(image(draw, VIEW, bounds, PANEL))
+        images.append(space.image(draw, VIEW, bounds, PANEL))
     captions = _captions(Path(folder) / "history.csv")
     texts = [captions.get(state.load, f"load {state.load:.3g}") for state in chosen]
-    _strip(path, cropped(images), texts, limit)
+    _strip(path, space.cropped(images), texts, limit)
 
 
 def _of_state(state):
-    return _scene({name: surface_of(g) for name, g in state.plies().items()}, state.tools())
+    return _scene({name: space.surface_of(g) for name, g in state.plies().items()}, state.tools())
 
 
 def _scene(plies, tools):
@@ -146,7 +131,7 @@ def _scene(plies, tools):
         if isinstance(tool, Tool):
             start = np.where(np.isin(np.arange(3), planes), -room / 2, low)
             tool = triangulated(tool, start, high).translate(tool.displacement)
-        surfaces[name] = mirrored(tool, planes)
+        surfaces[name] = space.mirrored(tool, planes)
     middle = np.mean([surface.points[:, 2].mean() for surface in plies.values()])
     above = {name: surface.center[2] > middle for name, surface in surfaces.items()}
     return _Scene(plies, surfaces, above, _bounds([*plies.values(), *surfaces.values()]))
@@ -191,14 +176,14 @@ def _arrow(start, motion, size):
 
 def _draw_state(plotter, scene, limit, spacing):
     """Plies and tools of a state."""
-    draw_plies(plotter, list(scene.plies.values()), limit, spacing)
+    space.draw_plies(plotter, list(scene.plies.values()), limit, spacing)
     for name, surface in scene.tools.items():
         if not scene.above[name]:
-            plotter.add_mesh(surface.translate(-3 * unit(VIEW)), color=TOOL, **SOLID)
+            plotter.add_mesh(surface.translate(-3 * space.unit(VIEW)), color=space.TOOL, **SOLID)
             continue
         rear = surface.clip(normal=(0, 1, 0), origin=(0, 0, 0), invert=False)
         if rear.n_cells:
-            plotter.add_mesh(rear, color=STEEL, opacity=0.25, **SOLID)
+            plotter.add_mesh(rear, color=space.STEEL, opacity=0.25, **SOLID)
             cut = surface.slice(normal=(0, 1, 0), origin=(0, 1e-3, 0))
             if cut.n_points:
                 plotter.add_mesh(cut, color=CUT, line_width=2)
@@ -273,4 +258,4 @@ def _strip(path, images, texts, limit):
             ax.imshow(pixels, interpolation="lanczos")
             ax.set_title(f"{k}: {text}", y=-0.02, va="top", fontsize=16)
         place = {"location": "bottom", "shrink": 0.4, "aspect": 40, "pad": 0.06}
-        shear_bar(page, limit, SHEAR, (15, 13), ax=list(axes.flat), **place)
+        space.shear_bar(page, limit, space.SHEAR, (15, 13), ax=list(axes.flat), **place)

@@ -53,15 +53,9 @@ def show(folder: Path | str, field: str | None = None) -> None:
     plotter = pyvista.Plotter(window_size=list(SIZE), title=f"fabric view {folder}")
     update = _draw(plotter, folder, found[-1], field)
     if len(found) > 1:
-        plotter.add_slider_widget(
-            lambda value: update(found[round(value)]),
-            (0, len(found) - 1),
-            value=len(found) - 1,
-            title="state",
-            fmt="%.0f",
-            pointa=(0.3, 0.93),
-            pointb=(0.7, 0.93),
-        )
+        last, place = len(found) - 1, {"pointa": (0.3, 0.93), "pointb": (0.7, 0.93)}
+        change = lambda value: update(found[round(value)])  # noqa: E731
+        plotter.add_slider_widget(change, (0, last), last, title="state", fmt="%.0f", **place)
     plotter.show()
 
 
@@ -77,12 +71,8 @@ def _draw(
     limits = np.nanmin(known), np.nanmax(known)
     if field == "shear_angle":
         label, colours, limits = f"magnitude of the {label}", COLOURS, (0.0, limits[1])
-    coloured = {
-        "scalars": "shown",
-        "cmap": colours,
-        "clim": limits,
-        "scalar_bar_args": {"title": label.replace("\n", " "), **BAR},
-    }
+    bar = {"title": label.replace("\n", " "), **BAR}
+    coloured = {"scalars": "shown", "cmap": colours, "clim": limits, "scalar_bar_args": bar}
 
     def update(other: State) -> None:
         surfaces, tools = _surfaces(other, field, factor)

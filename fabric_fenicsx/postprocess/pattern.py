@@ -18,7 +18,7 @@ from ..meshes.rings import joined, sheet_of
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..runtime.formatting import coordinates, rounded
-from .ply import SAME, Grid, Ply, areas, edge_sides, plan_area, ply_of, whole
+from .ply import SAME, Grid, Ply, areas, edge_sides, grid_of, plan_area, ply_of, whole
 from .states import save
 
 FINE = 0.1  # spacing of points on a trim line, over the mean edge of the ply's cells
@@ -98,20 +98,14 @@ def _beside(ply, plane):
             f"{rounded(height.min())} to {rounded(height.max())} mm before it; allowed is a plane "
             "through the ply"
         )
-    flat = _grid(ply.x, ply.triangles, ply.fields)
-    flat.point_data["u"], flat.point_data["height"] = ply.u, height
+    flat = grid_of(ply.x, ply.triangles, ply.u)
+    flat.cell_data.update(ply.fields)
+    flat.point_data["height"] = height
     kept = flat.clip_scalar(scalars="height", invert=False, value=0.0).triangulate()
     triangles = kept.cells_dict[pyvista.CellType.TRIANGLE]
     fields = {name: np.asarray(kept.cell_data[name]) for name in ply.fields}
     u = np.asarray(kept.point_data["u"], dtype=float)
     return _cleaned(np.asarray(kept.points), u, triangles, fields)
-
-
-def _grid(points, triangles, fields):
-    grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: triangles}, points)
-    for name, values in fields.items():
-        grid.cell_data[name] = values
-    return grid
 
 
 # -- a line
@@ -219,8 +213,8 @@ def _cleaned(x, u, triangles, fields):
     """The ply of these triangles but those with a side that is rounding."""
     sides = x[triangles] - x[np.roll(triangles, -1, 1)]
     real = np.linalg.norm(sides, axis=2).min(1) > 2 * SAME
-    grid = _grid(x, triangles[real], {name: values[real] for name, values in fields.items()})
-    grid.point_data["u"] = u
+    grid = grid_of(x, triangles[real], u)
+    grid.cell_data.update({name: values[real] for name, values in fields.items()})
     return ply_of(grid)
 
 
@@ -240,8 +234,10 @@ def write_pattern(
     replace_file(files[0], _drawing(rings))
     rows = [f"{x:.6f},{y:.6f},{k}\n" for k, (_, ring) in enumerate(rings) for x, y in ring]
     replace_file(files[1], "".join(["x [mm],y [mm],ring\n", *rows]))
-    part = _grid(pattern.part.formed, pattern.part.triangles, pattern.part.fields)
-    part.point_data["u"], part.point_data["flat"] = pattern.part.u, pattern.part.x
+    ply = pattern.part
+    part = grid_of(ply.formed, ply.triangles, ply.u)
+    part.cell_data.update(ply.fields)
+    part.point_data["flat"] = ply.x
     save(files[2], part, {"u": "mm", "flat": "mm"} | (units or {}))
     return files
 

@@ -36,6 +36,14 @@ class Ply(NamedTuple):
         return np.divide(*sums)
 
 
+def grid_of(points: np.ndarray, cells: np.ndarray, u: np.ndarray) -> Grid:
+    """A grid of points (n, 3) with displacements `u`, and cells (m, 3 or 4) of corners."""
+    kind = pyvista.CellType.TRIANGLE if cells.shape[1] == 3 else pyvista.CellType.QUAD
+    grid = pyvista.UnstructuredGrid({kind: cells}, points)
+    grid.point_data["u"] = u
+    return grid
+
+
 def whole(ply: Ply) -> Ply:
     """The ply with its images in the planes of symmetry: there vectors on cells are mirrored, and
     numbers are those of the modelled part."""

@@ -9,7 +9,7 @@ import pyvista
 
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from .ply import SAME, Grid, areas
+from .ply import SAME, Grid, areas, grid_of
 from .states import save, set_labels
 
 CORNERS = {5: 3, 69: 3, 9: 4, 70: 4}  # of VTK's cells, which begin with them
@@ -34,9 +34,8 @@ def formed_ply(grid: Grid) -> FormedPly:
     corners."""
     corners = CORNERS[int(grid.celltypes[0])]
     cells = grid.cell_connectivity.reshape(grid.n_cells, -1)[:, :corners]
-    flat = _grid(np.asarray(grid.points, dtype=float), cells)
-    flat.point_data["u"] = np.asarray(grid.point_data["u"], dtype=float)
-    flat = flat.clean(tolerance=SAME)
+    x, u = (np.asarray(each, dtype=float) for each in (grid.points, grid.point_data["u"]))
+    flat = grid_of(x, cells, u).clean(tolerance=SAME)
     ((_, cells),) = flat.cells_dict.items()
     cells, x = cells.astype(np.int64), np.asarray(flat.points)
     points, fields = x + np.asarray(flat.point_data["u"]), {}
@@ -50,11 +49,6 @@ def formed_ply(grid: Grid) -> FormedPly:
         behind = (np.cross(q - p, r - p) * fields["normal"]).sum(1) < 0
         cells[behind] = cells[behind, ::-1]
     return FormedPly(points, cells, fields | {"area_ratio": ratio})
-
-
-def _grid(points, cells):
-    kind = pyvista.CellType.TRIANGLE if cells.shape[1] == 3 else pyvista.CellType.QUAD
-    return pyvista.UnstructuredGrid({kind: cells}, points)
 
 
 def _unit(vectors):
@@ -91,7 +85,8 @@ def _joined(plies):
     """All plies as one grid; directions of a sheet without yarns are NaN."""
     grids = []
     for number, ply in enumerate(plies):
-        grid, m = _grid(ply.points, ply.cells), len(ply.cells)
+        grid, m = grid_of(ply.points, ply.cells, 0 * ply.points), len(ply.cells)
+        grid.clear_point_data()
         missing = dict.fromkeys(("yarn_a", "yarn_b", "normal"), np.full((m, 3), np.nan))
         missing["shear_angle"] = np.full(m, np.nan)
         grid.cell_data.update(missing | ply.fields)

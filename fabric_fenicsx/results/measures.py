@@ -1,5 +1,5 @@
-"""Measures of a state's cell fields that hold as the mesh is refined: area means, area quantiles,
-what is at a point."""
+"""Measures of a state's cell fields that hold as the mesh is refined: means and quantiles by area,
+values at a point."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,17 +16,12 @@ EQUAL = 1e-6  # of a value, by which others are the same
 TAIL = 0.01  # share of the area beyond each of the two values that `bulk` gives
 
 
-def areas(blank: Blank) -> np.ndarray:
-    """Undeformed areas of the owned cells, (cells,) [mm2]."""
-    return blank.areas()
-
-
 def covers(blank: Blank, point: ArrayLike) -> bool:
-    """Whether a cell of any rank has the `point` (2,) of a plane blank's frame [mm] in it, so that
+    """True if a cell of any rank has the `point` (2,) of a plane blank's frame [mm] in it, so that
     it is not in a hole."""
     x = blank.corners()[:, :, :2]
-    edge, arm = np.roll(x, -1, 1) - x, np.asarray(point, float) - x
-    side = edge[:, :, 0] * arm[:, :, 1] - edge[:, :, 1] * arm[:, :, 0]
+    edge, offset = np.roll(x, -1, 1) - x, np.asarray(point, float) - x
+    side = edge[:, :, 0] * offset[:, :, 1] - edge[:, :, 1] * offset[:, :, 0]
     near = 1e-9 * (edge**2).sum(2)  # a point on an edge is in both cells
     inside = (side >= -near).all(1) | (side <= near).all(1)
     return bool(blank.mesh.comm.allreduce(int(inside.sum())))
@@ -112,12 +107,12 @@ def planes_of_symmetry(scene: Scene, part: Part) -> list[int]:
     another one, as a clamp does."""
     comm, count = scene.comm, len(part.nodes)
     x = scene.blank.coordinates()[:count]
-    held = np.zeros((count, scene.blank.mesh.geometry.dim), dtype=bool)
-    held.flat[scene.fixed_dofs] = True
+    fixed = np.zeros((count, scene.blank.mesh.geometry.dim), dtype=bool)
+    fixed.flat[scene.fixed_dofs] = True
     found = []
     for axis in (0, 1):
         low = extremes(comm, x[part.nodes, axis])[0]
-        free = ~held[part.nodes & (x[:, axis] <= SAME)]
+        free = ~fixed[part.nodes & (x[:, axis] <= SAME)]
         moves = comm.allreduce(free.sum(0), MPI.SUM) > 0
         if abs(low) <= SAME and not moves[axis] and np.delete(moves, axis).all():
             found.append(axis)

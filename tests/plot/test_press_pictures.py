@@ -71,7 +71,7 @@ def pixels(path, colour):
 def test_the_setup_shows_each_tool_in_its_colour(tmp_path):
     path = tmp_path / "setup.png"
     press_pictures.setup_picture(
-        path, press_pictures.flat_grids(blank()), tools(), {"lid": (0, 0, -9)}
+        path, press_pictures.flat_grids(blank()), {t.name: t for t in tools()}, {"lid": (0, 0, -9)}
     )
     assert matplotlib.image.imread(path).shape[:2] == (1200, 1600)
     ball, lid, none = (pixels(path, colour) for colour in press_pictures.TOOLS[:3])
@@ -88,7 +88,7 @@ def test_a_setup_is_drawn_from_a_folder(tmp_path, run, capfd):
 
 def test_tools_of_a_quarter_are_mirrored(run):
     state = states(run)[-1]
-    plies = {n: press_pictures.surface_of(grid) for n, grid in state.plies().items()}
+    plies = {n: space.surface_of(grid) for n, grid in state.plies().items()}
     scene = press_pictures._scene(plies, state.tools())
     assert scene.plies[""].bounds[:4] == pytest.approx((-60, 60, -40, 40))
     low, high = np.reshape(scene.tools["ball"].bounds, (3, 2)).T
@@ -98,7 +98,7 @@ def test_tools_of_a_quarter_are_mirrored(run):
 
 def test_tools_lie_on_the_sides_of_the_blank_where_they_start(run):
     state = states(run)[0]
-    plies = {n: press_pictures.surface_of(grid) for n, grid in state.plies().items()}
+    plies = {n: space.surface_of(grid) for n, grid in state.plies().items()}
     assert press_pictures._scene(plies, state.tools()).above == {"ball": False, "lid": True}
 
 

@@ -36,7 +36,7 @@ def test_areas(pattern, cell):
         sheet(pattern, cell, frame=turned),
         sheet(pattern, cell, spatial=True),
     ):
-        area = measures.areas(blank)
+        area = blank.areas()
         assert area.min(initial=1) > 0
         assert COMM.allreduce(area.sum()) == pytest.approx(200 * 50, rel=1e-12)
 
@@ -56,7 +56,7 @@ def test_means_and_quantiles_are_those_of_the_area():
     values = {}
     for pattern, nx in (("crossed", 48), ("graded", 48), ("unstructured", 60)):
         blank = sheet(pattern, nx=nx)
-        x, area = blank.midpoints()[0], measures.areas(blank)
+        x, area = blank.midpoints()[0], blank.areas()
         assert measures.mean(COMM, x, area) == pytest.approx(
             100, rel=1e-9 if pattern != "unstructured" else 1e-3
         )
@@ -95,9 +95,6 @@ def test_one_bad_cell_moves_extremes_and_not_the_bulk():
         x, y = blank.midpoints()
         values = 1 / np.hypot(x, y)  # singular at a corner
         bulks.append(
-            (
-                measures.bulk(COMM, values, measures.areas(blank))[1],
-                COMM.allreduce(values.max(), MPI.MAX),
-            )
+            (measures.bulk(COMM, values, blank.areas())[1], COMM.allreduce(values.max(), MPI.MAX))
         )
     assert bulks[1][0] == pytest.approx(bulks[0][0], rel=0.03) and bulks[1][1] > 1.9 * bulks[0][1]

@@ -5,7 +5,6 @@ import pytest
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.results import measures
 
 COMM = MPI.COMM_WORLD
 RINGS = [(100, 50), (300, 50), (300, 200), (100, 200)], [(150, 100), (200, 100), (200, 150)]
@@ -29,7 +28,7 @@ def test_a_sheet_has_its_holes_place_and_yarns(table, pattern):
     made = {"size": 10.0, "pattern": pattern, "fibre_angle": 30}
     for outline in table, RINGS:
         blank = ff.Blank.outline(outline, **made)
-        assert COMM.allreduce(measures.areas(blank).sum()) == pytest.approx(AREA)
+        assert COMM.allreduce(blank.areas().sum()) == pytest.approx(AREA)
         assert np.ravel(blank.extent()) == pytest.approx([100, 50, 300, 200])
         assert blank.straight[0] == pytest.approx([np.cos(np.pi / 6), 0.5])
         assert blank.degree == 2 and blank.from_file and not blank.warnings
