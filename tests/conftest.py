@@ -72,6 +72,8 @@ def wait_and_kill(command, cwd, history, rows):
 def run_here(patch, script):
     """Run a study in this process: status, standard output and standard error. What a process's
     end would undo is undone; an exception that a study does not expect is raised."""
+    from matplotlib.figure import Figure
+
     from fabric_fenicsx.command_line import study
     from fabric_fenicsx.runtime import timing
 
@@ -85,6 +87,13 @@ def run_here(patch, script):
     def unexpected():
         raise
 
+    draw = Figure.savefig
+
+    def savefig(figure, path, **options):
+        figure.set_layout_engine("none")  # which takes half of a picture's time
+        draw(figure, path, **options | {"bbox_inches": None})
+
+    patch.setattr(Figure, "savefig", savefig)
     patch.setattr(study, "Study", Noted)
     patch.setattr(study, "traceback", SimpleNamespace(print_exc=unexpected))
     for name in ("level", "propagate"):

@@ -63,12 +63,10 @@ def blocks(text):
             continue
         directive, word, body = block.groups("")
         if "literalinclude" in directive:
-            kind, body = "included", Path(word).stem
-        else:
-            kind = "" if word == "sh" and directive else word
-        if kind in ("python", "text", "sh", "included"):
-            yield kind, body, before
-        before = 0 if kind else before
+            word, body = "included", Path(word).stem
+        if word in ("included", "python", "text") or (word == "sh" and not directive):
+            yield word, body, before
+            before = 0
 
 
 def with_output(text):
