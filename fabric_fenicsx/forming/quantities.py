@@ -76,9 +76,8 @@ def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
         plies[name] = of_cells(result, [part])
         plies[name] |= quantities.shape(result, part, tool, middle, bool(closed))
         below += thickness
-    if len(made.sheets) == 1:
-        found = plies[""]
-    else:
+    found = plies.get("")
+    if not found:
         if middle := quantities.middle_of(made.sheets):
             plies[middle] |= quantities.middle_quantities(result, middle)
         found = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}

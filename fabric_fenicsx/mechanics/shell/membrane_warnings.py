@@ -11,7 +11,7 @@ from ...material import kernel, stability
 from ...material.laws import Range
 from ...material.strains import nominal_strain
 from ...runtime.formatting import of_sheet, percent, rounded
-from ...sheets.blank import OFF
+from ...sheets.part import OFF
 from .membrane import Membrane
 
 BANDS = 1e-2  # share of the area in which bands are not worth a word
