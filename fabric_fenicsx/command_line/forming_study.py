@@ -30,7 +30,7 @@ OPTIONS = {
     r"\S*\.toml: ": "",
     r"tools\.die\.clearance": "`clearance`",
     r"tools\.punch(?=[, ]|\.file)(\.file)?": "`punch`",
-    r"(?:blank|contact|ply\.[\w ]+?)\.(?=\w)(\w+)": r"`\1`",
+    r"(?:blank|contact)\.(\w+)": r"`\1`",
 }
 
 

@@ -16,7 +16,7 @@ from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.solve import stepping
-from fabric_fenicsx.solve.stepping import Viscosity
+from fabric_fenicsx.solve.viscosity import Viscosity
 
 COMM = MPI.COMM_WORLD
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
