@@ -5,8 +5,8 @@ from pathlib import Path
 
 from bench import explicit_code
 
-from fabric_fenicsx.command_line.study import Study, parser, run
-from fabric_fenicsx.forming.forming import Forming
+from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser
+from fabric_fenicsx.command_line.study import Study, run
 
 REFERENCE = Path(__file__).resolve().parents[1] / "studies" / "reference" / "openradioss"
 SAME = {  # as in OpenRadioss, which has rigid contact, and no bending: ours is small
@@ -20,16 +20,16 @@ SAME = {  # as in OpenRadioss, which has rigid contact, and no bending: ours is 
 
 
 def options():
-    return parser(Forming, __doc__, "openradioss", **SAME)
+    return dome_parser(DomeTest, __doc__, name="openradioss", **SAME)
 
 
 def main(study: Study):
     explicit_code.check_angle(study.args.fibre_angle)
-    forming = study.build(study.describe(Forming))
+    forming = build(study, DomeTest)
     result, found = study.run(forming), None
     if study.comm.rank == 0:
         found = explicit_code.compare_formed(
-            REFERENCE, forming.fibre_angle, result.grid, result.rows
+            REFERENCE, forming.sheets[0].fibre_angle, result.grid, result.rows
         )
     found = study.comm.bcast(found)
     study.write_table(result.folder / "openradioss.csv", [found])

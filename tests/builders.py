@@ -1,6 +1,8 @@
 """Sheets, terms and runs that several tests share."""
 
 from contextlib import contextmanager
+from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +10,9 @@ import ufl
 from mpi4py import MPI
 
 from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.forming.interface import Interface
+from fabric_fenicsx.forming.sheet import Sheet
+from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.mechanics.term_checks import bind
 from fabric_fenicsx.meshes.specimen import specimen
@@ -17,7 +22,36 @@ from fabric_fenicsx.solve.settings import Settings
 from fabric_fenicsx.solve.stepping import LoadStepping
 
 COMM = MPI.COMM_WORLD
+KOMEILI = load("komeili")
 COARSE = {"nx": 8, "element": "P1"}  # a strip that is pulled in a moment
+
+
+def dome_press(fabric=None, plies=None, kind=None, surface=None, **given):
+    """The press of the study of the double dome with these options; plies: tables of [[ply]],
+    surface: of the punch."""
+    from fabric_fenicsx.command_line.forming_study import DomeTest
+    from fabric_fenicsx.forming.press import EXAMPLES
+    from fabric_fenicsx.forming.schema import read_document
+
+    kind, known = kind or DomeTest, {}
+    for owner in (kind, Interface, Sheet):
+        names = [each.name for each in fields(owner) if each.name in given]
+        known[owner] = {name: given.pop(name) for name in names}
+    assert not given
+    test, interface, fabric = kind(**known[kind]), Interface(**known[Interface]), fabric or KOMEILI
+    if plies is None and surface is None:
+        return test.press(fabric, known[Sheet], interface)
+    document = read_document(EXAMPLES / f"{kind.PRESS}.toml")
+    document = test.document(document, fabric, known[Sheet], interface)
+    document |= {} if plies is None else {"ply": plies}
+    if surface is not None:
+        document["tools"]["punch"] = {"file": surface}
+    return test.read(document, Path("press.toml"))
+
+
+def dome(*args, comm=None, **given):
+    """That press, built."""
+    return dome_press(*args, **given).build(comm)
 
 
 def sheet(

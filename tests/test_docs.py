@@ -14,8 +14,10 @@ from unittest.mock import patch
 
 import ezdxf
 import pytest
+from builders import dome
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.forming.build import FormingScene
 from fabric_fenicsx.identification import curves, identify, result_lines
 from fabric_fenicsx.identification.curves.model import COLUMNS, KEYS
 from fabric_fenicsx.identification.curves.model import units as units_of
@@ -70,7 +72,7 @@ def run(tmp_path, monkeypatch, capsys):
     # those of a study that another test ran in this process
     monkeypatch.setattr(logging.getLogger("fabric_fenicsx"), "handlers", [])
     # which a run leaves in its folder unasked; tests of studies look at them
-    monkeypatch.setattr(ff.Forming, "pictures", lambda *_: None)
+    monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)
 
     def run_here(program):
         with patch.dict(LAWS):  # which own laws enter
@@ -248,14 +250,14 @@ def test_columns_and_quantities_are_those_that_the_page_on_python_lists():
         text.split(f"### {title}")[1].split("\n##")[0]
         for title in ("Columns of the history", "Quantities")
     )
-    size = {"length": 300, "width": 200, "nx": 6, "stroke": 1.0}
+    size = {"length": 300.0, "width": 200.0, "nx": 6, "stroke": 1.0}
     runs = {
         "Tensile": ff.Tensile(nx=4, strain=1e-3),
         "BiasExtension": ff.BiasExtension(
             nx=8, strain=0.15, measured=str(ROOT / "studies/data/glass_pp_115x230")
         ),
         "PictureFrame": ff.PictureFrame(nx=2, angle=5),
-        "Forming": ff.Forming(**size),
+        "Press": dome(**size),
     }
     for name, scenario in runs.items():
         result = scenario.job(steps=8, balance=None).run(pictures=False)

@@ -1,12 +1,13 @@
 """What forming over the double dome costs, measured in this process, and what errors are made
 of."""
 
+import dataclasses
 import time
 from typing import Any
 
 from mpi4py import MPI
 
-from fabric_fenicsx.forming.forming import Forming
+from fabric_fenicsx.forming.press import Press
 from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.runtime.errors import SolverFailure
 
@@ -21,12 +22,18 @@ COMPARED = {  # column of the table -> number of the run
 }
 
 
+def dome(fabric: Law, **mesh: Any) -> Press:
+    """The press of the double dome with this fabric and fields of the sheet."""
+    press = Press.read("double_dome")
+    return press.replace(sheets=dataclasses.replace(press.sheets[0], fabric=fabric, **mesh))
+
+
 def forming_cost(comm: MPI.Comm, fabric: Law, c: Configuration) -> dict[str, Any]:
     """Row of the table of forming of the `Configuration` c. cpu_s is of the whole process, its
     start included; `doubt` is why a result at full load is not to be believed; `curve` is the punch
     force [N] over the load."""
     asked: Any = {k: getattr(c, k) for k in ("element", "pattern", "nx", "fibre_angle")}
-    forming = Forming(fabric, **asked, comm=comm)
+    forming = dome(fabric, **asked).build(comm)
     job = forming.job(
         steps=c.steps,
         tolerance=c.tolerance,

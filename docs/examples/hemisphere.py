@@ -18,9 +18,14 @@ yarn = ff.Yarn(b=2e4, d=20.0)
 fabric = ff.WovenFabric(yarn, yarn, s1=0.01, thickness=0.4)
 round_ = {"dome_distance": 1e-3, "dome_radius": 50.0, "waist": 50.0, "wall_angle": 0.0}
 dome = ff.DoubleDome(depth=60.0, top_radius=49.9, entry_radius=10.0, saddle_depth=0.0, **round_)
-size = {"length": 200.0, "width": 200.0, "nx": nx, "dome": dome, "stroke": 40.0}
-holder = ff.PressureHolder(0.05)
-press = ff.Forming(fabric, **size, friction=friction, holder=holder, bending_modulus=20.0)
+press = ff.Press(
+    sheets=ff.Sheet(fabric, length=200, width=200, nx=nx, bending_modulus=20.0),
+    quarter=True,
+    interface=ff.Interface(friction=friction),
+    tools={"die": ff.PressTool(ff.DieOf("punch"), side="above"), "punch": ff.PressTool(dome)},
+    holders={"holder": ff.PressureHolder(0.05)},
+    stages=[ff.Stage(moves={"punch": 40.0})],
+)
 job = press.job(steps=16, balance=None, path_tolerance=1e-3)
 grid = job.run("results/hemisphere", overwrite=True).grid
 

@@ -10,24 +10,26 @@ import fabric_fenicsx as ff
 
 
 class Cushion:
-    """A holder of your own: its method `terms` is told of the rim, and makes what it likes."""
+    """A holder of your own: its method `terms` gets its site, and makes what it likes."""
 
-    def terms(self, rim):
-        flange = rim.on_flange()
+    def terms(self, site):
+        flange = site.on_flange()
 
         def under(x):  # share of the pressure at positions (3, n)
             return flange(x) * (0.2 + 0.8 * np.clip(abs(x[0]) / 235, 0, 1))
 
         up = (0, 0, 1)  # towards the die, which is above the ply
-        return [ff.BlankHolderPressure(0.25, up, under, lag=rim.lag, friction=rim.friction)]
+        return [ff.BlankHolderPressure(0.25, up, under, lag=site.lag, friction=site.friction)]
 
 
 segments = [
     ff.PressureHolder(0.05, where=lambda x: abs(x[0]) < 100),  # at positions (3, n)
     ff.PressureHolder(0.25, where=lambda x: abs(x[0]) >= 100),
 ]
+press = ff.Press.read("double_dome", ["blank.nx=8"])
+press = press.replace(stages=[ff.Stage("forming", moves={"punch": 15}, steps=6)])
 for name, holder in {"one": ff.PressureHolder(0.05), "two": segments, "own": Cushion()}.items():
-    forming = ff.Forming(ff.load("komeili"), nx=8, stroke=15.0, holder=holder)
-    result = forming.job(steps=6).run(f"results/{name}", overwrite=True, pictures=False)
-    force, draw_in = result.number("punch_force_of_whole_ply_N"), result.draw_in()
+    job = press.replace(holders={"blank holder": holder}).job()
+    result = job.run(f"results/{name}", overwrite=True, pictures=False)
+    force, draw_in = result.number("force_of_whole_blank_N"), result.draw_in()
     print(name, round(force), round(draw_in["largest_mm"], 2))

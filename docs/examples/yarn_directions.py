@@ -8,8 +8,9 @@ import pyvista
 
 import fabric_fenicsx as ff
 
-press = ff.Forming(ff.load("komeili"), nx=12, stroke=20.0)
-result = press.job(steps=4).run("results/forming", overwrite=True)
+press = ff.Press.read("double_dome", ["blank.nx=12"])
+press = press.replace(stages=[ff.Stage("forming", moves={"punch": 20}, steps=4)])
+result = press.job().run("results/forming", overwrite=True)
 result.export("formed.inp")  # Abaqus: nodes, shells, *DISTRIBUTION, *ORIENTATION
 result.export("formed.vtu")  # ParaView, PyVista and what else reads VTK
 

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -88,15 +88,18 @@ class DomeTest:
         the words of options."""
         file = EXAMPLES / f"{self.PRESS}.toml"
         document = self.document(read_document(file), fabric, sheet, interface)
+        return self.read(document, Path(self.stack or file))
+
+    def read(self, document: dict[str, Any], file: Path) -> Press:
+        """The press of the tables of a file, closed to the clearance of the options."""
         try:
-            press = Press.from_document(document, Path(self.stack or file))
+            press = Press.from_document(document, file)
         except InputError as error:
             raise InputError(in_options(str(error))) from None
-        stage, clearance = press.stages[0], self.clearance
-        if clearance and stage.close:
-            document["stage"][0]["close"] = clearance / press.thickness()
-            press = Press.from_document(document, Path(self.stack or file))
-        return press
+        if not (self.clearance and press.stages[0].close):
+            return press
+        close = self.clearance / press.thickness()
+        return press.replace(stages=[replace(press.stages[0], close=close)])
 
     def document(
         self, document: dict[str, Any], fabric: Law, sheet: Mapping[str, Any], interface: Interface
@@ -205,9 +208,11 @@ def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
     return given
 
 
-def dome_parser(test: type[DomeTest], description: str | None, **defaults: Any) -> Parser:
+def dome_parser(
+    test: type[DomeTest], description: str | None, name: str = "", **defaults: Any
+) -> Parser:
     """The parser of a study of a `test`: its options, and those of sheet and interface."""
-    return parser(test, description, parts=(Sheet, Interface), **defaults)
+    return parser(test, description, name, parts=(Sheet, Interface), **defaults)
 
 
 def build(study: Study, test: type[DomeTest], fabric: Law | None = None) -> FormingScene:

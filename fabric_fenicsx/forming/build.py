@@ -30,7 +30,7 @@ from ..tools.tool import Tool
 from . import stack
 from .checks import PRESSED, check_clearances, symmetry_warnings
 from .flange import Flange
-from .holders import PULLING, ForceHolder, GapHolder, Holder, holders_of
+from .holders import PULLING, Holder, holders_of
 from .holding import HolderSite, holder_terms, nearest_nodes
 from .laying import Laid, lay_blank
 from .placement import Placement
@@ -87,7 +87,8 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
         check_clearance(f"tools.{name}.clearance", clearances[name], pressed, stood[of][0])
         surface = Reversed(Offset(stood[of][0], clearances[name]))
         try:
-            stood[name] = at.stand(name, dataclasses.replace(press.tools[name], surface=surface))
+            die = dataclasses.replace(press.tools[name], surface=surface)
+            stood[name] = at.stand(name, die, is_die=True)
         except InputError as error:
             raise InputError(
                 f"tools.{name} can't be the die of {of}, if that is closed all round as a ball is: "
@@ -222,8 +223,6 @@ class Bench:
             holder = dataclasses.replace(holder, pressure=schedule.pressure(name))
         die = self._against(name, holder)
         self.die = self.die if isinstance(holder, PULLING) else die
-        if isinstance(holder, (ForceHolder, GapHolder)):
-            holder = dataclasses.replace(holder, where=self._on_flat(die, holder.where))
         pile = self.stack
         site = HolderSite(
             name,
@@ -270,18 +269,9 @@ class Bench:
         return tools[flat[0]]
 
     def _is_flat(self, tool):
-        share = self._flange(tool)(self.laid.flat_nodes().T)
+        flange = Flange(tool, self.placed.thickness, -self.press.tools[tool.name].towards[2])
+        share = flange(self.laid.flat_nodes().T)
         return bool(self.laid.blank.mesh.comm.allreduce(int((share > 0).sum())))
-
-    def _flange(self, die):
-        up = -self.press.tools[die.name].towards[2]
-        return Flange(die, self.placed.thickness, up)
-
-    def _on_flat(self, die, where):
-        """Function of points of the flat blank to whether they lie at the die's flat face, and
-        where a segment is: a plate has the die's opening."""
-        flange = self._flange(die)
-        return lambda x: (flange(x) > 0) & (where(x) if where else True)
 
     def supports(self) -> list[Support]:
         """The planes of symmetry of a quarter; of a whole blank the nodes nearest to its centre and

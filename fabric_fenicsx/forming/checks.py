@@ -101,7 +101,10 @@ def symmetry_warnings(press: Any, laid: Any, placed: Any) -> list[str]:
     found: list[str] = []
     comm, (low, high) = laid.blank.mesh.comm, laid.blank.extent()
     for tool in placed.tools.values() if comm.rank == 0 and press.quarter else ():
-        for load in (0.0, 1.0):
+        if tool.name in press.dies():  # it is as symmetric as its tool
+            continue
+        sideways = np.subtract(tool.path(1.0), tool.path(0.0))[:2].any()
+        for load in (0.0, 1.0) if sideways else (0.0,):
             x, place = _points(tool, low, high, load), np.asarray(tool.path(load))
             if not len(x) or any(words.startswith(f"tools.{tool.name} ") for words in found):
                 continue

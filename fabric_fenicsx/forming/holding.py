@@ -62,6 +62,15 @@ class HolderSite:
         contacts of each sheet with the next.
     warnings
         Of the run.
+
+    Examples
+    --------
+    >>> class Cushion:
+    ...     def terms(self, site):
+    ...         return [ff.BlankHolderPressure(0.1, site.up, site.on_flange(), lag=site.lag)]
+    >>> press = ff.Press.read("hemisphere").replace(holders={"rim": Cushion()})
+    >>> [*press.holders]
+    ['rim']
     """
 
     name: str
@@ -151,7 +160,7 @@ def force_terms(holder: ForceHolder, site: HolderSite) -> list[Term]:
     force = holder.force * (1.0 if site.whole else 0.25)
     plate = Plane(-site.thickness / 2 * site.up, site.up)
     tool = Tool(plate, force=lambda load: force * site.up, name=site.name)
-    return [site.contact(tool, _checked_where(holder, site))]
+    return [site.contact(tool, _at_plate(holder, site))]
 
 
 def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
@@ -164,7 +173,7 @@ def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
             f"{t / 2:g} mm, half its thickness"
         )
     tool = Tool(Plane((t / 2 - gap) * site.up, site.up), name=site.name)
-    return [site.contact(tool, _checked_where(holder, site))]
+    return [site.contact(tool, _at_plate(holder, site))]
 
 
 def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
@@ -216,6 +225,13 @@ def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:
         )
         for where, direction, share, name in found
     ]
+
+
+def _at_plate(holder, site):
+    """Function of points of the flat blank to whether a plate touches them: at the die's flat face,
+    as it has the die's opening, and where a segment is."""
+    flange, where = site.on_flange(), _checked_where(holder, site)
+    return lambda x: (flange(x) > 0) & (where(x) if where else True)
 
 
 def _checked_where(holder: Any, site: HolderSite) -> Where | None:

@@ -109,10 +109,10 @@ class Placement:
             )
 
     def stand(
-        self, name: str, tool: PressTool, usual_off: float = 0.0
+        self, name: str, tool: PressTool, usual_off: float = 0.0, is_die: bool = False
     ) -> tuple[Surface, np.ndarray]:
         """The tool's surface, and where its origin stands at the start (3,) [mm]; usual_off: the
-        default of its `off` [mm]."""
+        default of its `off` [mm]; is_die: of another tool, whose flat face lies on the blank."""
         surface = self.surface(name, tool)
         start = np.append(np.asarray(tool.at, dtype=float)[:2], 0.0)
         touching = self._touching(name, tool, surface, start)
@@ -130,6 +130,8 @@ class Placement:
                 f"tools.{name} has its body between its face and the blank, which is {_side(tool)} "
                 f"it; allowed is the other side, or turn = [180, 0, 0]{_added(tool)}"
             )
+        if is_die:
+            touching += self._to_flange(surface, start + [0, 0, touching], tool.towards[2])
         if length_of(tool.at) == 3:
             z = float(tool.at[2])
             self._check_height(name, tool, z, touching)
@@ -159,6 +161,20 @@ class Placement:
             if away < -far:
                 break
         raise InputError(self._beside(name, tool, surface, place))
+
+    def _to_flange(self, surface, place, towards):
+        """How far along z [mm] a die that touches the blank is to move so that its flat face at the
+        blank's edge lies on it: facets of a fillet may bulge out of that."""
+        side = np.linspace(0, 1, 21)
+        ends = np.array([self._low, self._high])
+        along = self._low + side[:, None] * (self._high - self._low)
+        edges = [np.column_stack([along[:, 0], 0 * side + y]) for y in ends[:, 1]]
+        edges += [np.column_stack([0 * side + x, along[:, 1]]) for x in ends[:, 0]]
+        x = np.vstack(edges)
+        found = surface.evaluate(np.column_stack([x, 0 * x[:, 0]]) - place)
+        gap = found.gap - self._t / 2
+        flat = (abs(found.normal[:, 2]) > 0.99) & (abs(gap) < FLANGE * self._t)
+        return towards * float(np.median(gap[flat])) if flat.any() else 0.0
 
     def _least(self, surface, start, height, between):
         """The least gap [mm] of all ranks between the blank's face, at its nodes and points

@@ -16,8 +16,25 @@ SIDES = {"below": 1.0, "above": -1.0}  # of the blank -> the direction along z f
 
 @dataclass(frozen=True)
 class DieOf:
-    """The die of another tool, in place of a surface: the surface of `tool` at a `clearance` [mm]
-    (1.2 thicknesses of the blank), seen from the blank's other side."""
+    """The die of another tool, in place of a surface of its own.
+
+    Parameters
+    ----------
+    tool
+        Name of the tool, whose surface it is, seen from the blank's other side.
+    clearance
+        Distance from it [mm], by default 1.2 thicknesses of the blank.
+
+    Raises
+    ------
+    InputError
+        For a clearance that is not above 0.
+
+    Examples
+    --------
+    >>> ff.PressTool(ff.DieOf("punch"), side="above").surface.tool
+    'punch'
+    """
 
     tool: str
     clearance: float | None = number(None, POSITIVE, "distance from the tool [mm]")

@@ -28,26 +28,43 @@ USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6, "name": NAME}  # o
 def unloading(
     result: Result, *, together: bool = False, keep: Sequence[str] = (), **changes: Any
 ) -> Job:
-    """Job that unloads the sheets of a `result`, of any run that reached its full load:
+    """Job that unloads the sheets of a result, without tools, holders and loads.
 
-        formed = forming.job().run("dome")
-        unloaded = ff.unloading(formed).run("dome/unloaded")
+    The forces that these, and supports, exerted on the nodes in the formed state are released in
+    proportion to the load, see `ReleaseForces`. The sheets go on with what they remember, as metal
+    does of its plastic strains. Planes of symmetry stay; what rigid motions are left is fixed at
+    few nodes of each sheet, see `isostatic`, which bear nothing in the end. The run moves the sheet
+    of `result.scene`, whose output is then of the unloaded state.
 
-    In it there are neither tools nor holders nor loads. The forces that these, and supports,
-    exerted on the nodes in the formed state fade, see `FadingForces`. The sheets go on with what
-    they remember, as metal does of its plastic strains. Planes of symmetry stay, and supports named
-    in `keep`. What rigid motions these leave is held by few nodes of each sheet, see `isostatic`:
-    these stay where they are and bear nothing in the end.
+    Parameters
+    ----------
+    result
+        Of any run that reached its full load.
+    together
+        The sheets of a stack go on pressing and rubbing on each other, and are fixed as if pinned
+        together; of deeply drawn stacks contact may not settle as it opens. By default each sheet
+        is unloaded alone, and what its neighbours did to it is released, too.
+    keep
+        Names of supports that stay.
+    changes
+        In the fields of the `Job`.
 
-    Each sheet of a stack is unloaded alone, and what its neighbours did to it fades, too. together:
-    they go on pressing and rubbing on each other, and are held as if pinned together at their
-    nodes; of deeply drawn stacks contact may not settle as it opens. changes: in the fields of the
-    `Job`.
+    Returns
+    -------
+    Job
+        Its quantities: the largest `springback` [mm], the energies left in the sheets and released
+        [N mm], the sizes of what the nodes bear, added up [N]; of a stack by sheet, too.
 
-    Quantities: the largest `springback` [mm], with the energies left in the sheets and those
-    released [N mm], the sizes of what the nodes bear, added up [N]; of a stack by sheet, too. The
-    run moves the sheet of `result.scene`, whose reports are then of the unloaded state. Raises
-    InputError for a result that is not of full load, and for a support that there is none.
+    Raises
+    ------
+    InputError
+        For a result that is not of full load, and for a support that there is none.
+
+    Examples
+    --------
+    >>> strip = ff.Tensile(nx=2, element="P1", strain=0.01).job(steps=1).run()
+    >>> ff.unloading(strip, keep=["fixed grip"]).name
+    'unloaded'
     """
     before = result.scene
     if result.summary.get("stroke_reached") != 1:

@@ -43,6 +43,8 @@ def check_fields(owner: Any, label: Callable[[str], str] = "`{}`".format) -> lis
             most, hint = meta["doubt"] or (math.inf, "")
             if value > most:
                 doubts.append(f"{label(each.name)} is {value:g}, which is much: {hint}")
+        if "switch" in meta and not isinstance(value, bool):
+            raise InputError(f"{label(each.name)} is {value!r}; allowed is true or false")
         if value not in meta.get("choices", (value,)):
             allowed = ", ".join(meta["choices"])
             raise InputError(f"{label(each.name)} is {value!r}; allowed is one of {allowed}")

@@ -3,6 +3,7 @@
 import pytest
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.command_line.forming_study import DomeTest, dome_parser
 from fabric_fenicsx.command_line.study import Study, parser
 
 pytestmark = pytest.mark.versions
@@ -41,8 +42,8 @@ def test_bad_options_are_told_in_the_form_of_all_messages(words, told):
 
 
 def test_help_speaks_of_options():
-    told = parser(ff.Forming, "").format_help()
-    assert "unless --full" in told and "`full`" not in told
+    told = dome_parser(DomeTest, "").format_help()
+    assert "(its length over --nx)" in told and "`nx`" not in told
     assert "--length MM" in told and "--nx N " in told
 
 

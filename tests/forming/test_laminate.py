@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
+from builders import dome
 
-from fabric_fenicsx.forming.laminate import AREA, Laminate
+from fabric_fenicsx.command_line.forming_study import AREA, LaminateTest
 from fabric_fenicsx.mechanics.contact.sheet_contact import SheetContact
 
-COARSE = {"nx": 6, "stroke": 2.0}
+COARSE = {"nx": 6, "stroke": 2.0, "kind": LaminateTest}
 
 
 @pytest.fixture(scope="module")
 def laid():
-    return Laminate(**COARSE)
+    return dome(**COARSE)
 
 
 def test_metal_covers_two_thirds_of_the_fabric(laid):
@@ -29,15 +30,13 @@ def test_friction_is_that_of_table_2(laid):
 
 
 def test_the_die_is_not_sharper_than_the_metal_bears(laid):
-    assert min(laid.die.surface.radii) > 10
-    own = Laminate(**COARSE, dome={"entry_radius": 20.0})
-    assert own.punch_tool.surface.entry_radius == 20.0
-    punch = own.punch_tool.surface
-    assert Laminate(**COARSE, punch=punch).punch_tool.surface is punch
+    assert min(laid.tools["die"].surface.radii) > 10
+    own = dome(**COARSE, dome=["entry_radius=20"]).tools["punch"].surface
+    assert (own.entry_radius, own.wall_angle) == (20.0, 20.0)
 
 
 def test_roundings_begin_and_end_where_the_dome_is_flat(laid):
-    dome = laid.punch_tool.surface
+    dome = laid.tools["punch"].surface
     inner, outer = dome.roundings
     assert inner < 0 < outer
     ends = ((inner - 1, True), (inner + 3, False), (outer - 3, False), (outer + 1, True))
@@ -51,7 +50,7 @@ def test_roundings_begin_and_end_where_the_dome_is_flat(laid):
     "sizes, loose", [((640, 400), ""), ((470, 400), "x = 192"), ((640, 170), "y = 69.5")]
 )
 def test_metal_that_ends_over_the_opening_is_told_of(sizes, loose):
-    made = Laminate(**COARSE, length=sizes[0], width=sizes[1])
+    made = dome(**COARSE, length=float(sizes[0]), width=float(sizes[1]))
     made.job()
     found = [words for words in made.warnings if "opening" in words]
     assert len(found) == bool(loose) and all(loose in words for words in found)

@@ -3,7 +3,7 @@
 import builders
 import numpy as np
 import pytest
-from builders import everywhere, near
+from builders import dome, everywhere, near
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.runtime.errors import InputError
@@ -82,7 +82,7 @@ def test_a_run_that_was_finished_before_is_unloaded_as_at_once(tmp_path):
 
 @pytest.mark.parametrize("full", [pytest.param(False, marks=pytest.mark.mpi), True])
 def test_fabric_gives_back_what_it_stored(full):
-    formed = ff.Forming(nx=6, stroke=10.0, full=full).job(steps=4, balance=None).run()
+    formed = dome(nx=6, stroke=10.0, full=full).job(steps=4, balance=None).run()
     stored = sum(formed.summary["energy"][kind] for kind in ("strain", "bending"))
     job = ff.unloading(formed)
     unloaded = job.run()
@@ -102,9 +102,9 @@ def test_fabric_gives_back_what_it_stored(full):
 
 @pytest.mark.parametrize("together", [pytest.param(True, marks=pytest.mark.mpi), False])
 def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
-    plies = [ff.Ply(metal=ff.load_metal("dc04"), name="metal"), ff.Ply(name="fabric")]
-    gentle = {"entry_radius": 45.0, "wall_angle": 20.0}
-    forming = ff.Forming(stack=plies, nx=4, stroke=4.0, dome=gentle)
+    plies = [{"metal": "dc04", "name": "metal"}, {"name": "fabric"}]
+    gentle = ["entry_radius=45", "wall_angle=20"]
+    forming = dome(plies=plies, nx=4, stroke=4.0, dome=gentle)
     formed = forming.job(steps=2, balance=None).run()
     unloaded = ff.unloading(formed, together=together).run()
     q, energy = unloaded.summary["quantities"], unloaded.summary["energy"]
@@ -118,9 +118,9 @@ def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
 
 def test_metal_that_yielded_all_over_is_not_driven_on_by_what_formed_it():
     """As dead forces drove it, 12 mm far, until it had yielded by a quarter more."""
-    plies = [ff.Ply(metal=ff.load_metal("dc04"), name="metal"), ff.Ply(name="fabric")]
-    gentle = {"entry_radius": 45.0, "wall_angle": 20.0}
-    forming = ff.Forming(stack=plies, nx=6, stroke=15.0, dome=gentle)
+    plies = [{"metal": "dc04", "name": "metal"}, {"name": "fabric"}]
+    gentle = ["entry_radius=45", "wall_angle=20"]
+    forming = dome(plies=plies, nx=6, stroke=15.0, dome=gentle)
     formed = forming.job(steps=6, balance=None).run()
     unloaded = ff.unloading(formed, together=False).run()
     before, after = formed.summary["energy"], unloaded.summary["energy"]

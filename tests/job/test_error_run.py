@@ -5,10 +5,11 @@ import json
 
 import numpy as np
 import pytest
-from builders import COARSE, COMM
+from builders import COARSE, COMM, dome
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.forming.build import FormingScene
 from fabric_fenicsx.job.error_run import FOLDER, coarsened
 from fabric_fenicsx.meshes.specimen import specimen, write
 from fabric_fenicsx.results.error import SAFETY, curve_errors, factor
@@ -136,7 +137,7 @@ def test_a_homogeneous_state_has_no_error():
 
 def test_a_formed_ply(launch, monkeypatch):
     # pictures of the formed ply have a test of their own
-    monkeypatch.setattr(ff.Forming, "pictures", lambda *_: None)
+    monkeypatch.setattr(FormingScene, "pictures", lambda *_: None)
     coarse = "--nx", 6, "--steps", 4, "--stroke", 24, "--max-imbalance", 0.2, "--balance", 1
     done = launch("double_dome", *coarse, "--error")
     assert done.status == 0, done.err
@@ -174,9 +175,9 @@ def test_a_stack():
 
 
 def test_a_forming_stack_is_made_coarser():
-    plies = [ff.Ply(fibre_angle=45, nx=6), ff.Ply()]
-    test = ff.Forming(stack=plies, nx=8, stroke=5).coarser()
-    assert test.nx == 4 and [ply.nx for ply in test.plies] == [3, None]
+    plies = [{"fibre_angle": 45, "nx": 6}, {}]
+    coarser = dome(plies=plies, nx=8, stroke=5.0).coarser()
+    assert [sheet.nx for sheet in coarser.sheets] == [3, 4]
 
 
 @pytest.mark.parametrize("order", [1.0, 2.0])

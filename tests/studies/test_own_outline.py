@@ -5,12 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from builders import dome, dome_press
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import Study
 from fabric_fenicsx.coupons.coupon import Tensile
-from fabric_fenicsx.forming.forming import Forming
-from fabric_fenicsx.forming.plies import read_plies
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import tensile  # noqa: E402
@@ -83,14 +82,14 @@ def test_a_file_that_is_not_there_is_told_at_once(launch):
 
 def test_a_whole_ply_off_the_punch_is_told_and_centred(table):
     made = {"outline": table(500, 300), "size": 40, "full": True, "fibre_angle": 30}
-    off = Forming(FABRIC, **made)
+    off = dome(FABRIC, **made)
     told = [words for words in off.warnings if "has its centre at (250, 150) mm" in words]
     assert len(told) == 1 and "`centred` puts it there" in told[0]
-    ply = Forming(FABRIC, **made, centred=True)
+    ply = dome(FABRIC, **made, centred=True)
     assert np.ravel(ply.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
     assert not [words for words in ply.warnings if "has its centre" in words]
-    with pytest.raises(ff.InputError, match="beyond the quarter x, y >= 0; allowed is `full`"):
-        Forming(FABRIC, **made | {"full": False}, centred=True)
+    with pytest.raises(ff.InputError, match="beyond the quarter x, y >= 0; allowed is the whole"):
+        dome(FABRIC, **made | {"full": False}, centred=True)
 
 
 def test_plies_of_a_stack_have_outlines(table, tmp_path):
@@ -98,26 +97,25 @@ def test_plies_of_a_stack_have_outlines(table, tmp_path):
     stack = tmp_path / "stack.toml"
     each = 'outline = "ply.csv"\nsize = 50\ncentred = true\n'
     stack.write_text(f'unit = "mm"\n[[ply]]\n{each}[[ply]]\n{each}fibre_angle = 45\n')
-    forming = Forming(FABRIC, stack=str(stack), full=True)
+    forming = dome(FABRIC, stack=str(stack), full=True)
     for sheet in forming.blank.sheets:
         assert np.ravel(sheet.blank.extent())[[0, 1, 3, 4]] == pytest.approx([-250, -150, 250, 150])
-    assert forming.coarser().plies[1].size == 100
+    assert forming.coarser().sheets[1].size == 100
 
 
 @pytest.mark.parametrize(
     "lines, words",
     [
-        ('outline = "none.dxf"', "outline of ply 1 is 'none.dxf', no file"),
-        ("size = 8", "size of ply 1 is given without outline"),
-        ("layer = 3", "layer of ply 1 is 3; allowed is a name"),
-        ('outline = "ply.csv"\ncentred = "yes"', "centred of ply 1 is 'yes'; allowed is true or"),
-        ('outline = "ply.csv"\nlength = 9', "length of ply 1 is given beside outline"),
-        ('outline = "ply.csv"\nsize = 8\nnx = 9', "nx of ply 1 is given beside size"),
-        ('outline = "ply.csv"\nmesh = "ply.csv"', "outline of ply 1 is given beside mesh"),
+        ('outline = "none.dxf"', "`outline` is 'none.dxf', no file"),
+        ("size = 8", "`size` needs `outline`"),
+        ("layer = 3", "`layer` is 3; allowed is a name"),
+        ('outline = "ply.csv"\ncentred = "yes"', "`centred` is 'yes'; allowed is true or"),
+        ('outline = "ply.csv"\nsize = 8\nnx = 9', "`nx` is given beside `size`"),
+        ('outline = "ply.csv"\nmesh = "ply.csv"', "`outline` is given beside `mesh`"),
     ],
 )
 def test_what_is_wrong_with_a_plys_outline_is_told(table, tmp_path, lines, words):
     table(500, 300)
     (tmp_path / "stack.toml").write_text(f'unit = "mm"\n[[ply]]\n{lines}\n')
     with pytest.raises(ff.InputError, match=words):
-        read_plies(tmp_path / "stack.toml")
+        dome_press(stack=str(tmp_path / "stack.toml"))

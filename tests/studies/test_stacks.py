@@ -3,10 +3,9 @@
 from pathlib import Path
 
 import pytest
+from builders import dome_press
 
-from fabric_fenicsx.command_line.study import parser
-from fabric_fenicsx.forming.forming import Forming
-from fabric_fenicsx.forming.plies import read_plies
+from fabric_fenicsx.command_line.forming_study import DomeTest, dome_parser
 
 ROOT = Path(__file__).parents[2]
 FOLDER = "studies/stacks"
@@ -23,10 +22,10 @@ def test_angles_are_known_of_all_files():
 
 @pytest.mark.parametrize("stem", ANGLES)
 def test_each_file_is_read(stem):
-    plies = read_plies(ROOT / FOLDER / f"{stem}.toml")
+    plies = dome_press(stack=str(ROOT / FOLDER / f"{stem}.toml")).sheets
     assert [ply.fibre_angle for ply in plies] == ANGLES[stem]
     assert len({ply.name for ply in plies}) == len(plies)
 
 
 def test_help_says_where_they_are():
-    assert FOLDER in "".join(parser(Forming, "").format_help().split())
+    assert FOLDER in "".join(dome_parser(DomeTest, "").format_help().split())

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from builders import Elastic, Springs, sheet
+from builders import Elastic, Springs, dome, sheet
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.material.functions import log, sqrt, where
@@ -244,7 +244,7 @@ def test_a_term_that_drives_the_sheet_is_told(sign, told):
 @pytest.mark.mpi
 def test_terms_of_the_package_in_a_scene():
     """Among them a tool moved by force, which takes from the tangent."""
-    ply = ff.Forming(KOMEILI, nx=6, holder=ff.ForceHolder())
+    ply = dome(KOMEILI, nx=6, holder=ff.ForceHolder())
     for term in ply.scene.terms:
         assert "agree" in ff.check_derivatives(term, ply.scene, load=0.02), term.name
 

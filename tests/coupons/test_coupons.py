@@ -1,0 +1,92 @@
+"""Tests as dataclasses: their fields are checked, and scripts have the same ones."""
+
+import dataclasses
+
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.command_line.study import parser
+
+COUPONS = ff.Tensile, ff.BiasExtension, ff.PictureFrame
+
+
+@pytest.mark.parametrize("kind", COUPONS)
+def test_options_are_the_fields_with_their_defaults(kind):
+    options = vars(parser(kind, "").parse_args([]))
+    for each in dataclasses.fields(kind):
+        if "help" in each.metadata:
+            default = [] if "repeated" in each.metadata else each.default
+            if "kinds" in each.metadata:  # an object by its name, with an option of its own
+                made = each.metadata["kinds"][options[each.name]](options[default.OPTION])
+                assert made == default
+            else:
+                assert options[each.name] == default, each.name
+
+
+@pytest.mark.parametrize(
+    "kind, fields, words",
+    [
+        (ff.Tensile, {"nx": 0}, "`nx` is 0; allowed is a whole number of 1 or more"),
+        (
+            ff.Tensile,
+            {"fabric": "komeili"},
+            "`fabric` is 'komeili'; allowed is a fabric, as `load(",
+        ),
+        (
+            ff.Membrane,
+            {"fabric": "komeili"},
+            "fabric of a membrane is 'komeili'; allowed is a fabr",
+        ),
+        (
+            ff.Tensile,
+            {"fibre_angle": 400},
+            "`fibre_angle` is 400; allowed is an angle from -360 to 360 deg",
+        ),
+        (
+            ff.Tensile,
+            {"fiber_angle": 1},
+            "(did you mean fibre_angle?); allowed are fabric, mesh, outline",
+        ),
+        (ff.Tensile, {"nx": 2.5}, "`nx` is 2.5; allowed is a whole number of 1 or more"),
+        (ff.Tensile, {"strain": float("nan")}, "`strain` is nan; allowed is a fraction"),
+        (ff.Tensile, {"width": "wide"}, "`width` is 'wide'; allowed is a number above 0"),
+        (ff.Tensile, {"pattern": "zigzag"}, "`pattern` is 'zigzag'; allowed is one of crossed"),
+        (ff.Tensile, {"grips": "glue"}, "`grips` is 'glue'; allowed is one of clamped, rollers"),
+        (ff.BiasExtension, {"length": 80}, "allowed is a length of 2 widths or more"),
+        (ff.BiasExtension, {"in_plane_bending": 1, "element": "P3"}, "allowed are P1, and P2"),
+        (ff.PictureFrame, {"fibre_angle": 30}, "allowed is 0 and 90, along its arms"),
+        (ff.PictureFrame, {"pre_tension": 0.5}, "allowed is a strain from 0 to 0.1"),
+    ],
+)
+def test_a_field_that_is_not_allowed(kind, fields, words):
+    with pytest.raises(ff.InputError) as error:
+        kind(**fields).build()
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize("make", [*COUPONS, lambda mesh: ff.Blank.read(mesh)])
+def test_a_mesh_that_is_no_name_of_a_file(make):
+    words = "mesh file is given as Blank; allowed is its name, as a text or a path"
+    with pytest.raises(ff.InputError, match=words):
+        make(mesh=ff.Blank.rectangle(20, 10, nx=2)).build()
+
+
+@pytest.mark.parametrize("kind", [ff.Tensile, ff.BiasExtension, ff.PictureFrame])
+def test_a_coupon_is_data(kind):
+    """It compares, is replaced field by field, and stays as it was given when it is built."""
+    test = kind(nx=4)
+    assert test == kind(nx=4) == dataclasses.replace(kind(nx=5), nx=4) != kind(nx=5)
+    built = test.build()
+    assert test == kind(nx=4) and test.integration is None
+    assert (built.data.nx, built.data.integration) == (4, "full")
+    assert built.data.build().data == built.data
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        test.nx = 5
+
+
+@pytest.mark.parametrize("kind", [ff.Tensile, ff.BiasExtension])
+def test_defaults_are_those_of_the_scripts(kind):
+    made = kind().build()
+    job = made.job()
+    assert (made.data.nx, made.data.element, job.steps) == (32, "P2", 20)
+    assert (job.tolerance, job.path_tolerance, job.every) == (1e-8, 1e-4, 5)

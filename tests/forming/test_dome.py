@@ -1,0 +1,279 @@
+"""The press of the double dome: its options, own punches, a quarter and a whole ply."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from builders import COMM, KOMEILI, dome, dome_press
+from mpi4py import MPI
+from scipy.spatial import Delaunay
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.command_line.forming_study import DIMENSIONS, DomeTest, dome_parser
+from fabric_fenicsx.meshes.double_dome import double_dome
+
+
+def test_options_are_the_fields_with_their_defaults():
+    options = vars(dome_parser(DomeTest, "").parse_args([]))
+    for owner in (DomeTest, ff.Interface, ff.Sheet):
+        for each in dataclasses.fields(owner):
+            if each.metadata.get("group") in (None, "weave", "ply") or each.name == "nx":
+                continue
+            default = [] if "repeated" in each.metadata else each.default
+            if "kinds" in each.metadata:  # an object by its name, with an option of its own
+                made = each.metadata["kinds"][options[each.name]](options[default.OPTION])
+                assert made == default
+            else:
+                assert options[each.name] == default, each.name
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"dome": ["depht=3"]}, "`dome` NAME=VALUE: depht (did you mean depth?): no dimension"),
+        (
+            {"dome": ["60", "waist=wide", "hight=3", "depth=-1"]},
+            "`dome` NAME=VALUE: 60, hight: no dimension of the double dome has this name; allowed "
+            f"are {', '.join(DIMENSIONS)}; waist is 'wide'; allowed is a number above 0; "
+            "depth is -1.0; allowed is a number above 0",
+        ),
+        ({"stroke": 1000}, "`stroke` 1000 is deeper than the die; allowed is up to 60 mm"),
+        ({"surface": ff.Sphere(5, (0, 0, -5))}, "allowed is the die of an open surface"),
+        ({"surface": ff.Sphere}, "tools.punch.file is <class"),
+        ({"surface": ff.Tool(ff.Sphere(30))}, "tools.punch.file is <fabric"),
+        ({"punch": "punch.stl", "dome": ["depth=50"]}, "`dome` is not allowed beside `punch`"),
+        ({"clearance": 30}, "clearance is 30, which leaves the die no radius where the tool is ho"),
+        (
+            {"fabric": KOMEILI.replace(thickness=40)},
+            "clearance is 51.5647, which leaves the die no",
+        ),
+        ({"lag": None}, "`lag` is None; allowed is"),
+        ({"stack": "nowhere.toml"}, "stack file nowhere.toml does not exist or is not a file"),
+    ],
+)
+def test_what_is_refused(given, words):
+    with pytest.raises(ff.InputError) as error:
+        dome(**{"nx": 4} | given)
+    assert words in str(error.value)
+
+
+def test_a_punch_as_a_surface_is_the_dome_of_its_dimensions():
+    found = []
+    for punch in ({"surface": ff.DoubleDome(depth=55)}, {"dome": ["depth=55"]}):
+        result = dome(nx=6, stroke=10.0, **punch).job(steps=4).run()
+        assert result.summary["converged"]
+        found.append([row["reaction_N"] for row in result.rows])
+    assert found[0] == pytest.approx(found[1], rel=1e-9) and found[0][-1] > 0
+
+
+class Own(ff.Surface):
+    """Another surface, of which nothing else is known."""
+
+    def __init__(self, other):
+        self.other, self.radii = other, other.radii
+
+    def nearest(self, points, reach):
+        return self.other.nearest(points, reach)
+
+
+def test_a_punch_of_ones_own_forms_part_of_the_way():
+    """Its triangles are asked for in tests of the study, from a file."""
+    coarse, found = {"nx": 6, "penalty": 680.0}, []
+    for punch in (ff.DoubleDome(), Own(ff.DoubleDome())):
+        made = dome(surface=punch, stroke=10.0, **coarse)
+        told = made.job(steps=4).run().summary["quantities"]
+        assert not made.closed() and "slope_rms_deg" not in told["wrinkles"]
+        found.append((told["punch_force_N"], told["draw_in"]["largest_mm"]))
+    assert found[1] == pytest.approx(found[0], rel=1e-3)
+
+
+def test_tools_close_to_the_clearance_that_is_asked():
+    """Whatever the punch; where it stops before, they are not closed."""
+    sizes = {"length": 300.0, "width": 200.0, "nx": 8}
+    for clearance in (1.2 * KOMEILI.thickness_under(0.0), 1.5):
+        made = dome(surface=Bump(25.0, 80.0), clearance=clearance, **sizes)
+        way = made.tools["punch"].path(1.0) - made.tools["punch"].path(0.0)
+        assert way[2] == pytest.approx(25.0, abs=1e-6)
+        assert list(made.closed()) == ["punch"]
+        assert made.schedule.distance("punch", 1.0) == pytest.approx(clearance)
+    assert not dome(surface=Bump(25.0, 80.0), stroke=24.9, **sizes).closed()
+    words = "tools die and punch go .* through one another at the end of forming"
+    with pytest.raises(ff.InputError, match=words):
+        dome(surface=Bump(25.0, 80.0), stroke=27.0, **sizes)
+
+
+def test_a_stage_may_close_a_die_that_comes_later():
+    """After another stage has moved the punch by part of the way."""
+    press = dome_press(nx=4)
+    stages = [ff.Stage("first", moves={"punch": 20}, steps=1), ff.Stage("rest", close=1.2, steps=1)]
+    two = press.replace(stages=stages).build()
+    heights = [two.tools["punch"].path(load)[2] for load in (0, 0.5, 1)]
+    assert np.diff(heights) == pytest.approx([20, 40])
+    for stage, words in (
+        (
+            ff.Stage(close=1.2, moves={"punch": 3}),
+            "stage.stage 1.moves.punch is not allowed beside",
+        ),
+        (ff.Stage(close=1.2, moves={"die": -3}), ""),
+    ):
+        if words:
+            with pytest.raises(ff.InputError, match=words):
+                press.replace(stages=[stage])
+    with pytest.raises(ff.InputError, match="close needs a tool with a die, as die_of"):
+        ff.Press.read("hemisphere", ["stage.1.close=1.2"])
+
+
+def test_a_punch_whose_normals_point_down_is_turned_round():
+    points, triangles = double_dome(size=20, turn=15)
+    made = dome(surface=ff.TriangulatedSurface(points, triangles[:, ::-1]), stroke=5.0, nx=4)
+    assert made.tools["punch"].surface.evaluate([[0, 0, 80.0]]).gap[0] > 0
+    assert any("turned round" in text for text in made.warnings)
+
+
+def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():
+    points, triangles = double_dome(size=20, turn=15)
+    whole = (abs(points[triangles].mean(1)[:, :2]) > 30).any(1)
+    with pytest.raises(ff.InputError, match="tools.punch is open at .* beneath the blank; allowed"):
+        dome(surface=ff.TriangulatedSurface(points, triangles[whole]), nx=4)
+    with pytest.raises(ff.InputError, match="tools.punch is 20.47 mm large, which speaks of inch"):
+        dome(surface=ff.TriangulatedSurface(points / 25.4, triangles), nx=4)
+
+
+def test_dimensions_of_the_dome_are_options():
+    made = dome(nx=4, dome=["depth=55"])
+    assert made.tools["punch"].surface == ff.DoubleDome(depth=55)
+    assert made.schedule.travel(1.0) == pytest.approx(55)
+
+
+def test_a_whole_ply_has_a_node_at_its_centre():
+    made = [dome(full=True, nx=n).sheets[0] for n in (12, 22, 47)]
+    assert [(sheet.nx, sheet.ny) for sheet in made] == [(12, 6), (22, 12), (48, 28)]
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        (
+            {"holder": ff.PressureHolder(5e4)},
+            ["holders.blank holder.pressure is 50000, which is much: pressures"],
+        ),
+        ({"metal_friction": 0.1}, []),
+    ],
+)
+def test_numbers_that_speak_of_another_unit_are_doubted(given, words):
+    told = dome(nx=4, **given).warnings
+    assert len(told) == len(words) and all(map(str.startswith, told, words))
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("cells", [{"nx": 12}, {"nx": 11}, {"nx": 6, "pattern": "unstructured"}])
+def test_a_whole_ply_is_fixed_in_the_nodes_nearest_to_centre_and_end(cells):
+    """One of each, also where several are as near."""
+    made = dome(full=True, **cells)
+    x = made.blank.coordinates()[: made.blank.V.dofmap.index_map.size_local]
+    for support, place in zip(made.scene.supports.given, ((0, 0), (235, 0))):
+        fixed = np.vstack(COMM.allgather(x[support.where(x.T)]))
+        least = COMM.allreduce(np.hypot(*(x[:, :2] - place).T).min(initial=np.inf), MPI.MIN)
+        assert len(fixed) == 1
+        assert np.hypot(*(fixed[0, :2] - place)) == pytest.approx(least, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "angle, said",
+    [
+        (0, False),
+        (45, False),
+        (30, True),
+        (90, False),
+        (45 + 1e-10, False),
+        (-45, False),
+        (1e-10, False),
+    ],
+)
+def test_a_quarter_whose_yarns_no_plane_mirrors_is_warned_of(angle, said):
+    made = dome(nx=4, fibre_angle=angle)
+    assert any("mirror images" in text for text in made.warnings) == said
+
+
+def test_a_quarter_of_an_unbalanced_fabric_at_45_deg_is_warned_of(unbalanced):
+    made = dome(unbalanced, nx=4, fibre_angle=45)
+    assert any("mirror" in text for text in made.warnings)
+
+
+class Bump(ff.ImplicitSurface):
+    """z = h (1 - r^2 / R^2)^3 within R of the origin, a flange beyond."""
+
+    def __init__(self, height, radius):
+        self.height, self.radius = height, radius
+        self.radii = (radius**2 / (6 * height),) * 2
+
+    def implicit(self, x):
+        zero, squared = 0 * x[0], self.radius**2
+        s = np.maximum(0, 1 - (x[0] ** 2 + x[1] ** 2) / squared)
+        d, dd = -6 * self.height * s**2 / squared, 24 * self.height * s / squared**2
+        mixed = dd * x[0] * x[1]
+        flat = [[d + dd * x[0] ** 2, mixed, zero], [mixed, d + dd * x[1] ** 2, zero], [zero] * 3]
+        gradient = np.array([-d * x[0], -d * x[1], zero + 1])
+        return x[2] - self.height * s**3, gradient, -np.array(flat)
+
+    def bound(self, F, x):
+        return abs(F) / np.hypot(1, 1.72 * self.height / self.radius)
+
+
+class Changed(Bump):
+    """A bump of 25 mm that rises from x = `at` [mm], with F, gradient and Hessian times `by`."""
+
+    def __init__(self, at=0.0, by=1.0):
+        super().__init__(25.0, 80.0)
+        self.at, self.by = np.array([[at], [0], [0]]), by
+
+    def implicit(self, x):
+        return tuple(self.by * each for each in super().implicit(x - self.at))
+
+
+@pytest.mark.parametrize("by", [np.nan, -1])
+def test_a_punch_of_ones_own_that_can_be_none(by):
+    with pytest.raises(ff.InputError, match="tools.punch|tools.die|surface Changed"):
+        dome(surface=Changed(by=by), length=300.0, width=200.0, nx=8)
+
+
+@pytest.mark.parametrize(
+    "at, full, said", [(20, False, True), (20, True, False), (0, False, False)]
+)
+@pytest.mark.parametrize("triangles", [False, True])
+def test_a_punch_that_is_not_its_own_mirror_image_is_warned_of(at, full, said, triangles):
+    punch = Changed(at)
+    if triangles:
+        x, y = np.meshgrid(np.linspace(-200, 200, 41), np.linspace(-150, 150, 31))
+        z = 25 * np.maximum(0, 1 - ((x - at) ** 2 + y**2) / 80**2) ** 3
+        plan = np.column_stack([x.ravel(), y.ravel()])
+        triangles = Delaunay(plan).simplices.astype(np.int64)
+        punch = ff.TriangulatedSurface(np.column_stack([plan, z.ravel()]), triangles)
+    made = dome(surface=punch, length=300.0, width=200.0, nx=8, full=full)
+    words = "tools.punch is not its own mirror image in x = 0: it is at ("
+    assert any(words in text for text in made.warnings) == said
+
+
+def test_a_ply_over_a_surface_of_ones_own_is_drawn(tmp_path):
+    sizes = {"length": 300.0, "width": 200.0, "holder": ff.Grippers(), "nx": 8}
+    job = dome(surface=Bump(25.0, 80.0), **sizes).job(steps=8, limits=ff.Limits(imbalance=0.3))
+    result = job.run(tmp_path / "bump")
+    assert result.summary["quantities"]["punch_force_N"] > 0
+    for name in ("formed", "outline", "paths", "states"):
+        assert (tmp_path / "bump" / f"{name}.png").stat().st_size > 10_000
+
+
+def test_a_report_says_what_is_formed_over_what():
+    title, words = dome(nx=4).title_and_text()
+    assert title == "Double dome" and words == "Forming of a ply by die, punch: forming."
+    assert "2 plies" in dome(nx=4, plies=[{"fibre_angle": 45}, {}]).title_and_text()[1]
+
+
+def test_quadratic_cells_of_a_ply_are_twice_as_large_by_default():
+    """So nodes are as many; who gives a number of rectangles gets it."""
+    made = []
+    for given in ({}, {"nx": 8}, {"element": "P2"}):
+        press = dome_press(fibre_angle=30, **given)
+        sheet = press.sheets[0] if "nx" in given else dataclasses.replace(press.sheets[0], nx=None)
+        made.append(press.replace(sheets=sheet).build().sheets[0])
+    assert [(sheet.nx, sheet.element) for sheet in made] == [(12, "P2"), (8, "P2"), (24, "P2")]
