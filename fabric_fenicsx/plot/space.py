@@ -22,13 +22,13 @@ SCREEN = (2400, 1500)  # pixels drawn
 COLOURS = "YlOrRd"  # light, so that the shading shows the shape
 VIEW = 0.4, -1.0, 0.75  # from the ply to the camera
 STEEL, TOOL, YARNS = "#8f9aa8", "#d3d8e0", "#30343b"
-YARN = "yarn_coordinate"  # how fields at points begin that tell the distance across yarns
+YARN = "yarn_coordinate"  # distance across yarns, at points
 SHEAR = "magnitude of the shear angle / deg"
 
 
 @contextmanager
 def screen() -> Iterator[None]:
-    """Where VTK can draw: a screen of its own if it needs one that is not there."""
+    """Context in which VTK can draw: with a screen of its own if it needs one and there is none."""
     # 9.4 and later draw without one, by EGL
     if os.environ.get("DISPLAY") or pyvista.vtk_version_info >= (9, 4):
         yield
@@ -135,7 +135,7 @@ def surface_of(grid: Grid, full: bool = True, formed: bool = True) -> pyvista.Po
 
 
 def mirrored(surface: pyvista.PolyData, planes: Iterable[int]) -> pyvista.PolyData:
-    """What of a surface is in x >= 0 or y >= 0, where these are `planes` of symmetry, and its
+    """The part of a surface in x >= 0 or y >= 0, where these are `planes` of symmetry, and its
     images."""
     for axis in planes:
         normal = np.eye(3)[int(axis)]

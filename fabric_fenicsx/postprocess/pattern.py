@@ -138,7 +138,7 @@ def _nearest(ply, points, reach):
 
 
 def _on_edge(ply, places):
-    """Whether places (n, 2) of the flat ply lie on its edge."""
+    """Mask of places (n, 2) of the flat ply that lie on its edge."""
     edge = _sheet(ply).boundary
     return shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
 

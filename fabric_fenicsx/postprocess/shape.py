@@ -90,13 +90,11 @@ def value_at(grid: Grid, place: ArrayLike, name: str) -> float:
     ply = ply_of(grid)
     known = sorted(each for each, values in ply.fields.items() if values.ndim == 1)
     if name not in known:
-        raise InputError(f"field {name} is asked for; allowed are {', '.join(known)}")
+        raise InputError(f"the sheet has no field {name}; allowed are {', '.join(known)}")
     x, y = np.asarray(place, dtype=float)
     cell = int(Triangulation(*ply.x[:, :2].T, ply.triangles).get_trifinder()(x, y))
     if cell < 0:
-        raise InputError(
-            f"field {name} is asked for at ({x:g}, {y:g}) mm; allowed is a place on the flat ply"
-        )
+        raise InputError(f"({x:g}, {y:g}) mm is not on the flat sheet; allowed is a place on it")
     return float(ply.fields[name][cell])
 
 
@@ -148,8 +146,8 @@ def outline(grid: Grid, planes: Sequence[int] | None = None) -> list[Outline]:
 
 
 def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, Any]:
-    """How far the edge went inwards in plan [mm], as in `Outline`: {name: value} at the middle of
-    the long and of the short side of the rectangle around the ply, at its corner, each the mean of
+    """Ways of the edge inwards in plan [mm], as in `Outline`: {name: value} at the middle of the
+    long and of the short side of the rectangle around the ply, at its corner, each the mean of
     those that the grid has, and the largest of all points of the edge, with its place (x, y) on the
     flat ply. Where the grid has two such sides, also at the middle of each: `middle_at_low_x_mm`
     and so on. planes: as in `outline`."""
@@ -198,8 +196,7 @@ def wrinkles(
     thickness: float = 0.0,
     region: Callable[[np.ndarray], np.ndarray] | None = None,
 ) -> dict[str, Any]:
-    """How far the formed ply is from lying on `tool` (whose `evaluate` is that of `tools.Surface`):
-    {name: value}.
+    """Distance and slope of the formed ply from `tool`: {name: value}.
 
     height [mm]: distance of the ply's mid-surface from the tool's surface, less half the
     `thickness`; 0 where it lies on the tool, the amplitude of a wave about it. slope [deg]: angle

@@ -97,7 +97,7 @@ def sheets_of(grid: Grid, names: Sequence[str]) -> dict[str, Grid]:
 
 
 def of_fabric(grids: Mapping[str, Grid]) -> dict[str, Grid]:
-    """Those {name: grid} that have yarns."""
+    """The plies {name: grid} that have yarns."""
     return {name: grid for name, grid in grids.items() if "shear_angle" in grid.cell_data}
 
 

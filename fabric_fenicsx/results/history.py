@@ -100,10 +100,10 @@ def energy_balance(
     and loads where the path branches; energy: by kind, with `external_work`."""
     stored = sum(energy.values()) - energy["external_work"]
     kinds = [f"{kind}_energy_Nmm" for kind in energy if kind != "external_work"]
-    held = [abs(sum(row[kind] for kind in kinds)) for row in rows]
-    missing = [row["energy_imbalance"] * each for row, each in zip(rows, held)]
+    stores = [abs(sum(row[kind] for kind in kinds)) for row in rows]
+    missing = [row["energy_imbalance"] * each for row, each in zip(rows, stores)]
     at = missing.index(max(missing))
-    worst = missing[at] / max(*held, 1e-300)
+    worst = missing[at] / max(*stores, 1e-300)
     return {
         "energy_imbalance": abs(energy["external_work"] - stored) / max(abs(stored), 1e-300),
         "energy_imbalance_largest": {"value": worst, "load": rows[at]["load"]},

@@ -95,8 +95,8 @@ def largest_in(
 
 
 def near(comm: MPI.Comm, places: np.ndarray, point: ArrayLike, radius: float) -> np.ndarray:
-    """Which of all ranks' `places` (2 or more, n) lie within `radius` [mm] of `point` (2,), at
-    least the nearest one; (n,) of bool."""
+    """Mask (n,) of this rank's `places` (2 or more, n) within `radius` [mm] of `point` (2,); of all
+    ranks the nearest one at least."""
     distance = np.linalg.norm(places[:2] - np.asarray(point, float)[:, None], axis=0)
     return distance <= max(radius, extremes(comm, distance)[0])
 

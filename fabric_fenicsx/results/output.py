@@ -63,7 +63,7 @@ def failure_reason(path: Path) -> str:
 
 
 class Output:
-    """Where a run called `name` writes to: `path`, with a subfolder for each part of it.
+    """Output folder `path` of a run called `name`, with a subfolder for each part of it.
 
     resume: go on with the results there; overwrite: lose them. command: what log.txt begins with;
     translated: function of a message to its text with parameters as the reader writes them. `facts`
@@ -273,8 +273,8 @@ class Output:
             replace_file(folder / "summary.json", text)
 
     def report(self, description: str, ending: str, title: str = "") -> None:
-        """Write report.html of all that this run wrote, on rank 0; ending: how it ended, title: by
-        default the name."""
+        """Write report.html of all that this run wrote, on rank 0; ending: as of `report.page`,
+        title: by default the name."""
         if self.comm.rank != 0 or not self.begun:
             return
         from . import report

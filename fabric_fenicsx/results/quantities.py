@@ -52,8 +52,7 @@ def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
 
 
 def _known(extreme, comm, values):
-    """The least (`np.fmin`) or largest number of all ranks in a field (cells,), None if it has no
-    number or is not there."""
+    """Least (`np.fmin`) or largest number of all ranks in a field (cells,), None without any."""
     mine = np.nan if values is None else extreme.reduce(values, initial=np.nan)
     found = extreme.reduce(comm.allgather(float(mine)))
     return None if np.isnan(found) else float(found)
@@ -80,7 +79,7 @@ def _cells(parts):
 
 
 def pressure_quantities(result: Result) -> dict[str, float]:
-    """Of all sheets the largest mean pressure of a cell on the next sheet [MPa]; nothing of one."""
+    """Largest mean pressure of a cell on the next sheet, of all sheets [MPa]; nothing of one."""
     if "sheet_pressure" not in result.fields:
         return {}
     pressure = np.nan_to_num(result.fields["sheet_pressure"])
@@ -92,9 +91,9 @@ def pressure_quantities(result: Result) -> dict[str, float]:
 
 def shape(result: Result, part: Part, tool: Tool, middle: float, closed: bool) -> dict[str, Any]:
     """Draw-in, and slopes of wrinkles over the tool, of one ply, which is all of a sheet or a part
-    of a stack. Their height is left out: closed tools leave it no more than their play. middle:
-    height of its mid-surface over the tool that it lies on [mm]; closed: whether the tools are,
-    as otherwise the ply does not follow them and wrinkles are None."""
+    of a stack. middle: height of its mid-surface over the tool that it lies on [mm]; closed: True
+    of closed tools, which leave wrinkles no height; others the ply does not follow, and wrinkles
+    are None."""
     from ..postprocess.shape import wrinkles
 
     comm, slopes = result.scene.comm, None
@@ -133,8 +132,8 @@ def middle_of(sheets: Sequence[Any]) -> str:
 
 
 def middle_quantities(result: Result, name: str) -> dict[str, float]:
-    """Of ply `name`: the largest shear angle on the path at 45 deg, and the contrast of its shear
-    angle (see `shape.contrast`) [deg]."""
+    """Largest shear angle of ply `name` on the path at 45 deg, and contrast of its shear angle, as
+    of `shape.contrast` [deg]."""
     from ..postprocess import shape
 
     comm, found = result.scene.comm, {}
@@ -152,9 +151,9 @@ def middle_quantities(result: Result, name: str) -> dict[str, float]:
 
 
 def shear_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
-    """Of all cells of the `parts`, which are of fabric: the largest magnitude of the shear angle,
-    its place (x, y) of the flat sheet [mm], of several parts with the name of that part, and how
-    much yarns are shortened there; the angle that 99 % of the area stay below [deg]."""
+    """Shear of all cells of the `parts`, which are of fabric: the largest magnitude of the angle,
+    its place (x, y) of the flat sheet [mm], of several parts with the name of that part, and the
+    shortening of yarns there; the angle that 99 % of the area stay below [deg]."""
     comm, blank, cells = result.scene.comm, result.scene.blank, _cells(parts)
     angle = np.degrees(np.abs(result.fields["shear_angle"][cells]))
     also = shortening(result.fields)[cells]
@@ -174,11 +173,9 @@ def shortening(fields: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 def shortening_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
-    """Of all cells of the `parts`, which are of fabric: the largest shortening of a yarn under
-    compression (nominal strain, 0 if there is none) and its place (x, y) of the flat sheet [mm], of
-    several parts with the name of that part; the shares of the area in which it is more than each
-    of `SHARES`; and `excess_length_mm`, the length that a yarn has lost at most, see
-    `excess_length`."""
+    """Shortening of yarns under compression in all cells of the `parts`, which are of fabric: the
+    largest (nominal strain, 0 if there is none) with its place as of `shear_quantities`, the shares
+    of the area in which it is more than each of `SHARES`, and the `excess_length`."""
     comm, blank, cells = result.scene.comm, result.scene.blank, _cells(parts)
     values, areas = shortening(result.fields)[cells], blank.areas()[cells]
     largest, place, _ = measures.largest_in(blank, parts, values, values)
@@ -218,7 +215,7 @@ def excess_length(result: Result, part: Part) -> float | None:
 
 
 def fabric_warnings(result: Result) -> list[str]:
-    """Of each part of fabric of a sheet in space, as a plane one can't fold: a sentence where its
+    """Warnings of each part of fabric of a sheet in space, as a plane one can't fold: one where the
     largest shear angle depends on mesh and contact, one where yarns are shortened."""
     blank, fields = result.scene.blank, result.fields
     if blank.mesh.geometry.dim == 2 or not set(FIELDS) <= set(fields):

@@ -36,7 +36,7 @@ CAPTIONS = {
 # the end of a name -> its unit, the longest first
 UNITS = {"N_per_mm3": "N/mm^3", "N_per_mm": "N/mm", "Nmm": "N mm"}
 UNITS |= {unit: unit for unit in ("MPa", "MiB", "deg", "mm", "N")}
-# the beginning of a name -> its words, where these are not the name's own
+# the beginning of a name -> its text, where that is not the name's own
 WORDS = {
     "log_eps_11": "logarithmic strain along yarns a",
     "log_eps_22": "logarithmic strain along yarns b",

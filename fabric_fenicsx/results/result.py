@@ -105,8 +105,8 @@ class Result:
         if len(asked) != 1 and not force.any():
             name = tool if isinstance(tool, str) else tool.name
             raise InputError(
-                f"force of {name!r} is asked for, which {len(asked) or 'no'} tools of the scene "
-                "are; allowed is one of its own tools, or the name of one alone: "
+                f"the scene has {len(asked) or 'no'} tools {name!r}; allowed is one of its own "
+                "tools, or the name of one alone: "
                 f"{', '.join(each.name for each in tools) or 'it has none'}"
             )
         return output.tool_force(scene, asked[0]) if asked else force
@@ -124,9 +124,8 @@ class Result:
         low, high = measures.extremes(comm, z)
         if high - low > measures.SAME:
             raise InputError(
-                f"draw-in of {sheet or blank.name} is asked for, whose undeformed nodes are up to "
-                f"{rounded(high - low, 4)} mm apart along z; allowed is a sheet that is flat in z "
-                "= const"
+                f"undeformed nodes of {sheet or blank.name} are up to {rounded(high - low, 4)} mm "
+                "apart along z; draw-in needs a sheet that is flat in z = const"
             )
         planes, found = measures.planes_of_symmetry(self.scene, part), {}
         if comm.rank == 0:
@@ -136,13 +135,12 @@ class Result:
         return comm.bcast(found)
 
     def _sheet(self, asked, name):
-        """The part of that name, of which something is `asked`."""
+        """The part of that name, of which a quantity is `asked`."""
         blank = self.scene.blank
         part = blank.part(name)
         if part.is_whole and any(each.thickness for each in blank.parts.values()):
             raise InputError(
-                f"{asked} of {blank.name} is asked for; allowed is one of its sheets: "
-                f"{', '.join(blank.parts)}"
+                f"{asked} needs one of the sheets of {blank.name}: {', '.join(blank.parts)}"
             )
         return part
 
@@ -164,7 +162,7 @@ class Result:
         """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat sheet,
         or of the one of this name in a stack, on all ranks. Raises InputError for a place beside it
         and for a field that it does not have."""
-        self._sheet(f"field {name}", sheet)
+        self._sheet("a field", sheet)
         found: Any = None
         if self.scene.comm.rank == 0:
             from ..postprocess.shape import value_at
@@ -199,7 +197,7 @@ class Result:
         drawn = [each for each in known if each in kept]
         if name not in drawn:
             raise InputError(
-                f"a picture of {name} is asked for; allowed are the fields of the run "
+                f"there is no field {name} to draw; allowed are the fields of the run "
                 f"{', '.join(drawn)}"
             )
         if comm.rank == 0:

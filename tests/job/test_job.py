@@ -145,7 +145,7 @@ def test_a_picture_of_a_field_that_the_finished_run_did_not_keep(tmp_path):
 
     job(ff.Membrane).run(tmp_path / "out", pictures=False)
     later = job(Marked).run(tmp_path / "out", resume=True, pictures=False)
-    words = "a picture of mark is asked for; allowed are the fields of the run I10, .*shear_angle"
+    words = "there is no field mark to draw; allowed are the fields of the run I10, .*shear_angle"
     with pytest.raises(ff.InputError, match=words):
         later.plot("mark", tmp_path / "mark.png")
 
@@ -264,9 +264,7 @@ def test_a_force_is_asked_by_tool_or_by_name():
     assert result.force(ball)[2] > 0
     assert (result.force("ball") == result.force(ball)).all()
     for other in ("bowl", ff.Tool(ball.surface, ball.path, name="ball")):
-        with pytest.raises(
-            ff.InputError, match="force of 'b.*' is asked for, which no tools of the"
-        ):
+        with pytest.raises(ff.InputError, match="the scene has no tools 'b.*'; allowed"):
             result.force(other)
 
 
@@ -316,7 +314,7 @@ def test_edges_and_fields_at_a_place_are_asked():
     least, largest = result.summary["quantities"]["log_eps_11"]
     assert least <= result.at((100, 25), "log_eps_11") <= largest
     for place, name in (((300, 25), "log_eps_11"), ((100, 25), "nothing")):
-        with pytest.raises(ff.InputError, match=f"field {name} is asked for.*; allowed "):
+        with pytest.raises(ff.InputError, match="not on the flat sheet|has no field nothing"):
             result.at(place, name)
 
 
@@ -324,7 +322,7 @@ def test_a_field_that_cannot_be_drawn(tmp_path):
     result = ff.Tensile(**COARSE).job(steps=4).run()
     result.plot("eps_a", tmp_path / "eps.png")
     assert (tmp_path / "eps.png").stat().st_size > 1000
-    with pytest.raises(ff.InputError, match="picture of contact_gap .* allowed .* shear_angle"):
+    with pytest.raises(ff.InputError, match="no field contact_gap to draw; allowed .* shear_angle"):
         result.plot("contact_gap", tmp_path / "gap.png")
     assert not (tmp_path / "gap.png").exists()
 
@@ -334,12 +332,11 @@ def test_a_field_of_nodes_is_drawn(tmp_path, monkeypatch):
     floor = ff.Tool(ff.Plane((0, 0, -1), (0, 0, 1)), name="floor")
     terms = [ff.Membrane(ff.load("komeili")), ff.Bending(modulus=1.0), ff.Contact(floor)]
     result = ff.Job(ff.Scene(ply, terms, supports=ff.clamped_ends(0.1)), steps=1).run()
-    drawn, maps = [], pictures.maps
-    monkeypatch.setattr(pictures, "maps", lambda *given: drawn.append(given) or maps(*given))
+    drawn, shown = [], pictures.shown
+    monkeypatch.setattr(pictures, "shown", lambda *given: drawn.append(given) or shown(*given))
     result.plot("contact_gap", tmp_path / "gap.png")
     assert (tmp_path / "gap.png").stat().st_size > 1000
-    ((_, _, names, _, units),) = drawn
-    assert names == ("contact_gap, mean over each cell",) and units == {names[0]: "mm"}
+    assert drawn == [("contact_gap, mean over each cell", "mm")]
     with pytest.raises(
         ff.InputError, match="field contact_gap is asked .*, shear_angle.*; .*nodes"
     ):

@@ -65,9 +65,7 @@ def test_draw_in_of_a_sheet_of_a_stack(folder):
     terms = [ff.Membrane(ff.load("komeili")).on(name) for _, _, name in plies]
     result = shrunk(folder, ff.Stack(plies), (), 0 * SIZES, terms)
     assert result.draw_in("upper")["middle_of_long_side_mm"] == pytest.approx(2.0, abs=1e-5)
-    with pytest.raises(
-        ff.InputError, match="of stack is asked for; allowed is one of its sheets: lower, u"
-    ):
+    with pytest.raises(ff.InputError, match="draw-in needs one of the sheets of stack: lower, u"):
         result.draw_in()
     with pytest.raises(ff.InputError, match="has no part 'middle'"):
         result.draw_in("middle")
@@ -79,5 +77,5 @@ def test_draw_in_of_a_sheet_that_is_not_flat_is_refused(folder):
         return x + x[:, :1] * [0, 0, 0.01]
 
     scene = ff.Scene(sheet(45, 40, 3, 3, shape=shape, spatial=True), [Elastic()])
-    with pytest.raises(ff.InputError, match="0.45 mm apart along z; allowed is a sheet that"):
+    with pytest.raises(ff.InputError, match="0.45 mm apart along z; draw-in needs a sheet"):
         Result({}, [], {}, folder, scene).draw_in()
