@@ -183,7 +183,8 @@ class _Changed(Surface):
 def innermost(surface: Surface, points: np.ndarray) -> tuple[Surface, np.ndarray]:
     """The surface that others are made of, and points (n, 3) [mm] as they lie beside it."""
     while isinstance(surface, _Changed):
-        surface, points = surface.surface, surface.back(points)
+        points = surface.back(points)
+        surface = surface.surface
     return surface, points
 
 
