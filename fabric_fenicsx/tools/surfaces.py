@@ -136,7 +136,7 @@ class Surface:
         """Equality of kind and numbers."""
         if type(self) is not type(other):
             return NotImplemented
-        mine, others = self.fingerprint(), other.fingerprint()  # type: ignore[attr-defined]
+        mine, others = self.fingerprint(), other.fingerprint()
         same = (np.array_equal(mine[name], others[name]) for name in mine.keys() & others.keys())
         return mine.keys() == others.keys() and all(same)
 
