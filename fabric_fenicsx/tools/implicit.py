@@ -53,8 +53,8 @@ class ImplicitSurface(Surface):
         )
 
     def bound(self, F: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """Lower bound (n,) of the distance from x (3, n) [mm], where `value` is F (n,). Points
-        whose bound is beyond the reach are not projected; 0 projects all."""
+        """Lower bound of the distance (n,) [mm] from x (3, n) [mm], where `value` is F (n,). Points
+        with a bound beyond the reach are not projected; 0 projects all."""
         return np.zeros_like(F)
 
     def nearest(self, points: np.ndarray, reach: float) -> Nearest:
@@ -86,7 +86,7 @@ class ImplicitSurface(Surface):
         found.normal[at], found.curvature[at] = (0.0, 0.0, 1.0), 0.0
 
     def derivatives(self, x: np.ndarray) -> list[np.ndarray]:
-        """Result of `implicit` at x (3, n), checked."""
+        """Arrays that `implicit` gives at x (3, n); InputError if they are not as they must be."""
         given, n = self.implicit(x), x.shape[1]
         if not (isinstance(given, (tuple, list)) and len(given) == 3):
             found = f"{len(given)} arrays" if isinstance(given, (tuple, list)) else "no tuple"
