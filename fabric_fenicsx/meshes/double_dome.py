@@ -107,8 +107,8 @@ def _lines_of_dome(geo, dome, outline):
     joint, lines = None, []  # and its lines between them
     for s in dome.developed:
         radius = dome.dome_radius + s
-        places = centre + [radius, 0], centre + radius * across, (0.0, waist + s)
-        a, j, b = map(point, places)
+        ends = centre + [radius, 0], centre + radius * across, (0.0, waist + s)
+        a, j, b = map(point, ends)
         curve = geo.addCircleArc(a, dome_at, j)
         rest = geo.addLine(j, b) if waist_at is None else geo.addCircleArc(j, waist_at, b)
         x, y = geo.addLine(start, a), geo.addLine(b, end)
@@ -121,7 +121,7 @@ def _lines_of_dome(geo, dome, outline):
             geo.addPlaneSurface([geo.addCurveLoop(loop)])
         start, joint, end, lines = a, j, b, [curve, rest]
     places = [point(place) for place in outline]
-    rim = [geo.addLine(*ends) for ends in zip(places, places[1:])]
+    rim = [geo.addLine(p, q) for p, q in zip(places, places[1:])]
     for line in rim:
         geo.mesh.setTransfiniteCurve(line, 2)
     loop = [geo.addLine(start, places[0]), *rim, geo.addLine(places[-1], end), -lines[1], -lines[0]]

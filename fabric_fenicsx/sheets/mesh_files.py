@@ -4,7 +4,6 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 from mpi4py import MPI
 
 from ..readers.read import READ, read_surface_mesh
@@ -25,14 +24,11 @@ def on_root(comm: MPI.Comm, make: Callable[[], MeshArrays]) -> MeshArrays:
             part = make()
         except InputError as e:
             error = str(e)
-    known = part and (part.points.shape[1], part.cells.shape[1], part.kind, part.warnings)
-    error, known = comm.bcast((error, known))
+    empty = part and part._replace(points=part.points[:0], cells=part.cells[:0])
+    error, empty = comm.bcast((error, empty))
     if error:
         raise InputError(error)
-    if part:
-        return part
-    gdim, nodes, kind, warnings = known
-    return MeshArrays(np.empty((0, gdim)), np.empty((0, nodes), dtype=np.int64), kind, warnings)
+    return part or empty
 
 
 def read_mesh(path: Path | str) -> MeshArrays:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import ufl
@@ -13,9 +13,7 @@ from mpi4py import MPI
 
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
-
-if TYPE_CHECKING:
-    from .blank import Blank
+from .sheet_mesh import SheetMesh, bounds
 
 SAME = 1e-15  # by which directions may differ that are taken as one
 # cosine of the angle between an edge and a yarn that it follows: a bias test's force is 3 % too
@@ -36,14 +34,15 @@ class Part:
 
     def __init__(
         self,
-        blank: Blank,
+        blank: SheetMesh,
         name: str = "",
         local_cells: np.ndarray | None = None,
         thickness: float | None = None,
         orthogonal: bool | None = None,
     ) -> None:
         mesh, dofmap = blank.mesh, compat.dofmap(blank.V)
-        self.blank, self.name, self.thickness = blank, name, thickness
+        self.blank: Any = blank  # the `Blank`, which imports this
+        self.name, self.thickness = name, thickness
         self.is_whole = local_cells is None
         local = np.arange(len(dofmap)) if local_cells is None else local_cells
         self.cells = local[local < mesh.topology.index_map(2).size_local].astype(np.int32)
@@ -138,12 +137,3 @@ class Part:
         found = np.full(shape, none, dtype=values.dtype)
         found[self.cells] = values
         return found
-
-
-def bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and greatest of `values` (k, n) over n on all ranks, two arrays (k,)."""
-    low, high = values.min(1, initial=np.inf), values.max(1, initial=-np.inf)
-    lows, highs = np.empty_like(low), np.empty_like(high)
-    comm.Allreduce(low, lows, MPI.MIN)
-    comm.Allreduce(high, highs, MPI.MAX)
-    return lows, highs

@@ -125,7 +125,8 @@ def check_start(tool: Tool, places: np.ndarray, thickness: float, comm: MPI.Comm
     deep = gap < -thickness / 2  # may be a bound
     exact = tool.evaluate(places[deep]).gap
     gap[deep] = np.where(np.isnan(exact), gap[deep], exact)
-    nearest = min(zip(gap.tolist(), places.tolist()), default=(np.inf, []))
+    none: tuple[float, list[float]] = (np.inf, [])
+    nearest = min(zip(gap.tolist(), places.tolist()), default=none)
     off, place = min(comm.allgather(nearest))
     deep_in = thickness / 2 - off
     if deep_in > (0.5 + 1e-6) * thickness:

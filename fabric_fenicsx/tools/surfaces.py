@@ -136,7 +136,7 @@ class Surface:
         """Equality of kind and numbers."""
         if type(self) is not type(other):
             return NotImplemented
-        mine, others = self.fingerprint(), other.fingerprint()  # type: ignore[attr-defined]
+        mine, others = self.fingerprint(), other.fingerprint()
         same = (np.array_equal(mine[name], others[name]) for name in mine.keys() & others.keys())
         return mine.keys() == others.keys() and all(same)
 
@@ -183,7 +183,8 @@ class _Changed(Surface):
 def innermost(surface: Surface, points: np.ndarray) -> tuple[Surface, np.ndarray]:
     """The surface that others are made of, and points (n, 3) [mm] as they lie beside it."""
     while isinstance(surface, _Changed):
-        surface, points = surface.surface, surface.back(points)
+        points = surface.back(points)
+        surface = surface.surface
     return surface, points
 
 

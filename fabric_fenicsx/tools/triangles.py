@@ -59,10 +59,9 @@ def repaired(points: ArrayLike, triangles: ArrayLike, normals: ArrayLike | None 
     corners = x[cells]
     edges = np.roll(corners, -1, 1) - corners
     longest = (edges**2).sum(2).max(1, initial=0)
-    area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-10 * longest
-    first = np.zeros(len(cells), dtype=bool)  # of those with the same three points
-    first[np.unique(np.sort(cells, 1), axis=0, return_index=True)[1]] = True
-    area &= first
+    unlike = np.zeros(len(cells), dtype=bool)  # the first of those with the same three points
+    unlike[np.unique(np.sort(cells, 1), axis=0, return_index=True)[1]] = True
+    area = unlike & (np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) > 1e-10 * longest)
     if not area.any():
         raise InputError("the surface has no triangle with an area; allowed is one at least")
     used, number = np.unique(cells[area], return_inverse=True)

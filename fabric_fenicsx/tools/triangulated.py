@@ -149,7 +149,8 @@ class TriangulatedSurface(Surface):
         if found is None:
             raise InputError(wrong)
         try:
-            return cls(*found, crease)
+            points, triangles, normals = found
+            return cls(points, triangles, normals, crease)
         except InputError as error:
             raise InputError(f"surface file {path}: {error}") from None
 

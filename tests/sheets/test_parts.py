@@ -90,7 +90,9 @@ def test_patches_that_are_not_allowed(patches, words):
 def test_a_sheet_is_divided_once():
     blank = strip()
     blank.divide({"left": LEFT}, "rest")
-    with pytest.raises(ff.InputError, match="has parts left, rest already: it is divided"):
+    with pytest.raises(
+        ff.InputError, match="has parts left, rest already: it is divided only once"
+    ):
         blank.divide({"right": RIGHT}, "rest")
 
 

@@ -1,0 +1,221 @@
+"""The mesh of a sheet with its yarns, its displacement, and numbers at its cells and nodes."""
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from dolfinx.mesh import Mesh
+from mpi4py import MPI
+from numpy.typing import ArrayLike
+from petsc4py import PETSc
+from ufl.core.expr import Expr
+
+from .. import dolfinx_compat as compat
+from ..runtime.errors import InputError
+from .fibres import Direction, fibre_fields
+
+FLAT = 1e-6  # of its size, up to which a sheet is flat
+# flat triangles of cells, by their nodes: halves, or the four between a quadratic cell's nodes
+TRIANGLES = {
+    ("triangle", 1): [(0, 1, 2)],
+    ("triangle", 2): [(0, 5, 4), (5, 1, 3), (4, 3, 2), (5, 3, 4)],
+    ("quadrilateral", 1): [(0, 1, 2), (1, 3, 2)],
+}
+
+
+class SheetMesh:
+    """A mesh with fibre fields `a0`, `b0` and the displacement `u` in the space `V`, as in
+    `Blank`."""
+
+    V: fem.FunctionSpace
+    u: fem.Function
+
+    def __init__(
+        self,
+        mesh: Mesh,
+        a: Direction,
+        b: Direction | None,
+        frame: ArrayLike | None,
+        up: ArrayLike,
+        name: str,
+    ) -> None:
+        gdim = mesh.geometry.dim
+        self.mesh, self.name = mesh, name
+        self.a0, self.b0 = fibre_fields(mesh, a, b, up)
+        self.frame = np.eye(gdim) if frame is None else np.asarray(frame, dtype=float)
+        if self.frame.shape != (gdim, gdim) or not np.allclose(
+            self.frame @ self.frame.T, np.eye(gdim), atol=1e-12
+        ):
+            raise InputError(
+                f"frame of the blank is {self.frame.tolist()}; allowed are {gdim} orthonormal rows"
+            )
+        self._turned = not np.array_equal(self.frame, np.eye(gdim))
+        # no numbers of the form, so that all angles share a compiled one
+        self._axes = fem.Constant(mesh, self.frame.T.copy())
+
+    def interpolate(self, degree: int) -> None:
+        """Make the displacement, of this degree."""
+        self.V = compat.vector_space(self.mesh, "Lagrange", degree, self.mesh.geometry.dim)
+        self.u = fem.Function(self.V, name="u")
+
+    @property
+    def displacement(self) -> Expr:
+        """Displacement along x, y, z, a UFL vector (gdim,) in `u` [mm]."""
+        return self.in_space(self.u)
+
+    def in_space(self, u: Expr) -> Expr:
+        """Components along x, y, z of a UFL vector with components along the frame's axes."""
+        return ufl.dot(self._axes, u) if self._turned else u
+
+    @property
+    def degree(self) -> int:
+        """Polynomial degree of the displacement."""
+        return compat.degree(self.V)
+
+    def coordinates(self) -> np.ndarray:
+        """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm]."""
+        return self.V.tabulate_dof_coordinates()
+
+    def generic_displacement(self) -> np.ndarray:
+        """A displacement of this rank's owned nodes (n, gdim) of about size 1 that no mode is
+        orthogonal to: a function of their places, so neither ranks nor their numbering matter."""
+        owned, gdim = self.V.dofmap.index_map.size_local, self.mesh.geometry.dim
+        low, high = self.extent()
+        x = (self.along(self.coordinates()[:owned].T).T - low) / (high - low).max()
+        waves = np.sqrt([2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0])[: gdim**2]
+        waves = waves.reshape(gdim, gdim)
+        return np.cos(3 * x @ waves) + np.sin(17 * x @ waves.T)
+
+    def nodal_displacement(self) -> np.ndarray:
+        """Displacement along x, y, z at the local nodes, (nodes, gdim) [mm]."""
+        values = self.u.x.array.reshape(-1, self.mesh.geometry.dim)
+        return values @ self.frame if self._turned else values
+
+    def along(self, points: np.ndarray) -> np.ndarray:
+        """Coordinates along the frame's axes (gdim, n) of points (3, n) [mm]."""
+        return self.frame @ points[: len(self.frame)]
+
+    def extent(self) -> tuple[np.ndarray, np.ndarray]:
+        """Least and greatest undeformed coordinates along the frame's axes, two arrays (gdim,)
+        [mm]."""
+        return bounds(self.mesh.comm, self.along(self.mesh.geometry.x.T))
+
+    def midpoints(self) -> np.ndarray:
+        """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
+        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
+        return self.along(self.mesh.geometry.x[nodes].mean(1).T)
+
+    def is_flat(self) -> bool:
+        """True if the undeformed sheet lies in a plane z = const; on all ranks together."""
+        low, high = bounds(self.mesh.comm, self.mesh.geometry.x.T)
+        return bool(high[2] - low[2] <= FLAT * (high - low).max())
+
+    def places(self) -> np.ndarray:
+        """Undeformed centres of the owned cells, (cells, 2) along x and y, if the sheet is not flat
+        (cells, 3) along z, too [mm]."""
+        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
+        return self.mesh.geometry.x[nodes].mean(1)[:, : 2 if self.is_flat() else 3]
+
+    def corners(self) -> np.ndarray:
+        """Undeformed corners of the owned cells along the frame's axes, in order around each,
+        (cells, 3 or 4, gdim) [mm]."""
+        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
+        x = self.mesh.geometry.x[nodes[:, self.around]]
+        along = self.along(x.reshape(-1, 3).T)  # some ranks have no cell
+        return np.moveaxis(along.reshape(len(along), *x.shape[:2]), 0, -1)
+
+    @property
+    def triangulated(self) -> bool:
+        """True if `triangles` are all of the sheet's shape: P1, and P2 with straight sides."""
+        return compat.is_affine(self.mesh) and self.degree <= 2
+
+    def triangles(self, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Local nodes of `u` at the corners of the flat triangles that contact and bending take
+        local `cells` as, (cells, k, 3): a linear triangle itself, halves of a quadrilateral, the
+        four between the nodes of a quadratic triangle."""
+        cell = compat.cell_name(self.mesh)
+        corners = TRIANGLES.get((cell, self.degree), TRIANGLES[cell, 1])
+        found = compat.dofmap(self.V)[cells][:, corners]
+        # by their places: ranks may turn a cell, and terms remember values in its triangles
+        places = np.moveaxis(self.coordinates()[found].mean(2).round(6), 2, 0)
+        order = np.lexsort(places[::-1], axis=1)
+        return np.take_along_axis(found, order[:, :, None], axis=1)
+
+    def areas(self) -> np.ndarray:
+        """Undeformed areas of the owned cells, of those with curved edges between their corners,
+        (cells,) [mm2]."""
+        return _areas(self.corners())
+
+    def area_ratios(self) -> np.ndarray:
+        """Areas of the owned cells now over those of the flat sheet, both as `areas`, (cells,)."""
+        x = self.coordinates()[:, : self.mesh.geometry.dim] + self.nodal_displacement()
+        corners = compat.dofmap(self.V)[: self.mesh.topology.index_map(2).size_local]
+        return _areas(x[corners[:, self.around]]) / self.areas()
+
+    @property
+    def around(self) -> list[int]:
+        """Corners of a cell, of its nodes, in order around it."""
+        return [0, 1, 2] if compat.cell_name(self.mesh) == "triangle" else [0, 1, 3, 2]
+
+    def inverted_area(self) -> ufl.Form:
+        """Area [mm2] of the cells that a plane displacement turns inside out, which a law in
+        invariants of C alone can't see."""
+        J = ufl.det(ufl.Identity(2) + ufl.grad(self.displacement))
+        degree = 1 if compat.is_affine(self.mesh) and self.degree == 1 else 4
+        return ufl.conditional(ufl.gt(J, 0), 0.0, 1.0) * ufl.Measure(
+            "dx", self.mesh, metadata={"quadrature_degree": degree}
+        )
+
+    def summed(self, values: np.ndarray, cells: np.ndarray | None = None) -> np.ndarray:
+        """Sums at the local nodes of `u`, (nodes, k), over the cells around each, of all ranks, of
+        `values` (owned cells, nodes of a cell or its corners, k); cells: which of the owned
+        (all)."""
+        nodes = compat.dofmap(self.V)[slice(len(values)) if cells is None else cells]
+        nodes = nodes[:, : values.shape[1]]
+        total = np.zeros((len(self.coordinates()), values.shape[2]))
+        np.add.at(total, nodes.ravel(), values.reshape(-1, values.shape[2]))
+        return self._exchanged(total, add=True)
+
+    def cell_means(self, values: np.ndarray) -> np.ndarray:
+        """Means over the nodes of each owned cell, (cells,), of `values` (owned nodes,), on all
+        ranks together."""
+        nodes = compat.dofmap(self.V)[: self.mesh.topology.index_map(2).size_local]
+        return self.with_ghosts(values)[nodes].mean(1)
+
+    def with_ghosts(self, values: np.ndarray) -> np.ndarray:
+        """`values` (owned nodes,) or (owned nodes, k) of `u` at all local nodes, ghosts too."""
+        local = np.zeros((len(self.coordinates()), *values.shape[1:]))
+        local[: len(values)] = values
+        return self._exchanged(local.reshape(len(local), -1), add=False).reshape(local.shape)
+
+    def _exchanged(self, local, add):
+        """Values (local nodes, k) with those of their owners, added up over ranks before."""
+        gdim, vector = self.mesh.geometry.dim, compat.petsc_vector(self.u).duplicate()
+        found = np.empty_like(local)
+        for start in range(0, local.shape[1], gdim):
+            columns = slice(start, min(start + gdim, local.shape[1]))
+            with vector.localForm() as form:
+                form.set(0.0)
+                form.array.reshape(-1, gdim)[:, : columns.stop - start] = local[:, columns]
+            if add:
+                vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
+            vector.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
+            with vector.localForm() as form:
+                found[:, columns] = form.array.reshape(-1, gdim)[:, : columns.stop - start]
+        return found
+
+
+def _areas(corners: np.ndarray) -> np.ndarray:
+    """Areas (m,) of the triangles that meet in the first of `corners` (m, 3 or 4, 2 or 3)."""
+    arms = corners[:, 1:] - corners[:, :1]
+    first, second = arms[:, :-1], arms[:, 1:]
+    squares = (first**2).sum(2) * (second**2).sum(2) - (first * second).sum(2) ** 2
+    return np.sqrt(np.maximum(squares, 0)).sum(1) / 2
+
+
+def bounds(comm: MPI.Comm, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest of `values` (k, n) over n on all ranks, two arrays (k,)."""
+    low, high = values.min(1, initial=np.inf), values.max(1, initial=-np.inf)
+    lows, highs = np.empty_like(low), np.empty_like(high)
+    comm.Allreduce(low, lows, MPI.MIN)
+    comm.Allreduce(high, highs, MPI.MAX)
+    return lows, highs
