@@ -1,9 +1,6 @@
 """Sliding of the touching faces of two sheets."""
 
-from __future__ import annotations
-
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,9 +8,7 @@ from ...runtime.compiled import compiled
 from ...tools.facets import LAST, NEXT
 from ..gathered import GatheredNodes
 from .coupled import Coupled
-
-if TYPE_CHECKING:
-    from .sheet_points import Facing, SheetPoints
+from .sheet_points import Facing, SheetPoints
 
 
 class FaceSliding:

@@ -1,22 +1,20 @@
 """Output of interactions: forces, gaps, depths and sliding in a state, and fields, entries and
 warnings of a run (the `outputs` of terms, see `mechanics.output`). Arrays are of this rank."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from ...runtime.formatting import of_sheet
 from ..output import Value, joined, largest, least, size_of, total
+from .interaction import Interaction
 from .pressure_law import Rigid
 
-if TYPE_CHECKING:
-    from .holder_pressure import BlankHolderPressure
-    from .interaction import Interaction
-    from .sheet_contact import SheetContact
-    from .tool_contact import Contact
+# the classes name these functions in their `outputs`, so they are not known here
+Contact = Any
+BlankHolderPressure = Any
+SheetContact = Any
 
 
 # -- depths in accepted states
