@@ -78,8 +78,8 @@ def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
         below += thickness
     found = plies.get("")
     if not found:
-        if middle := quantities.middle_of(made.sheets):
-            plies[middle] |= quantities.middle_quantities(result, middle)
+        if name := quantities.middle_of(made.sheets):
+            plies[name] |= quantities.middle_quantities(result, name)
         found = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
     return found | {"wrinkles": _wrinkles(made, result, fabrics, found)}
 

@@ -158,7 +158,7 @@ def test_a_ring_pushed_by_a_force_holds_as_its_pressure_does(tmp_path):
         (["tools.punch.side=up"], "tools.punch.side is 'up'; allowed is one of below, above"),
         (["tools.punch.shape=ball"], "shape ball is unknown; allowed are sphere, "),
         (["stage.forming.moves.pnch=3"], r"tool pnch is unknown \(did you mean punch"),
-        (["stage.forming.moves={}"], "stage.forming: a stage needs stage.forming.moves, "),
+        (["stage.forming.moves={}"], "a stage needs stage.forming.moves, stage.forming.close"),
         (["stage.forming.leave=['ring']"], "stage.forming.leave: tool ring stands where it began"),
         (["stage.forming.steps=three"], "stage.forming.steps is 'three'; allowed is a whole"),
         (["stage.forming.forces={punch=3}"], "forming.forces.punch needs a `force` from the start"),
@@ -304,7 +304,7 @@ def test_a_cad_model_is_read_with_a_finer_chord_where_it_is_too_coarse(tmp_path,
 
     chords = []
 
-    def read(path, chord, comm):
+    def read_surface(path, chord, comm):
         chords.append(chord)
         return ff.TriangulatedSurface([(-99, -99, 0), (99, -99, 0), (0, 99, 0)], [(0, 1, 2)])
 
@@ -312,7 +312,7 @@ def test_a_cad_model_is_read_with_a_finer_chord_where_it_is_too_coarse(tmp_path,
         if chords[-1] > 0.05:
             raise ff.InputError("facets are off")
 
-    monkeypatch.setattr(placement.TriangulatedSurface, "read", read)
+    monkeypatch.setattr(placement.TriangulatedSurface, "read", read_surface)
     monkeypatch.setattr(placement, "check_triangles", check)
     (tmp_path / "x.step").write_text("")
     path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "x.step"'))
@@ -416,8 +416,8 @@ def test_sheets_are_one_kind_of_data():
     for words, sheets in (
         ("`sheets` is empty", []),
         ("`sheets` holds 0; allowed are sheets", [0]),
-        ("ply.2: ply.2.fabric or ply.2.metal is missing", [press.sheets[0], ff.Sheet()]),
-        ("blank: a sheet needs blank.length and", ff.Sheet(ff.load("komeili"))),
+        ("ply.2.fabric or ply.2.metal is missing", [press.sheets[0], ff.Sheet()]),
+        ("a sheet needs blank.length and", ff.Sheet(ff.load("komeili"))),
     ):
         with pytest.raises(ff.InputError, match=words):
             press.replace(sheets=sheets)

@@ -110,8 +110,8 @@ def test_plies_of_a_stack_have_outlines(table, tmp_path):
         ("size = 8", ".size needs ply"),
         ("layer = 3", ".layer is 3; allowed is a name"),
         ('outline = "ply.csv"\ncentred = "yes"', ".centred is 'yes'; allowed is true or"),
-        ('outline = "ply.csv"\nsize = 8\nnx = 9', ".nx is given beside `size`"),
-        ('outline = "ply.csv"\nmesh = "ply.csv"', ".outline is given beside `mesh`"),
+        ('outline = "ply.csv"\nsize = 8\nnx = 9', ".nx is given beside ply.1.size"),
+        ('outline = "ply.csv"\nmesh = "ply.csv"', ".outline is given beside ply.1.mesh"),
     ],
 )
 def test_what_is_wrong_with_a_plys_outline_is_told(table, tmp_path, lines, words):

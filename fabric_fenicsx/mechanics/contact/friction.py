@@ -43,7 +43,7 @@ class FrictionState:
         sliding: Sliding,
         comm: MPI.Comm,
     ) -> None:
-        self.law, self._coefficient, self._comm = law, coefficient, comm
+        self.law, self.coefficient, self._comm = law, coefficient, comm
         self._lag = law.lag or np.inf
         n = len(normal_forces)
         self._slip, self._accepted_energy = np.zeros((n, 3)), np.zeros(n)
@@ -51,14 +51,14 @@ class FrictionState:
 
     def _start(self, normal_forces, sliding):
         """Take normal forces for the next step, and turn the slip into the new tangent planes."""
-        self.sliding, self.limit = sliding, self._coefficient * normal_forces
+        self.sliding, self.limit = sliding, self.coefficient * normal_forces
         self._slip = _turned(self._slip, self.limit, sliding.normals)
         self.begin()
 
     def begin(self, normal_forces: np.ndarray | None = None) -> None:
         """Go back to the accepted state, or to it under other normal forces. The energy that
         changes because they do counts as taken."""
-        self._limit = self.limit if normal_forces is None else self._coefficient * normal_forces
+        self._limit = self.limit if normal_forces is None else self.coefficient * normal_forces
         # what the elastic slip does not hold
         self._taken = self._accepted_energy - self.law.potential(self._slip, self._limit)[0]
         self._offset = 0.0  # of sliding, by which it is not linear
@@ -70,7 +70,7 @@ class FrictionState:
         for the sliding; true if so, the same on all ranks. With an infinite `lag` nothing is."""
         if np.isinf(self._lag):
             return False
-        linear, now = self._slid(), self._coefficient * normal_forces
+        linear, now = self._slid(), self.coefficient * normal_forces
         missed = self._potential(exact)[1] - self._potential(linear)[1]
         off = np.linalg.norm(missed, axis=1).sum()
         sums = np.array([abs(now - self._limit).sum(), now.sum(), off, self._limit.sum()])
