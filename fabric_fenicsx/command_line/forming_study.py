@@ -234,7 +234,7 @@ def sheet_fields(args: Any) -> dict[str, Any]:
     """The fields of a `Sheet` that options give."""
     names = [each.name for each in fields(Sheet) if each.metadata.get("group") in ("mesh", "sheet")]
     found = {name: getattr(args, name, None) for name in (*names, "yarn_angle", "weave_angle")}
-    return {name: value for name, value in found.items() if value not in (None, False)}
+    return {name: v for name, v in found.items() if v is not None and v is not False}
 
 
 def interface_of(args: Any) -> Interface:

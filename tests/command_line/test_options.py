@@ -3,7 +3,7 @@
 import pytest
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.command_line.forming_study import DomeTest, dome_parser
+from fabric_fenicsx.command_line.forming_study import DomeTest, dome_parser, sheet_fields
 from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import Coupon
 
@@ -72,3 +72,10 @@ def test_the_library_speaks_of_parameters(tmp_path):
 def test_angles_of_the_weave_are_options_of_tests_alone():
     assert "--yarn-angle" in parser(ff.Tensile, "").format_help()
     assert "--yarn-angle" not in parser(Coupon, "", "reference").format_help()
+
+
+def test_a_zero_of_a_sheet_is_an_option_that_is_given(tmp_path):
+    words = ["--bending-modulus", "0", "--twist-modulus", "0", "--out", str(tmp_path)]
+    given = sheet_fields(Study("double_dome", dome_parser(DomeTest, ""), words).args)
+    assert (given["bending_modulus"], given["twist_modulus"]) == (0, 0)
+    assert "centred" not in given and "thickness" not in given
