@@ -1,5 +1,6 @@
 """The studies of a press with a punch and its die: their options, and the press that these mean."""
 
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -24,13 +25,22 @@ from .options import Parser
 from .study import Study, of_kind, parser
 
 DIMENSIONS = tuple(each.name for each in fields(DoubleDome))
+FILES = "mesh", "outline"  # fields of a sheet
 AREA = 13568 / 20268  # of metal over fabric, from the numbers of elements that the paper gives
+ROUNDED = 0.01  # share of the thickness by which a stroke may differ from the punch's height
 # paths of a press, and what options say them
 OPTIONS = {
     r"\S*\.toml: ": "",
     r"tools\.die\.clearance": "`clearance`",
-    r"tools\.punch(?=[, ]|\.file)(\.file)?": "`punch`",
+    r"tools\.punch: (?=\w+ \+|\w+ is )": "`dome` NAME=VALUE: ",
+    r"tools\.punch(?=[,: ]|\.file)(\.file)?": "`punch`",
+    r"(gap) of holders\.blank holder": r"`holder_\1`",
+    r"holders\.blank holder\.(pressure|force|gap)": r"`holder_\1`",
+    r"holders\.blank holder\.tension": "`gripper_tension`",
     r"(?:blank|contact)\.(\w+)": r"`\1`",
+    r"take the whole (?:ply|blank)(?: \(`quarter = false`\))?$": "take the whole ply (`full`)",
+    r"(allowed is|or) the whole blank(?=, or a quarter|$)": r"\1 `full`",
+    r"(`(?:punch|mesh|outline)` is .*, no file); .*": r"\1; allowed is a file that exists",
 }
 
 
@@ -106,8 +116,10 @@ class DomeTest:
     ) -> dict[str, Any]:
         """The tables of the press file, changed by the options."""
         blank = document["blank"]
+        folder = Path(self.stack or EXAMPLES / "none").parent
         if sheet.get("mesh") or sheet.get("outline"):
             blank = {}
+        sheet = {k: _from_here(v, folder) if k in FILES else v for k, v in sheet.items()}
         blank = blank | sheet | {"fabric": fabric, "quarter": not self.full}
         if self.full and blank.get("nx") == self.FULL["nx"] and not blank.get("mesh"):
             blank["nx"] += blank["nx"] % 2  # a node at the centre
@@ -118,7 +130,8 @@ class DomeTest:
             document["ply"] = read_plies(self.stack)
         punch = document["tools"]["punch"]
         if self.punch:
-            document["tools"]["punch"] = {"file": self.punch, "chord": self.chord}
+            file = _from_here(self.punch, folder)
+            document["tools"]["punch"] = {"file": file, "chord": self.chord}
             document["title"] = f"Forming over {Path(self.punch).name}"
         else:
             punch |= dimensions(self.dome)
@@ -159,6 +172,11 @@ class LaminateTest(DomeTest):
         self, document: dict[str, Any], fabric: Law, sheet: Mapping[str, Any], interface: Interface
     ) -> dict[str, Any]:
         """As in `DomeTest`."""
+        if given := [name for name in FILES if sheet.get(name) and not self.stack]:
+            raise InputError(
+                f"`{given[0]}` is not allowed, as a laminate's plies are rectangles; allowed is "
+                f"`stack`, whose plies may each have {given[0]}"
+            )
         document = super().document(document, fabric, sheet, interface)
         share, blank = self.metal_area**0.5, document["blank"]
         metal = load_metal(self.metal)
@@ -169,6 +187,11 @@ class LaminateTest(DomeTest):
                 ply |= {"width": share * blank["width"], "nx": max(1, round(share * blank["nx"]))}
                 ply |= {"thickness": self.metal_thickness} if self.metal_thickness else {}
         return document
+
+
+def _from_here(path, folder):
+    """The path of an option, of which no file in the `folder` of a press or stack takes the place."""
+    return os.path.abspath(path) if (folder / path).is_file() else path
 
 
 def read_plies(path: str) -> list[dict[str, Any]]:
@@ -221,13 +244,30 @@ def build(study: Study, test: type[DomeTest], fabric: Law | None = None) -> Form
     for each in fields(test):
         if "kinds" in each.metadata:
             asked[each.name] = of_kind(study.args, each)
-    press = test(**asked).press(
-        fabric or study.fabric, sheet_fields(study.args), interface_of(study.args)
-    )
+    given = fabric or study.fabric, sheet_fields(study.args), interface_of(study.args)
     try:
-        return study.build(press)
+        setup = _built(test(**asked), given, study.comm)
     except InputError as error:
         raise InputError(in_options(str(error))) from None
+    setup.warnings[:] = map(in_options, setup.warnings)
+    return study.take(setup)
+
+
+def _built(test, given, comm):
+    """The scene of a test. How deep a punch from a file goes is known once it is placed; InputError
+    for more."""
+    if not (test.punch and test.stroke):
+        return test.press(*given).build(comm)
+    closed = replace(test, stroke=None).press(*given).build(comm)
+    depth = closed.schedule.travel(1.0)
+    beyond = test.stroke - depth
+    if abs(beyond) < ROUNDED * closed.thickness:
+        return closed
+    if beyond > 0:
+        raise InputError(
+            f"`stroke` {test.stroke:g} is deeper than the die; allowed is up to {depth:.6g} mm"
+        )
+    return test.press(*given).build(comm)
 
 
 def sheet_fields(args: Any) -> dict[str, Any]:

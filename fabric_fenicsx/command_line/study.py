@@ -232,8 +232,11 @@ class Study:
         return kind(fabric or self.fabric, **given)
 
     def build(self, test: Any) -> Any:
-        """The `Setup` of a test, whose warnings are told and whose sizes become the options'."""
-        setup = test.build(self.comm)
+        """The `Setup` of a test, which the study takes."""
+        return self.take(test.build(self.comm))
+
+    def take(self, setup: Any) -> Any:
+        """The `Setup` itself, whose warnings are told and whose sizes become the options'."""
         vars(self.args).update(setup.resolved())
         for doubt in setup.warnings:
             self.warn(doubt)

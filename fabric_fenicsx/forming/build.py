@@ -81,7 +81,7 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     for name in (n for n in press.tools if n not in dies):
         stood[name] = at.stand(name, press.tools[name], usual_off.get(name, 0.0))
     for name, of in dies.items():
-        at.check_matched(of, stood[of][0])
+        at.check_matched(of, stood[of][0], press.quarter)
         check_clearance(f"tools.{name}.clearance", clearances[name], pressed, stood[of][0])
         surface = Reversed(Offset(stood[of][0], clearances[name]))
         try:
@@ -365,7 +365,7 @@ class FormingScene(Setup):
     def of_whole(self, quantities: Mapping[str, Any]) -> str:
         """What to say behind the force on a quarter, "" for a whole blank."""
         whole = quantities["force_of_whole_blank_N"]
-        return f", {rounded(whole, 5)} N on all of it" if self.data.quarter else ""
+        return f" on the quarter, {rounded(whole, 5)} N on all of it" if self.data.quarter else ""
 
     def title_and_text(self) -> tuple[str, str]:
         """As in `Setup`."""
@@ -384,7 +384,7 @@ class FormingScene(Setup):
     def resolved(self) -> dict[str, Any]:
         """As in `Setup`: the mesh of the first sheet, and the sides of the blank."""
         names = "nx", "ny", "size", "pattern", "element", "integration"
-        first = {name: getattr(self.sheets[0], name) for name in names}
+        first = {name: getattr(self.laid.first, name) for name in names}
         return first | dict(zip(("length", "width"), self.laid.sides))
 
     def coarser(self) -> Press | None:

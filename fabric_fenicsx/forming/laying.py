@@ -25,11 +25,16 @@ OFF_CENTRE = 0.05  # of its extent, by which a sheet may lie off the origin with
 @dataclass(frozen=True)
 class Laid:
     """The blank of a press, in space, and its sheets with names, materials and meshes as they are;
-    sides: length and width of the whole first sheet [mm]."""
+    sides: length and width of the whole `first` sheet [mm]."""
 
     blank: Blank
     sheets: Sequence[Sheet]
     sides: Sequence[float]
+
+    @property
+    def first(self) -> Sheet:
+        """The lowest sheet of fabric, or of metal alone."""
+        return self.sheets[first_fabric(self.sheets)]
 
     @property
     def blanks(self) -> list[Blank]:
@@ -64,11 +69,16 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
         dataclasses.replace(sheet, **laid.settled, integration=sheet.integration or "full")
         for sheet, laid in zip(made, found)
     ]
-    low, high = blanks[0].extent()
+    low, high = blanks[first_fabric(sheets)].extent()
     share = 0.5 if press.quarter else 1.0
     # rounded, to be the same on any number of ranks
     sides = [float(f"{size / share:.9g}") for size in (high - low)[:2]]
     return Laid(_piled(sheets, blanks) if sheets[1:] else blanks[0], sheets, sides)
+
+
+def first_fabric(sheets: Sequence[Sheet]) -> int:
+    """Number of the lowest sheet of fabric, 0 if all are of metal."""
+    return next((k for k, sheet in enumerate(sheets) if sheet.fabric), 0)
 
 
 def _meshed(sheets, quarter, comm):

@@ -85,22 +85,24 @@ class Placement:
                     "mm"
                 )
 
-    def check_matched(self, name: str, surface: Surface) -> None:
-        """Raise InputError for the surface of triangles of a tool with a die, if the blank does not
-        fit between them: it is not in mm, or it is open beneath the blank."""
+    def check_matched(self, name: str, surface: Surface, quarter: bool = False) -> None:
+        """Raise InputError for the surface of triangles of a tool with a die, if the blank, with
+        its mirror images if it is a `quarter`, does not fit between them: it is not in mm, or it is
+        open beneath the blank."""
         if not isinstance(surface, TriangulatedSurface):
             return
-        size = float(np.ptp(surface.points, axis=0)[:2].max())
-        needed = f"a surface in mm that reaches beyond the blank of {rounded(self._size, 4)} mm"
+        low, high = -self._high if quarter else self._low, self._high
+        whole, size = float((high - low).max()), float(np.ptp(surface.points, axis=0)[:2].max())
+        needed = f"a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm"
         for unit, factor in UNITS.items():
-            if size < 0.2 * self._size and 0.5 < size * factor / self._size < 10:
+            if size < 0.2 * whole and 0.5 < size * factor / whole < 10:
                 raise InputError(
                     f"tools.{name} is {rounded(size, 4)} mm large, which speaks of {unit}; allowed "
                     f"is {needed}"
                 )
         middle = surface.points[surface.rim].mean(1)
-        margin = 1e-6 * self._size
-        within = (middle[:, :2] > self._low + margin) & (middle[:, :2] < self._high - margin)
+        margin = 1e-6 * whole
+        within = (middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)
         if within.all(1).any():
             place = coordinates(middle[within.all(1).argmax()])
             raise InputError(

@@ -6,6 +6,8 @@ import json
 import numpy as np
 import pytest
 
+from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser
+from fabric_fenicsx.command_line.study import Study
 from fabric_fenicsx.forming.build import FormingScene
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.postprocess.states import read_last
@@ -157,6 +159,7 @@ def test_a_run_goes_on_from_its_checkpoint(launch):
         (("--punch", "nowhere.stl"), ["--punch is", "nowhere.stl", "no file"]),
         (("--element", "P3"), ["P1", "P2"]),
         (("--friction", "nan"), ["--friction", "nan", "from 0"]),
+        (("--dome", "depth=10"), ["--dome NAME=VALUE", "top_radius + entry_radius"]),
     ],
 )
 def test_bad_input(launch, options, words):
@@ -174,6 +177,8 @@ def test_a_punch_from_a_file(launch, tmp_path):
 
     points, triangles = double_dome(size=8.0, turn=6.0)
     meshio.write_points_cells(tmp_path / "punch.stl", points, [("triangle", triangles)])
+    part, of_it = double_dome(size=8.0, turn=6.0, quarter=True)
+    meshio.write_points_cells(tmp_path / "quarter.stl", part, [("triangle", of_it)])
     options = "--quick", "--nx", 8, "--stroke", 12, "--steps", 4, "--no-pictures"
     forces = []
     for punch in ((), ("--punch", "punch.stl")):
@@ -181,6 +186,53 @@ def test_a_punch_from_a_file(launch, tmp_path):
         assert done.status == 0, done.err
         forces.append(done.summary["quantities"]["punch_force_N"])
     assert forces[1] == pytest.approx(forces[0], rel=0.02)
+    for options, words in [
+        (("--punch", "punch.stl", "--stroke", 61), ["--stroke 61", "up to 60 mm"]),
+        (("--punch", "quarter.stl"), ["--punch is open at (0, ", "the blank of 470 mm"]),
+    ]:
+        done = launch("double_dome", "--nx", 4, *options)
+        assert done.status == 2 and all(word in done.err for word in words), done.err
+
+
+def test_a_stroke_up_to_the_top_of_a_file_closes_its_die(tmp_path):
+    import meshio
+
+    from fabric_fenicsx.meshes.double_dome import double_dome
+
+    points, triangles = double_dome(size=8.0, turn=6.0)
+    file = tmp_path / "punch.stl"
+    meshio.write_points_cells(file, points, [("triangle", triangles)])
+    words = ["--nx", "4", "--punch", str(file), "--out", str(tmp_path / "out"), "--stroke"]
+    for stroke, closes in (("60", True), ("59", False)):
+        study = Study("double_dome", dome_parser(DomeTest, ""), [*words, stroke])
+        assert bool(build(study, DomeTest).closed()) == closes
+
+
+def test_a_file_of_an_option_is_not_one_beside_the_stack(tmp_path, monkeypatch):
+    for name in ("plies", "here"):
+        (tmp_path / name).mkdir()
+    (tmp_path / "plies" / "sheet.csv").write_text("x,y\n0,0\n9,0\n9,9\n0,9\n")
+    (tmp_path / "here" / "sheet.csv").write_text("x,y\n0,0\n235,0\n235,135\n0,135\n")
+    (tmp_path / "plies" / "stack.toml").write_text('unit = "mm"\n[[ply]]\n[[ply]]\n')
+    monkeypatch.chdir(tmp_path / "here")
+    words = ["--nx", "4", "--outline", "sheet.csv", "--stack", "../plies/stack.toml"]
+    study = Study("double_dome", dome_parser(DomeTest, ""), words)
+    assert build(study, DomeTest).extent[1][0] == 235
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        ("--yarn-angle 80", "take the whole ply (--full)"),
+        ("--holder-pressure 0", "--holder-pressure is 0: it does not hold the rim"),
+        ("--holder grippers --gripper-tension 0", "--gripper-tension is 0: it does not hold"),
+    ],
+)
+def test_warnings_speak_of_options(tmp_path, options, words):
+    given = ["--nx", "4", "--out", str(tmp_path), *options.split()]
+    study = Study("double_dome", dome_parser(DomeTest, ""), given)
+    build(study, DomeTest)
+    assert any(words in each for each in study.output.warnings)
 
 
 @pytest.mark.versions

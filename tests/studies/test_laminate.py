@@ -18,6 +18,8 @@ def test_a_laminate_is_formed(launch):
     s = done.summary
     q, energy = s["quantities"], s["energy"]
     assert s["converged"] and list(q["plies"]) == SHEETS
+    # of the fabric, not of the smaller metal below it
+    assert [s["options"][name] for name in ("nx", "length", "width")] == [5, 760, 460]
     assert energy["viscous"] <= 0.01 * energy["metal"]
     assert energy["metal"] > energy["strain"] > 0 and energy["plastic"] >= 0
     assert q["penetration_of_thickness"] < 0.02
@@ -50,6 +52,7 @@ def test_a_laminate_is_formed(launch):
     [
         (("--metal", "gold"), "metal 'gold' is unknown; allowed is a preset (dc04)"),
         (("--metal-area", 1.5), "1.5"),
+        (("--mesh", __file__), "--mesh is not allowed, as a laminate's plies are rectangles"),
         (("--compare", "--vary", "p_min"), "--compare and --vary are both given; allowed is one"),
     ],
 )
