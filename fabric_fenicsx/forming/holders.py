@@ -285,9 +285,13 @@ class SpringHolder(_Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_edges(self.edges)
+        if not isinstance(self.at, (list, tuple, np.ndarray)):
+            raise InputError(f"`at` is {shown(self.at)}; allowed is a list of points (x, y)")
         for each in self.at:
             checked_vector("`at`", each, True, 2)
-        if not (len(self.at) or self.edges):
+        points = tuple(tuple(np.asarray(each).tolist()) for each in self.at)
+        object.__setattr__(self, "at", points)  # as lists and arrays, so that holders compare
+        if not (self.at or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
 
     def terms(self, site: HolderSite) -> list[Term]:
@@ -309,7 +313,7 @@ HOLDERS: dict[str, type] = {
 
 def check_edges(names: Any) -> None:
     """InputError unless `names` are a list of some of `EDGES`."""
-    if isinstance(names, str) or not set(names) <= set(EDGES):
+    if not isinstance(names, (list, tuple)) or any(each not in EDGES for each in names):
         raise InputError(f"`edges` is {shown(names)}; allowed is a list of some of {[*EDGES]}")
 
 

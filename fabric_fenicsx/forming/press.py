@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from ..runtime.errors import InputError
-from ..runtime.rules import unknown_key
+from ..runtime.fields import KnowsItsFields
+from ..runtime.rules import shown, unknown_key
 from ..solve.limits import Limits
 from . import schema
 from .holders import Holder, PressureHolder, holders_of
@@ -29,7 +30,7 @@ EXAMPLES = Path(__file__).parents[1] / "studies" / "presses"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Press:
+class Press(KnowsItsFields):
     """A blank, one sheet or several, formed by rigid tools in stages.
 
     The flat blank lies in z = 0, the origin under the press.
@@ -102,6 +103,13 @@ class Press:
         object.__setattr__(self, "sheets", tuple(given))
         if not self.tools:
             raise InputError("there is no tool; allowed are one or more")
+        if other := [(k, t) for k, t in self.tools.items() if not isinstance(t, PressTool)]:
+            name, tool = other[0]
+            raise InputError(f"tools.{name} is {shown(tool)}; allowed is a `PressTool(...)`")
+        given = [self.stages] if isinstance(self.stages, Stage) else list(self.stages)
+        if other := [each for each in given if not isinstance(each, Stage)]:
+            raise InputError(f"`stages` holds {shown(other[0])}; allowed are `Stage(...)`")
+        object.__setattr__(self, "stages", tuple(given))
         for name, holder in self.holders.items():
             holders_of(name, holder)
         self._check_sides()
@@ -111,7 +119,7 @@ class Press:
         self.schedule(dict.fromkeys(self.dies().values(), 0.0), 0.0)
 
     def _path(self, k, sheet):
-        return f"ply.{sheet.name or k + 1}"
+        return f"ply.{sheet.name.removeprefix('ply ') or k + 1}"
 
     def _check_sides(self):
         """Raise InputError for tools that nothing resists."""

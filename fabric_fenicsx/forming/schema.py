@@ -6,6 +6,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -213,7 +214,7 @@ def _tool(table, name, folder):
             f"{path} has {' and '.join(kinds) or 'no surface'}; allowed is one of shape "
             f"({', '.join(SHAPES)}), file and die_of"
         )
-    own = {each.name for each in dataclasses.fields(PressTool)} - {"surface"}
+    own = [each.name for each in dataclasses.fields(PressTool) if each.name != "surface"]
     (kind,), given = kinds, {key: table.pop(key) for key in own if key in table}
     value = table.pop(kind)
     if kind == "shape":
@@ -230,13 +231,13 @@ def _tool(table, name, folder):
     return made(PressTool, {"surface": surface} | given, path, folder)
 
 
-def _shape(shape: str, table: Mapping[str, Any], path: str, own: set[str]) -> Surface:
+def _shape(shape: str, table: Mapping[str, Any], path: str, own: Sequence[str]) -> Surface:
     if shape not in SHAPES:
         raise unknown_key(shape, SHAPES, f"{path}.shape {shape}")
     make, keys = SHAPES[shape]
     for key in table:
         if key not in keys:
-            raise unknown_key(key, (*keys, *sorted(own)), f"{path}.{key}")
+            raise unknown_key(key, (*keys, *own), f"{path}.{key}")
     try:
         return make(**table)
     except TypeError:
@@ -323,7 +324,7 @@ def document_of(press: Any) -> dict[str, Any]:
 def write(press: Any, path: str | os.PathLike[str]) -> None:
     """Write a `Press` as a file that `Press.read` reads, with its materials beside it. Raises
     InputError for what no file can say, and for a file that can't be written."""
-    path = Path(path)
+    path, files = Path(path), dict[Path, Any]()
 
     def plain(value, where):
         if isinstance(value, Mapping):
@@ -334,8 +335,9 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
             name = getattr(value, "name", "") or "material"
             if value in (PRESETS.get(name), METALS.get(name)):
                 return name
-            file = path.with_name(f"{path.stem}_{name}.toml")
-            write_whole(file, value.dumps())
+            names = (f"{path.stem}_{name}{k or ''}.toml" for k in count())
+            file = next(f for f in map(path.with_name, names) if files.get(f, value) == value)
+            files[file] = value
             return file.name
         if isinstance(value, (str, bool, int, float)):
             return value
@@ -344,7 +346,10 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
             "shapes and regions"
         )
 
-    write_whole(path, tomli_w.dumps(plain(document_of(press), "")))
+    text = tomli_w.dumps(plain(document_of(press), ""))
+    for file, material in files.items():
+        write_whole(file, material.dumps())
+    write_whole(path, text)
 
 
 def _entries(owner, more):
@@ -363,7 +368,7 @@ def _tool_table(tool):
     entries = _entries(tool, {})
     surface = entries.pop("surface")
     if isinstance(surface, DieOf):
-        of = {"die_of": surface.tool}
+        of = {"die_of": surface.tool, "side": tool.side}  # whose default is another in a file
         return of | ({"clearance": surface.clearance} if surface.clearance else {}) | entries
     if isinstance(surface, (str, os.PathLike)):
         return {"file": str(surface)} | entries

@@ -66,7 +66,8 @@ class Stage:
         for name, value in _table(self, "moves").items():
             is_vector = isinstance(value, (list, tuple, np.ndarray))
             (checked_vector if is_vector else FINITE.check)(f"`moves`.{name}", value)
-        if isinstance(self.leave, str) or not all(isinstance(each, str) for each in self.leave):
+        names = self.leave if isinstance(self.leave, (list, tuple)) else [None]
+        if not all(isinstance(each, str) for each in names):
             raise InputError(f"`leave` is {shown(self.leave)}; allowed are tools' names")
         moving = self.moves or self.forces or self.pressures or self.leave or self.close
         if self.unload and moving:
@@ -123,7 +124,7 @@ class Schedule:
         if twice := next((name for name in names if names.count(name) > 1), ""):
             raise InputError(f"two stages are called {twice}; allowed are different names")
         for stage in self.stages:
-            self._add(stage, f"stage.{stage.name}", towards)
+            self._add(stage, f"stage.{stage.name.removeprefix('stage ')}", towards)
         for name, places in self._places.items():
             ways = [float(place @ towards[name]) for place in places]
             if min(ways) < 0 and max(ways) <= 0:

@@ -93,6 +93,8 @@ class PressTool:
         check_fields(self)
         checked_vector("`turn`", self.turn)
         checked_vector("`at`", self.at, size=2 if length_of(self.at) == 2 else 3)
+        for name in ("at", "turn"):  # as lists and arrays, so that tools compare
+            object.__setattr__(self, name, tuple(np.asarray(getattr(self, name)).tolist()))
         if self.off and length_of(self.at) == 3:
             raise InputError("`off` is not allowed beside a z in `at`")
 

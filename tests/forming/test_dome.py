@@ -112,7 +112,7 @@ def test_a_stage_may_close_a_die_that_comes_later():
     for stage, words in (
         (
             ff.Stage(close=1.2, moves={"punch": 3}),
-            "stage.stage 1.moves.punch is not allowed beside",
+            "stage.1.moves.punch is not allowed beside",
         ),
         (ff.Stage(close=1.2, moves={"die": -3}), ""),
     ):

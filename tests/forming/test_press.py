@@ -385,9 +385,52 @@ def test_what_no_file_can_say_is_named(tmp_path):
     assert (
         ff.Press.read(tmp_path / "press.toml") == mine and (tmp_path / "press_mine.toml").is_file()
     )
+    other = own.replace(thickness=0.5)
+    two = [dataclasses.replace(press.sheets[0], name=n, fabric=f) for n, f in zip("ab", (own, other))]
+    press.replace(sheets=two).write(tmp_path / "press.toml")
+    assert [s.fabric for s in ff.Press.read(tmp_path / "press.toml").sheets] == [own, other]
     segment = press.replace(holders={"left": ff.PressureHolder(0.1, where=lambda x: x[0] < 0)})
     with pytest.raises(ff.InputError, match="holders.left.where is .*, which no file can say"):
         segment.write(tmp_path / "press.toml")
+
+
+def test_arrays_and_lists_are_the_same_data_and_dies_keep_their_side(tmp_path):
+    press = ff.Press.read("hemisphere")
+    punch = ff.PressTool(ff.Turned(ff.Sphere(20), (180, 0, 0)), "above", at=np.array([1.0, 2.0]))
+    springs = ff.SpringHolder(stiffness=1.0, at=np.array([[10.0, 20.0]]))
+    tools = {"punch": punch, "die": ff.PressTool(ff.DieOf("punch"), "below", turn=[0, 0, 0])}
+    mine = press.replace(tools=tools, holders={"springs": springs})
+    mine.write(tmp_path / "press.toml")
+    assert ff.Press.read(tmp_path / "press.toml").replace(title=press.title) == mine
+
+
+@pytest.mark.parametrize(
+    "words, given",
+    [
+        ("field `stage` of Press is unknown .did you mean stages", {"stage": ()}),
+        ("tools.punch is .*; allowed is a `PressTool", {"tools": {"punch": ff.Sphere(5)}}),
+        ("`stages` holds .*; allowed are `Stage", {"stages": [{"moves": {"punch": 3}}]}),
+    ],
+)
+def test_other_objects_than_parts_of_a_press(words, given):
+    with pytest.raises(ff.InputError, match=words):
+        ff.Press.read("hemisphere").replace(**given)
+
+
+@pytest.mark.parametrize(
+    "words, change",
+    [
+        ("holders.s.edges is 3; allowed is a list", ["holders.s={stiffness=1, edges=3}"]),
+        ("holders.s.at is 3; allowed is a list", ["holders.s={stiffness=1, at=3}"]),
+        (".leave is 3; allowed are tools' names", ["stage.1.leave=3"]),
+        ("stage.1: tool nil is unknown", ["stage.1.moves={nil=3}", "stage.1.name=stage 1"]),
+        ("ply.1.length and ply.1.width", ["ply=[{}, {}]", "blank={fabric='komeili'}"]),
+        ("foo is unknown; allowed are radius, side, at, off, turn, ", ["tools.punch.foo=2"]),
+    ],
+)
+def test_paths_of_entries_in_messages(words, change):
+    with pytest.raises(ff.InputError, match=words):
+        ff.Press.read("hemisphere", change)
 
 
 def test_a_press_is_read_without_dolfinx_or_mpi():
