@@ -1,7 +1,7 @@
 """Forming of a woven ply over a generic double dome: Figs 11 to 16 of Schäfer et al., for a single
 ply between rigid tools."""
 
-from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser
+from fabric_fenicsx.command_line.forming_study import DomeTest, build, dome_parser, of_quarter
 from fabric_fenicsx.command_line.study import Study, run
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.runtime.formatting import percent
@@ -36,7 +36,7 @@ def main(study: Study):
         q = found[label]
         study.say(
             f"{label or args.out}: punch force {r.formatted('punch_force_N', '.5g')} N"
-            f"{forming.of_whole(q)}, largest shear angle "
+            f"{of_quarter(forming, q)}, largest shear angle "
             f"{r.formatted('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
             f"{r.formatted('shear_angle_99_percent_deg', '.2f')}), draw-in "
             f"{r.formatted('draw_in.largest_mm', '.2f')} mm, "

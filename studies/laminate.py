@@ -1,7 +1,7 @@
 """Forming of a fibre-metal laminate over a generic double dome: Figs 11 to 16 of Schäfer et al.,
 metal, three plies at 0/90, metal."""
 
-from fabric_fenicsx.command_line.forming_study import LaminateTest, build, dome_parser
+from fabric_fenicsx.command_line.forming_study import LaminateTest, build, dome_parser, of_quarter
 from fabric_fenicsx.command_line.study import Study, run
 from fabric_fenicsx.material.laws import coupling_variants
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
@@ -53,8 +53,8 @@ def main(study: Study):
         shear = result.formatted(f"plies.{MIDDLE}.shear_angle_max_deg", ".2f")
         study.say(
             f"{label or study.args.out}: punch force {rounded(q['punch_force_N'], 5)} N"
-            f"{laminate.of_whole(q)}, largest shear angle of the middle ply {shear} deg, thinning "
-            f"of the metal {result.formatted('thinning_max', '.2f', 100)} %, "
+            f"{of_quarter(laminate, q)}, largest shear angle of the middle ply {shear} deg, "
+            f"thinning of the metal {result.formatted('thinning_max', '.2f', 100)} %, "
             f"penetration {percent(q['penetration_of_thickness'])} of a thickness"
         )
     if len(results) > 1:

@@ -190,7 +190,7 @@ class LaminateTest(DomeTest):
 
 
 def _from_here(path, folder):
-    """The path of an option, of which no file in the `folder` of a press or stack takes the place."""
+    """The path of an option, whose place no file in the `folder` of a press or stack takes."""
     return os.path.abspath(path) if (folder / path).is_file() else path
 
 
@@ -235,7 +235,12 @@ def dome_parser(
     test: type[DomeTest], description: str | None, name: str = "", **defaults: Any
 ) -> Parser:
     """The parser of a study of a `test`: its options, and those of sheet and interface."""
-    return parser(test, description, name, parts=(Sheet, Interface), **defaults)
+    p = parser(test, description, name, parts=(Sheet, Interface), **defaults)
+    blank = read_document(EXAMPLES / f"{test.PRESS}.toml")["blank"]
+    for side, axis in (("length", "x"), ("width", "y")):
+        words = f"of the whole sheet, along {axis} ({blank[side]}, or the mesh's) [mm]"
+        p.change(f"--{side}", help=words)
+    return p
 
 
 def build(study: Study, test: type[DomeTest], fabric: Law | None = None) -> FormingScene:
@@ -268,6 +273,12 @@ def _built(test, given, comm):
             f"`stroke` {test.stroke:g} is deeper than the die; allowed is up to {depth:.6g} mm"
         )
     return test.press(*given).build(comm)
+
+
+def of_quarter(setup: FormingScene, quantities: Mapping[str, Any]) -> str:
+    """What to say behind the punch force of a quarter, "" for a whole blank."""
+    whole = setup.of_whole(quantities)
+    return f" on the quarter{whole}" if whole else ""
 
 
 def sheet_fields(args: Any) -> dict[str, Any]:

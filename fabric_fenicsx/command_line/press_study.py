@@ -7,7 +7,7 @@ from ..forming.press import Press
 from ..material.presets import read_laws
 from ..runtime.fields import declared
 from ..solve.limits import Limits
-from .options import HelpFormatter, Parser, program
+from .options import HelpFormatter, Parser, program, spelled
 from .study import LAW_FILE, Study, add_output, add_solver
 
 
@@ -35,8 +35,11 @@ def press_parser(description: str | None) -> Parser:
     add_output(p, Press.NAME)
     p.change("--steps", default=None, help="load steps in all (those of the stages)")
     sizes = {False: Press.FULL, True: Press.QUICK}
-    limits = {f"max_{each.name}": None for each in declared(Limits)}  # those of the press
-    p.set_defaults(_sizes=sizes, **dict(Press.SOLVER), **limits)
+    p.set_defaults(_sizes=sizes, **dict(Press.SOLVER))
+    for each in declared(Limits):
+        words = each.metadata["help"].replace("%", "%%")
+        words += f" (the press's, or {getattr(Press.LIMITS, each.name):g})"
+        p.change(spelled(f"max_{each.name}"), default=None, help=words)
     return p
 
 

@@ -365,7 +365,7 @@ class FormingScene(Setup):
     def of_whole(self, quantities: Mapping[str, Any]) -> str:
         """What to say behind the force on a quarter, "" for a whole blank."""
         whole = quantities["force_of_whole_blank_N"]
-        return f" on the quarter, {rounded(whole, 5)} N on all of it" if self.data.quarter else ""
+        return f", {rounded(whole, 5)} N on all of it" if self.data.quarter else ""
 
     def title_and_text(self) -> tuple[str, str]:
         """As in `Setup`."""

@@ -4,6 +4,7 @@ import pytest
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.forming_study import DomeTest, dome_parser, sheet_fields
+from fabric_fenicsx.command_line.press_study import press_parser
 from fabric_fenicsx.command_line.study import Study, parser
 from fabric_fenicsx.coupons.coupon import Coupon
 
@@ -46,6 +47,9 @@ def test_help_speaks_of_options():
     told = dome_parser(DomeTest, "").format_help()
     assert "(its length over --nx)" in told and "`nx`" not in told
     assert "--length MM" in told and "--nx N " in told
+    assert "along x (470, or the mesh's) [mm]" in " ".join(told.split())
+    told = " ".join(press_parser("").format_help().split())
+    assert "for singular points (the press's, or 0.1)" in told
 
 
 def test_a_study_warns_and_sums_up_in_options(tmp_path):

@@ -110,10 +110,7 @@ def test_a_stage_may_close_a_die_that_comes_later():
     heights = [two.tools["punch"].path(load)[2] for load in (0, 0.5, 1)]
     assert np.diff(heights) == pytest.approx([20, 40])
     for stage, words in (
-        (
-            ff.Stage(close=1.2, moves={"punch": 3}),
-            "stage.1.moves.punch is not allowed beside",
-        ),
+        (ff.Stage(close=1.2, moves={"punch": 3}), "stage.1.moves.punch is not allowed beside"),
         (ff.Stage(close=1.2, moves={"die": -3}), ""),
     ):
         if words:

@@ -386,7 +386,8 @@ def test_what_no_file_can_say_is_named(tmp_path):
         ff.Press.read(tmp_path / "press.toml") == mine and (tmp_path / "press_mine.toml").is_file()
     )
     other = own.replace(thickness=0.5)
-    two = [dataclasses.replace(press.sheets[0], name=n, fabric=f) for n, f in zip("ab", (own, other))]
+    (sheet,) = press.sheets
+    two = [dataclasses.replace(sheet, name=f"{f.thickness}", fabric=f) for f in (own, other)]
     press.replace(sheets=two).write(tmp_path / "press.toml")
     assert [s.fabric for s in ff.Press.read(tmp_path / "press.toml").sheets] == [own, other]
     segment = press.replace(holders={"left": ff.PressureHolder(0.1, where=lambda x: x[0] < 0)})
