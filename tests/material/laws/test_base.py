@@ -395,7 +395,7 @@ def test_a_law_with_an_energy_of_its_own_has_derivatives_of_its_own():
     """Those that it inherits in closed form lack what it adds; its numbers are in its file."""
     with patch.dict(LAWS):
         with pytest.raises(
-            InputError, match="law bad has an `energy` of its own and inherits clos"
+            InputError, match="law bad has an `energy` of its own and inherits"
         ):
 
             class Bad(WovenFabric):
