@@ -53,8 +53,8 @@ def short_types(app, what, name, obj, options, signature, returns):
     return signature, returns
 
 
-def fields_told(obj):
-    """What fields of a scenario mean, as its options say it, a line each."""
+def fields_of(obj):
+    """What the fields of a test or press mean, in the words of its options, one line for each."""
     known = dataclasses.fields(obj) if dataclasses.is_dataclass(obj) else ()
     helps = [(each.name, each.metadata["help"]) for each in known if "help" in each.metadata]
     return ["", *(f"- `{name}`: {text}" for name, text in helps)]
@@ -62,7 +62,7 @@ def fields_told(obj):
 
 def as_rst(app, what, name, obj, options, lines):
     """Turn docstrings, which are Markdown with formulas, into what autodoc reads."""
-    text = "\n".join([*lines, *(fields_told(obj) if what == "class" else [])])
+    text = "\n".join([*lines, *(fields_of(obj) if what == "class" else [])])
     kept = []
 
     def keep(words):

@@ -28,9 +28,8 @@ if not OLD:
     import basix.ufl
 
 end_with_reader()  # after petsc4py, which has a handler of its own
-if (
-    cache_folders.moved
-):  # DOLFINx may have been imported before, and has taken the place that was then
+if cache_folders.moved:
+    # DOLFINx may have been imported before, and has taken the place that was then
     _DEFAULTS = getattr(dolfinx.jit, f"DOLFINX_DEFAULT_JIT_{'PARAMETERS' if OLD else 'OPTIONS'}")
     _DEFAULTS["cache_dir"] = (cache_folders.moved / "fenics", _DEFAULTS["cache_dir"][1])
 

@@ -321,8 +321,8 @@ def test_columns_and_quantities_are_those_that_the_page_on_python_lists():
         "PictureFrame": ff.PictureFrame(nx=2, angle=5),
         "Press": dome(**size),
     }
-    for name, scenario in runs.items():
-        result = scenario.job(steps=8, balance=None).run(pictures=False)
+    for name, test in runs.items():
+        result = test.job(steps=8, balance=None).run(pictures=False)
         (line,) = re.findall(rf"^\| `{name}`.*? \|(.*)\|$", quantities, re.M)
         told = re.findall(r"`(\w+)`", line)
         assert told and set(told) <= set(result.summary["quantities"]), name

@@ -86,7 +86,7 @@ def test_each_taker_takes_numbers_of_numpy():
 @pytest.mark.parametrize(
     "name, make",
     [
-        ("lag", lambda v: ff.Forming(lag=v)),
+        ("lag", lambda v: ff.Interface(lag=v)),
         ("strain", lambda v: ff.Tensile(strain=v)),
         ("steps", lambda v: ff.Job(scene(), steps=v)),
     ],

@@ -1,6 +1,6 @@
 """Estimated errors of runs beside true ones: which runs, and how good the estimates are.
 
-`studies/error_estimates.py` makes the runs; docs/errors.md says which were not blind.
+`benchmarks/error_estimates.py` makes the runs; docs/errors.md says which were not blind.
 """
 
 import statistics
@@ -22,7 +22,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Case:
-    """A run of `test` with these options of its scenario; all else as by default."""
+    """A run of `test` with these options; all other options have their defaults."""
 
     test: str
     element: str

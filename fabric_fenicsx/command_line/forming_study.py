@@ -1,4 +1,4 @@
-"""The studies of a press with a punch and its die: their options, and the press that these mean."""
+"""The studies of a press with a punch and its die: their options, and the press of these."""
 
 import os
 import re
@@ -26,15 +26,14 @@ from .study import Study, of_kind, parser
 
 DIMENSIONS = tuple(each.name for each in fields(DoubleDome))
 FILES = "mesh", "outline"  # fields of a sheet
-AREA = 13568 / 20268  # of metal over fabric, from the numbers of elements that the paper gives
+AREA = 13568 / 20268  # of metal over that of fabric, from the paper's numbers of elements
 ROUNDED = 0.01  # share of the thickness by which a stroke may differ from the punch's height
-# paths of a press, and what options say them
+# entry of a press -> the option for it
 OPTIONS = {
     r"\S*\.toml: ": "",
     r"tools\.die\.clearance": "`clearance`",
     r"tools\.punch: (?=\w+ \+|\w+ is )": "`dome` NAME=VALUE: ",
     r"tools\.punch(?=[,: ]|\.file)(\.file)?": "`punch`",
-    r"(gap) of holders\.blank holder": r"`holder_\1`",
     r"holders\.blank holder\.(pressure|force|gap)": r"`holder_\1`",
     r"holders\.blank holder\.tension": "`gripper_tension`",
     r"(?:blank|contact)\.(\w+)": r"`\1`",
@@ -55,7 +54,7 @@ class DomeTest:
         "draw_in.largest_mm",
     )
     FULL: ClassVar[Mapping[str, Any]] = {"nx": 47, "steps": 40, "balance": 0.02}
-    # few steps are not to become many
+    # few steps must not become many
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 12, "steps": 12, "balance": None}
     SOLVER: ClassVar[Mapping[str, Any]] = {"path_tolerance": 1e-6, "every": 10}
     LIMITS: ClassVar[Limits] = Limits()
@@ -68,7 +67,9 @@ class DomeTest:
         "FILE",
         "sheet",
     )
-    stroke: float | None = number(None, POSITIVE, "travel of the punch (its height) [mm]", "tools")
+    stroke: float | None = number(
+        None, POSITIVE, "travel of the punch (by default its height) [mm]", "tools"
+    )
     dome: Sequence[str] = field(
         default=(),
         metadata={
@@ -84,7 +85,10 @@ class DomeTest:
         0.1, POSITIVE, "largest distance of triangles from faces of STEP and IGES [mm]", "tools"
     )
     clearance: float | None = number(
-        None, POSITIVE, "distance of punch and die when closed (1.2 thicknesses) [mm]", "tools"
+        None,
+        POSITIVE,
+        "distance of punch and die when closed (by default 1.2 thicknesses) [mm]",
+        "tools",
     )
     holder: Holder = one_of(PressureHolder(), HOLDERS, "what holds the rim of the ply", GROUP)
 
@@ -94,14 +98,14 @@ class DomeTest:
             raise InputError("`dome` is not allowed beside `punch`")
 
     def press(self, fabric: Law, sheet: Mapping[str, Any], interface: Interface) -> Press:
-        """The press of the options; sheet: fields of `Sheet` that are given. Raises InputError in
-        the words of options."""
+        """The press of the options; sheet: fields of `Sheet` that are given. Raises InputError that
+        names options."""
         file = EXAMPLES / f"{self.PRESS}.toml"
         document = self.document(read_document(file), fabric, sheet, interface)
         return self.read(document, Path(self.stack or file))
 
     def read(self, document: dict[str, Any], file: Path) -> Press:
-        """The press of the tables of a file, closed to the clearance of the options."""
+        """The press of the tables of a file; it closes to the clearance of the options."""
         try:
             press = Press.from_document(document, file)
         except InputError as error:
@@ -114,7 +118,7 @@ class DomeTest:
     def document(
         self, document: dict[str, Any], fabric: Law, sheet: Mapping[str, Any], interface: Interface
     ) -> dict[str, Any]:
-        """The tables of the press file, changed by the options."""
+        """The tables of the press file, with the values of the options."""
         blank = document["blank"]
         folder = Path(self.stack or EXAMPLES / "none").parent
         if sheet.get("mesh") or sheet.get("outline"):
@@ -146,7 +150,7 @@ class DomeTest:
             return
         if depth and self.stroke > depth:
             raise InputError(
-                f"`stroke` {self.stroke:g} is deeper than the die; allowed is up to {depth:g} mm"
+                f"`stroke` is {self.stroke:g}; allowed is up to {depth:g} mm, the punch's height"
             )
         del stage["close"]
         stage["moves"] = {"punch": self.stroke}
@@ -154,7 +158,7 @@ class DomeTest:
 
 @dataclass(frozen=True, kw_only=True)
 class LaminateTest(DomeTest):
-    """The options of the paper's laminate: those of the double dome, and its metal's."""
+    """The options of the paper's laminate: those of the double dome, and those of its metal."""
 
     NAME: ClassVar[str] = "laminate"
     PRESS: ClassVar[str] = "laminate"
@@ -162,11 +166,18 @@ class LaminateTest(DomeTest):
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 5, "steps": 2, "balance": None, "stroke": 2}
     LIMITS: ClassVar[Limits] = Limits(shortening=1.0)  # yarns between metal can't fold
 
-    metal: str = text("dc04", "of the outer sheets: preset or material file", "FILE", "laminate")
-    metal_thickness: float | None = number(
-        None, POSITIVE, "of each sheet, in place of the metal's [mm]", "laminate"
+    metal: str = text(
+        "dc04", "metal of the outer sheets: preset or material file", "FILE", "laminate"
     )
-    metal_area: float = number(AREA, SHARE, "of a sheet of metal, of a ply's", "laminate")
+    metal_thickness: float | None = number(
+        None,
+        POSITIVE,
+        "thickness of each sheet of metal, in place of the material's [mm]",
+        "laminate",
+    )
+    metal_area: float = number(
+        AREA, SHARE, "area of a sheet of metal, as a share of a ply's", "laminate"
+    )
 
     def document(
         self, document: dict[str, Any], fabric: Law, sheet: Mapping[str, Any], interface: Interface
@@ -195,7 +206,7 @@ def _from_here(path, folder):
 
 
 def read_plies(path: str) -> list[dict[str, Any]]:
-    """The tables [[ply]] of a stack file; InputError that names it for another."""
+    """The tables [[ply]] of a stack file. Raises InputError that names the file."""
     if not Path(path).is_file():
         raise InputError(
             f"stack file {path} does not exist or is not a file; allowed is a TOML file with a "
@@ -215,8 +226,8 @@ def read_plies(path: str) -> list[dict[str, Any]]:
 
 
 def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
-    """Dimensions of a double dome {name: value} from texts NAME=VALUE. Raises InputError, which
-    lists all that is wrong with names and values."""
+    """Dimensions of a double dome {name: value} from texts NAME=VALUE. Raises InputError that lists
+    all wrong names and values."""
     given: dict[str, Any] = {}
     for pair in pairs:
         name, _, value = pair.partition("=")
@@ -234,7 +245,7 @@ def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
 def dome_parser(
     test: type[DomeTest], description: str | None, name: str = "", **defaults: Any
 ) -> Parser:
-    """The parser of a study of a `test`: its options, and those of sheet and interface."""
+    """The parser of the study of a `test`: its options, and those of sheet and interface."""
     p = parser(test, description, name, parts=(Sheet, Interface), **defaults)
     blank = read_document(EXAMPLES / f"{test.PRESS}.toml")["blank"]
     for side, axis in (("length", "x"), ("width", "y")):
@@ -244,7 +255,7 @@ def dome_parser(
 
 
 def build(study: Study, test: type[DomeTest], fabric: Law | None = None) -> FormingScene:
-    """The press of a study's options, built; of their fabric or another."""
+    """The press of a study's options, built, with the fabric of the options or another one."""
     asked = {each.name: getattr(study.args, each.name) for each in fields(test)}
     for each in fields(test):
         if "kinds" in each.metadata:
@@ -294,7 +305,7 @@ def interface_of(args: Any) -> Interface:
 
 
 def in_options(words: str) -> str:
-    """A message on a press in the words of options."""
+    """A message about a press, with options in place of entries of its file."""
     for path, option in OPTIONS.items():
         words = re.sub(path, option, words)
     return words

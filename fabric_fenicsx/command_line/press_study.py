@@ -33,7 +33,11 @@ def press_parser(description: str | None) -> Parser:
     p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
     add_solver(p, Press)
     add_output(p, Press.NAME)
-    p.change("--steps", default=None, help="load steps in all (those of the stages)")
+    p.change(
+        "--steps",
+        default=None,
+        help="load steps of all stages together (by default those of the stages)",
+    )
     sizes = {False: Press.FULL, True: Press.QUICK}
     p.set_defaults(_sizes=sizes, **dict(Press.SOLVER))
     for each in declared(Limits):
@@ -44,16 +48,16 @@ def press_parser(description: str | None) -> Parser:
 
 
 class PressStudy(Study):
-    """A study under way of a press, whose file says what the fabric is."""
+    """A running study of a press, whose file names the fabric."""
 
     def read_fabric(self) -> Any:
-        """None until the press is read."""
+        """None: the fabric is known when the press is read."""
         if self.args.law_file:
             read_laws(self.args.law_file)
 
     def press(self) -> FormingScene:
-        """The press of the options, built; with --quick on cells twice as large, in a third of the
-        steps."""
+        """The press of the options, built; with --quick its cells are twice as large and its steps
+        a third as many."""
         args = self.args
         press = Press.read(args.file, args.set)
         for each in declared(Limits):

@@ -105,7 +105,7 @@ def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = 
             how["default"] = []
         p.option(spelled(prefix + name), free=free, **how)
         for kind in meta.get("kinds", {}).values():
-            (one,) = declared(kind)
+            one, *_ = declared(kind)
             own = {"help": one.metadata["help"], "type": option_type(one.metadata["rule"])}
             p.option(spelled(kind.OPTION), default=one.default, free=free, metavar="X", **own)
 
@@ -130,7 +130,7 @@ def of_kind(args: Any, field: Field) -> Any:
     option. InputError if the option of another kind is given."""
     kinds, name = field.metadata["kinds"], getattr(args, field.name)
     for other, kind in kinds.items():
-        (one,) = declared(kind)
+        one, *_ = declared(kind)
         if other != name and getattr(args, kind.OPTION) != one.default:
             raise InputError(f'`{kind.OPTION}` needs `{field.name}="{other}"`')
     return kinds[name](getattr(args, kinds[name].OPTION))

@@ -44,8 +44,8 @@ CLOSED = 1e-6  # thicknesses, to which tools that are closed are as near as aske
 
 
 def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
-    """The `FormingScene` of a press. Raises InputError, on all ranks, for what can't be laid or
-    placed."""
+    """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be
+    meshed and for tools that can't stand or move as given."""
     comm, warnings = comm or MPI.COMM_WORLD, list[str]()
     laid = lay_blank(press, comm, warnings)
     placed = place(press, laid, comm, warnings)
@@ -62,7 +62,7 @@ def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
 
 @dataclass(frozen=True)
 class Placed:
-    """Tools where they stand: tools {name: `Tool`}, moved by the `schedule`, and the thickness of
+    """Tools in their places: tools {name: `Tool`}, which the `schedule` moves, and the thickness of
     the blank without pressure [mm]."""
 
     tools: dict[str, Tool]
@@ -71,8 +71,8 @@ class Placed:
 
 
 def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Placed:
-    """The tools of a press where they stand on its blank. Raises InputError, on all ranks, for
-    tools that can't stand or move so."""
+    """The tools of a press in their places at its blank. Raises InputError, on all ranks, for tools
+    that can't stand or move as given."""
     nodes, thickness, pressed = laid.flat_nodes(), press.thickness(), press.thickness(PRESSED)
     at, dies = Placement(nodes, thickness, comm, warnings), press.dies()
     clearances = {name: press.clearance(name) or CLEARANCE * thickness for name in dies}
@@ -89,9 +89,8 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
             stood[name] = at.stand(name, die, is_die=True)
         except InputError as error:
             raise InputError(
-                f"tools.{name} can't be the die of {of}, if that is closed all round as a ball is: "
-                "allowed is the die of an open surface, as double_dome or a file without a back "
-                f"({error})"
+                f"tools.{name} can't be the die of {of}; allowed is the die of an open surface, as "
+                f"double_dome or a file without a back, not of a closed one, as a ball ({error})"
             ) from None
     reach = {
         of: float((stood[name][1] - stood[of][1]) @ press.tools[of].towards) + clearances[name]
@@ -127,7 +126,7 @@ def _tool(press, name, surface, start, schedule):
 
 def check_clearance(path: str, clearance: float, pressed: float, surface: Surface) -> None:
     """Raise InputError for a distance of tool and die [mm] that is less than the `pressed`
-    thickness, or leaves the die no radius where the tool is hollow."""
+    thickness, or not below the least concave radius of the tool."""
     radius = radii_of(surface)[1]
     if clearance < pressed:
         raise InputError(
@@ -136,16 +135,15 @@ def check_clearance(path: str, clearance: float, pressed: float, surface: Surfac
         )
     if clearance >= radius:
         raise InputError(
-            f"{path} is {rounded(clearance, 6)}, which leaves the die no radius where the tool is "
-            f"hollow; allowed is from {rounded(pressed)} to below {radius:g} mm, the least radius "
-            "there"
+            f"{path} is {rounded(clearance, 6)}, which is not below the tool's least concave radius"
+            f"; allowed is from {rounded(pressed)} to below {radius:g} mm"
         )
 
 
 @dataclass
 class Bench:
-    """A press with its blank laid and its tools placed, of which terms and supports are made; die:
-    the tool on which holders press the blank."""
+    """A press with its blank laid and its tools placed; it makes terms and supports. die: the tool
+    on which holders press the blank."""
 
     press: Press
     laid: Laid
@@ -160,7 +158,7 @@ class Bench:
 
     @property
     def planes(self) -> Sequence[Callable[[np.ndarray], np.ndarray]]:
-        """Marks of the planes of symmetry."""
+        """Functions that mark the planes of symmetry."""
         return PLANES if self.press.quarter else ()
 
     def membranes(self) -> list[Term]:
@@ -261,8 +259,8 @@ class Bench:
             )
         if len(flat) > 1:
             raise InputError(
-                f"{path} may press the blank on {' or '.join(flat)}; allowed is `against` that "
-                "says which"
+                f"{path} needs `against`, the name of the tool that it presses the blank on: "
+                f"{' or '.join(flat)}"
             )
         return tools[flat[0]]
 
@@ -272,8 +270,8 @@ class Bench:
         return bool(self.laid.blank.mesh.comm.allreduce(int((share > 0).sum())))
 
     def supports(self) -> list[Support]:
-        """The planes of symmetry of a quarter; of a whole blank the nodes nearest to its centre and
-        to the end of its axis, against motion and turning."""
+        """The planes of symmetry of a quarter; or the nodes of a whole blank nearest to its centre
+        and to the end of its axis, which keep it from moving and turning in its plane."""
         if self.press.quarter:
             return [
                 Support("plane of symmetry x = 0", PLANES[0], (0,)),
@@ -292,9 +290,9 @@ class Bench:
 class FormingScene(Setup):
     """A press that is built: its `scene`, and
 
-    - blank, sheets: what is laid, with names, materials and meshes as they are
+    - blank, sheets: what is laid, with final names, materials and meshes
     - tools {name: `Tool`}, schedule, thickness [mm] of the blank without pressure
-    - pressing, contacts: terms that press the blank, and those of tools among them
+    - pressing, contacts: terms that press the blank, and those of them that are contact with tools
     """
 
     data: Press
@@ -311,8 +309,8 @@ class FormingScene(Setup):
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
 
     def press_together(self, die: Tool | None) -> None:
-        """Press the sheets of a stack together as a holder does on its die: else they part at
-        once, while sheets that do not touch yet resist nothing."""
+        """Press the sheets of a stack together and onto the die, as its holder does: otherwise
+        they do not touch at first, and sheets that do not touch resist nothing."""
         holders = [t for t in self.pressing if isinstance(t, BlankHolderPressure) and t.now]
         if not (isinstance(self.blank, Stack) and holders):
             return
@@ -321,8 +319,8 @@ class FormingScene(Setup):
         stack.press(self.blank, pairs, on_die, holders, any(s.metal for s in self.sheets))
 
     def leader(self, load: float = 1.0) -> Tool:
-        """The tool whose force the curve shows at a load factor: of the stage there, the one that
-        goes farthest."""
+        """The tool whose force the curve shows at a load factor: the one that moves furthest in the
+        stage there."""
         names = self.schedule.leaders()
         known = [name for name in names[: self.schedule.stage_at(load) + 1] if name]
         return self.tools[known[-1] if known else next(iter(self.tools))]
@@ -334,8 +332,8 @@ class FormingScene(Setup):
         return self.schedule.travel(load), float(force)
 
     def columns(self, scene: Scene) -> dict[str, float]:
-        """Of each tool its travel from where it stood and its force, both along z, the force of
-        what is modelled {name: value} [mm], [N]."""
+        """{name: value} of each tool's travel since the start [mm] and its force on the modelled
+        part [N], both along z."""
         found = {}
         for name, tool in self.tools.items():
             way = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
@@ -363,7 +361,7 @@ class FormingScene(Setup):
         return 0.25 if self.data.quarter else 1.0
 
     def of_whole(self, quantities: Mapping[str, Any]) -> str:
-        """What to say behind the force on a quarter, "" for a whole blank."""
+        """Text that follows the force on a quarter, "" for a whole blank."""
         whole = quantities["force_of_whole_blank_N"]
         return f", {rounded(whole, 5)} N on all of it" if self.data.quarter else ""
 
@@ -388,12 +386,12 @@ class FormingScene(Setup):
         return first | dict(zip(("length", "width"), self.laid.sides))
 
     def coarser(self) -> Press | None:
-        """As in `Setup`: of rectangles and outlines that the program meshes."""
+        """As in `Setup`: for rectangles and outlines, which the program meshes."""
         coarse = [sheet.coarser(each) for sheet, each in zip(self.sheets, self.laid.extents())]
         return None if None in coarse else self.data.replace(sheets=coarse)
 
     def job(self, **changes: Any) -> Job:
-        """As in `Setup`, with the steps of the stages, whose ends are hit exactly."""
+        """As in `Setup`, with the steps of the stages; a step ends at the end of each stage."""
         ends = tuple(float(each) for each in self.schedule.joints[1:-1])
         usual: dict[str, Any] = {"first_picture": self.first_picture, "columns": self.columns}
         headlines = (*self.data.HEADLINES, f"{self.leader().name}_force_N")

@@ -1,5 +1,5 @@
-"""Whether the tools of a press leave the blank room between them, and are as symmetric as a quarter
-takes them to be."""
+"""Checks of a press: whether its tools leave room for the blank, and are symmetric if only a
+quarter is modelled."""
 
 from functools import partial
 from itertools import combinations
@@ -12,7 +12,7 @@ from ..runtime.formatting import coordinates, rounded
 from ..tools.checks import MIRRORED
 
 PRESSED = 1.0  # MPa, under which the blank must fit between closed tools
-ACROSS = 60  # points across the blank, at which the distance of two tools is asked
+ACROSS = 60  # points across the blank at which the distance of two tools is found
 
 
 def check_clearances(
@@ -22,7 +22,7 @@ def check_clearances(
     through one another at the end of a stage; warn if they leave it less than its `pressed`
     thickness [mm].
 
-    Of tools that a force moves the place is not known.
+    The place of tools that a force moves is not known, so they are left out.
     """
     wrong, comm, found = "", laid.blank.mesh.comm, list[str]()
     tools = [tool for tool in placed.tools.values() if not tool.force]
@@ -46,8 +46,8 @@ def check_clearances(
 
 
 def _doubts(names, same_side, distance, schedule, pressed):
-    """Sentences on two tools that come too near at the ends of stages; InputError as
-    `check_clearances`. distance: function of the load factor to theirs, and its place."""
+    """Warnings of two tools that come too near at the ends of stages; InputError as in
+    `check_clearances`. distance: function of the load factor to their distance and its place."""
     whens = ["before anything moves", *(f"at the end of {s.name}" for s in schedule.stages)]
     found: list[str] = []
     for load, when in zip(schedule.joints, whens):
@@ -96,8 +96,8 @@ def _points(tool, low, high, load):
 
 
 def symmetry_warnings(press: Any, laid: Any, placed: Any) -> list[str]:
-    """A sentence for each tool of a quarter that is not its own mirror image in x = 0 and y = 0, to
-    `MIRRORED` of the thickness, where it stands at the start and at the end; on all ranks."""
+    """A warning for each tool of a quarter that is not its own mirror image in x = 0 and y = 0,
+    within `MIRRORED` thicknesses, in its places at the start and at the end; on all ranks."""
     found: list[str] = []
     comm, (low, high) = laid.blank.mesh.comm, laid.blank.extent()
     for tool in placed.tools.values() if comm.rank == 0 and press.quarter else ():

@@ -1,4 +1,4 @@
-"""Which share of a place lies beneath the die's flange, where a blank holder presses."""
+"""The share to which a place lies on the die's flange, where a blank holder presses."""
 
 import itertools
 import math
@@ -8,24 +8,28 @@ import numpy as np
 
 from ..tools.tool import Tool
 
-RINGS = 2.0, 4.0, 6.0  # mm about a place, in which the die must be flat for it to be held
+RINGS = (
+    2.0,
+    4.0,
+    6.0,
+)  # mm about a place, at which the die must be flat for the place to count in full
 # directions of the points on a ring
 AROUND = [k * math.pi / 4 for k in range(8)]
-# mm: edges of the squares whose places, or whose points on rings, are judged together, and how far
-# apart the points that judge them are
+# mm: edges of the squares whose places, or whose points on rings, are checked together, and the
+# distance of the points at which they are checked
 PLACES, POINTS = (4.0, 2.0), (1.0, 0.5)
 
 
 class Flange:
-    """Function of places (3, n) to the share of each (n,) that lies beneath the die's flange: 0 at
-    its end, 1 from the largest of the `RINGS` inwards. thickness: of all that lies between die and
-    holder [mm]; up: 1 for a die above the blank, -1 below it.
+    """Function of places (3, n) to the share (n,) to which each lies on the die's flange: 0 at the
+    end of the flange, 1 from the largest of the `RINGS` inwards. thickness: of all that lies
+    between die and holder [mm]; up: 1 for a die above the blank, -1 below it.
 
-    The share counts on how many points of the rings the die is flat. It depends on x and y alone,
-    and only near the flange's end is the die asked. Where it is flat all over the surroundings of a
-    tile of the plane, or nowhere, the rings of all places in it are known; and so are the points of
-    rings that lie in smaller tiles which the flange's end does not cross. Each tile is judged once,
-    by points 2 mm, or 0.5 mm, apart: parts of the flange that are smaller may be missed.
+    The share says at how many points of the rings the die is flat. It depends only on x and y. The
+    die's surface is evaluated only near the end of the flange. If it is flat everywhere, or
+    nowhere, around a tile of the plane, the rings of all places in this tile are known. So are
+    points of rings in smaller tiles that the end of the flange does not cross. Each tile is checked
+    once, at points 2 mm, or 0.5 mm, apart: smaller parts of the flange may be missed.
     """
 
     def __init__(self, die: Tool, thickness: float, up: float = 1.0) -> None:
@@ -33,20 +37,20 @@ class Flange:
         self._ring = np.array(
             [(r * math.cos(a), r * math.sin(a)) for r, a in itertools.product(RINGS, AROUND)]
         )
-        self._judge_anew()
+        self._begin_anew()
 
-    def _judge_anew(self):
+    def _begin_anew(self):
         self._seen = self.die.displacement
         # a step more than to the rings' ends, as the flange's end may be curved
         self._places = Tiles(self._flat, *PLACES, beyond=math.ceil(RINGS[-1] / PLACES[1]) + 1)
         self._points = Tiles(self._flat, *POINTS)
-        # as a state that is accepted was asked about before
+        # since the share of a state that is accepted was found before
         self._last = np.empty((3, 0)), np.empty(0)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """The share (n,) of places x (3, n) [mm]."""
         if not np.array_equal(self.die.displacement, self._seen):
-            self._judge_anew()
+            self._begin_anew()
         if not np.array_equal(x, self._last[0]):
             self._last = x.copy(), self._share(x)
         return self._last[1].copy()
@@ -71,21 +75,22 @@ class Flange:
 
 
 class Tiles:
-    """Function of places (n, 2) to what `judged`, a function of points (k, 2) to 0 or 1, (k,), is
-    all around the square tile of this `edge` that each lies in, (n,): NaN where it is both.
+    """Function of places (n, 2) to the value (n,) of `check` in and around the square tile that
+    each place lies in: 0 or 1, NaN if it is not the same everywhere.
 
-    Each tile is judged once, by the points of a lattice, two or more to an edge, that lie in it or
-    up to `beyond` of them beside it; spacing: of the lattice; [mm].
+    check: function of points (k, 2) to 0 or 1, (k,); edge: of a tile; spacing: of a lattice of
+    points, two or more to an edge; [mm]. Each tile is checked once, at the points of the lattice in
+    it and up to `beyond` points beside it.
     """
 
     def __init__(
         self,
-        judged: Callable[[np.ndarray], np.ndarray],
+        check: Callable[[np.ndarray], np.ndarray],
         edge: float,
         spacing: float,
         beyond: int = 0,
     ) -> None:
-        self._judged, self._edge, self._spacing = judged, edge, spacing
+        self._check, self._edge, self._spacing = check, edge, spacing
         self._tiles, self._lattice = Known(self._all_around), Known(self._at)
         self._count = round(edge / spacing)
         steps = np.arange(-beyond, self._count + beyond + 1)
@@ -101,7 +106,7 @@ class Tiles:
         return np.where((found == 0) | (found == 1), found, np.nan)
 
     def _at(self, points):
-        return self._judged(self._spacing * np.column_stack([points.real, points.imag]))
+        return self._check(self._spacing * np.column_stack([points.real, points.imag]))
 
 
 class Known:

@@ -1,4 +1,4 @@
-"""Blank holders: objects that make the terms by which they act on the blank."""
+"""Blank holders: objects that make the terms with which they act on the blank."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 GROUP = "blank holder"  # of options
 # above which a run warns
 PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"
-# of a rectangle around the blank -> axis, and end of it
+# edge of a rectangle around the blank -> axis, and which end of it
 EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
-# names of what is between two numbers -> function of points (3, n) to it
+# name of a coordinate -> function of points (3, n) to its values (n,)
 MEASURES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "x": lambda x: x[0],
     "y": lambda x: x[1],
@@ -34,8 +34,11 @@ Where = Callable[[np.ndarray], np.ndarray]  # function of points (3, n) [mm] to 
 
 @dataclass(frozen=True)
 class Region:
-    """Function of points (3, n) [mm] to whether they lie between all `limits` (n,): of x, y, r from
-    the origin [mm] and the angle to x [deg], {name: (low, high)}. Raises InputError for others."""
+    """Function of points (3, n) [mm] to a mask (n,), True where they lie within all `limits`.
+
+    limits: {name: (low, high)} of x, y, r (distance from the origin) [mm] and angle (to x) [deg].
+    Raises InputError for others.
+    """
 
     limits: Mapping[str, Sequence[float]]
 
@@ -76,7 +79,7 @@ class Holder(Protocol):
     """
 
     def terms(self, site: HolderSite) -> list[Term]:
-        """The terms by which it acts on the blank, new ones each time."""
+        """The terms with which it acts on the blank, new ones in each call."""
 
 
 class _Checked:
@@ -86,23 +89,23 @@ class _Checked:
         self.doubts()
 
     def doubts(self) -> list[str]:
-        """Sentences on numbers that speak of another unit."""
+        """Warnings of numbers that seem to be in another unit."""
         return check_fields(self)
 
 
 @dataclass(frozen=True)
 class PressureHolder(_Checked):
-    """A pressure on what lies on the flat face of a tool that stands still, the die.
+    """A pressure on what lies on the flat face of the die, a tool that does not move.
 
     Parameters
     ----------
     pressure
-        [MPa], or a function of the load factor, the share of the whole run.
+        Number [MPa], or function of the load factor, 0 to 1 over the whole run.
     where
-        Function of present positions (3, n) [mm] to a mask (n,): a segment of a holder. Where
-        segments overlap, their pressures add up.
+        Function of present positions (3, n) [mm] to a mask (n,): where a segment of a holder
+        presses. Where segments overlap, their pressures add up.
     against
-        Name of the die, if several tools could be it.
+        Name of the die, needed if several tools could be it.
 
     Raises
     ------
@@ -124,7 +127,7 @@ class PressureHolder(_Checked):
     against: str = ""
 
     def doubts(self) -> list[str]:
-        """As in `_Checked`; nothing of a function."""
+        """As in `_Checked`; a function is not checked."""
         return [] if callable(self.pressure) else super().doubts()
 
     def terms(self, site: HolderSite) -> list[Term]:
@@ -136,7 +139,7 @@ class PressureHolder(_Checked):
 
 @dataclass(frozen=True)
 class ForceHolder(_Checked):
-    """A plate that pushes the blank to the die by a force.
+    """A plate that a force pushes towards the die, with the blank between them.
 
     Parameters
     ----------
@@ -144,7 +147,7 @@ class ForceHolder(_Checked):
         On the whole blank [N].
     where
         Function of points (3, n) [mm] of the flat blank to a mask (n,): the nodes that a segment
-        touches. A node that several segments touch bears the forces of all.
+        touches. If several segments touch a node, all their forces act on it.
     against
         As in `PressureHolder`.
 
@@ -174,7 +177,7 @@ class ForceHolder(_Checked):
 
 @dataclass(frozen=True)
 class GapHolder(_Checked):
-    """A plate on the blank's other side, at a fixed distance from the die.
+    """A plate at a fixed distance from the die, on the other side of the blank.
 
     Parameters
     ----------
@@ -216,11 +219,11 @@ class Grippers(_Checked):
     Parameters
     ----------
     tension
-        Pull [N/mm].
+        Pull per length of the edge [N/mm].
     where
         Function of points (3, n) [mm] of the flat blank to a mask (n,): parts of the edges.
     edges
-        Those that are gripped, some of "low x", "high x", "low y", "high y"; by default all.
+        The edges that are gripped, some of "low x", "high x", "low y", "high y"; by default all.
 
     Raises
     ------
@@ -252,18 +255,18 @@ class Grippers(_Checked):
 
 @dataclass(frozen=True)
 class SpringHolder(_Checked):
-    """Springs that pull the blank outwards to fixed anchors. On a stack the sheets share each.
+    """Springs that pull the blank outwards to fixed anchors; the sheets of a stack share each.
 
     Parameters
     ----------
     stiffness, preload
-        Of each spring [N/mm], and its pull at the start [N], both of the whole blank.
+        Of each spring [N/mm], and its pull at the start [N], both for the whole blank.
     length
-        Of each at the start [mm].
+        Of each spring at the start [mm].
     edges
-        Each of them has parallel springs, which count as one together; named as in `Grippers`.
+        Edges with parallel springs, which together count as one spring; named as in `Grippers`.
     at
-        Points (x, y) [mm] of the flat blank that have a spring each, away from the origin.
+        Points (x, y) [mm] of the flat blank with one spring each, which pulls away from the origin.
 
     Raises
     ------
@@ -301,7 +304,7 @@ class SpringHolder(_Checked):
         return holding.spring_terms(self, site)
 
 
-PULLING = Grippers, SpringHolder  # which press the blank on nothing
+PULLING = Grippers, SpringHolder  # holders that do not press the blank on a die
 # by their names on the command line
 HOLDERS: dict[str, type] = {
     "pressure": PressureHolder,
@@ -312,13 +315,14 @@ HOLDERS: dict[str, type] = {
 
 
 def check_edges(names: Any) -> None:
-    """InputError unless `names` are a list of some of `EDGES`."""
+    """Raise InputError unless `names` is a list of some of `EDGES`."""
     if not isinstance(names, (list, tuple)) or any(each not in EDGES for each in names):
         raise InputError(f"`edges` is {shown(names)}; allowed is a list of some of {[*EDGES]}")
 
 
 def holders_of(name: str, given: Holder | Sequence[Holder]) -> list[Holder]:
-    """The holder of this name in a press, or its segments; InputError for others, and none."""
+    """The holder of this name in a press, or its segments, as a list. Raises InputError for what
+    is no holder, and for an empty list."""
     holders: list[Any] = list(given) if isinstance(given, (list, tuple)) else [given]
     for each in holders or [given]:
         if not holders or isinstance(each, type) or not callable(getattr(each, "terms", None)):

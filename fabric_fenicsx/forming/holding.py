@@ -1,4 +1,4 @@
-"""The terms by which blank holders act on a blank that is laid between tools."""
+"""The terms with which blank holders act on a blank."""
 
 from __future__ import annotations
 
@@ -39,29 +39,29 @@ from .holders import (
 from .interface import Interface
 from .stack import least_corner
 
-FAR = 200  # mm, over which the flange is sought
+FAR = 200  # mm, within which the flange is looked for
 
 
 @dataclass(frozen=True)
 class HolderSite:
-    """Where a blank holder acts: what it needs to make its terms.
+    """The place where a blank holder acts: what it needs to make its terms.
 
     Parameters
     ----------
     name
-        For the holder's tool.
+        A name for the holder's tool.
     blank, whole
-        The flat blank in z = 0; whether it is all of it, and no quarter.
+        The flat blank in z = 0; False if only a quarter of it is modelled.
     die, up, thickness
-        Tool that the holder presses the blank on, the direction (3,) towards it, and the thickness
-        of all that lies between die and holder [mm].
+        The tool on which the holder presses the blank, the direction (3,) towards it, and the
+        thickness of all that lies between die and holder [mm].
     interface, friction
-        How tools touch the blank, and their friction.
+        How tools touch the blank, and the friction of tools.
     sheets, rims, against
-        Of a stack: names of its sheets, the lowest first; those that reach beyond all below them;
-        contacts of each sheet with the next.
+        For a stack: names of its sheets, the lowest first; names of those that reach beyond all
+        sheets below them; the contacts of each sheet with the next.
     warnings
-        Of the run.
+        Those of the run, see `warn`.
 
     Examples
     --------
@@ -88,25 +88,25 @@ class HolderSite:
 
     @property
     def lag(self) -> float:
-        """Share of areas and normal forces that may lag behind the state."""
+        """Share of areas and normal forces, by which these may lag behind the state."""
         return self.interface.lag
 
     def contact(self, tool: Tool, where: Where | None = None) -> Contact:
-        """Contact with a tool of the holder, as that with punch and die; where: as in `Contact`."""
+        """Contact with a tool of the holder, as that with the die; where: as in `Contact`."""
         return self.interface.contact(tool, self.friction, where)
 
     def warn(self, *sentences: str) -> None:
-        """Have the run give these warnings, each once."""
+        """Add these sentences to the warnings of the run, each once."""
         self.warnings.extend(words for words in sentences if words not in self.warnings)
 
     def on_flange(self) -> Callable[[np.ndarray], np.ndarray]:
-        """Function of positions (3, n) to the share of each (n,) that lies at the die's flange."""
+        """Function of positions (3, n) to the share (n,) of each that is on the die's flange."""
         return Flange(self.die, self.thickness, self.up[2])
 
 
 def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
-    """The terms of a holder; InputError if its `terms` does not take a `HolderSite`, or returns
-    others than one term or more in a list."""
+    """The terms of a holder. Raises InputError if its `terms` does not take a `HolderSite`, or does
+    not return a list of one or more terms."""
     name = f"`terms` of {site.name}, a `{type(holder).__name__}`,"
     try:
         inspect.signature(holder.terms).bind(site)
@@ -119,7 +119,7 @@ def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
     listed = terms if isinstance(terms, (list, tuple)) else []
     if not listed or not all(isinstance(term, Term) for term in listed):
         found = f"one `{type(terms).__name__}`" if isinstance(terms, Term) else shown(terms)
-        raise InputError(f"{name} gives {found}; allowed is a list of one or more terms")
+        raise InputError(f"{name} returns {found}; allowed is a list of one or more terms")
     for term in listed:
         if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0:
             site.warn(
@@ -130,7 +130,7 @@ def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
 
 
 def pressure_terms(holder: PressureHolder, site: HolderSite) -> list[Term]:
-    """Terms of a `PressureHolder`; on a stack it presses where all sheets lie on one another."""
+    """Terms of a `PressureHolder`; it presses a stack where all sheets lie on one another."""
     flange, where = site.on_flange(), _checked_where(holder, site)
     site.warn(*loose_ends_warnings(flange, least_corner(site.blank)))
     pressure = BlankHolderPressure(
@@ -147,9 +147,9 @@ def pressure_terms(holder: PressureHolder, site: HolderSite) -> list[Term]:
     if site.up[2] < 0:
         raise InputError(
             f"holders.{site.name} presses a stack downwards on {site.die.name}; allowed is a die "
-            "above the stack, so the press upside down, or a holder that is a tool with a force"
+            "above the stack (turn the press over), or a holder that is a tool with a force"
         )
-    # what reaches beyond the lowest ply can't sink below the holder's face
+    # sheets that reach beyond the lowest one can't sink below the holder's face
     face = Tool(Plane(-site.thickness / 2 * site.up, site.up), name=f"{site.name}'s face")
     below = [site.contact(face, where).on(name) for name in site.rims[:1]]
     return [pressure.on(site.sheets[0]), *below]
@@ -164,12 +164,12 @@ def force_terms(holder: ForceHolder, site: HolderSite) -> list[Term]:
 
 
 def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
-    """Terms of a `GapHolder`; InputError for a gap below half a thickness."""
+    """Terms of a `GapHolder`. Raises InputError for a gap below half a thickness."""
     t = site.thickness
     gap = holder.gap or 1.1 * t
     if gap < 0.5 * t:
         raise InputError(
-            f"gap of holders.{site.name} is {gap:g}, which crushes the ply; allowed is from "
+            f"holders.{site.name}.gap is {gap:g}, which crushes the blank; allowed is from "
             f"{t / 2:g} mm, half its thickness"
         )
     tool = Tool(Plane((t / 2 - gap) * site.up, site.up), name=site.name)
@@ -177,7 +177,7 @@ def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
 
 
 def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
-    """Terms of `Grippers`; InputError if no edge is gripped."""
+    """Terms of `Grippers`. Raises InputError if no edge is gripped."""
     where, ends = _checked_where(holder, site), site.blank.extent()
     edges = [
         (_edge(axis, ends[end][axis], where), (2 * end - 1) * np.eye(3)[axis])
@@ -186,7 +186,7 @@ def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
     ]
     owned = site.blank.V.dofmap.index_map.size_local
     x, comm = site.blank.coordinates()[:owned].T, site.blank.mesh.comm
-    # not those of which only a corner is marked
+    # not edges of which only a corner is marked
     gripped = [each for each in edges if comm.allreduce(int(each[0](x).sum())) > 1]
     if not gripped:
         raise InputError(
@@ -197,9 +197,9 @@ def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
 
 
 def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:
-    """Terms of a `SpringHolder`; InputError for a point that a quarter does not have."""
+    """Terms of a `SpringHolder`. Raises InputError for a point that is not in the quarter."""
     ends, parts = site.blank.extent(), list(site.blank.parts.values()) or [site.blank.whole]
-    half = 1.0 if site.whole else 0.5  # of what a plane of symmetry cuts
+    half = 1.0 if site.whole else 0.5  # share of a spring in a plane of symmetry
     found = [
         (_edge(axis, ends[end][axis], None), (2 * end - 1) * np.eye(3)[axis], half, name)
         for name, (axis, end) in ((name, EDGES[name]) for name in holder.edges)
@@ -228,15 +228,15 @@ def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:
 
 
 def _at_plate(holder, site):
-    """Function of points of the flat blank to whether a plate touches them: at the die's flat face,
-    as it has the die's opening, and where a segment is."""
+    """Function of points of the flat blank to whether a plate touches them: on the die's flat face,
+    since the plate has the die's opening, and where its segment is."""
     flange, where = site.on_flange(), _checked_where(holder, site)
     return lambda x: (flange(x) > 0) & (where(x) if where else True)
 
 
 def _checked_where(holder: Any, site: HolderSite) -> Where | None:
-    """`where` of a holder, if given, as a function that checks each mask. Warns of a doubtful
-    number; InputError if no node of the flat blank is marked."""
+    """`where` of a holder, if given, as a function that checks each mask. Warns of doubtful
+    numbers. Raises InputError if no node of the flat blank is marked."""
     (field, *_), given, blank = declared(holder), holder.where, site.blank
     site.warn(
         *(
@@ -279,7 +279,7 @@ def nearest_nodes(
     parts: Sequence[Part], place: tuple[float, float]
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Function of points (3, n) to a mask (n,) of one node of each part: the nearest to `place` (x,
-    y) [mm], of several the one that is last by x and y."""
+    y) [mm]; of equally near ones the one with the largest x, then y."""
     found = []
     for part in parts:
         x = part.blank.coordinates()[: len(part.nodes)][part.nodes]
@@ -292,6 +292,6 @@ def nearest_nodes(
 
 
 def _edge(axis, place, where):
-    """Function of points (3, n) to whether their coordinate along `axis` is `place` [mm], and
-    `where` is true."""
+    """Function of points (3, n) to whether their coordinate along `axis` is `place` [mm] and
+    `where` is True."""
     return lambda x: (abs(x[axis] - place) < 1e-6) & (where(x) if where else True)

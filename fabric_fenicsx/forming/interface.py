@@ -30,12 +30,13 @@ class Interface:
     slip
         Elastic slip while a sheet sticks [mm].
     lag
-        Share of normal forces, and of areas under a holder, that may lag behind the state.
+        Share of normal forces, and of areas under a holder, by which these may lag behind the state
+        in a solve.
     penalty
-        Stiffness of contact [N/mm^3]; it, or `permitted`, makes faces of fabric rigid, which by
-        default are compacted.
+        Stiffness of contact [N/mm^3]. By default fabric is compacted; `penalty` or `permitted`
+        makes its faces rigid.
     permitted
-        Largest penetration of rigid faces [mm], which augmented contact keeps.
+        Largest penetration of rigid faces [mm], enforced by the augmented Lagrangian method.
 
     Raises
     ------
@@ -81,13 +82,13 @@ class Interface:
         return bool(self.penalty or self.permitted)
 
     def coulomb(self, coefficient: float | dict[str, float]) -> Coulomb:
-        """Friction with this coefficient, or that of each sheet {name: coefficient}."""
+        """Friction with this coefficient, or with one for each sheet {name: coefficient}."""
         from ..mechanics.contact.coulomb import Coulomb
 
         return Coulomb(coefficient, self.slip, self.lag)
 
     def on_tools(self, sheets: Sequence[Sheet]) -> Coulomb:
-        """Friction of sheets on tools, of each sheet if one is of metal."""
+        """Friction of the sheets on tools; for each sheet separately if one is of metal."""
         if not any(sheet.metal for sheet in sheets):
             return self.coulomb(self.friction)
         if len(sheets) == 1:

@@ -19,13 +19,13 @@ from .sheet import Sheet
 USUAL_NX = 24  # rectangles along the length, unless a sheet says others
 FITS = 1e-3  # of a length, by which a sheet may reach beyond a plane of symmetry
 ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
-OFF_CENTRE = 0.05  # of its extent, by which a sheet may lie off the origin without a word
+OFF_CENTRE = 0.05  # of its extent, by which a sheet may lie off the origin without a warning
 
 
 @dataclass(frozen=True)
 class Laid:
-    """The blank of a press, in space, and its sheets with names, materials and meshes as they are;
-    sides: length and width of the whole `first` sheet [mm]."""
+    """The blank of a press, in space, and its sheets with final names, materials and meshes; sides:
+    length and width of the whole `first` sheet [mm]."""
 
     blank: Blank
     sheets: Sequence[Sheet]
@@ -43,19 +43,19 @@ class Laid:
         return [s.blank for s in stack.sheets] if isinstance(stack, Stack) else [stack]
 
     def flat_nodes(self) -> np.ndarray:
-        """This rank's nodes (n, 3) [mm] as if all sheets lay in the blank's middle."""
+        """Nodes (n, 3) of this rank [mm], as if all sheets lay in the blank's middle."""
         owned = self.blank.V.dofmap.index_map.size_local
         flat = 0 if isinstance(self.blank, Stack) else 1
         return self.blank.coordinates()[:owned] * (1, 1, flat)
 
     def extents(self) -> list[np.ndarray]:
-        """Length and width of each sheet, of what is modelled (2,) [mm]."""
+        """Length and width (2,) of the modelled part of each sheet [mm]."""
         return [np.subtract(*blank.extent()[::-1])[:2] for blank in self.blanks]
 
 
 def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
-    """The blank of a press. Raises InputError for sheets that can't be meshed or do not suit a
-    quarter."""
+    """The blank of a press. Raises InputError for sheets that can't be meshed, and for own meshes
+    that are no quarter if a quarter is modelled."""
     sheets = [s.ready(f"ply {k}", press.interface) for k, s in enumerate(press.sheets, 1)]
     if press.quarter:
         warnings += filter(None, (sheet.mirror_warning() for sheet in sheets))
@@ -82,8 +82,8 @@ def first_fabric(sheets: Sequence[Sheet]) -> int:
 
 
 def _meshed(sheets, quarter, comm):
-    """The sheets with their defaults, and each one laid. Where cells do not follow the yarns all
-    are quadratic; by default such cells are twice as large, so that nodes are as many."""
+    """The sheets with their defaults, and each one laid. If cells do not follow the yarns, all
+    are quadratic; by default they are twice as large, so that there are as many nodes."""
     asked = any(sheet.element for sheet in sheets)
     made = [_with_nx(sheet, USUAL_NX, quarter) for sheet in sheets]
     found = [_laid(sheet, quarter, comm) for sheet in made]
@@ -94,8 +94,8 @@ def _meshed(sheets, quarter, comm):
 
 
 def _with_nx(sheet, nx, quarter, element=None):
-    """The sheet with this `nx` and element, if it says nothing of its cells; of a whole one with
-    nodes at its centre."""
+    """The sheet with this `nx` and element, if it says nothing of its cells; a whole sheet has a
+    node at its centre."""
     usual = not (sheet.nx or sheet.size or sheet.mesh)
     sheet = dataclasses.replace(sheet, element=element) if usual and element else sheet
     sheet = sheet.with_defaults(nx + (nx % 2 if usual and not quarter else 0))
@@ -113,16 +113,16 @@ def _laid(sheet, quarter, comm):
 
 
 def _piled(sheets, blanks):
-    """The sheets on one another without pressure. The upper face of the last one is half of all
-    thicknesses over z = 0, where the die lies."""
+    """The sheets on one another without pressure. The upper face of the last one, on which the die
+    lies, is half of the whole thickness above z = 0."""
     heights = [sheet.thickness_under(0.0) for sheet in sheets]
     names = [sheet.name for sheet in sheets]
     return Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
 
 
 def _check_place(blank, press, sheet, source, warnings):
-    """Raise InputError for a sheet that planes of symmetry would cut, or that has no edge on one of
-    them; warn of a whole one that does not lie under the press."""
+    """Raise InputError for a sheet that a plane of symmetry would cut, or that has no edge on it;
+    warn of a whole sheet whose centre is not at the origin."""
     low, high = (each[:2] for each in blank.extent())
     for axis, start, end in zip("xy", low, high) if press.quarter else ():
         reaches = f"{source} reaches from {axis} = {rounded(start, 4)} to {rounded(end, 4)} mm"

@@ -1,4 +1,4 @@
-"""The pictures of a press: before anything moves, its stroke, and what was formed."""
+"""The pictures of a press: its tools at the start, the stroke, and the formed blank."""
 
 from collections.abc import Mapping
 from contextlib import contextmanager
@@ -32,8 +32,8 @@ def draw(made: FormingScene, result: Result, folder: Path) -> None:
 
 
 def compare(made: FormingScene, results: Mapping[str, Result], folder: Path) -> None:
-    """Outlines and paths of runs {label: `Result`} side by side, into `folder`; of a laminate its
-    middle ply."""
+    """Draw outlines and paths of runs {label: `Result`} into `folder`, side by side; of a laminate
+    also its middle ply."""
     grids = {
         " ".join(filter(None, (label, name))): grid
         for label, result in results.items()
@@ -50,7 +50,7 @@ def compare(made: FormingScene, results: Mapping[str, Result], folder: Path) -> 
 
 @contextmanager
 def _no_loss(picture):
-    """Where nothing can be drawn, that is said and no reason to lose a run."""
+    """Log it if a picture can't be drawn: that is no reason to lose a run."""
     try:
         yield
     except Exception as error:  # whatever VTK finds

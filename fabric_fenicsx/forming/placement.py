@@ -1,4 +1,4 @@
-"""Where the tools of a press stand before anything moves."""
+"""The places of the tools of a press before anything moves."""
 
 import math
 import os
@@ -16,18 +16,18 @@ from ..tools.triangulated import TriangulatedSurface
 from ..tools.values import length_of
 from .tools import PressTool
 
-FAR = 1e3  # sizes of the blank, within which a tool's face is sought
-FINER = 1, 2, 5  # by which a CAD model's chord is divided in turn
-TOUCHES = 1e-9  # of the thickness, to which a tool is brought to the blank
+FAR = 1e3  # sizes of the blank, within which a tool's face is looked for
+FINER = 1, 2, 5  # numbers by which a CAD model's chord is divided, one after the other
+TOUCHES = 1e-9  # of the thickness: a tool so near touches the blank
 TRIES = 500  # at most, to bring it there
-KEPT = 10  # points beside the nodes, at which it was nearest before
+KEPT = 10  # points besides the nodes, at which the tool was nearest before
 
 
 class Placement:
     """Brings tools to a flat blank, whose nodes of this rank are at x (n, 3) [mm] in z = 0.
 
-    thickness: of the blank [mm]; warnings: sentences are added to them. Raises InputError, on all
-    ranks, for a tool that can't stand where it is told to.
+    thickness: of the blank [mm]; warnings: list to which warnings are added. Raises InputError, on
+    all ranks, for a tool that can't stand where it should.
     """
 
     def __init__(
@@ -59,7 +59,8 @@ class Placement:
         return surface
 
     def _read(self, name, path, chord):
-        """The surface in a file; of a CAD model with a smaller `chord` where its facets are off."""
+        """The surface in a file; of a CAD model with a smaller `chord` if its facets are too
+        coarse."""
         tries = FINER if path.lower().endswith(CAD) else FINER[:1]
         for finer in tries:
             surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
@@ -81,14 +82,13 @@ class Placement:
             if size < 0.02 * self._size and 0.1 < size * factor / self._size < 10:
                 raise InputError(
                     f"{name} is {rounded(size, 4)} mm large beside a blank of "
-                    f"{rounded(self._size, 4)} mm, which speaks of {unit}; allowed is a surface in "
-                    "mm"
+                    f"{rounded(self._size, 4)} mm, as if it were in {unit}; allowed is a surface "
+                    "in mm"
                 )
 
     def check_matched(self, name: str, surface: Surface, quarter: bool = False) -> None:
-        """Raise InputError for the surface of triangles of a tool with a die, if the blank, with
-        its mirror images if it is a `quarter`, does not fit between them: it is not in mm, or it is
-        open beneath the blank."""
+        """Raise InputError for the surface of triangles of a tool with a die if it is not in mm, or
+        has an opening beneath the blank, or beneath the mirror images of a `quarter`."""
         if not isinstance(surface, TriangulatedSurface):
             return
         low, high = -self._high if quarter else self._low, self._high
@@ -97,8 +97,8 @@ class Placement:
         for unit, factor in UNITS.items():
             if size < 0.2 * whole and 0.5 < size * factor / whole < 10:
                 raise InputError(
-                    f"tools.{name} is {rounded(size, 4)} mm large, which speaks of {unit}; allowed "
-                    f"is {needed}"
+                    f"tools.{name} is {rounded(size, 4)} mm large, as if it were in {unit}; "
+                    f"allowed is {needed}"
                 )
         middle = surface.points[surface.rim].mean(1)
         margin = 1e-6 * whole
@@ -113,8 +113,8 @@ class Placement:
     def stand(
         self, name: str, tool: PressTool, usual_off: float = 0.0, is_die: bool = False
     ) -> tuple[Surface, np.ndarray]:
-        """The tool's surface, and where its origin stands at the start (3,) [mm]; usual_off: the
-        default of its `off` [mm]; is_die: of another tool, whose flat face lies on the blank."""
+        """The tool's surface, and the place of its origin at the start (3,) [mm]; usual_off: the
+        default of its `off` [mm]; is_die: it is a die, whose flat face lies on the blank."""
         surface = self.surface(name, tool)
         start = np.append(np.asarray(tool.at, dtype=float)[:2], 0.0)
         touching = self._touching(name, tool, surface, start)
@@ -144,7 +144,7 @@ class Placement:
 
     def _touching(self, name, tool, surface, start):
         """The height (z) of the tool's origin at which it touches the blank, None if its body is on
-        the wrong side. It is brought nearer by its least distance each time, so never too far."""
+        the wrong side. The tool moves by its least distance each time, so it never cuts in."""
         up, away, between = tool.towards[2], self._size, np.empty((0, 3))
         points = _of_triangles(surface)
         far = FAR * self._size if points is None else 4 * (abs(points).max() + self._size)
@@ -165,8 +165,8 @@ class Placement:
         raise InputError(self._beside(name, tool, surface, place))
 
     def _to_flange(self, surface, place, towards):
-        """How far along z [mm] a die that touches the blank is to move so that its flat face at the
-        blank's edge lies on it: facets of a fillet may bulge out of that."""
+        """Distance along z [mm] by which a die that touches the blank must move so that its flat
+        face at the blank's edge lies on it: facets of a fillet may bulge out of this face."""
         side = np.linspace(0, 1, 21)
         ends = np.array([self._low, self._high])
         along = self._low + side[:, None] * (self._high - self._low)
@@ -179,9 +179,9 @@ class Placement:
         return towards * float(np.median(gap[flat])) if flat.any() else 0.0
 
     def _least(self, surface, start, height, between):
-        """The least gap [mm] of all ranks between the blank's face, at its nodes and points
-        `between` them (k, 3), and a tool whose origin is at that height; where it is, and over or
-        under which place (x, y) the tool's top is, by its curvature there."""
+        """The least gap [mm] of all ranks between the blank's face, at its nodes and at points
+        `between` them (k, 3), and a tool with its origin at this height; the place of the least
+        gap, and the place (x, y) of the tool's top, by the curvature there."""
         places = np.vstack([self._x, between])
         found = surface.evaluate(places - (start + [0, 0, height]))
         gap = np.where(np.isfinite(found.gap), found.gap - self._t / 2, np.inf)
@@ -209,7 +209,7 @@ class Placement:
         return f"{words}, nearest to {coordinates(place)}; allowed is `at` that puts it there"
 
     def _check_height(self, name, tool, z, touching):
-        """InputError for a tool that would stand in the blank."""
+        """Raise InputError for a tool that would stand in the blank."""
         deep = (z - touching) * tool.towards[2]
         if deep > FLANGE * self._t:
             raise InputError(
@@ -219,7 +219,7 @@ class Placement:
             )
 
     def _doubt_back(self, name, tool, surface):
-        """Warn of a CAD tool that shows the blank its flat back."""
+        """Warn of a tool from CAD whose flat back looks towards the blank."""
         found = _of_triangles(surface)
         inner: Any = surface.surface if isinstance(surface, Turned) else surface
         if found is None or len(inner.rim):  # what is open has no back
@@ -232,7 +232,7 @@ class Placement:
         behind = float(np.ptp(found[back][:, :2], axis=0).max()) if back.any() else 0.0
         if extent > 0.98 * size and behind < 0.5 * extent and np.ptp(z) > 0.05 * size:
             self._warnings.append(
-                f"tools.{name} shows the blank a flat face, and its shape on the other side: "
+                f"tools.{name} has a flat face towards the blank and its shape on the other side: "
                 f"turn = [180, 0, 0]{_added(tool)} would turn it over"
             )
 
@@ -257,7 +257,7 @@ def _turned_round(surface: Any) -> Surface:
 
 
 def _of_triangles(surface: Surface) -> np.ndarray | None:
-    """Points (n, 3) of a surface of triangles as it stands, None of others [mm]."""
+    """Points (n, 3) of a surface of triangles in its place [mm], None for other surfaces."""
     if isinstance(surface, Turned):
         inner = surface.surface
         if not isinstance(inner, TriangulatedSurface):

@@ -40,15 +40,15 @@ class Press(KnowsItsFields):
     sheets
         The lowest first; one alone needs no list.
     quarter
-        Models x, y >= 0 with planes of symmetry.
+        True: only x, y >= 0 is modelled, with planes of symmetry.
     interface
         How sheets and tools touch.
     tools
         {name: `PressTool`}.
     holders
-        {name: holder}, as `PressureHolder(0.1)`, or a list of holders as segments. They press the
-        blank on the tool that they call `against`, by default the one that stands still with its
-        flat face on the blank.
+        {name: holder}, as `PressureHolder(0.1)`, or a list of holders as segments. A holder presses
+        the blank on the tool that its `against` names, by default on the tool that does not move
+        and has a flat face on the blank.
     stages
         One after the other.
     limits
@@ -59,7 +59,7 @@ class Press(KnowsItsFields):
     Raises
     ------
     InputError
-        For parts that do not fit together; when built, for tools that can't stand or move so.
+        For parts that do not fit together; when built, for tools that can't stand or move as given.
 
     Examples
     --------
@@ -102,7 +102,7 @@ class Press(KnowsItsFields):
                 sheet.ready("", self.interface)
         object.__setattr__(self, "sheets", tuple(given))
         if not self.tools:
-            raise InputError("there is no tool; allowed are one or more")
+            raise InputError("`tools` is empty; allowed are one or more")
         if other := [(k, t) for k, t in self.tools.items() if not isinstance(t, PressTool)]:
             name, tool = other[0]
             raise InputError(f"tools.{name} is {shown(tool)}; allowed is a `PressTool(...)`")
@@ -137,8 +137,8 @@ class Press(KnowsItsFields):
             raise unknown_key(of, others, f"tools.{name}.die_of {of}")
         if self.tools[of].side == tool.side:
             raise InputError(
-                f"tools.{name}.side is {tool.side}, as of {of}, whose die it is; allowed is the "
-                "other side"
+                f"tools.{name}.side is {tool.side}, the side of {of}, whose die it is; allowed is "
+                "the other side"
             )
 
     @classmethod
@@ -156,16 +156,16 @@ class Press(KnowsItsFields):
 
     @classmethod
     def from_document(cls, document: Mapping[str, Any], file: Path) -> Self:
-        """The press of the tables of a file, in which materials, surfaces and holders may stand for
-        their names. Raises InputError that names file, table and key."""
+        """The press in the tables of a file. Materials, surfaces and holders may stand in them in
+        place of names. Raises InputError that names file, table and key."""
         try:
             return cls(**schema.fields_of(document, file.parent))
         except InputError as error:
             raise InputError(f"{file}: {error}") from None
 
     def write(self, path: str | os.PathLike[str]) -> None:
-        """Write a file that `read` reads, with own materials beside it. Raises InputError for what
-        no file can say, as functions and own surfaces."""
+        """Write a file that `read` reads; materials that are no presets go into files beside it.
+        Raises InputError for what a file cannot hold, as functions and surfaces of your own."""
         schema.write(self, path)
 
     def replace(self, **changes: Any) -> Self:
@@ -184,12 +184,12 @@ class Press(KnowsItsFields):
         return {name: s.tool for name, s in surfaces.items() if isinstance(s, DieOf)}
 
     def clearance(self, die: str) -> float | None:
-        """Distance of a die from its tool that is asked for [mm]."""
+        """The clearance of a die, None if it is not given [mm]."""
         surface = self.tools[die].surface
         return surface.clearance if isinstance(surface, DieOf) else None
 
     def pressures(self) -> dict[str, float]:
-        """Of holders with a constant pressure {name: pressure at the start} [MPa]."""
+        """{name: pressure at the start} of the holders whose pressure is a number [MPa]."""
         return {
             name: float(holder.pressure)
             for name, holder in self.holders.items()
@@ -203,13 +203,13 @@ class Press(KnowsItsFields):
         return Schedule(self.stages, towards, forces, self.pressures(), reach, thickness)
 
     def thickness(self, pressure: float = 0.0) -> float:
-        """Of all sheets between faces that press them [MPa], [mm]."""
+        """Thickness of all sheets together under a pressure [MPa], [mm]."""
         ready = (sheet.ready("", self.interface) for sheet in self.sheets)
         return sum(sheet.thickness_under(pressure) for sheet in ready)
 
     def build(self, comm: MPI.Comm | None = None) -> FormingScene:
-        """The scene of the press, laid and placed. Raises InputError for tools that can't stand or
-        move so, on all ranks."""
+        """The scene of the press, with a mesh and with the tools in their places. Raises InputError
+        on all ranks for tools that can't stand or move as given."""
         from .build import build
 
         return build(self, comm)

@@ -1,4 +1,4 @@
-"""The numbers of a formed blank, as functions of the built scene and the result."""
+"""The quantities of a formed blank, as functions of the built scene and the result."""
 
 from typing import Any
 
@@ -12,20 +12,25 @@ from ..scene import output
 from ..sheets.blank import Part
 from .build import FormingScene
 
-STRETCHING = "strain", "metal", "plastic"  # energies that regularisation is measured by
+STRETCHING = (
+    "strain",
+    "metal",
+    "plastic",
+)  # energies with which that of the regularisation is compared
 
 
 def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
-    """Forces, penetrations, shear, strains, draw-in, thickness, wrinkles; of metal thinning,
-    plastic strain and stress; of stacks the pressure between sheets. Those of a stack are over
-    all its sheets, and each one's are in `plies`."""
+    """Forces, penetrations, shear, strains, draw-in, thickness, wrinkles; for metal thinning,
+    plastic strain and stress; for a stack the pressure between sheets. Those of a stack are for all
+    sheets together; `plies` has those of each sheet."""
     found = of_forces(made, result) | of_contact(made, result) | of_sheets(made, result)
     return found | quantities.pressure_quantities(result)
 
 
 def of_forces(made: FormingScene, result: Result) -> dict[str, Any]:
-    """Forces [N]: of the leading tool, towards the blank, as `force_N` and by its name; of each
-    tool along z, on what is modelled and on the whole blank; sizes of all contact forces."""
+    """Forces [N]: of the leading tool towards the blank, as `force_N` and under its name, on the
+    modelled part and on the whole blank; the size of each contact force on the modelled part; the
+    force of each tool along z on the whole blank."""
     share, force, leader = made.modelled_share(), result.rows[-1]["reaction_N"], made.leader().name
     return {
         "force_N": force,
@@ -43,7 +48,7 @@ def of_forces(made: FormingScene, result: Result) -> dict[str, Any]:
 
 
 def of_contact(made: FormingScene, result: Result) -> dict[str, Any]:
-    """How well forces are in balance, and how deep tools penetrate."""
+    """Forces that are not in balance, penetration of tools, and what else checks the contact."""
     rows, scene, interface = result.rows, made.scene, made.data.interface
     total = sum((output.tool_force(scene, term.tool) for term in made.pressing), np.zeros(3))
     total += sum((term.force() for term in scene.terms if isinstance(term, Springs)), np.zeros(3))
@@ -60,7 +65,7 @@ def of_contact(made: FormingScene, result: Result) -> dict[str, Any]:
 
 
 def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
-    """Of the one sheet, or of a stack over all sheets and of each."""
+    """Quantities of the one sheet, or of all sheets of a stack together and of each."""
     parts = made.blank.parts or {"": made.blank.whole}
     closed = result.rows[-1]["load"] == 1 and made.closed()
     tool = next(iter(closed.values())) if closed else made.leader()
@@ -85,8 +90,8 @@ def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
 
 
 def _wrinkles(made, result, fabrics, found):
-    """How much compression shortens yarns in the mean over the fabric's area, the length that a
-    yarn loses so, and, between closed tools, slopes over the tool."""
+    """Mean shortening of yarns by compression over the area of fabric, the largest length that a
+    yarn loses, and, between closed tools, the slopes to the tool."""
     if not fabrics:
         return None
     cells = np.concatenate([part.cells for part in fabrics])

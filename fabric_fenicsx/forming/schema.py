@@ -1,4 +1,4 @@
-"""A press as tables of TOML and back; `docs/howto/press.md` tells all entries."""
+"""A press as tables of TOML and back; `docs/howto/press.md` explains all entries."""
 
 import dataclasses
 import os
@@ -42,7 +42,7 @@ TABLES = "blank", "contact", "limits", "tools", "holders"
 LISTS = "ply", "stage"
 ENTRIES = "unit", "title", *TABLES, *LISTS
 ORIGIN, UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
-# shape -> what makes it of its numbers, and their names; face up, its origin as `PressTool.at` says
+# shape -> function of its numbers, and their names; its face is up, its origin at `PressTool.at`
 SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
     "sphere": (Sphere, ("radius",)),
     "cylinder": (
@@ -56,7 +56,7 @@ SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
     "double_dome": (DoubleDome, tuple(each.name for each in dataclasses.fields(DoubleDome))),
 }
 OVER = (180.0, 0.0, 0.0)  # angles that turn a shape's face down
-# entry that tells the kind of a holder -> that kind
+# entry of a holder -> the kind of holder that has it
 HOLDERS: dict[str, type] = {
     "pressure": PressureHolder,
     "force": ForceHolder,
@@ -70,7 +70,7 @@ HOLDERS: dict[str, type] = {
 
 
 def read_document(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, Any]:
-    """The tables of a press file. changes: of its entries, texts "KEY=VALUE" with a dotted key, as
+    """The tables of a press file. changes: of its entries, texts "KEY=VALUE", as
     "tools.punch.radius=40". Raises InputError that names the file."""
     if not os.path.isfile(path):
         raise InputError(
@@ -87,15 +87,15 @@ def read_document(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> 
 
 
 def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """The fields of a `Press` from the tables of its file, whose other files may lie in `folder`;
-    in place of names there may be materials, surfaces and holders themselves. Raises InputError
-    that names table and key."""
+    """The fields of a `Press` from the tables of its file. Other files that it names may be in
+    `folder`; in place of names there may be materials, surfaces and holders themselves. Raises
+    InputError that names table and key."""
     for key in document:
         if key not in ENTRIES:
             raise unknown_key(key, ENTRIES, f"entry {key}")
     if document.get("unit") != "mm":
         found = shown(document["unit"]) if "unit" in document else "missing"
-        raise InputError(f'unit is {found}; allowed is a line `unit = "mm"`, as all lengths are')
+        raise InputError(f'unit is {found}; allowed is a line `unit = "mm"`, the unit of lengths')
     if not isinstance(document.get("title", ""), str):
         raise InputError(f"title is {shown(document['title'])}; allowed is a text")
     tables = {name: _table(document.get(name, {}), name, f"[{name}]") for name in TABLES}
@@ -119,7 +119,7 @@ def fields_of(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def made(kind: type, table: Mapping[str, Any], path: str, folder: Path) -> Any:
-    """The dataclass object that a table says; path: of the table, which messages begin with."""
+    """The dataclass object that a table describes; path: of the table, for messages."""
     known = {each.name: each.metadata for each in dataclasses.fields(kind) if each.init}
     given = {}
     for key, value in table.items():
@@ -132,7 +132,7 @@ def made(kind: type, table: Mapping[str, Any], path: str, folder: Path) -> Any:
 
 @contextmanager
 def located(path: str, names: Any) -> Iterator[None]:
-    """Give messages the path of a table, `x` of these names being path.x."""
+    """Put the path of a table into messages: `x`, one of these names, becomes path.x."""
     try:
         yield
     except InputError as error:
@@ -143,7 +143,7 @@ def located(path: str, names: Any) -> Iterator[None]:
 
 
 def _value(value, meta, path, folder):
-    """A value of a table as the field with this metadata has it."""
+    """A value of a table in the form that a field with this metadata takes."""
     if "read" in meta and not isinstance(value, Material):
         if not isinstance(value, str):
             raise InputError(f"{path} is {shown(value)}; allowed is a preset or a material file")
@@ -158,7 +158,7 @@ def _value(value, meta, path, folder):
 
 
 def _file(value, path, folder):
-    """The path of a file that lies beside the press file, or where it says."""
+    """The path of a file: in the folder of the press file, or as it is given."""
     if not isinstance(value, (str, os.PathLike)):
         raise InputError(f"{path} is {shown(value)}; allowed is a file's name")
     beside = folder / value
@@ -181,8 +181,8 @@ def _list(document, name):
 
 
 def _sheets(document, blank, folder):
-    """The sheets of the tables [[ply]], the lowest first, with what [blank] says and they do not;
-    without any the one of [blank]."""
+    """The sheets of the tables [[ply]], the lowest first, completed by [blank]; without such tables
+    the one sheet of [blank]."""
     if "ply" not in document:
         return [made(Sheet, blank, "blank", folder)]
     plies = _list(document, "ply")
@@ -272,7 +272,9 @@ def _change(document, change):
     if names[0] == "holder" and len(document.get("holders", ())) == 1:
         names[:1] = ["holders", next(iter(document["holders"]))]
     if not equals or not all(names):
-        raise InputError(f"change {shown(change)} is no KEY=VALUE; allowed is a dotted key")
+        raise InputError(
+            f"change {shown(change)} is no KEY=VALUE; allowed is for example blank.nx=8"
+        )
     if names[0] in TABLES:
         document.setdefault(names[0], {})
     table: Any = document
@@ -288,12 +290,15 @@ def _change(document, change):
             raise unknown_key(name, by_name, f"{'.'.join(names)}: {name} of {before or 'the file'}")
         table = found
     if not isinstance(table, dict):
-        raise InputError(f"change {shown(change)} has no name of its table; allowed is one")
+        raise InputError(
+            f"change {shown(change)} names no entry of {names[-2]}; allowed is "
+            f"{names[-2]}.NAME.KEY=VALUE"
+        )
     table[names[-1]] = _toml_value(text.strip())
 
 
 def _toml_value(text):
-    """A number, list or word as TOML has them, or else the text itself."""
+    """A number, list or table of TOML, or else the text itself."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -304,8 +309,8 @@ def _toml_value(text):
 
 
 def document_of(press: Any) -> dict[str, Any]:
-    """The tables of a `Press`. What no file can say, as functions and own surfaces, stands in them
-    as it is."""
+    """The tables of a `Press`. What a file cannot hold, as functions and surfaces of a user's own,
+    stays as it is."""
     plies = [_entries(sheet, {}) for sheet in press.sheets]
     found: dict[str, Any] = {"unit": "mm"}
     found |= {"title": press.title} if press.title else {}
@@ -322,8 +327,8 @@ def document_of(press: Any) -> dict[str, Any]:
 
 
 def write(press: Any, path: str | os.PathLike[str]) -> None:
-    """Write a `Press` as a file that `Press.read` reads, with its materials beside it. Raises
-    InputError for what no file can say, and for a file that can't be written."""
+    """Write a `Press` as a file that `Press.read` reads, with files of its materials beside it.
+    Raises InputError for what a file cannot hold, and for a file that can't be written."""
     path, files = Path(path), dict[Path, Any]()
 
     def plain(value, where):
@@ -342,8 +347,8 @@ def write(press: Any, path: str | os.PathLike[str]) -> None:
         if isinstance(value, (str, bool, int, float)):
             return value
         raise InputError(
-            f"{where} is {shown(value)}, which no file can say; allowed are numbers, names, files, "
-            "shapes and regions"
+            f"{where} is {shown(value)}, which a file cannot hold; allowed are numbers, names, "
+            "files, shapes and regions"
         )
 
     text = tomli_w.dumps(plain(document_of(press), ""))
@@ -372,7 +377,7 @@ def _tool_table(tool):
         return of | ({"clearance": surface.clearance} if surface.clearance else {}) | entries
     if isinstance(surface, (str, os.PathLike)):
         return {"file": str(surface)} | entries
-    if tool.side == "above":  # a shape of a file has its face up, and was turned over
+    if tool.side == "above":  # a shape in a file has its face up, and was turned over when read
         turned = isinstance(surface, Turned) and surface == Turned(surface.surface, OVER)
         surface = surface.surface if turned else None
     for shape, (make, keys) in SHAPES.items():

@@ -17,7 +17,7 @@ from ..runtime.rules import COUNT, FROM_ZERO, POSITIVE
 from ..sheets.sheet_fields import ELEMENTS, SheetFields
 from .interface import BETWEEN_FABRICS, ON_METAL, Interface
 
-# field of a ply -> those of the blank that it does not take over
+# field of a ply -> fields of the blank that this ply does not take over
 OWN = {
     "mesh": ("outline", "size", "layer", "centred", "nx", "ny", "pattern", "length", "width"),
     "outline": ("mesh", "length", "width", "ny"),
@@ -44,14 +44,16 @@ class Sheet(SheetFields):
     thickness
         In place of the material's [mm].
     nx, ny, pattern, element, integration
-        Its mesh: rectangles along what is modelled of length and width, how they become cells.
+        Its mesh: rectangles along the modelled part of length and width, how they become cells, the
+        element, and its integration points.
     fibre_angle, yarn_angle, weave_angle
-        From x to yarns a, from there to yarns b, and that where the weave is free of shear [deg].
+        Angles from x to yarns a, from yarns a to yarns b, and from a to b where the weave is free
+        of shear [deg].
     bending_modulus, twist_modulus, in_plane_bending
         See `Bending`.
     friction
-        Coefficient to the next sheet above; by default 0.334, beside metal 0.25 (Table 2 of
-        Schäfer et al.).
+        Coefficient of friction with the next sheet above; by default 0.334, beside metal 0.25
+        (Table 2 of Schäfer et al.).
 
     Raises
     ------
@@ -111,10 +113,10 @@ class Sheet(SheetFields):
         return made_of.replace(thickness=self.thickness) if self.thickness else made_of
 
     def ready(self, name: str, interface: Interface) -> Self:
-        """The sheet with a name and its final material, as it is built; InputError without any
-        material or size."""
+        """The sheet with a name and its final material, as it is built. Raises InputError if it has
+        no material or no size."""
         if not (self.metal or self.fabric):
-            raise InputError("`fabric` or `metal` is missing; allowed is one of them")
+            raise InputError("a sheet needs `fabric` or `metal`")
         if not (self.sheet_file or (self.length and self.width)):
             raise InputError("a sheet needs `length` and `width`, `outline` or `mesh`")
         made: dict[str, Any] = {"metal" if self.metal else "fabric": self.material}
@@ -123,24 +125,24 @@ class Sheet(SheetFields):
         return dataclasses.replace(self, **made, name=self.name or name)
 
     def coarser(self, sides: np.ndarray) -> Self | None:
-        """The sheet with cells twice as large, None if that is not known; sides (2,): of what is
-        modelled [mm]."""
+        """The sheet with cells twice as large, None if it can't have them; sides (2,): length and
+        width of the modelled part [mm]."""
         size = self.size or (sides[0] / self.nx if self.nx else math.inf)
         few = 4 * size > min(sides) * (1 + 1e-9) if self.outline else self.nx in (None, 1)
         return None if few else self.on_coarser_mesh("length", "width")
 
     def thickness_under(self, pressure: float) -> float:
-        """Thickness between faces that press it [MPa], [mm]."""
+        """Thickness under a pressure [MPa], [mm]."""
         return self.material.thickness_under(pressure)
 
     def friction_to(self, upper: "Sheet") -> float:
-        """Coefficient to a sheet above it."""
+        """Coefficient of friction with a sheet above it."""
         if self.friction is not None:
             return self.friction
         return ON_METAL if self.metal or upper.metal else BETWEEN_FABRICS
 
     def mirror_warning(self) -> str:
-        """A warning if planes along the axes don't mirror the yarns into yarns of the same kind,
+        """A warning if the planes of symmetry don't mirror the yarns into yarns of the same kind,
         otherwise ""."""
         if not self.fabric:
             return ""
@@ -153,10 +155,10 @@ class Sheet(SheetFields):
         differ = ", as warp and weft differ" if _is_multiple(a + b, 180) else ""
         return (
             f"yarns at {a:g} and {b:g} deg are not their own mirror images{differ}, so the quarter "
-            "stands for a ply of four mirrored ones; take the whole ply"
+            "stands for a ply of four mirrored quarters; take the whole ply"
         )
 
 
 def _is_multiple(angle, of):
-    """Whether an angle is one of those, to 1e-6 deg."""
+    """Whether an angle is a multiple `of` another, to 1e-6 deg."""
     return abs(math.remainder(angle, of)) < 1e-6

@@ -52,7 +52,7 @@ def between(
 
 
 def neighbours(terms: Sequence[Term], sheets: Sequence[Sheet]) -> list[SheetContact]:
-    """Of the terms those contacts that are of a sheet and the next, the lowest first."""
+    """The contacts among the terms between each sheet and the next, the lowest first."""
     contacts = {term.sheets: term for term in terms if isinstance(term, SheetContact)}
     return [contacts[lower.name, upper.name] for lower, upper in pairwise(sheets)]
 
@@ -89,10 +89,10 @@ def press(
     holders: Sequence[BlankHolderPressure],
     stiff: bool = False,
 ) -> None:
-    """Displace the sheets towards the tool `on_top` of the last one, by as much as the holders'
-    present pressures press them into it and into each other. pairs: contacts of each sheet with the
-    next; stiff: whether there is metal, which goes up as a whole, as it would not bend at the
-    flange's end."""
+    """Move the sheets towards the tool `on_top`, above the last one, by as much as the present
+    pressures of the holders press them into it and into each other. pairs: contacts of each sheet
+    with the next; stiff: whether there is metal, which moves up as a whole, as it would not bend at
+    the flange's end."""
     names, comm = [sheet.name for sheet in stack.sheets], stack.mesh.comm
     on_it = stack.parts[names[-1]].nodes
     rises = np.zeros((len(holders), 1))

@@ -16,32 +16,33 @@ PICTURES = 6  # of a filmstrip
 
 @dataclass(frozen=True)
 class Stage:
-    """What happens from one moment to the next, all in proportion to the load.
+    """What tools and holders do in one part of a run, all in proportion to the load.
 
     Parameters
     ----------
     name
         In results.
     moves
-        Of tools {name: distance towards the blank, or a vector (3,)} [mm]; below 0 is away.
+        {name of a tool: distance towards the blank, or a vector (3,)} [mm]; a distance below 0 is
+        away from it.
     close
-        Distance at its end of each tool from its die, in thicknesses of the blank: these tools move
-        so far.
+        Distance between each tool and its die at the end of the stage, in thicknesses of the blank:
+        tools with a die move until they are so near.
     forces
-        At its end, of tools that a force moves {name: on the whole blank} [N].
+        {name of a tool that a force moves: force on the whole blank at the end of the stage} [N].
     pressures
-        At its end, of holders with a pressure {name: value} [MPa].
+        {name of a holder with a pressure: pressure at the end of the stage} [MPa].
     leave
-        Names of tools that go back to where they stood at the start.
+        Names of tools that go back to where they started.
     steps
         Load steps.
     unload
-        True: all tools and holders are taken away; in the last stage alone.
+        True: all tools and holders are taken away; allowed only in the last stage.
 
     Raises
     ------
     InputError
-        For other values.
+        For values that are not allowed, and for a stage in which nothing happens.
 
     Examples
     --------
@@ -68,7 +69,7 @@ class Stage:
             (checked_vector if is_vector else FINITE.check)(f"`moves`.{name}", value)
         names = self.leave if isinstance(self.leave, (list, tuple)) else [None]
         if not all(isinstance(each, str) for each in names):
-            raise InputError(f"`leave` is {shown(self.leave)}; allowed are tools' names")
+            raise InputError(f"`leave` is {shown(self.leave)}; allowed is a list of names of tools")
         moving = self.moves or self.forces or self.pressures or self.leave or self.close
         if self.unload and moving:
             raise InputError("`unload` needs a stage of its own, in which nothing moves")
@@ -87,9 +88,9 @@ class Schedule:
     """What tools and holders do over the load factor, from 0 to 1 over all `stages` in proportion
     to their steps.
 
-    towards: of each tool the direction to the blank {name: (3,)}; forces, pressures: those at the
-    start, of tools that a force moves [N] and of holders that press [MPa], {name: value}; reach: of
-    each tool with a die how far it goes to touch it {name: distance} [mm]; thickness: of the blank
+    towards: {name of a tool: direction to the blank (3,)}; forces, pressures: {name: value} at the
+    start, of tools that a force moves [N] and of holders with a pressure [MPa]; reach: {name of a
+    tool with a die: distance that it moves until it touches the die} [mm]; thickness: of the blank
     [mm]. Raises InputError for stages that name what is not there.
     """
 
@@ -129,8 +130,8 @@ class Schedule:
             ways = [float(place @ towards[name]) for place in places]
             if min(ways) < 0 and max(ways) <= 0:
                 raise InputError(
-                    f"tools.{name} only goes away from the blank; allowed is one that comes "
-                    "nearer: more than 0 in `moves` is towards the blank"
+                    f"tools.{name} only moves away from the blank; allowed is a tool that moves "
+                    "towards it: numbers above 0 in `moves`"
                 )
 
     def _add(self, stage, label, towards):
@@ -150,16 +151,20 @@ class Schedule:
                 raise unknown_key(name, towards, f"{label}: tool {name}")
             if name in self._forces:
                 raise InputError(
-                    f"{label}: tool {name} is moved by its force; allowed is {label}.forces.{name}"
+                    f"{label} moves {name}, which moves by its force; allowed is "
+                    f"{label}.forces.{name}"
                 )
         for name, places in self._places.items():
             if name in stage.leave:
                 if name in moves:
-                    raise InputError(f"{label}.leave: tool {name} can't move and leave in one")
+                    raise InputError(
+                        f"{label}.leave names {name}, which moves in this stage; allowed is a tool "
+                        "that does not"
+                    )
                 if not places[-1].any():
                     raise InputError(
-                        f"{label}.leave: tool {name} stands where it began; allowed is one that "
-                        "has moved"
+                        f"{label}.leave names {name}, which is where it started; allowed is a tool "
+                        "that has moved before"
                     )
                 places.append(np.zeros(3))
                 continue
@@ -168,7 +173,7 @@ class Schedule:
             places.append(places[-1] + along)
 
     def _closing(self, stage, label, towards):
-        """How far tools with a die move in a stage that closes them {name: distance} [mm]."""
+        """{name: distance} that tools with a die move in a stage that closes them [mm]."""
         if stage.close is None:
             return {}
         if not self._reach:
@@ -203,7 +208,7 @@ class Schedule:
         return len(set(self._pressures[name])) == 1
 
     def closes_straight(self, name: str, die: str) -> bool:
-        """Whether a tool moves along z alone, by no force, and its die stands still."""
+        """Whether a tool moves only along z and by no force, and its die does not move."""
         return not (
             self.is_moved(die)
             or name in self._forces
@@ -220,21 +225,21 @@ class Schedule:
         return name in self._forces or bool(np.ptp(self._places[name], axis=0).any())
 
     def first_move(self, name: str) -> np.ndarray:
-        """How far the tool goes in the first stage that moves it (3,) [mm]."""
+        """Displacement of the tool in the first stage that moves it (3,) [mm]."""
         steps = np.diff(self._places[name], axis=0)
         moved = steps[steps.any(1)]
         return moved[0] if len(moved) else np.zeros(3)
 
     def shown(self) -> np.ndarray:
-        """Load factors of about `PICTURES` pictures: the stages' ends, and between them as many in
-        each."""
+        """Load factors of about `PICTURES` pictures: the ends of stages, and equally many within
+        each stage."""
         each = max(1, round((PICTURES - 1) / len(self.stages)))
         ends = np.arange(len(self.joints))
         return np.interp(np.arange(each * ends[-1] + 1) / each, ends, self.joints)
 
     def leaders(self) -> list[str]:
-        """Of each stage the tool whose force and travel its curve shows: the one that goes
-        farthest, or "" where none moves."""
+        """For each stage the tool whose force and travel the curve shows: the one that moves
+        furthest, or "" if none moves."""
         found = []
         for k in range(len(self.stages)):
             goes = {n: float(np.linalg.norm(p[k + 1] - p[k])) for n, p in self._places.items()}
@@ -243,11 +248,11 @@ class Schedule:
         return found
 
     def stage_at(self, load: float) -> int:
-        """Number of the stage that a load factor is in, from 0."""
+        """Number of the stage at a load factor, counted from 0."""
         return int(np.clip(np.searchsorted(self.joints, load) - 1, 0, len(self.stages) - 1))
 
     def travel(self, load: float) -> float:
-        """How far the leading tools have gone, all stages together [mm]."""
+        """Travel of the leading tools in all stages up to a load factor [mm]."""
         total = 0.0
         for k, name in enumerate(self.leaders()):
             low, high = self.joints[k : k + 2]

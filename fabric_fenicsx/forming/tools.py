@@ -21,9 +21,9 @@ class DieOf:
     Parameters
     ----------
     tool
-        Name of the tool, whose surface it is, seen from the blank's other side.
+        Name of the other tool, which is on the other side of the blank.
     clearance
-        Distance from it [mm], by default 1.2 thicknesses of the blank.
+        Distance between the tool and the die [mm], by default 1.2 thicknesses of the blank.
 
     Raises
     ------
@@ -50,29 +50,30 @@ class PressTool:
     Parameters
     ----------
     surface
-        What bounds it, as it stands; a file of triangles or a CAD model [mm]; or `DieOf` another.
+        Its surface; or the name of a file with triangles or a CAD model [mm]; or `DieOf` another
+        tool.
     side
         "below" or "above" the blank; towards the blank is then up or down.
     at
-        Where the origin of its surface stands, (x, y, z) or (x, y) [mm]. Without z it is moved
-        along z until it touches the blank, less the distance `off`.
+        Place of the origin of its surface, (x, y, z) or (x, y) [mm]. Without z the tool is moved
+        along z until it touches the blank, and then back by the distance `off`.
     off
-        Distance from the blank at the start [mm]; by default 0, or where it has a die, clearance
-        less thickness: closed tools then meet all over at once.
+        Distance from the blank at the start [mm]; by default 0, for a tool with a die the clearance
+        minus the thickness of the blank: tools that close then touch it everywhere at once.
     turn
         Angles (3,) about x, then y, then z [deg], by which it is turned about its origin.
     force
-        On the whole blank [N], by which it is pushed towards the blank from the start; by default
-        it stands or moves as the stages say.
+        Force on the whole blank [N] that pushes the tool towards the blank from the start; by
+        default none: the stages say how it moves.
     friction
-        Coefficient, by default the interface's.
+        Coefficient of friction with the blank, by default that of the `Interface`.
     chord
         Largest distance of triangles from a CAD model [mm].
 
     Raises
     ------
     InputError
-        For other values.
+        For values that are not allowed.
 
     Examples
     --------

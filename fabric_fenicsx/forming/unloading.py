@@ -1,4 +1,4 @@
-"""Unloading of formed sheets: what springs back as the tools leave."""
+"""Unloading of formed sheets: their springback without the tools."""
 
 from collections.abc import Sequence
 from copy import copy
@@ -21,8 +21,8 @@ from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.blank import Part
 
-NAME = "unloaded"  # of the job, and by custom of its folder
-# energies that are no longer in the sheets, or never come out of them
+NAME = "unloaded"  # of the job, and usually of its folder
+# energies that are no longer in the sheets, or that they can't give back
 SPENT = "plastic", "friction", "viscous", "external_work", RELEASED
 USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6, "name": NAME}  # of the job
 
@@ -33,19 +33,20 @@ def unloading(
     """Job that unloads the sheets of a result, without tools, holders and loads.
 
     The forces that these, and supports, exerted on the nodes in the formed state are released in
-    proportion to the load, see `ReleaseForces`. The sheets go on with what they remember, as metal
-    does of its plastic strains. Planes of symmetry stay; what rigid motions are left is fixed at
-    few nodes of each sheet, see `isostatic`, which bear nothing in the end. The run moves the sheet
-    of `result.scene`, whose output is then of the unloaded state.
+    proportion to the load, see `ReleaseForces`. The sheets keep their history, as metal its plastic
+    strains. Planes of symmetry stay. Rigid motions that are left are fixed at a few nodes of each
+    sheet, see `isostatic`, where forces are 0 in the end. The run moves the sheets of
+    `result.scene`, so its output is then that of the unloaded state.
 
     Parameters
     ----------
     result
         Of any run that reached its full load.
     together
-        The sheets of a stack go on pressing and rubbing on each other, and are fixed as if pinned
-        together; of deeply drawn stacks contact may not settle as it opens. By default each sheet
-        is unloaded alone, and what its neighbours did to it is released, too.
+        True: contact and friction between the sheets of a stack remain, and the sheets are pinned
+        together at their fixed nodes. For deeply drawn stacks contact may not converge as it opens.
+        By default each sheet is unloaded separately, and the forces of its neighbours are released,
+        too.
     keep
         Names of supports that stay.
     changes
@@ -54,13 +55,14 @@ def unloading(
     Returns
     -------
     Job
-        Its quantities: the largest `springback` [mm], the energies left in the sheets and released
-        [N mm], the sizes of what the nodes bear, added up [N]; of a stack by sheet, too.
+        Its quantities: the largest `springback` [mm], for a stack also of each sheet; the energies
+        that are left in the sheets and that are released [N mm]; the sum of the sizes of the forces
+        on fixed nodes [N].
 
     Raises
     ------
     InputError
-        For a result that is not of full load, and for a support that there is none.
+        For a result that did not reach full load, and for a name that no support has.
 
     Examples
     --------
@@ -71,8 +73,8 @@ def unloading(
     before = result.scene
     if result.summary.get("stroke_reached") != 1:
         raise InputError(
-            f"unloading is asked of a run that reached {result.summary.get('stroke_reached')} of "
-            "its load; allowed is one that reached all of it"
+            "unloading needs a run that reached full load; this one reached "
+            f"{result.summary.get('stroke_reached')} of it"
         )
     blank, names = before.blank, [support.name for support in before.supports]
     if lost := [name for name in keep if name not in names]:
@@ -93,12 +95,12 @@ def unloading(
     scene.set_load(0.0)
     scene.accept()
     forces.take(_from_outside(scene, kept))
-    return Job(scene, **USUAL | _told(scene, forces, held) | changes)
+    return Job(scene, **USUAL | _output(scene, forces, held) | changes)
 
 
 def _memory(terms):
-    """What the sheets' terms remember. Friction between them begins anew: as pressure goes, the
-    elastic slip of forming would be lost without being counted."""
+    """The memory of the sheets' terms. Friction between the sheets starts from zero: when the
+    pressure goes, the energy of its elastic slip would be lost without being counted."""
     memory = memory_of(terms)
     for i, term in enumerate(terms):
         if isinstance(term, SheetContact) and term.friction:
@@ -108,14 +110,14 @@ def _memory(terms):
 
 
 def _thinnest(scene):
-    """Thickness of the thinnest sheet [mm]; a thousandth of the blank where none is known."""
+    """Thickness of the thinnest sheet [mm]; a thousandth of the blank if none is known."""
     known = [material.thickness for material in materials_of(scene, scene.blank.whole)]
     low, high = scene.blank.extent()
     return min(known, default=1e-3 * float((high - low).max()))
 
 
 def _stays(term, together):
-    """Whether a term is of the sheets, not of what forms them."""
+    """Whether a term belongs to the sheets, not to what forms them."""
     if isinstance(term, SheetContact):
         return together
     if isinstance(term, Pressing) or overrides(term, "applied_forces"):
@@ -124,7 +126,7 @@ def _stays(term, together):
 
 
 def _where_it_was(support: Support) -> Support:
-    """The same one with the displacements of full load, all the time."""
+    """The same support, with the displacements at full load at any load."""
     value = support.value
 
     def at_end(x: np.ndarray, load: float) -> np.ndarray:
@@ -145,8 +147,8 @@ def _from_outside(scene, kept):
     return found
 
 
-def _told(scene, forces, held):
-    """What the job measures and tells."""
+def _output(scene, forces, held):
+    """The fields of the job for its curve, quantities and pictures."""
     parts = list(scene.blank.parts.values()) or [scene.blank.whole]
 
     def largest(part: Part) -> float:

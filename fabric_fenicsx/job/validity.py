@@ -6,6 +6,7 @@ from typing import Any
 from ..material.strains import SHORTENED
 from ..mechanics.contact.self_crossing import crossing_warning, self_crossings
 from ..mechanics.materials import materials_of
+from ..mechanics.shell.membrane import Membrane
 from ..mechanics.term_checks import misspelt
 from ..results.history import ENERGIES, energy_balance
 from ..results.quantities import fabric_warnings
@@ -16,6 +17,7 @@ from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
 
+MISMATCH = 1e-6  # of stresses of elements and kernel, above which a run warns; usual is 1e-12
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 
 
@@ -102,7 +104,7 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
         from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
-    found = [untouched, _crossing(scene), *fabric_warnings(result)]
+    found = [untouched, _crossing(scene), _mismatch(scene), *fabric_warnings(result)]
     if not (untouched or any(energy.values()) or scene.u.norm()):
         found.append(
             "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
@@ -120,6 +122,19 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
             f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
         )
     return [words for words in [*found, *scene_output.warnings(scene)] if words]
+
+
+def _mismatch(scene):
+    """A sentence if stresses of the elements are not those of the kernel."""
+    membranes = [term for term in scene.terms if isinstance(term, Membrane)]
+    most = max((each.summary()["kernel_mismatch"].value for each in membranes), default=0.0)
+    if most <= MISMATCH:
+        return ""
+    return (
+        f"stresses of elements and of the kernel differ by {percent(most, 3)}: `derivatives` of "
+        "the law are not those of its `energy` (`check_derivatives` compares them), or a formula "
+        "was changed in one of `membrane_energy.py` and `strains.py`"
+    )
 
 
 def _crossing(scene):

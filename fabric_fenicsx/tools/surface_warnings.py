@@ -31,7 +31,7 @@ def size_warning(tool: Tool, sheet: float) -> str:
     for unit, factor in UNITS.items():
         if size < 0.02 * sheet and 0.1 < size * factor / sheet < 10:
             return (
-                f"the surface of {tool.name} is {rounded(size)} mm large, which speaks of {unit}; "
+                f"the surface of {tool.name} is {rounded(size)} mm large, as if it were in {unit}; "
                 "lengths are in mm"
             )
     return ""

@@ -15,7 +15,7 @@ from fabric_fenicsx.material.laws.coupled import WovenFabric
 
 LOW, HIGH = -0.20, 0.08  # yarn strains of the maps
 EPS_A = 0.03  # the paper's tests end here; up to it the worst tension-compression state is sought
-REACH_AT = 0.025  # eps_a at which the reach in tension-compression is told
+REACH_AT = 0.025  # eps_a at which the reach in tension-compression is reported
 DEEPEST = -0.60
 P_MIN = (0.0, 0.1, 0.25, 0.4, 0.5, 0.75, 1.0)
 INDICATORS = "convexity", "ellipticity"

@@ -37,16 +37,16 @@ def test_options_are_the_fields_with_their_defaults():
             f"are {', '.join(DIMENSIONS)}; waist is 'wide'; allowed is a number above 0; "
             "depth is -1.0; allowed is a number above 0",
         ),
-        ({"stroke": 1000}, "`stroke` 1000 is deeper than the die; allowed is up to 60 mm"),
+        ({"stroke": 1000}, "`stroke` is 1000; allowed is up to 60 mm, the punch's height"),
         ({"surface": ff.Sphere(5, (0, 0, -5))}, "allowed is the die of an open surface"),
         ({"surface": ff.Sphere}, "tools.punch.file is <class"),
         ({"surface": ff.Tool(ff.Sphere(30))}, "tools.punch.file is <fabric"),
         ({"punch": "punch.stl", "dome": ["depth=50"]}, "`dome` is not allowed beside `punch`"),
-        ({"clearance": 30}, "clearance is 30, which leaves the die no radius where the tool is ho"),
         (
-            {"fabric": KOMEILI.replace(thickness=40)},
-            "clearance is 51.5647, which leaves the die no",
+            {"clearance": 30},
+            "clearance is 30, which is not below the tool's least concave radius; allowed",
         ),
+        ({"fabric": KOMEILI.replace(thickness=40)}, "clearance is 51.5647, which is not below the"),
         ({"lag": None}, "`lag` is None; allowed is"),
         ({"stack": "nowhere.toml"}, "stack file nowhere.toml does not exist or is not a file"),
     ],
@@ -132,7 +132,7 @@ def test_a_punch_with_a_crack_beneath_the_ply_or_in_inches_is_refused():
     whole = (abs(points[triangles].mean(1)[:, :2]) > 30).any(1)
     with pytest.raises(ff.InputError, match="tools.punch is open at .* beneath the blank; allowed"):
         dome(surface=ff.TriangulatedSurface(points, triangles[whole]), nx=4)
-    with pytest.raises(ff.InputError, match="tools.punch is 20.47 mm large, which speaks of inch"):
+    with pytest.raises(ff.InputError, match="tools.punch is 20.47 mm large, as if it were in inch"):
         dome(surface=ff.TriangulatedSurface(points / 25.4, triangles), nx=4)
 
 

@@ -159,7 +159,7 @@ def test_a_holder_of_ones_own():
     [
         (lambda: ff.PressureHolder(-1), "`pressure` is -1; allowed is a number"),
         (lambda: ff.GapHolder(0), "`gap` is 0; allowed is a number above 0"),
-        (lambda: dome(**SIZES, holder=ff.GapHolder(0.2)), "is 0.2, which crushes the ply"),
+        (lambda: dome(**SIZES, holder=ff.GapHolder(0.2)), "is 0.2, which crushes the blank"),
         (lambda: dome(**SIZES, holder="force"), "holder is 'force'; allowed is a holder"),
         (lambda: dome(**SIZES, holder=ff.PressureHolder), "allowed is a holder, as `Press"),
         (
@@ -185,9 +185,9 @@ def test_a_holder_of_ones_own():
         *[
             (lambda f=f: dome(**SIZES, holder=own(f)), f"`terms` of blank holder, a `Own`, {words}")
             for f, words in (
-                (lambda self, press: None, "gives None; allowed is a list of one or more terms"),
-                (lambda self, press: [], r"gives \[\]; allowed is a list"),
-                (lambda self, press: press.contact(press.die), "gives one `Contact`; allowed is a"),
+                (lambda self, press: None, "returns None; allowed is a list of one or more terms"),
+                (lambda self, press: [], r"returns \[\]; allowed is a list"),
+                (lambda self, press: press.contact(press.die), "returns one `Contact`; allowed is"),
                 (
                     lambda self: [],
                     r"can't be called with a `HolderSite` \(too many .*terms\(self, s",

@@ -136,7 +136,9 @@ def test_what_cannot_be_unloaded():
     ):
         ff.unloading(formed, keep=["grip"])
     formed.summary["stroke_reached"] = 0.4
-    with pytest.raises(InputError, match="a run that reached 0.4 of its load; allowed is one that"):
+    with pytest.raises(
+        InputError, match="needs a run that reached full load; this one reached 0.4"
+    ):
         ff.unloading(formed)
 
 

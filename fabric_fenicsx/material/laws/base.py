@@ -78,6 +78,12 @@ class Law(Material, Energy):
                 f"law of class {cls.__name__} is {cls.law!r}; allowed is a name of its own, other "
                 f"than {', '.join(sorted(LAWS))}"
             )
+        own = vars(cls)
+        if "energy" in own and "derivatives" not in own and cls.derivatives != Law.derivatives:
+            raise InputError(
+                f"law {cls.law} has an `energy` of its own and inherits closed-form `derivatives` "
+                "that lack it; allowed is `derivatives = ff.Law.derivatives`, or own ones"
+            )
         LAWS[cls.law] = cls
 
     def __new__(cls, *args: Any, **kwargs: Any) -> Self:

@@ -246,7 +246,8 @@ class WovenFabric(Law):
         (Ta, Ta1, Ta2), (Tb, Tb1, Tb2) = self._W_ST(a, eps_a), self._W_ST(b, eps_b)
         (ka, ka1, ka2), (kb, kb1, kb2) = self._k_SC(a, eps_a), self._k_SC(b, eps_b)
         T, g3 = Ta + Tb, g**3 / 3
-        tau = ((self.s3 * g + self.s2) * g + self.s1) * g + g**2 * T  # eq. (24)
+        # eq. (24), and what eqs (26), (27) add
+        tau = ((self.s3 * g + self.s2) * g + self.s1) * g + g**2 * T
         H = ((self.s3 / 4 * g + self.s2 / 3) * g + self.s1 / 2) * g**2 + g3 * T
         k = ka * kb
         parts = np.stack([A, B, H * k], -1)
@@ -334,7 +335,15 @@ class WovenFabric(Law):
         table["couplings"] = [name for name in COUPLINGS if name in self.couplings]
         table["units"] = {kind: next(iter(UNITS[kind])) for kind in ("stress", "length", "density")}
         table |= {key: dataclasses.asdict(yarn) for key, yarn in self._yarns().items()}
-        return table | {"shear": {name: getattr(self, name) for name in SHEAR}}
+        table |= {"shear": {name: getattr(self, name) for name in SHEAR}}
+        more = {name: getattr(self, name) for name in self._added()}  # of a law made from this one
+        return {**({"law": self.law} if more else {}), **more, **table}
+
+    @classmethod
+    def _added(cls):
+        """Names of the fields that a subclass adds."""
+        known = {each.name for each in dataclasses.fields(WovenFabric)}
+        return [each.name for each in dataclasses.fields(cls) if each.name not in known]
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
@@ -342,7 +351,8 @@ class WovenFabric(Law):
         document.pop("law", None)
         tables = {key: take_table(document, key) for key in ("yarns", "warp", "weft", "shear")}
         units = take_units(document)
-        couplings = {key: document.pop(key) for key in ("couplings",) if key in document}
+        taken = ("couplings", *cls._added())
+        couplings = {key: document.pop(key) for key in taken if key in document}
         fields = sheet_fields(document, units, ("law", "couplings", "units", *tables))
         fields |= couplings | read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")

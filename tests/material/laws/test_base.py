@@ -2,7 +2,10 @@
 
 import math
 import re
+import tomllib
 from dataclasses import dataclass
+from pathlib import Path
+from unittest.mock import patch
 
 import mpmath
 import numpy as np
@@ -14,6 +17,7 @@ from fabric_fenicsx.material.functions import exp, negative, positive, sqrt
 from fabric_fenicsx.material.homogeneous import lateral_strain, nominal
 from fabric_fenicsx.material.hyperdual import HyperDual
 from fabric_fenicsx.material.laws import COUPLINGS, LAWS, Law, coupling_variants
+from fabric_fenicsx.material.laws.coupled import WovenFabric
 from fabric_fenicsx.material.laws.tabulated import Curve, TabulatedFabric
 from fabric_fenicsx.material.presets import PRESETS, load
 from fabric_fenicsx.mechanics.membrane_energy import energy_density
@@ -385,3 +389,27 @@ def test_closed_forms_of_another_shape(closed, words):
         law(E=3.0).check_rest()
     with pytest.raises(InputError, match=f"`derivatives` of law own {words}"):
         check_derivatives(law(E=3.0))
+
+
+def test_a_law_with_an_energy_of_its_own_has_derivatives_of_its_own():
+    """Those that it inherits in closed form lack what it adds; its numbers are in its file."""
+    with patch.dict(LAWS):
+        with pytest.raises(InputError, match="law bad has an `energy` of its own and inherits"):
+
+            class Bad(WovenFabric):
+                law = "bad"
+
+                def energy(self, eps_a, eps_b, gamma):
+                    return super().energy(eps_a, eps_b, gamma)
+
+        @dataclass(frozen=True)
+        class Stiffer(WovenFabric):
+            law = "stiffer"
+            rules = WovenFabric.rules | {"k": above_zero("stress")}
+            k: float = 1.0
+            derivatives = Law.derivatives
+
+        paper = load("komeili")
+        own = Stiffer(paper.warp, paper.weft, s1=paper.s1, s2=paper.s2, s3=paper.s3, k=2.0)
+        document = tomllib.loads(own.dumps())
+        assert Stiffer.from_document(document, Path()) == own
