@@ -281,7 +281,7 @@ def _built(test, given, comm):
         return closed
     if beyond > 0:
         raise InputError(
-            f"`stroke` {test.stroke:g} is deeper than the die; allowed is up to {depth:.6g} mm"
+            f"`stroke` is {test.stroke:g}; allowed is up to {depth:.6g} mm, the punch's height"
         )
     return test.press(*given).build(comm)
 

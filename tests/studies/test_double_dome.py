@@ -147,7 +147,7 @@ def test_a_run_goes_on_from_its_checkpoint(launch):
         (("--dome", "depth=-3"), ["depth", "-3", "above 0"]),
         (("--dome", "height=60"), ["--dome", "height", "entry_radius"]),
         (("--dome", "depth"), ["--dome NAME=VALUE", "depth is ''", "above 0"]),
-        (("--stroke", 70), ["--stroke 70", "up to 60"]),
+        (("--stroke", 70), ["--stroke is 70", "up to 60"]),
         (("--clearance", 0.5), ["--clearance is 0.5", "from 0.697 mm"]),
         (("--penalty", 0), ["--penalty", "above 0"]),
         (("--holder", "gap", "--holder-gap", 0.2), ["gap", "is 0.2", "from 0.537"]),
@@ -187,7 +187,7 @@ def test_a_punch_from_a_file(launch, tmp_path):
         forces.append(done.summary["quantities"]["punch_force_N"])
     assert forces[1] == pytest.approx(forces[0], rel=0.02)
     for options, words in [
-        (("--punch", "punch.stl", "--stroke", 61), ["--stroke 61", "up to 60 mm"]),
+        (("--punch", "punch.stl", "--stroke", 61), ["--stroke is 61", "up to 60 mm"]),
         (("--punch", "quarter.stl"), ["--punch is open at (0, ", "the blank of 470 mm"]),
     ]:
         done = launch("double_dome", "--nx", 4, *options)
