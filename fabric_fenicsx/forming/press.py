@@ -103,13 +103,14 @@ class Press(KnowsItsFields):
         object.__setattr__(self, "sheets", tuple(given))
         if not self.tools:
             raise InputError("`tools` is empty; allowed are one or more")
-        if other := [(k, t) for k, t in self.tools.items() if not isinstance(t, PressTool)]:
-            name, tool = other[0]
-            raise InputError(f"tools.{name} is {shown(tool)}; allowed is a `PressTool(...)`")
-        given = [self.stages] if isinstance(self.stages, Stage) else list(self.stages)
-        if other := [each for each in given if not isinstance(each, Stage)]:
-            raise InputError(f"`stages` holds {shown(other[0])}; allowed are `Stage(...)`")
-        object.__setattr__(self, "stages", tuple(given))
+        for name, tool in self.tools.items():
+            if not isinstance(tool, PressTool):
+                raise InputError(f"tools.{name} is {shown(tool)}; allowed is a `PressTool(...)`")
+        stages = (self.stages,) if isinstance(self.stages, Stage) else tuple(self.stages)
+        for stage in stages:
+            if not isinstance(stage, Stage):
+                raise InputError(f"`stages` holds {shown(stage)}; allowed are `Stage(...)`")
+        object.__setattr__(self, "stages", stages)
         for name, holder in self.holders.items():
             holders_of(name, holder)
         self._check_sides()
