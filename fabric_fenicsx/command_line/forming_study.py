@@ -30,7 +30,9 @@ AREA = 13568 / 20268  # of metal over that of fabric, from the paper's numbers o
 ROUNDED = 0.01  # share of the thickness by which a stroke may differ from the punch's height
 # entry of a press -> the option for it
 OPTIONS = {
-    r"\S*\.toml: ": "",
+    # the study's own press file, and of a stack file what it does not say
+    rf"^{re.escape(str(EXAMPLES))}\S*\.toml: ": "",
+    r"^\S*\.toml: (?=(?:blank|contact|tools|holders|stage)\b)": "",
     r"tools\.die\.clearance": "`clearance`",
     r"tools\.punch: (?=\w+ \+|\w+ is )": "`dome` NAME=VALUE: ",
     r"tools\.punch(?=[,: ]|\.file)(\.file)?": "`punch`",

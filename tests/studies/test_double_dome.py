@@ -11,6 +11,7 @@ from fabric_fenicsx.command_line.study import Study
 from fabric_fenicsx.forming.build import FormingScene
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.studies.lib import compression_parameters
 
 EXACT = "--tolerance", 1e-9, "--path-tolerance", 1e-8, "--viscosity", "off", "--no-pictures"
@@ -218,6 +219,26 @@ def test_a_file_of_an_option_is_not_one_beside_the_stack(tmp_path, monkeypatch):
     words = ["--nx", "4", "--outline", "sheet.csv", "--stack", "../plies/stack.toml"]
     study = Study("double_dome", dome_parser(DomeTest, ""), words)
     assert build(study, DomeTest).extent[1][0] == 235
+
+
+def test_errors_of_a_stack_name_its_file(tmp_path):
+    file = tmp_path / "stack.toml"
+    for text, words in (
+        ("[[ply]]\nfibre_angle = 'x'", "stack.toml: ply.1.fibre_angle is 'x'"),
+        ("[[ply]", "stack.toml: is not valid TOML"),
+        ("foo = 1", "stack.toml: entry foo is unknown"),
+    ):
+        file.write_text(f'unit = "mm"\n{text}\n')
+        study = Study("double_dome", dome_parser(DomeTest, ""), ["--stack", str(file)])
+        with pytest.raises(InputError, match=words):
+            build(study, DomeTest)
+    for options, words in (
+        (["--nx", "4", "--clearance", "0.3"], "`clearance` is"),
+        (["--layer", "A"], "^`layer` needs `outline`"),
+    ):
+        study = Study("double_dome", dome_parser(DomeTest, ""), options)
+        with pytest.raises(InputError, match=words):
+            build(study, DomeTest)
 
 
 @pytest.mark.parametrize(
