@@ -6,7 +6,7 @@ latter it is taken for many points at once, from F, its gradient and its Hessian
 """
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,13 +53,13 @@ def search_from(x: np.ndarray, rows: np.ndarray) -> Search:
 
 
 @compiled
-def dot(a, b):
+def dot(a: Any, b: Any) -> Any:
     """Product of two vectors (3,)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
-def newton_step(here):
+def newton_step(here: Any) -> Any:
     """Step along s and t to where the arm is normal. Beyond a centre of curvature the distance has
     no minimum here, so the model is kept convex: its least eigenvalue, 1 on a plane, is 0.1 or
     more."""
@@ -72,7 +72,7 @@ def newton_step(here):
 
 
 @compiled
-def put(found, row, here):
+def put(found: Any, row: Any, here: Any) -> None:
     """Put gap and derivatives into a row of what is found: the curvature is K (I + gap K)^-1 of the
     shape operator K."""
     gap, (k11, k12, k21, k22), (g11, g12, g22) = here.gap + here.off, here.shape, here.dual

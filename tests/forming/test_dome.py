@@ -39,8 +39,8 @@ def test_options_are_the_fields_with_their_defaults():
         ),
         ({"stroke": 1000}, "`stroke` is 1000; allowed is up to 60 mm, the punch's height"),
         ({"surface": ff.Sphere(5, (0, 0, -5))}, "allowed is the die of an open surface"),
-        ({"surface": ff.Sphere}, "tools.punch.file is <class"),
-        ({"surface": ff.Tool(ff.Sphere(30))}, "tools.punch.file is <fabric"),
+        ({"surface": ff.Sphere}, "`punch` is <class"),
+        ({"surface": ff.Tool(ff.Sphere(30))}, "`punch` is <fabric"),
         ({"punch": "punch.stl", "dome": ["depth=50"]}, "`dome` is not allowed beside `punch`"),
         (
             {"clearance": 30},

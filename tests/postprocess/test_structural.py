@@ -149,7 +149,7 @@ def test_the_command(tmp_path, capsys):
     for words, told in (
         ((str(folder), "ply.stl"), "the ending of ply.stl is unknown; allowed are .vtu"),
         ((str(tmp_path), "ply.inp"), "has no fields.pvd; allowed is the folder of a run's results"),
-        ((str(folder),), "allowed is a folder of results and a file"),
+        ((str(folder),), "allowed is a folder and a file"),
         ((str(folder), str(tmp_path / "no/ply.inp")), "can't be written"),
     ):
         assert main.main(["export", *words]) == 2

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-IMPORTED = "import fabric_fenicsx as ff; ff.Press; "
+IMPORTED = "import fabric_fenicsx as ff; ff.Job; "
 
 
 def unread(words, hang):
@@ -23,7 +23,7 @@ def unread(words, hang):
 @pytest.mark.parametrize(
     "words",
     [
-        ["-c", IMPORTED + "help(ff.Press); help(ff)"],
+        ["-c", IMPORTED + "help(ff.Job); help(ff)"],
         ["-c", IMPORTED + "[print(n, flush=True) for n in range(10**6)]"],
         ["-m", "fabric_fenicsx", "info"],
     ],

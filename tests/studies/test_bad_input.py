@@ -38,7 +38,11 @@ CASES = {
     "strain not a number": (("--strain", "nan"), None, ["--strain", "nan", "above 0"]),
     "negative length": (("--length", "-200"), None, ["--length", "-200", "above 0"]),
     "no width": (("--width", "0"), None, ["--width", "0", "above 0"]),
-    "infinite angle": (("--fibre-angle", "inf"), None, ["--fibre-angle", "inf", "finite"]),
+    "infinite angle": (
+        ("--fibre-angle", "inf"),
+        None,
+        ["--fibre-angle", "inf", "from -360 to 360"],
+    ),
     "unknown element": (("--element", "P4"), None, ["--element", "P4", "Q2"]),
     "unknown pattern": (("--pattern", "zigzag"), None, ["--pattern", "zigzag", "crossed"]),
     "unknown solver": (

@@ -3,6 +3,7 @@
 import csv
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from fabric_fenicsx.material import kernel
 from fabric_fenicsx.material.laws import LAWS
 from fabric_fenicsx.material.presets import PRESETS
 from fabric_fenicsx.solve import stepping
+from fabric_fenicsx.solve.progress import Progress
 from fabric_fenicsx.solve.viscosity import Viscosity
 
 COMM = MPI.COMM_WORLD
@@ -279,9 +281,8 @@ def test_a_load_that_cannot_be_reached(launch):
 def test_what_the_regularisation_takes_is_told(tmp_path, monkeypatch, capsys, drag, warned):
     """With a drag [N/mm] on the nodes from the start; it fades at full load and leaves the state as
     it is without."""
-    monkeypatch.setattr(
-        stepping, "Viscosity", lambda: Viscosity(drag, stiffness=1000 * drag, easy_steps_asked=100)
-    )
+    viscosity = Viscosity(drag, stiffness=1000 * drag, easy_steps_asked=100)
+    monkeypatch.setattr(stepping, "Progress", partial(Progress, viscosity=viscosity))
     options = ["--quick", "--no-pictures", "--element", "P1"]
     tensile.main(Study("tensile", tensile.options(), [*options, "--out", str(tmp_path)]))
     summary, history = json.loads((tmp_path / "summary.json").read_text()), rows(tmp_path)
