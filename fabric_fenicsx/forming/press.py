@@ -91,7 +91,8 @@ class Press(KnowsItsFields):
     title: str = ""
 
     def __post_init__(self) -> None:
-        given = [self.sheets] if isinstance(self.sheets, Sheet) else list(self.sheets)
+        alone: Any = self.sheets
+        given: list[Sheet] = [alone] if isinstance(alone, Sheet) else list(alone)
         if not given:
             raise InputError("`sheets` is empty; allowed are one or more")
         if other := [each for each in given if not isinstance(each, Sheet)]:
@@ -106,7 +107,8 @@ class Press(KnowsItsFields):
         for name, tool in self.tools.items():
             if not isinstance(tool, PressTool):
                 raise InputError(f"tools.{name} is {shown(tool)}; allowed is a `PressTool(...)`")
-        stages = (self.stages,) if isinstance(self.stages, Stage) else tuple(self.stages)
+        alone = self.stages
+        stages: tuple[Stage, ...] = (alone,) if isinstance(alone, Stage) else tuple(alone)
         for stage in stages:
             if not isinstance(stage, Stage):
                 raise InputError(f"`stages` holds {shown(stage)}; allowed are `Stage(...)`")
