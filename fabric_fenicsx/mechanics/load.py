@@ -144,7 +144,7 @@ class EdgeTension(_DeadLoad):
     >>> pull = ff.EdgeTension(0.3, (1, 0), lambda x: x[0] > 19.9)
     >>> held = ff.Support("left", lambda x: x[0] < 0.1, (0, 1))
     >>> scene = ff.Scene(strip, [ff.Membrane(ff.load("komeili")), pull], [held])
-    >>> round(pull.applied_forces().sum(), 6)  # [N]
+    >>> round(float(pull.applied_forces().sum()), 6)  # [N]
     3.0
     """
 

@@ -114,7 +114,9 @@ class Part:
         InputError, on all ranks, if it marks none."""
         mesh = self.blank.mesh
         mesh.topology.create_connectivity(1, 2)
-        sides = np.unique(locate_entities_boundary(mesh, 1, edge)).astype(np.int32)
+        # a mask of its own, as newer DOLFINx takes none that can't be written to
+        marked = locate_entities_boundary(mesh, 1, lambda x: np.array(edge(x), bool))
+        sides = np.unique(marked).astype(np.int32)
         cells = mesh.topology.connectivity(1, 2)
         sides = sides[np.isin([cells.links(side)[0] for side in sides], self.cells)]
         if mesh.comm.allreduce(len(sides), MPI.SUM) == 0:
