@@ -34,6 +34,7 @@ class Metal(Material):
     density : float
         Mass per volume [g/cm3].
     name : str
+        In results and messages.
 
     Raises
     ------

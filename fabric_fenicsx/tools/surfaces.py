@@ -194,6 +194,7 @@ class Offset(_Changed):
     Parameters
     ----------
     surface : Surface
+        Of any kind.
     distance : float
         Out of the body, or into it if negative [mm].
 
@@ -310,6 +311,7 @@ class Turned(_Rigid):
     Parameters
     ----------
     surface : Surface
+        Of any kind.
     angles : (3,)
         First about the axis x, then about y, then about z, the axes standing still; anticlockwise
         as seen from the axis' end [deg].

@@ -38,6 +38,7 @@ class Law(Material, Energy):
     density : float
         Mass per volume of the sheet [g/cm3].
     name : str
+        In results and messages.
     compaction : Compaction or None
         Thickness under pressure; None for fabric that keeps its thickness.
     fibre_density : float or None

@@ -70,10 +70,10 @@ class Membrane(Term):
 
     References
     ----------
-    .. [1] Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978: reduced integration as
-       projected strains.
-    .. [2] ten Thije and Akkerman, Composites A 39, 2008: locking of fibres.
-    .. [3] Hamila and Boisse, Composites A 53, 2013.
+    - Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978: reduced integration as projected
+      strains.
+    - ten Thije and Akkerman, Composites A 39, 2008: locking of fibres.
+    - Hamila and Boisse, Composites A 53, 2013.
 
     Examples
     --------

@@ -82,7 +82,7 @@ class SheetMetal(Term):
 
     References
     ----------
-    .. [1] Miehe, Apel and Lambrecht, Comput. Methods Appl. Mech. Eng. 191, 2002.
+    Miehe, Apel and Lambrecht, Comput. Methods Appl. Mech. Eng. 191, 2002.
 
     Examples
     --------
