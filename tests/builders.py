@@ -222,3 +222,13 @@ def off_differences(scene, term, by=0.01):
     change = (8 * (f1 - g1) - (f2 - g2)) / (12 * h)
     rise = (8 * (e1 - d1) - (e2 - d2)) / (12 * h)
     return abs(rise - f @ d) / abs(f * d).sum(), abs(change - Kd).max() / abs(Kd).max()
+
+
+def check_default(field, options):
+    """The option of a dataclass's field has the field's default."""
+    default = [] if "repeated" in field.metadata else field.default
+    if "kinds" in field.metadata:  # an object by its name, with an option of its own
+        made = field.metadata["kinds"][options[field.name]](options[default.OPTION])
+        assert made == default
+    else:
+        assert options[field.name] == default, field.name

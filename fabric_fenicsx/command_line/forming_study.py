@@ -18,6 +18,7 @@ from ..material.laws import Law
 from ..material.metal import load_metal
 from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, number, one_of, switch, text
+from ..runtime.files import check_file
 from ..runtime.rules import POSITIVE, SHARE
 from ..solve.limits import Limits
 from ..tools.double_dome import DoubleDome
@@ -209,11 +210,7 @@ def _from_here(path, folder):
 
 def read_plies(path: str) -> list[dict[str, Any]]:
     """The tables [[ply]] of a stack file. Raises InputError that names the file."""
-    if not Path(path).is_file():
-        raise InputError(
-            f"stack file {path} does not exist or is not a file; allowed is a TOML file with a "
-            "table [[ply]] for each ply"
-        )
+    check_file(Path(path), "stack file", "a TOML file with a table [[ply]] for each ply")
 
     def plies(document):
         if document.get("unit") != "mm":

@@ -18,6 +18,7 @@ from ..material.laws.base import Material
 from ..material.metal import METALS
 from ..material.presets import PRESETS
 from ..runtime.errors import InputError
+from ..runtime.files import check_file
 from ..runtime.rules import check_complete, shown, unknown_key
 from ..solve.limits import Limits
 from ..tools.double_dome import DoubleDome
@@ -72,11 +73,7 @@ HOLDERS: dict[str, type] = {
 def read_document(path: str | os.PathLike[str], changes: Sequence[str] = ()) -> dict[str, Any]:
     """The tables of a press file. changes: of its entries, texts "KEY=VALUE", as
     "tools.punch.radius=40". Raises InputError that names the file."""
-    if not os.path.isfile(path):
-        raise InputError(
-            f"press file {shown(path)} does not exist or is not a file; allowed is a TOML file of "
-            "a press"
-        )
+    check_file(Path(path), "press file", "a TOML file of a press")
 
     def changed(document):
         for change in changes:

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from ..readers.read import check_file, read_surface_mesh
+from ..readers.read import read_surface_mesh
 from ..readers.text_tables import Problems, is_comment, read_lines, table_of, values_of
 from ..readers.units import factors
 from ..runtime.errors import InputError
+from ..runtime.files import check_file
 from ..runtime.formatting import rounded
 from .rings import joined, sheet_of
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryFile
 
 from ..runtime.errors import InputError
+from ..runtime.files import check_file
 from .abaqus import read_abaqus
 from .libraries import NotMine, by_dolfinx, by_gmsh, by_meshio, by_pyvista
 from .stl import read_stl
@@ -27,14 +28,6 @@ READ = "a mesh that meshio, gmsh or PyVista reads"
 NASTRAN = (".bdf", ".nas", ".dat", ".fem")
 LONGEST = 160  # of a reader's reason, in letters
 DOUBT = re.compile(r"\b(warning|warn|error|err)\b", re.IGNORECASE)
-
-
-def check_file(path: Path, what: str, allowed: str) -> None:
-    """Raise InputError for a `what` that is not there, no file, or empty."""
-    if not path.is_file():
-        raise InputError(f"{what} {path} does not exist or is not a file; allowed is {allowed}")
-    if not path.stat().st_size:
-        raise InputError(f"{what} {path} is empty; allowed is {allowed}")
 
 
 def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh:

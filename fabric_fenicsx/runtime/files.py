@@ -1,4 +1,4 @@
-"""Files that are complete at any moment, and folders that one run has locked."""
+"""Files to read, files that are complete at any moment, and folders that one run has locked."""
 
 import fcntl
 import os
@@ -9,6 +9,14 @@ from typing import IO
 from .errors import InputError
 
 LOCK_FILE = ".lock"  # in a folder; a run that uses the folder locks this file
+
+
+def check_file(path: Path, what: str, allowed: str) -> None:
+    """Raise InputError for a `what` that is not there, no file, or empty."""
+    if not path.is_file():
+        raise InputError(f"{what} {path} does not exist or is not a file; allowed is {allowed}")
+    if not path.stat().st_size:
+        raise InputError(f"{what} {path} is empty; allowed is {allowed}")
 
 
 def lock_folder(folder: Path) -> IO | None:

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from ..readers.libraries import own_model
-from ..readers.read import READ, check_file, read_surface_mesh
+from ..readers.read import READ, read_surface_mesh
 from ..runtime.errors import InputError
+from ..runtime.files import check_file
 
 FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
 CAD = (".step", ".stp", ".iges", ".igs", ".brep")

@@ -3,6 +3,7 @@
 import dataclasses
 
 import pytest
+from builders import check_default
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.command_line.study import parser
@@ -15,12 +16,7 @@ def test_options_are_the_fields_with_their_defaults(kind):
     options = vars(parser(kind, "").parse_args([]))
     for each in dataclasses.fields(kind):
         if "help" in each.metadata:
-            default = [] if "repeated" in each.metadata else each.default
-            if "kinds" in each.metadata:  # an object by its name, with an option of its own
-                made = each.metadata["kinds"][options[each.name]](options[default.OPTION])
-                assert made == default
-            else:
-                assert options[each.name] == default, each.name
+            check_default(each, options)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from builders import COMM, KOMEILI, dome, dome_press
+from builders import COMM, KOMEILI, check_default, dome, dome_press
 from mpi4py import MPI
 from scipy.spatial import Delaunay
 
@@ -17,14 +17,8 @@ def test_options_are_the_fields_with_their_defaults():
     options = vars(dome_parser(DomeTest, "").parse_args([]))
     for owner in (DomeTest, ff.Interface, ff.Sheet):
         for each in dataclasses.fields(owner):
-            if each.metadata.get("group") in (None, "weave", "ply") or each.name == "nx":
-                continue
-            default = [] if "repeated" in each.metadata else each.default
-            if "kinds" in each.metadata:  # an object by its name, with an option of its own
-                made = each.metadata["kinds"][options[each.name]](options[default.OPTION])
-                assert made == default
-            else:
-                assert options[each.name] == default, each.name
+            if each.metadata.get("group") not in (None, "weave", "ply") and each.name != "nx":
+                check_default(each, options)
 
 
 @pytest.mark.parametrize(

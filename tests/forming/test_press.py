@@ -183,6 +183,14 @@ def test_what_is_wrong_is_said_with_its_file_and_key(changes, words):
     assert "hemisphere.toml: " in str(error.value) or any(each in words for each in built)
 
 
+def test_a_press_file_that_is_not_there_or_empty_is_named(tmp_path):
+    empty = tmp_path / "empty.toml"
+    empty.touch()
+    for path, fault in ((tmp_path / "none.toml", "does not exist"), (empty, "is empty")):
+        with pytest.raises(ff.InputError, match=f"^press file {path} {fault}"):
+            ff.Press.read(path)
+
+
 @pytest.mark.parametrize(
     "change, words",
     [
