@@ -10,7 +10,7 @@ from ..material.laws import Law
 from ..material.presets import checked_fabric, load
 from ..meshes.specimen import PATTERNS
 from ..runtime.errors import InputError
-from ..runtime.fields import choice, number, text
+from ..runtime.fields import choice, documented, number, text
 from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, SHARE, Rule
 from ..sheets.layout import FULL_TURN
 from ..sheets.sheet_fields import ELEMENTS, SheetFields
@@ -88,6 +88,7 @@ class Strip(Coupon):
     )
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Tensile(Strip):
     """Uniaxial tension of a woven strip along its yarns.
@@ -96,14 +97,6 @@ class Tensile(Strip):
     ----------
     fabric : Law
         The material, by default the preset `komeili`.
-    length, width : float
-        Sides of the strip [mm], by default 200 and 50, or those of `mesh` or `outline`.
-    strain : float
-        Nominal strain at full load, the grips' displacement over the length [-].
-    grips : {"clamped", "rollers"}
-        Rollers let the ends narrow, so that the state is homogeneous.
-    nx, ny, pattern, element, ...
-        Mesh, yarns and output, as `fabric tensile --help` lists them.
 
     Raises
     ------
@@ -141,6 +134,7 @@ class Tensile(Strip):
         return TensileSetup(self, comm)
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class BiasExtension(Strip):
     """Tension of a woven strip whose yarns lie at +-45 deg to the load.
@@ -149,15 +143,6 @@ class BiasExtension(Strip):
     ----------
     fabric : Law
         The material, by default the preset `komeili`.
-    length, width : float
-        Sides of the strip [mm], by default 200 and 50, or those of `mesh` or `outline`; the length
-        is two widths or more.
-    strain : float
-        Nominal strain at full load, the grips' displacement over the length [-].
-    bending_modulus, in_plane_bending : float
-        Bending modulus of the yarns [MPa], and their stiffness in the plane over it [-].
-    nx, ny, pattern, element, ...
-        Mesh, yarns and output, as `fabric bias_extension --help` lists them.
 
     Raises
     ------
@@ -209,6 +194,7 @@ class BiasExtension(Strip):
         return BiasSetup(self, comm)
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class PictureFrame(Coupon):
     """Shear of a woven square in a rigid hinged frame, its yarns along the arms.
@@ -217,14 +203,6 @@ class PictureFrame(Coupon):
     ----------
     fabric : Law
         The material, by default the preset `komeili`.
-    side : float
-        Side of the square [mm], by default 200, or that of `mesh` or `outline`.
-    angle : float
-        Shear angle at full load [deg].
-    pre_tension : float
-        Strain of the yarns, applied in the first tenth of the load [-].
-    nx, ny, pattern, element, ...
-        Mesh, yarns and output, as `fabric picture_frame --help` lists them.
 
     Raises
     ------

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from ..job.job import Result
-from ..mechanics.contact import output as contact_output
 from ..mechanics.springs import Springs
 from ..results import measures, quantities
 from ..scene import output
@@ -56,8 +55,8 @@ def of_contact(made: FormingScene, result: Result) -> dict[str, Any]:
     return {
         "unbalanced_force_N": float(abs(total[2])),
         "penalty_N_per_mm3": interface.penalty,
-        "penetration_mm": max(map(contact_output.penetration, made.contacts)),
-        "penetration_largest_mm": max(map(contact_output.largest_penetration, made.contacts)),
+        "penetration_mm": max(each.penetration() for each in made.contacts),
+        "penetration_largest_mm": max(each.largest_penetration() for each in made.contacts),
         "penetration_of_thickness": output.deepest(scene)[0],
         "sticking_slip_mm": interface.slip if interface.friction else None,
         "viscous_of_strain_energy": rows[-1]["viscous_energy_Nmm"] / kept if kept else 0.0,

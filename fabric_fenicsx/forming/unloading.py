@@ -11,7 +11,6 @@ from mpi4py import MPI
 from ..job.job import Job, Result
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.materials import materials_of
-from ..mechanics.protocols import Pressing
 from ..mechanics.release_forces import RELEASED, ReleaseForces
 from ..mechanics.term import overrides
 from ..runtime.errors import InputError
@@ -120,7 +119,7 @@ def _stays(term, together):
     """Whether a term belongs to the sheets, not to what forms them."""
     if isinstance(term, SheetContact):
         return together
-    if isinstance(term, Pressing) or overrides(term, "applied_forces"):
+    if overrides(term, "applied_forces"):
         return False
     return term.energy_kind is not None or term.energy is None
 

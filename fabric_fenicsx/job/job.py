@@ -17,7 +17,6 @@ from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.formatting import rounded
 from ..scene import output as scene_output
-from ..scene.fingerprint import of_scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
 from .error_run import estimated
@@ -150,7 +149,7 @@ class Job(JobFields):
     def _run(self, output, folder, problem, pictures):
         scene, comm = self.scene, self.scene.comm
         parts = [entries(value, name) for name, value in problem.items()]  # first in messages
-        known_by = {k: v for part in parts for k, v in part.items()} | problem | of_scene(scene)
+        known_by = {k: v for part in parts for k, v in part.items()} | problem | scene.fingerprint()
         checkpoint = Checkpoint(folder / "checkpoint.npz", scene.blank, known_by)
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
         for material in materials_of(scene, scene.blank.whole):

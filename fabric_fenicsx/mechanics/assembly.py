@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import ufl
@@ -15,7 +16,6 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
 from .term import Term, Triplets, overrides
-from .term_checks import kinds_of
 
 if TYPE_CHECKING:
     from .triplets import TripletPlaces
@@ -67,31 +67,19 @@ class Assembly:
         whole = ufl.inner(v, w) * ufl.dx
         self._places = self._tangents[0] if list(on) == [("",)] else compat.form(whole)
         self._extra: TripletPlaces | None = None  # stiffness of the terms that are no forms
-        self._kinds: dict[int, list[str | None]] = {}  # of the terms' `energies`, by their number
 
     def energies(self) -> dict[str | None, float]:
         """Energy of each kind at the present displacement, of all ranks {kind: N mm}; None: minus
         the work of loads."""
-        parts = [(kind, fem.assemble_scalar(form)) for kind, form in self._energies]
-        changed = False
-        for i, term in enumerate(self._terms):
-            if not overrides(term, "energies"):
-                parts.append((term.energy_kind, term.stored()))
-                continue
-            if i not in self._kinds:
-                self._kinds[i] = kinds_of(term)
-            found = term.energies()
-            changed |= found.keys() != {*self._kinds[i]}
-            parts += [(kind, found.get(kind, 0.0)) for kind in self._kinds[i]]
-        values = np.array([*(value for _, value in parts), changed], dtype=float)
-        total = self._comm.allreduce(values, MPI.SUM)
-        if total[-1]:  # on some rank
-            for i, before in self._kinds.items():
-                kinds_of(self._terms[i], before)
-        kinds = dict.fromkeys((kind for kind, _ in parts), 0.0)
-        for (kind, _), value in zip(parts, total):
-            kinds[kind] += float(value)
-        return kinds
+        mine: Any = Counter()  # which adds what it is updated by
+        for kind, form in self._energies:
+            mine.update({kind: fem.assemble_scalar(form)})
+        for term in self._terms:
+            mine.update(term.energies())
+        total: Any = Counter()
+        for each in self._comm.allgather(dict(mine)):
+            total.update(each)
+        return dict(total)
 
     def applied_forces(self) -> list[np.ndarray]:
         """Forces of each tool and load (owned dofs,) [N], beside which a residual is to be
@@ -115,18 +103,13 @@ class Assembly:
         PETSc.garbage_cleanup(self._comm)  # matrices and scatters of other places
         A = fem_petsc.create_matrix(self._places)
         self._pattern, self._extra = self._patterns(), None
-        rows, cols, values = triplets(self._terms)
+        rows, cols, _ = triplets(self._terms)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
             from .triplets import TripletPlaces
 
-            names, numbers = A.getLGMap()
-            self._extra = TripletPlaces(A, rows, cols)
             self._assemble(A, [])
             A.assemble()  # as unused places are given up
-            extra = self._extra.matrix(values)
-            A.axpy(1.0, extra, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            A.setLGMap(names, numbers)
-            self._extra.take_places(A)
+            self._extra = TripletPlaces(A, rows, cols)
         A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return A
 
@@ -143,6 +126,7 @@ class Assembly:
         self._assemble(A, bcs)
         if self._extra is not None:
             values = np.concatenate([term.tangent()[2] for term in self._terms])
+            A.assemble()
             self._extra.add(A, values, free)
         A.assemble()
 

@@ -1,4 +1,4 @@
-"""Displacements of, and forces on, nodes of any rank."""
+"""Nodes of any rank: their displacements, forces on them, and stiffness between them."""
 
 import numpy as np
 from mpi4py import MPI
@@ -41,3 +41,32 @@ class GatheredNodes:
             self._here, self._sum, addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE
         )
         f[: self._sum.local_size] += self._sum.array
+
+
+class CoupledNodes:
+    """Pairs of nodes that are coupled, as both are of one cell or move with one point.
+
+    nodes: global numbers (known,); columns (n, k): which of them each of n cells or points has;
+    coupled (n, k, k): True for pairs of these that count, by default all
+
+    - ends: first and last node (count,) of each pair, of `nodes`; places (n, k, k): which pair each
+      of a cell's is, -1 for those that do not count
+    - rows, cols (count dim^2,): global degrees of freedom of the pairs' blocks
+    """
+
+    def __init__(
+        self,
+        nodes: np.ndarray,
+        columns: np.ndarray,
+        coupled: np.ndarray | None = None,
+        dim: int = 3,
+    ) -> None:
+        wide = columns.shape[1]
+        self.places = np.full((len(columns), wide, wide), -1, dtype=np.int32)
+        cell, i, j = np.nonzero(self.places if coupled is None else coupled)
+        keys = columns[cell, i].astype(np.int64) * len(nodes) + columns[cell, j]
+        keys, self.places[cell, i, j] = np.unique(keys, return_inverse=True)
+        self.ends, self.count = np.divmod(keys, max(len(nodes), 1)), len(keys)
+        axis, (i, j) = np.arange(dim), (dim * nodes[end][:, None, None] for end in self.ends)
+        both = np.broadcast_arrays(i + axis[:, None], j + axis)
+        self.rows, self.cols = (each.astype(PETSc.IntType).ravel() for each in both)

@@ -103,7 +103,6 @@ class DeadPressure(_DeadLoad):
         self._direction = direction
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
         blank = scene.blank
         self._constant = fem.Constant(blank.mesh, 0.0)
         unit = vector_on(blank, f"direction of {self.name}", self._direction, unit=True)
@@ -160,7 +159,6 @@ class EdgeTension(_DeadLoad):
         self._tension, self._direction, self._edge = tension, direction, edge
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
         blank = scene.blank
         name = f"direction of {self.name} on {blank.name}"
         unit = vector_on(blank, name, self._direction, unit=True)
@@ -179,15 +177,12 @@ class EdgeTension(_DeadLoad):
         self._now = at_load(f"{self.name} [N/mm]", FINITE, self._tension, load)
 
     def stored(self) -> float:
-        """As in `Term`."""
         return -self._now * self._travel()
 
     def add_forces(self, f: np.ndarray) -> None:
-        """As in `Term`."""
         f[: len(self._lengths)] -= self._now * self._lengths
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Term`."""
         return self._now * self._lengths
 
     def _travel(self):

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Collection, Iterable, Mapping
-from functools import partial
 from numbers import Real
 from typing import Any, NamedTuple, NoReturn
 
@@ -159,7 +158,7 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     found: dict[str, Value] = {}
     givers = dict.fromkeys(taken, f"{place} has")
     for term in terms:
-        if not function_of(term, method):
+        if not overrides(term, method):
             continue
         given = asked(term, method, noun)
         mine = {k: v if isinstance(v, Value) else Value(v) for k, v in given.items()}
@@ -185,18 +184,9 @@ def merged(terms: Iterable[Term], method: str, taken: Collection[str] = ()) -> d
     }
 
 
-def function_of(term: Term, method: str) -> Callable[[], Any] | None:
-    """A term's `method`, or the function of that name in its `outputs`; None if it has neither."""
-    if overrides(term, method):
-        return getattr(term, method)
-    function = term.outputs.get(method)
-    return function and partial(function, term)
-
-
 def asked(term: Term, method: str, noun: str) -> Mapping[str, Any]:
     """Answer of a term's `method`; InputError if that is no dict."""
-    ask = function_of(term, method)
-    given = ask and ask()
+    given = getattr(term, method)()
     if not isinstance(given, Mapping):
         raise InputError(
             f"`{method}` of term {term.name} returns {type(given).__name__}; allowed is a dict "

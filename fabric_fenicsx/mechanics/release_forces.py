@@ -38,7 +38,6 @@ class ReleaseForces(Term):
         self.reach = POSITIVE.check("reach of release forces [mm]", reach)
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
         blank = scene.blank
         self._count = blank.V.dofmap.index_map.size_local
         self._u = blank.u.x.array[: self._count * blank.mesh.geometry.dim]
@@ -85,11 +84,9 @@ class ReleaseForces(Term):
         return {None: -self._share * self._travel() - released, RELEASED: released}
 
     def stored(self) -> float:
-        """As in `Term`."""
         return -self._share * self._travel()
 
     def add_forces(self, f: np.ndarray) -> None:
-        """As in `Term`."""
         f[: len(self._forces)] -= self._share * (self._forces - self._stiffness * self._moved())
 
     def tangent(self) -> Triplets:
@@ -112,7 +109,6 @@ class ReleaseForces(Term):
         }
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Term`."""
         rows = self.blank.mesh.comm.allgather(memory["work"][:1])
         known = next(row[0] for row in rows if len(row))
         self._work.recall(known[:-1].reshape(-1, 4))

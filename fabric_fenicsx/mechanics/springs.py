@@ -8,12 +8,12 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 from numpy.typing import ArrayLike
-from petsc4py import PETSc
 
 from ..runtime.errors import InputError
 from ..runtime.rules import FROM_ZERO, shown
 from .assembly import assembled
 from .contact.nodes import values_at
+from .gathered import CoupledNodes
 from .load import vector_on
 from .output import Value, joined, total
 from .term import SceneFacts, Term, Triplets
@@ -91,7 +91,6 @@ class Springs(Term):
         self._where, self._anchor, self._arm = where, anchor, arm
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
         blank, gdim = scene.blank, scene.blank.mesh.geometry.dim
         shares = self._shares()
         nodes = np.flatnonzero(shares)
@@ -109,9 +108,8 @@ class Springs(Term):
                 "one that is off all nodes"
             )
         self._dofs = gdim * nodes[:, None] + np.arange(gdim)
-        dofs = self._dofs + gdim * blank.V.dofmap.index_map.local_range[0]
-        self._rows = np.repeat(dofs, gdim, axis=1).ravel().astype(PETSc.IntType)
-        self._cols = np.tile(dofs, gdim).ravel().astype(PETSc.IntType)
+        first, each = blank.V.dofmap.index_map.local_range[0], np.arange(len(nodes))
+        self._alone = CoupledNodes(first + nodes, each[:, None], dim=gdim)
 
     def _vector(self, argument, given):
         """`arm` or `anchor` along the frame's axes, (gdim,)."""
@@ -152,14 +150,12 @@ class Springs(Term):
         return away / length[:, None], length, np.maximum(pull, 0.0)
 
     def stored(self) -> float:
-        """As in `Term`."""
         pull, k = self._now()[2], self._stiffness
         if not k:
             return float(self._preload * self._share @ (self._now()[1] - self._lengths))
         return float(self._share @ (pull**2 - self._preload**2)) / (2 * k)
 
     def add_forces(self, f: np.ndarray) -> None:
-        """As in `Term`."""
         away, _, pull = self._now()
         f[self._dofs] += (self._share * pull)[:, None] * away
 
@@ -169,10 +165,9 @@ class Springs(Term):
         along = away[:, :, None] * away[:, None, :]
         stiff = np.where(pull > 0, self._stiffness, 0.0)[:, None, None] * along
         stiff += (pull / length)[:, None, None] * (np.eye(away.shape[1]) - along)
-        return self._rows, self._cols, (self._share[:, None, None] * stiff).ravel()
+        return self._alone.rows, self._alone.cols, (self._share[:, None, None] * stiff).ravel()
 
     def applied_forces(self) -> np.ndarray:
-        """As in `Term`."""
         f = np.zeros(self.blank.u.x.array.size)
         self.add_forces(f)
         return -f[: self.blank.V.dofmap.index_map.size_local * self.blank.mesh.geometry.dim]

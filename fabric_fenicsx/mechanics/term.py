@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
@@ -14,6 +14,7 @@ from ufl.core.expr import Expr
 from ..material.laws.base import Material
 from ..runtime.errors import InputError
 from ..sheets.blank import Blank, Part
+from ..tools.tool import Tool
 
 Triplets = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows, columns and values of a sparse matrix
 NO_TANGENT: Triplets = (np.empty(0, PETSc.IntType), np.empty(0, PETSc.IntType), np.empty(0))
@@ -58,10 +59,10 @@ class Term:
         load, minus its work. None if `stored`, `add_forces` and `tangent` take its place.
     pattern : int
         Number that changes when the places of `tangent` do.
+    tool : Tool or None
+        Tool by which the term acts on the sheet.
     prestressed : bool
         True if the sheet may have stress as it lies, before load.
-    outputs : dict
-        Functions of the term by the names of methods that give output, beside the class.
     blank, part : Blank, Part
         The sheet and the part of it that the term is on, known in `set_up`. `blank.mesh.comm` is
         the MPI communicator, `blank.V.dofmap.index_map` numbers the nodes.
@@ -91,7 +92,7 @@ class Term:
     energy: ufl.Form | None = None
     pattern = 0
     prestressed = False
-    outputs: Mapping[str, Callable[[Any], Any]] = {}
+    tool: Tool | None = None
     blank: Blank
     part: Part
     part_name = ""
@@ -147,8 +148,8 @@ class Term:
         return 0.0
 
     def energies(self) -> dict[str | None, float]:
-        """Energies that are no form, {kind: N mm}, always the same kinds on all ranks; None: minus
-        the work of a load. A term of several kinds overrides this in place of `stored`."""
+        """Energies that are no form, {kind: N mm}, the same kinds each time; None: minus the work
+        of a load. A term of several kinds overrides this in place of `stored`."""
         return {self.energy_kind: self.stored()}
 
     def add_forces(self, f: np.ndarray) -> None:
@@ -169,7 +170,18 @@ class Term:
         load that is a form does without."""
         raise NotImplementedError
 
+    def anticipate(self, f: np.ndarray) -> None:
+        """See the residual f (owned dofs,) [N] before `tangent` is asked for a correction."""
+
+    def compliance(self) -> tuple[np.ndarray, float] | None:
+        """c (owned dofs,) and k [N/mm] of a tool moved by force, by which it takes c c^T / k from
+        the tangent."""
+        return None
+
     # -- load steps
+
+    def check_start(self) -> None:
+        """Raise InputError, on all ranks, if at load 0 sheet or tool are where no run can begin."""
 
     def set_load(self, load: float) -> None:
         """Set the load factor, and go back to the last accepted state in all else."""
@@ -178,6 +190,12 @@ class Term:
         """Update, after a solve, what was held during it, if that is off by more than allowed. True
         on all ranks if so: the solve is repeated."""
         return False
+
+    def motion_to_gaps(self) -> np.ndarray:
+        """Motion of the nodes from where they are, (owned dofs,) [mm], with which a step begins:
+        those that a tool pressed in the last accepted state are then as deep in it as there, and no
+        others are in it."""
+        raise NotImplementedError
 
     def accept(self) -> None:
         """Take the present state as the last accepted one."""
@@ -196,6 +214,31 @@ class Term:
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         """Take back `memory` and `cell_memory`, at the displacement and load of then."""
+
+    # -- contact
+
+    def tool_force(self) -> np.ndarray:
+        """Force of the tool on the sheet in the last accepted state, of all ranks, (3,) [N]."""
+        raise NotImplementedError
+
+    def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Points (k, 3) of the undeformed sheet [mm] and normals (k, 3) there of a tool that keeps
+        the sheet off its surface, at the start and at full load."""
+        raise NotImplementedError
+
+    def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Points of the undeformed sheet (k, 3) [mm] that friction of a tool holds, unit normals
+        (k, 3) there, and the friction that each can bear in the accepted state, (k,) [N]."""
+        raise NotImplementedError
+
+    def penetration_of_thickness(self) -> float:
+        """Deepest overlap of sheet and tool, or of two sheets, in any accepted state, over the
+        sheet's thickness, of all ranks."""
+        return 0.0
+
+    def where_deepest(self) -> str:
+        """The tool or sheet that was so deep in the sheet, and where, as text."""
+        return ""
 
     # -- output: {name: value or `Value`}, the same names each time
 

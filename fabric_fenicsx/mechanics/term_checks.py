@@ -16,7 +16,6 @@ from ufl.constantvalue import ScalarValue, Zero
 from ufl.corealg.traversal import unique_pre_traversal
 
 from ..runtime.errors import InputError
-from . import protocols
 from .fingerprint import of_attributes
 from .output import asked
 from .term import SceneFacts, Term, overrides
@@ -96,25 +95,9 @@ def _check_kind(term, where, kind):
         )
 
 
-def kinds_of(term: Term, before: list[str | None] | None = None) -> list[str | None]:
-    """The kinds of a term's `energies`; InputError, on all ranks, for what is no dict or no kind,
-    and for other kinds than `before` or on another rank."""
-    given, comm = asked(term, "energies", "kind"), term.blank.mesh.comm
-    for kind in given.keys() - {None}:
-        _check_kind(term, "energies", kind)
-    kinds = before or comm.bcast([*given])
-    if comm.allreduce(given.keys() != {*kinds}, MPI.LOR):
-        raise InputError(
-            f"`energies` of term {term.name} gives other kinds than {', '.join(map(str, kinds))}; "
-            "allowed are the same each time and on all ranks, with 0.0 where there is no energy"
-        )
-    return kinds
-
-
 def misspelt(term: Term) -> list[str]:
     """Warnings of a term's methods whose names are nearly those that a run asks for."""
-    homes = [each for each in vars(protocols).values() if isinstance(each, type)]
-    known = {name.replace("ies", "y"): name for home in [Term, *homes] for name in vars(home)}
+    known = {name.replace("ies", "y"): name for name in vars(Term)}
     found = []
     for name, _ in inspect.getmembers(type(term), callable):
         near = get_close_matches(name.replace("ies", "y"), known, 1, 0.81)
@@ -177,9 +160,10 @@ def check_answers(term: Term) -> None:
     blank, comm = term.blank, term.blank.mesh.comm
     size = blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim
     check_number(term, "stored", term.stored())
-    if overrides(term, "energies") and kinds_of(term):
-        for value in term.energies().values():
-            check_number(term, "energies", value)
+    for kind, value in asked(term, "energies", "kind").items():
+        if kind is not None:
+            _check_kind(term, "energies", kind)
+        check_number(term, "energies", value)
     given: Any = term.add_forces(np.zeros_like(blank.u.x.array))  # type: ignore[func-returns-value]
     if given is not None:
         raise InputError(

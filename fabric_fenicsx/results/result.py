@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..mechanics.output import Fields
-from ..mechanics.protocols import Pressing
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..scene import output
@@ -98,7 +97,7 @@ class Result:
         """Force of `tool`, or of the tool of that name, on the sheet in the last accepted state,
         (3,) [N]. Raises InputError for a tool or a name that the scene does not have once."""
         scene = self.scene
-        pressing = [term.tool for term in scene.terms if isinstance(term, Pressing)]
+        pressing = [term.tool for term in scene.terms if term.tool]
         tools = dict.fromkeys([*output.tools(scene), *pressing])
         asked = [each for each in tools if tool in (each, each.name)]
         force = np.zeros(3) if isinstance(tool, str) else output.tool_force(scene, tool)

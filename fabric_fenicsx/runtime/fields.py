@@ -1,13 +1,16 @@
 """Declared fields of dataclasses: one rule for what Python and the command line may give."""
 
 import dataclasses
+import inspect
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import field
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from .errors import InputError
 from .rules import Rule, unknown_key
+
+Kind = TypeVar("Kind", bound=type)
 
 
 class KnowsItsFields:
@@ -25,6 +28,17 @@ class KnowsItsFields:
 def declared(owner: Any) -> list[dataclasses.Field]:
     """The fields of a dataclass or an object of one that have a help text, so an option."""
     return [each for each in dataclasses.fields(owner) if "help" in each.metadata]
+
+
+def documented(kind: Kind) -> Kind:
+    """A dataclass whose docstring has its declared fields among the parameters, by their help."""
+    head, mark, rest = (inspect.getdoc(kind) or "").partition("\n\nRaises\n")
+    head += "" if "\nParameters\n" in head else "\n\nParameters\n----------"
+    for each in declared(kind):
+        usual = "" if each.default is None else f"; by default {each.default}"
+        head += f"\n{each.name}\n    {each.metadata['help']}{usual}"
+    kind.__doc__ = head + mark + rest
+    return kind
 
 
 def check_fields(owner: Any, label: Callable[[str], str] = "`{}`".format) -> list[str]:

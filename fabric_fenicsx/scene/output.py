@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.output import Fields, function_of, merged
-from ..mechanics.protocols import Pressing, Touching
+from ..mechanics.output import Fields, merged
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnings
+from ..mechanics.term import overrides
 from ..tools.tool import Tool
 from .scene import Scene
 
@@ -48,23 +48,21 @@ def nodal_fields(scene: Scene, taken: Collection[str] = ()) -> Fields:
 
 def tools(scene: Scene) -> list[Tool]:
     """Tools whose surface the sheet may touch."""
-    return list(dict.fromkeys(term.tool for term in scene.terms if isinstance(term, Touching)))
+    touching = [term for term in scene.terms if overrides(term, "may_press")]
+    return list(dict.fromkeys(term.tool for term in touching if term.tool))
 
 
 def tool_force(scene: Scene, tool: Tool) -> np.ndarray:
     """Force of `tool` on the sheet in the last accepted state, (3,) [N]."""
-    pressing = [term for term in scene.terms if isinstance(term, Pressing)]
-    return sum((term.tool_force() for term in pressing if term.tool is tool), np.zeros(3))
+    return sum((term.tool_force() for term in scene.terms if term.tool is tool), np.zeros(3))
 
 
 def deepest(scene: Scene) -> tuple[float, str]:
     """Deepest penetration of a sheet by a tool or another sheet in any accepted state, over the
     sheet's thickness; and which one it was, and where, as a text."""
-    asked = [(function_of(t, "penetration_of_thickness"), t) for t in scene.terms]
-    depths = [(depth(), term) for depth, term in asked if depth]
-    deepest, term = max(depths, key=lambda each: each[0], default=(0.0, None))
-    where = function_of(term, "where_deepest") if term and deepest else None
-    return deepest, where() if where else ""
+    depths = [(term.penetration_of_thickness(), term) for term in scene.terms]
+    deepest, term = max(depths, key=lambda each: each[0])
+    return deepest, term.where_deepest() if deepest else ""
 
 
 def overstretched(scene: Scene, strain: float) -> float:
@@ -111,7 +109,7 @@ def outer_forces(scene: Scene) -> dict[str, float]:
 def warnings(scene: Scene) -> list[str]:
     """Doubts about the state though nothing failed, as sentences."""
     given = [membrane_warnings(term) for term in _membranes(scene)]
-    given += [ask() for term in scene.terms if (ask := function_of(term, "warnings"))]
+    given += [term.warnings() for term in scene.terms]
     found = [text for each in given for text in ([each] if isinstance(each, str) else each)]
     located = scene.supports.locating_warning(outer_forces(scene))
     return [*found, *filter(None, [located])]

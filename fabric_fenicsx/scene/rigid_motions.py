@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.protocols import Rubbing, Touching
-from ..mechanics.term import Term
+from ..mechanics.term import Term, overrides
 from ..runtime.errors import InputError
 from ..sheets.blank import Blank
 from .dirichlet import FixedDofs
@@ -33,7 +32,7 @@ def check_held(blank: Blank, terms: Sequence[Term], supports: FixedDofs) -> str:
     free, smooth = free_motion(blank, x, along, resisted), "lift" in resisted
     if not free:
         return ""
-    touching = [term for term in terms if isinstance(term, Touching)]
+    touching = [term for term in terms if overrides(term, "may_press")]
     if smooth and not (flat and len({term.tool for term in touching}) == 1):
         pressed = [each for term in touching for each in term.may_press()]
         places, normals = (np.vstack(each) for each in zip((x, along), *pressed))
@@ -60,7 +59,7 @@ def is_held_by_friction(blank: Blank, terms: Sequence[Term]) -> bool:
     """True if the largest friction of tools in the accepted state holds the blank in its plane,
     against turning not only near one point. A stack's sheets may slide on one another, so of it
     this is not known."""
-    known = [term.rubbed() for term in terms if isinstance(term, Rubbing)]
+    known = [term.rubbed() for term in terms if overrides(term, "rubbed")]
     if blank.parts or not known:
         return False
     x, normals, most = (np.concatenate(each) for each in zip(*known))

@@ -1,14 +1,16 @@
 """A scene: a blank, its terms and its supports."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.assembly import Assembly
-from ..mechanics.protocols import Anticipates, DrivenByForce, KeepsGaps, Touching
+from ..mechanics.fingerprint import entries, plain
 from ..mechanics.term import Term, overrides
 from ..mechanics.term_checks import bind, check_answers, check_number
 from ..runtime.errors import InputError
@@ -64,11 +66,7 @@ class Scene:
                 f"the scene of {blank.name} has no elastic term; it needs one, as a membrane"
             )
         self._assembly = Assembly(blank, self.terms)
-        # asked once, as Protocols take long to tell
-        self._lagged = [term for term in self.terms if overrides(term, "update_lagged")]
-        self._anticipating = [term for term in self.terms if isinstance(term, Anticipates)]
-        self._keeping = [term for term in self.terms if isinstance(term, KeepsGaps)]
-        self._driven = [term for term in self.terms if isinstance(term, DrivenByForce)]
+        self._keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
         self._checked = False
         self._fixed_in_matrix: np.ndarray | None = None
         self.was_loaded = False  # True once a run has left the state that terms and sheet began in
@@ -97,12 +95,11 @@ class Scene:
         return check_held(self.blank, self.terms, self.supports)
 
     def check_start(self) -> None:
-        """Raise InputError if no run can begin: see `check_held` and `Touching.check_start`, and
+        """Raise InputError if no run can begin: see `check_held` and `Term.check_start`, and
         for terms that do not answer as they should."""
         self.check_held()
         for term in self.terms:
-            if isinstance(term, Touching):
-                term.check_start()
+            term.check_start()
         if not self._checked:
             self.set_load(0.0)
             self.accept()
@@ -125,11 +122,11 @@ class Scene:
     @property
     def has_lagged_terms(self) -> bool:
         """True if terms lag something during a solve."""
-        return bool(self._lagged)
+        return any(overrides(term, "update_lagged") for term in self.terms)
 
     def update_lagged(self) -> bool:
         """Let terms update what they lag; True if any did, on all ranks."""
-        return any([term.update_lagged() for term in self._lagged])
+        return any([term.update_lagged() for term in self.terms])
 
     def work(self) -> float:
         """Work of the terms' loads and tools since the last accepted state [N mm]."""
@@ -218,7 +215,7 @@ class Scene:
 
     def anticipate(self) -> None:
         """Show terms the last residual before the tangent for the next correction."""
-        for term in self._anticipating:
+        for term in self.terms:
             term.anticipate(self.forces.array)
 
     def support_forces(self) -> np.ndarray:
@@ -239,7 +236,7 @@ class Scene:
     def compliances(self) -> list[tuple[PETSc.Vec, float]]:
         """Vectors c and numbers k [N/mm] of tools moved by force: c c^T / k softens the tangent."""
         found = []
-        for term in self._driven:
+        for term in self.terms:
             given = term.compliance()
             if given and given[1] > 0:
                 c = self.u.duplicate()
@@ -257,3 +254,18 @@ class Scene:
     def applied_forces(self) -> list[np.ndarray]:
         """Forces of each tool and load (owned dofs,) [N]."""
         return self._assembly.applied_forces()
+
+    def fingerprint(self) -> dict[str, Any]:
+        """What a run that is resumed must agree in: parameters of the terms, largest displacement
+        of the supports and directions of the yarns, the same on any number of ranks."""
+        found: dict[str, Any] = {"terms": ", ".join(term.name for term in self.terms)}
+        for i, term in enumerate(self.terms, 1):
+            for name, given in term.fingerprint.items():
+                known = entries(given, name)
+                found |= {f"{k} of term {i}, {term.name}": v for k, v in known.items()}
+        found["supports"] = ", ".join(support.name for support in self.supports)
+        farthest = self.comm.allreduce(abs(self.supports.values(1.0)).max(initial=0.0), MPI.MAX)
+        found["largest displacement of supports [mm]"] = plain(float(farthest))
+        if straight := self.blank.whole.straight:
+            found["directions of the yarns"] = np.round(straight, 9).tolist()
+        return found

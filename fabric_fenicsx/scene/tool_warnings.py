@@ -6,7 +6,6 @@ from collections.abc import Iterable
 import numpy as np
 from mpi4py import MPI
 
-from ..mechanics.contact import output as contact_output
 from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..runtime.formatting import rounded
@@ -98,8 +97,8 @@ def untouched_warning(scene: Scene) -> str:
         contacts = [t for t in scene.terms if isinstance(t, Contact) and t.tool is tool]
         along_path = tool.displacement - tool.travel * tool.direction - tool.path(0.0)
         moved = float(np.linalg.norm(along_path))  # so far, as a run may have been stopped
-        if contacts and moved and not any([contact_output.touched(each) for each in contacts]):
-            gap = min(float(contact_output.gap(each).min(initial=math.inf)) for each in contacts)
+        if contacts and moved and not any([each.touched() for each in contacts]):
+            gap = min(float(each.gap().min(initial=math.inf)) for each in contacts)
             gap = round(scene.comm.allreduce(gap, MPI.MIN), 9)
             found.append(
                 f"{tool.name} moved by {rounded(moved)} mm, and is still {rounded(gap)} mm off"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, Unpack
@@ -12,11 +14,13 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from .. import dolfinx_compat as compat
+from ..meshes.specimen import specimen
 from ..runtime.errors import InputError
+from ..runtime.rules import COUNT, POSITIVE
 from .cells import CELLS
 from .fibres import Direction
-from .layout import Layout, blank_options
-from .mesh_checks import checked_mesh
+from .layout import Layout, axes_of, blank_options
+from .mesh_checks import MeshArrays, checked_mesh
 from .mesh_files import on_root, read_mesh
 from .part import Part
 from .sheet_mesh import SheetMesh
@@ -173,15 +177,25 @@ class Blank(SheetMesh):
             On all ranks, for a mesh that is no sheet, see `mesh_checks.checked_mesh`; doubts about
             one that is used all the same stand in `warnings`.
         """
-        x, nodes, kind, warnings = on_root(
-            comm,
-            lambda: checked_mesh(
-                np.asarray(points, float), np.asarray(cells), kind, source, spatial
-            ),
-        )
+
+        def given():
+            return MeshArrays(np.asarray(points, float), np.asarray(cells), str(kind), [])
+
+        return cls._made(comm, given, source, spatial, options)
+
+    @classmethod
+    def _made(cls, comm, make, source, spatial, options):
+        """Blank of what `make` returns on rank 0, checked."""
+
+        def checked():
+            raw = make()
+            mesh = checked_mesh(raw.points, raw.cells, raw.kind, source, spatial)
+            return mesh._replace(warnings=[*raw.warnings, *mesh.warnings])
+
+        points, nodes, kind, warnings = on_root(comm, checked)
         how = CELLS[kind]
         nodes = nodes[:, compat.to_dolfinx_order(how.cell, nodes.shape[1])]
-        blank = cls(compat.create_mesh(comm, nodes, x, how.cell, how.degree), **options)
+        blank = cls(compat.create_mesh(comm, nodes, points, how.cell, how.degree), **options)
         blank.warnings = warnings
         return blank
 
@@ -224,11 +238,21 @@ class Blank(SheetMesh):
         InputError
             For values that are not allowed or do not fit together.
         """
-        from .meshing import rectangle
-
         options = blank_options(layout)
-        mesh = rectangle(comm, (length, width), (nx, ny), pattern, layout)
-        return cls.from_arrays(comm, *mesh[:3], "the specimen", spatial, **options)
+        length, width = POSITIVE.check("`length`", length), POSITIVE.check("`width`", width)
+        nx = COUNT.check("`nx`", nx)
+        ny = max(1, round(nx * width / length)) if ny is None else COUNT.check("`ny`", ny)
+        cell = "quadrilateral" if (layout.get("element") or "P")[0] == "Q" else "triangle"
+        yarns = math.radians(layout.get("fibre_angle", 0.0))
+
+        def made():
+            points, cells, kind = specimen(length, width, nx, ny, pattern, cell, yarns)
+            if layout.get("centred"):
+                points[:, :2] -= np.array([length, width]) / 2
+            points[:, :2] = points[:, :2] @ axes_of(layout.get("turned", 0.0))
+            return MeshArrays(points, cells, kind, [])
+
+        return cls._made(comm, made, "the specimen", spatial, options)
 
     @classmethod
     def outline(
@@ -264,12 +288,38 @@ class Blank(SheetMesh):
             For a file that cannot be read, rings that bound no sheet, quadrilaterals, and values
             that are not allowed. What was left out stands in `warnings`.
         """
-        from .meshing import source_of, within
+        from ..meshes.outline import outline_mesh
+        from ..meshes.outline_files import read_outline
+        from ..meshes.rings import sheet_of
 
-        mesh = within(comm, outline, layer, (nx, size), pattern, layout)
-        options, source = blank_options(layout), source_of(outline)
-        blank = cls.from_arrays(comm, *mesh[:3], source, spatial, **options)
-        blank.warnings, blank.from_file = [*mesh.warnings, *blank.warnings], True
+        options, nx = blank_options(layout), COUNT.check("`nx`", nx)
+        if (layout.get("element") or "P")[0] != "P":
+            raise InputError(
+                f"`element` is {layout['element']}; allowed for an outline are triangles (P)"
+            )
+        yarns = options["a"], options.get("b", options["a"] + math.pi / 2)
+        given: Any = outline
+        is_file = isinstance(outline, (str, os.PathLike))
+        source = f"outline {outline}" if is_file else "the outline"
+
+        def made():
+            sheet, notes = (
+                read_outline(given, layer)
+                if is_file
+                else (sheet_of([np.asarray(ring, float) for ring in given], source), [])
+            )
+            low, high = np.reshape(sheet.bounds, (2, 2))
+            edge = (high - low)[0] / nx if size is None else size
+            try:
+                points, cells, kind, left_out = outline_mesh(sheet, edge, pattern, yarns)
+            except InputError as error:
+                raise InputError("; ".join([str(error), *notes])) from None
+            if layout.get("centred"):
+                points[:, :2] -= (low + high) / 2
+            return MeshArrays(points, cells, kind, notes + left_out)
+
+        blank = cls._made(comm, made, source, spatial, options)
+        blank.from_file = True
         return blank
 
     @classmethod
@@ -297,7 +347,6 @@ class Blank(SheetMesh):
             As `from_arrays`, and for a file that cannot be read or has solid, mixed or unknown
             cells.
         """
-        mesh = on_root(comm, lambda: read_mesh(path))
-        blank = cls.from_arrays(comm, *mesh[:3], str(path), spatial, **options)
+        blank = cls._made(comm, lambda: read_mesh(path), str(path), spatial, options)
         blank.from_file = True
         return blank

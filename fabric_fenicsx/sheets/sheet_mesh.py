@@ -71,6 +71,16 @@ class SheetMesh:
         """Polynomial degree of the displacement."""
         return compat.degree(self.V)
 
+    @property
+    def cell_nodes(self) -> np.ndarray:
+        """Local nodes of `u` of each owned cell, the corners first, (cells, k)."""
+        return compat.dofmap(self.V)[: self.mesh.topology.index_map(2).size_local]
+
+    def _cell_points(self):
+        """Undeformed nodes of the owned cells' shape, (cells, k, 3) [mm]."""
+        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
+        return self.mesh.geometry.x[nodes]
+
     def coordinates(self) -> np.ndarray:
         """Undeformed positions of the local nodes of `u`, (nodes, 3) [mm]."""
         return self.V.tabulate_dof_coordinates()
@@ -101,8 +111,7 @@ class SheetMesh:
 
     def midpoints(self) -> np.ndarray:
         """Undeformed centres of the owned cells along the frame's axes, (gdim, cells) [mm]."""
-        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
-        return self.along(self.mesh.geometry.x[nodes].mean(1).T)
+        return self.along(self._cell_points().mean(1).T)
 
     def is_flat(self) -> bool:
         """True if the undeformed sheet lies in a plane z = const; on all ranks together."""
@@ -112,14 +121,12 @@ class SheetMesh:
     def places(self) -> np.ndarray:
         """Undeformed centres of the owned cells, (cells, 2) along x and y, if the sheet is not flat
         (cells, 3) along z, too [mm]."""
-        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
-        return self.mesh.geometry.x[nodes].mean(1)[:, : 2 if self.is_flat() else 3]
+        return self._cell_points().mean(1)[:, : 2 if self.is_flat() else 3]
 
     def corners(self) -> np.ndarray:
         """Undeformed corners of the owned cells along the frame's axes, in order around each,
         (cells, 3 or 4, gdim) [mm]."""
-        nodes = compat.geometry_dofmap(self.mesh)[: self.mesh.topology.index_map(2).size_local]
-        x = self.mesh.geometry.x[nodes[:, self.around]]
+        x = self._cell_points()[:, self.around]
         along = self.along(x.reshape(-1, 3).T)  # some ranks have no cell
         return np.moveaxis(along.reshape(len(along), *x.shape[:2]), 0, -1)
 
@@ -127,6 +134,14 @@ class SheetMesh:
     def triangulated(self) -> bool:
         """True if `triangles` are all of the sheet's shape: P1, and P2 with straight sides."""
         return compat.is_affine(self.mesh) and self.degree <= 2
+
+    def check_triangulated(self, what: str) -> None:
+        """Raise InputError, on all ranks, unless `triangles` are all of the sheet's shape."""
+        if not self.triangulated:
+            raise InputError(
+                f"{what} of {self.name} is asked for on other cells; allowed are P1, and P2 with "
+                "straight sides"
+            )
 
     def triangles(self, cells: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Local nodes of `u` at the corners of the flat triangles that contact and bending take
@@ -148,8 +163,7 @@ class SheetMesh:
     def area_ratios(self) -> np.ndarray:
         """Areas of the owned cells now over those of the flat sheet, both as `areas`, (cells,)."""
         x = self.coordinates()[:, : self.mesh.geometry.dim] + self.nodal_displacement()
-        corners = compat.dofmap(self.V)[: self.mesh.topology.index_map(2).size_local]
-        return _areas(x[corners[:, self.around]]) / self.areas()
+        return _areas(x[self.cell_nodes[:, self.around]]) / self.areas()
 
     @property
     def around(self) -> list[int]:
@@ -178,8 +192,7 @@ class SheetMesh:
     def cell_means(self, values: np.ndarray) -> np.ndarray:
         """Means over the nodes of each owned cell, (cells,), of `values` (owned nodes,), on all
         ranks together."""
-        nodes = compat.dofmap(self.V)[: self.mesh.topology.index_map(2).size_local]
-        return self.with_ghosts(values)[nodes].mean(1)
+        return self.with_ghosts(values)[self.cell_nodes].mean(1)
 
     def with_ghosts(self, values: np.ndarray) -> np.ndarray:
         """`values` (owned nodes,) or (owned nodes, k) of `u` at all local nodes, ghosts too."""

@@ -47,8 +47,7 @@ class Checkpoint:
         """Sum of the vectors from each owned node to the centres of the cells around it, (owned
         nodes, gdim) [mm]: it tells nodes at one place apart, as on the two lips of a slit."""
         blank = self.blank
-        nodes = compat.dofmap(blank.V)[: len(self._centres)]
-        vectors = self._centres[:, None] - blank.along(blank.coordinates().T).T[nodes]
+        vectors = self._centres[:, None] - blank.along(blank.coordinates().T).T[blank.cell_nodes]
         return blank.summed(vectors)[: self.owned]
 
     def save(self, progress: Progress, notes: dict[str, Any]) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..material.strains import SHORTENED
-from ..runtime.fields import check_fields, number
+from ..runtime.fields import check_fields, documented, number
 from ..runtime.formatting import percent
 from ..runtime.rules import POSITIVE
 
@@ -20,25 +20,10 @@ SENTENCES = {
 EDGES = 1e-2  # of the area, in which yarns at singular points may be stretched further
 
 
+@documented
 @dataclass(frozen=True)
 class Limits:
     """Limits beyond which a result is not believed, as shares: 0.05 is 5 %.
-
-    Parameters
-    ----------
-    imbalance
-        Difference between external work and energies, over these.
-    viscous
-        Energy that regularisation took, over the strain energy.
-    penetration
-        Penetration of tools into the sheet in any state in equilibrium, over its thickness.
-    strain
-        Nominal strain of yarns in tension, in all but 1 % of the area.
-    shortening
-        Area of a sheet in space in which compression shortens yarns by more than 2 %, over all of
-        it: a membrane does so where a real ply wrinkles.
-    located
-        Forces of supports that only locate the sheet, over all forces from outside.
 
     Raises
     ------
@@ -61,10 +46,13 @@ class Limits:
         0.1, POSITIVE, "penetration of tools into the sheet, over its thickness", GROUP
     )
     strain: float = number(
-        0.1, POSITIVE, "nominal strain of yarns in tension, but for singular points", GROUP
+        0.1, POSITIVE, "nominal strain of yarns in tension, in all but 1 % of the area", GROUP
     )
     shortening: float = number(
-        0.05, POSITIVE, "area in which compression shortens yarns by more than 2 %", GROUP
+        0.05,
+        POSITIVE,
+        "area in which compression shortens yarns by more than 2 %, as real plies wrinkle",
+        GROUP,
     )
     located: float = number(
         0.05, POSITIVE, "forces of supports that only locate, over all from outside", GROUP

@@ -1,17 +1,33 @@
-"""Line search along a correction."""
+"""Line search along a correction, and the function that it lowers."""
 
 from typing import NamedTuple
 
 import numpy as np
 from petsc4py import PETSc
 
-from .objective import Objective
+from ..scene.scene import Scene
 from .report import Report, SolveFailed, Termination
 
 FLAT = 0.7  # slope left at the end, of the one at the start
 ROUNDING = 1e-12  # of the energy, below which its differences are noise
 LONGEST = 8  # corrections, beyond which the search goes no further downhill
 SHORTEST = 1e-9  # of the correction, to which the end is bracketed
+
+
+class Objective:
+    """Energy of a scene at fixed supports; `r`: its gradient, the residual, at the displacement
+    evaluated last [N]."""
+
+    INVERTED = Scene.INVERTED  # the energy where a cell is turned inside out
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.r = scene, scene.u.duplicate()
+
+    def __call__(self, x: PETSc.Vec) -> float:
+        """Energy at x [N mm]."""
+        self.scene.set(x)
+        self.scene.residual(self.r)
+        return self.scene.energy()
 
 
 class Point(NamedTuple):

@@ -3,8 +3,7 @@
 import numpy as np
 from petsc4py import PETSc
 
-from .line_search import ROUNDING
-from .objective import Objective
+from .line_search import ROUNDING, Objective
 from .report import Report, SolveFailed, Termination
 from .tangent import Tangent
 

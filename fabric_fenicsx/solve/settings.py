@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from ..runtime.fields import check_fields, choice, number
+from ..runtime.fields import check_fields, choice, documented, number
 from ..runtime.rules import COUNT, POSITIVE, Rule
 from .limits import Limits
 from .linear import LINEAR_SOLVERS
@@ -15,20 +15,22 @@ BELOW_ONE = Rule("a number above 0 and below 1", lambda v: 0 < v < 1)
 LOOSER = 4.0  # path tolerance and limits: a mesh twice as coarse is off by as much
 
 
+@documented
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Options of load stepping and Newton's method, for `Job`, the command line and stepping alike;
-    each field's help says what it is.
+    """Options of load stepping and Newton's method, for `Job`, the command line and stepping alike.
 
     - steps: the first load step is 1/steps. A step that fails is halved; one that passes uncut lets
       the next grow, up to max_step
     - viscosity: the drag is strengthened until a step passes, and weakened in those that follow, at
       full load in steps without load: the last state is in equilibrium without it
     - accuracy: for scenes that depend on the path; steps beyond twice that are cut
-    - linear_solver: one of `solve.linear.LINEAR_SOLVERS`
     - milestones: load factors to be hit exactly
 
-    Raises InputError for a value that is not allowed.
+    Raises
+    ------
+    InputError
+        For a value that is not allowed.
     """
 
     steps: int = number(20, COUNT, "load steps", "solver")

@@ -7,7 +7,6 @@ from mpi4py import MPI
 
 from ..material.laws import Law
 from ..mechanics.assembly import Assembly
-from ..mechanics.protocols import DrivenByForce
 from ..mechanics.term import Term, overrides
 from ..mechanics.term_checks import check_answers
 from ..runtime.errors import InputError
@@ -360,7 +359,7 @@ class _Probe:
         A = self.assembly.create_matrix()
         self.assembly.tangent(A)
         found = (A * direction).array.copy()
-        if isinstance(term, DrivenByForce) and (given := term.compliance()):
+        if given := term.compliance():
             c, k = given
             pushed = self.comm.allreduce(float(c @ d[: c.size]), MPI.SUM)
             found[: c.size] -= c * pushed / k if k > 0 else 0.0

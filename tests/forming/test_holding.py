@@ -9,7 +9,6 @@ from builders import dome
 import fabric_fenicsx as ff
 from fabric_fenicsx.forming.holders import HOLDERS
 from fabric_fenicsx.scene import output as reports
-from fabric_fenicsx.scene.fingerprint import of_scene
 
 SIZES = {"nx": 6, "stroke": 8.0}
 HALVES = [lambda x: x[0] < 140, lambda x: x[0] >= 140]
@@ -92,7 +91,7 @@ def test_grippers_pull_at_the_edges_that_are_marked(where, edges):
 )
 def test_a_checkpoint_knows_the_number_of_a_holder(one, other, name):
     """So that a run is not gone on with by another."""
-    first, second = (of_scene(dome(**SIZES, holder=each).scene) for each in (one, other))
+    first, second = (dome(**SIZES, holder=each).scene.fingerprint() for each in (one, other))
     assert {key.split(" of ")[0] for key in first if first[key] != second[key]} == {name}
 
 

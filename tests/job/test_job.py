@@ -19,7 +19,6 @@ from dolfinx import fem
 import fabric_fenicsx as ff
 import fabric_fenicsx.job.job
 from fabric_fenicsx.command_line.console import Console
-from fabric_fenicsx.mechanics.contact.output import largest_penetration
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.results.output import finite
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
@@ -226,7 +225,7 @@ def test_a_tool_that_equilibrium_frees_is_not_judged_by_where_it_began():
     job, ball = ball_under_a_sheet(lambda load: (0, 0, -30.3 + 0.1 * load), penalty=600.0)
     result = job.run()  # 0.2 mm deep at first
     (contact,) = (term for term in job.scene.terms if isinstance(term, ff.Contact))
-    assert 0 < largest_penetration(contact) < 0.001 and result.force(ball)[2] > 0
+    assert 0 < contact.largest_penetration() < 0.001 and result.force(ball)[2] > 0
 
 
 def test_a_path_that_ends_nowhere_is_told_before_anything_runs():

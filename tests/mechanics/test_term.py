@@ -13,7 +13,6 @@ from mpi4py import MPI
 from fabric_fenicsx.job.job import Job
 from fabric_fenicsx.material.metal import load_metal
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.output import gap
 from fabric_fenicsx.mechanics.contact.pressure_law import face_of
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.materials import fabric_of
@@ -444,7 +443,7 @@ def test_terms_of_the_package_may_be_twice_on_a_sheet():
     scene = Scene(blank, terms, held)
     assert reports.summary(scene)["couplings"] == ["compression_shear", "tension_shear"]
     assert "eps_a" in reports.cell_fields(scene)
-    nearest = blank.with_ghosts(np.minimum(*map(gap, terms[2:])))
+    nearest = blank.with_ghosts(np.minimum(*(term.gap() for term in terms[2:])))
     assert reports.nodal_fields(scene)["contact_gap"] == pytest.approx(nearest)
     blank = sheet(20.0, 10.0, 2, 1, spatial=True)
     metal = Scene(blank, [SheetMetal(load_metal("dc04")) for _ in "ab"], held)

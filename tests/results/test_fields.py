@@ -19,7 +19,6 @@ from vtkmodules.vtkCommonCore import vtkDataArray
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.presets import load
-from fabric_fenicsx.mechanics.contact.output import tractions
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.postprocess.states import read_last
@@ -291,7 +290,7 @@ def test_contact_fields_and_tools_at_each_state(tmp_path):
         )
         assert not (folder / "tools" / "0002_0.vtp").exists()
     go_on(series, 1.0)
-    traction = COMM.gather(sum(tractions(contact) for contact in contacts))
+    traction = COMM.gather(sum(contact.tractions() for contact in contacts))
     places = COMM.gather(blank.coordinates()[: contacts[0].nodes.count])
     if COMM.rank != 0:
         return

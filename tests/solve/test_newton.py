@@ -20,9 +20,8 @@ from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
 from fabric_fenicsx.solve import linear
-from fabric_fenicsx.solve.directions import Directions
 from fabric_fenicsx.solve.linear import LINEAR_SOLVERS, is_there
-from fabric_fenicsx.solve.newton import Newton
+from fabric_fenicsx.solve.newton import Directions, Newton
 from fabric_fenicsx.solve.report import Report
 from fabric_fenicsx.solve.viscosity import Viscosity
 

@@ -8,8 +8,8 @@ import pyvista
 from bench.reference import curve_distance
 from mpi4py import MPI
 
+from fabric_fenicsx.coupons.bias_extension import transition_width
 from fabric_fenicsx.coupons.pin_jointed import PinJointedStrip
-from fabric_fenicsx.coupons.transition import transition_width
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 

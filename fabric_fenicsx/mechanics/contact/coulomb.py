@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...runtime.compiled import compiled
 from ...runtime.errors import InputError
 from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
 
@@ -64,13 +63,21 @@ class Coulomb:
 
     def potential(self, z: np.ndarray, limit: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Energies (n,) [N mm], and forces on the points (n, 3) [N], minus their derivatives."""
-        return _potential(z, limit, self.slip)
+        length = np.linalg.norm(z, axis=1)
+        beyond = np.maximum(length - self.slip, 0.0)
+        energy = limit * ((length - beyond) ** 2 / (2 * self.slip) + beyond)
+        return energy, -(limit / np.maximum(length, self.slip))[:, None] * z
 
     def blocks(self, z: np.ndarray, limit: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Second derivatives of the energies (n, 3, 3) [N/mm]: mu P / max(|z|, s) times the
         projector on the plane across `normal` (n, 3), of a sliding point less the direction of
         its slip."""
-        return _blocks(z, limit, normal, self.slip)
+        blocks, at = np.zeros((len(z), 3, 3)), np.flatnonzero(limit)
+        length, z, n = np.linalg.norm(z[at], axis=1), z[at], normal[at]
+        along = z * ((length > self.slip) / np.maximum(length, self.slip))[:, None]
+        free = np.eye(3) - n[:, :, None] * n[:, None] - along[:, :, None] * along[:, None]
+        blocks[at] = (limit[at] / np.maximum(length, self.slip))[:, None, None] * free
+        return blocks
 
     def elastic(self, z: np.ndarray) -> np.ndarray:
         """Elastic part of the slip, at most s long, (n, 3) [mm]."""
@@ -91,33 +98,3 @@ def as_coulomb(
     if not law.largest:
         return None
     return law if law.lag else dataclasses.replace(law, lag=lag)
-
-
-@compiled
-def _potential(z, limit, slip):
-    """Energies (n,) and forces (n, 3)."""
-    energy, forces = np.zeros(len(z)), np.zeros_like(z)
-    for i in range(len(z)):
-        length = np.sqrt(z[i, 0] ** 2 + z[i, 1] ** 2 + z[i, 2] ** 2)
-        beyond = max(length - slip, 0.0)
-        energy[i] = limit[i] * ((length - beyond) ** 2 / (2 * slip) + beyond)
-        for k in range(3):
-            forces[i, k] = -(limit[i] / max(length, slip)) * z[i, k]
-    return energy, forces
-
-
-@compiled
-def _blocks(z, limit, normal, slip):
-    """Second derivatives (n, 3, 3)."""
-    blocks = np.zeros((len(z), 3, 3))
-    for i in range(len(z)):
-        if limit[i] == 0:
-            continue
-        length = np.sqrt(z[i, 0] ** 2 + z[i, 1] ** 2 + z[i, 2] ** 2)
-        size, square = limit[i] / max(length, slip), length**2 if length > slip else np.inf
-        for j in range(3):
-            blocks[i, j, j] = size
-            for k in range(3):
-                along = normal[i, j] * normal[i, k] + z[i, j] * z[i, k] / square
-                blocks[i, j, k] -= size * along
-    return blocks

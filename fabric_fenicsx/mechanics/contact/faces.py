@@ -6,15 +6,11 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from ...runtime.compiled import compiled
-from ...runtime.errors import InputError
 from ...sheets.blank import Part
 from ...tools.facets import LAST, NEXT, vertex_normals
-from ...tools.newton_kernel import dot
 from ..shell.morley import Where
 
 UP = np.array([0.0, 0.0, 1.0])
-ZERO = (0.0, 0.0, 0.0)
 NEIGHBOURS = 24  # triangles nearest to a point, among which the one below it is sought
 ROWS = 2  # rows of nodes beside a free edge, over which the face becomes flat
 INSIDE = 1e-7  # of a triangle, what a point may lie beyond its edge
@@ -73,11 +69,7 @@ class Face:
 
     def __init__(self, part: Part, side: float, symmetric: list[Where]) -> None:
         blank, comm = part.blank, part.blank.mesh.comm
-        if not blank.triangulated:
-            raise InputError(
-                f"contact of sheets of {blank.name} is asked for on other cells; allowed are P1, "
-                "and P2 with straight sides"
-            )
+        blank.check_triangulated("contact of sheets")
         corners = blank.triangles(part.cells)
         index_map = blank.V.dofmap.index_map
         known = index_map.local_to_global(corners.ravel().astype(np.int32)).reshape(-1, 3)
@@ -151,27 +143,20 @@ class Face:
         bulges = sum(sparse.diags(side[:, d] / 2) @ (G[d][i] - G[d][k]) for d in (0, 1))
         return edges.reshape(-1, 3), bulges.tocsr()
 
-    def weights(self, triangle: np.ndarray, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
-        """Matrix (n, nodes) from places to those of the face at barycentric coordinates N (n, 3) of
-        triangles (n,), or of the `flat` triangles themselves."""
-        n = len(triangle)
+    def own_weights(self, N: np.ndarray) -> sparse.csr_matrix:
+        """Matrix (cells k, nodes) from places to those of the face in this rank's cells, at the
+        barycentric coordinates N (k, 3) in each."""
+        triangle = np.repeat(self.own_triangles, len(N))
+        n, N = len(triangle), np.tile(N, (len(self.own_triangles), 1))
         starts = np.arange(0, 3 * n + 1, 3)
         corners = sparse.csr_matrix(
             (N.ravel(), self.triangles[triangle].ravel(), starts), (n, len(self.nodes))
         )
-        if flat:
-            return corners
         products = N[:, NEXT] * N[:, LAST]
         between = sparse.csr_matrix(
             (products.ravel(), self._edges[triangle].ravel(), starts), (n, self._bulges.shape[0])
         )
         return (corners + between @ self._bulges).tocsr()
-
-    def own_weights(self, N: np.ndarray, flat: bool = False) -> sparse.csr_matrix:
-        """`weights` of this rank's cells, at the k places N (k, 3) of each, (cells k, nodes)."""
-        return self.weights(
-            np.repeat(self.own_triangles, len(N)), np.tile(N, (len(self.own_triangles), 1)), flat
-        )
 
     def corners(self, triangle: np.ndarray, N: np.ndarray, offset: np.ndarray) -> Corners:
         """`Corners` of triangles (n,) with points at barycentric coordinates N (n, 3), and offsets
@@ -179,9 +164,10 @@ class Face:
         nodes = self.triangles[triangle]
         return Corners(self.nodes[nodes], self.places[nodes], N, offset)
 
-    def flat(self, N: np.ndarray) -> np.ndarray:
-        """Undeformed places (cells k, 3) [mm] of the points of `own_weights`."""
-        corners = self._X[self.triangles[self.own_triangles]]
+    def flat(self, N: np.ndarray, values: np.ndarray | None = None) -> np.ndarray:
+        """Values (nodes, 3), by default undeformed places [mm], at the points of `own_weights` in
+        the flat triangles, (cells k, 3)."""
+        corners = (self._X if values is None else values)[self.triangles[self.own_triangles]]
         return np.einsum("kc,nci->nki", N, corners).reshape(-1, 3)
 
     def flat_height(self) -> float:
@@ -242,17 +228,50 @@ class Face:
     def _seek(self, points, rows, triangles, ahead):
         """The first of `triangles` (k, many) that each of `rows` (k,) of the points lies over, -1
         for none; two coordinates in it and a height, over its normal's length (k, 3)."""
-        nodes = self.triangles, self.places, self.normals
-        ahead = np.empty((0, 3)) if ahead is None else ahead[rows]
-        return _seek(points[rows], triangles, *nodes, ahead)
+        found, y = np.full(len(rows), -1), np.zeros((len(rows), 3))
+        for candidates in triangles.T:
+            at = np.flatnonzero((found < 0) & (candidates >= 0))
+            place, fits, along = self._over(points[rows[at]], candidates[at])
+            if ahead is not None:
+                fits &= (along * ahead[rows[at]]).sum(1) > 0
+            found[at[fits]], y[at[fits]] = candidates[at[fits]], place[fits]
+        return found, y
+
+    def _over(self, points, triangle):
+        """The places (n, 3), as in `_seek`, of triangles (n,) whose interpolated normals go through
+        points (n, 3), by Newton's method; whether they are within the triangle; and those normals.
+        They are not the nearest ones, as the triangle is not curved with its normals."""
+        corners, e, normals, m = self._corners_and_edges(triangle)
+        y, off = np.zeros_like(points), corners - points
+        step, along = np.full_like(points, np.inf), normals
+        with np.errstate(all="ignore"):
+            for _ in range(ITERATIONS):
+                along = normals + np.einsum("na,nai->ni", y[:, :2], m)
+                miss = off + np.einsum("na,nai->ni", y[:, :2], e) + y[:, 2:] * along
+                slopes = np.concatenate([e + y[:, 2:, None] * m, along[:, None]], 1)
+                step = np.einsum("ni,nij->nj", miss, _inverse(slopes))
+                y = np.clip(y - step, -1e3, 1e3)
+                if not (abs(step) > 1e-14).any():
+                    break
+            settled = abs(step).sum(1) < 1e-9
+            return (
+                y,
+                settled & (np.minimum(y[:, :2].min(1), 1 - y[:, 0] - y[:, 1]) >= -INSIDE),
+                along,
+            )
+
+    def _corners_and_edges(self, triangle):
+        """First corners (n, 3) of triangles (n,) and both edges from there (n, 2, 3), and the
+        same of their normals."""
+        nodes = self.triangles[triangle]
+        for values in (self.places[nodes], self.normals[nodes]):
+            yield from (values[:, 0], values[:, 1:] - values[:, :1])
 
     def _fill(self, at, y, found):
         """Fill rows `at` (k,) of `found`, of points over places y (n, 3) of their triangles."""
         y, triangle = y[at], found.triangle[at]
-        nodes = self.triangles[triangle]
-        corners, normals = self.places[nodes], self.normals[nodes]
-        e, m = corners[:, 1:] - corners[:, :1], normals[:, 1:] - normals[:, :1]
-        along = normals[:, 0] + np.einsum("na,nai->ni", y[:, :2], m)
+        _, e, normals, m = self._corners_and_edges(triangle)
+        along = normals + np.einsum("na,nai->ni", y[:, :2], m)
         inverse = _inverse(np.concatenate([e + y[:, 2:, None] * m, along[:, None]], 1))
         weights = np.column_stack([1 - y[:, 0] - y[:, 1], y[:, 0], y[:, 1]])
         length = np.sqrt(np.einsum("ni,ni->n", along, along))
@@ -276,69 +295,6 @@ class Face:
         found.gap[at] = y[:, 2] * length - np.einsum("ni,ni->n", bulge, unit)
         found.normal[at] = slope
         found.curvature[at] = (turn + turn.swapaxes(1, 2)) / 2
-
-
-@compiled
-def _seek(points, candidates, triangles, places, normals, ahead):
-    found, y = np.full(len(points), -1), np.zeros((len(points), 3))
-    for i in range(len(points)):
-        x = points[i, 0], points[i, 1], points[i, 2]
-        for c in candidates[i]:
-            if c < 0:
-                continue
-            settled, a, b, height, along = _place_below(x, triangles[c], places, normals)
-            fits = settled and min(1 - a - b, a, b) >= -INSIDE
-            if fits and (len(ahead) == 0 or dot(along, ahead[i]) > 0):
-                found[i] = c
-                y[i, 0], y[i, 1], y[i, 2] = a, b, height  # elements, which numba compiles quickly
-                break
-    return found, y
-
-
-@compiled
-def _place_below(x, nodes, places, normals):
-    """The point of a triangle whose interpolated normal goes through x, by Newton's method: whether
-    it settles, two coordinates, the height over the normal's length, and that normal. It is not the
-    nearest point, as the triangle is not curved with its normals."""
-    p, q, r = nodes
-    e, f = _less(places[q], places[p]), _less(places[r], places[p])
-    n, m, k = _less(normals[p], ZERO), _less(normals[q], normals[p]), _less(normals[r], normals[p])
-    off = _less(places[p], x)
-    a, b, height, step = 0.0, 0.0, 0.0, np.inf
-    along = n
-    for _ in range(ITERATIONS):
-        along = _more(_more(n, a, m), b, k)
-        miss = _more(_more(_more(off, a, e), b, f), height, along)
-        on_e, on_f = _more(e, height, m), _more(f, height, k)
-        across = _crossed(on_f, along)
-        size = -dot(on_e, across)
-        d_a, d_b = dot(miss, across) / size, dot(miss, _crossed(along, on_e)) / size
-        d_height = dot(miss, _crossed(on_e, on_f)) / size
-        step = abs(d_a) + abs(d_b) + abs(d_height)
-        a, b, height = _bounded(a + d_a), _bounded(b + d_b), _bounded(height + d_height)
-        if not step >= 1e-13:
-            break
-    return step < 1e-9, a, b, height, along
-
-
-@compiled
-def _bounded(y):
-    return min(max(y, -1e3), 1e3)
-
-
-@compiled
-def _less(a, b):
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
-
-
-@compiled
-def _more(a, factor, b):
-    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
-
-
-@compiled
-def _crossed(a, b):
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _inverse(slopes):

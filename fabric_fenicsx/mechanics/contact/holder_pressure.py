@@ -13,9 +13,9 @@ from ...tools.primitives import Plane
 from ...tools.tool import Tool
 from ...tools.values import checked_vector
 from ..load import at_load, check_over_load
+from ..output import Value
 from ..term import SceneFacts
 from ..term_checks import bind
-from . import output
 from .coulomb import Coulomb
 from .interaction import ToolInteraction
 from .nodes import Nodes, values_at
@@ -67,7 +67,6 @@ class BlankHolderPressure(ToolInteraction):
     """
 
     name, energy_kind = "blank holder", "friction"
-    outputs = {"cell_fields": output.holder_cell_fields}
 
     def __init__(
         self,
@@ -93,7 +92,6 @@ class BlankHolderPressure(ToolInteraction):
             )
 
     def set_up(self, scene: SceneFacts) -> None:
-        """See `Term`."""
         if self.part.is_whole and any(part.thickness for part in scene.blank.parts.values()):
             raise InputError(
                 'the blank holder of a stack needs `.on("NAME")`, the sheet that it touches'
@@ -148,7 +146,6 @@ class BlankHolderPressure(ToolInteraction):
         return {**super().energies(), None: -pressed}
 
     def normal_forces(self) -> np.ndarray:
-        """See `Interaction`."""
         return self.now * self.areas
 
     def _pressing_forces(self):
@@ -160,6 +157,12 @@ class BlankHolderPressure(ToolInteraction):
     def force(self) -> np.ndarray:
         """See `ToolInteraction`, in the last accepted state."""
         return self._accepted_force
+
+    def cell_fields(self) -> dict[str, Value]:
+        """Fields of `PlyThickness`, of the face that the holder presses."""
+        share = self.areas / np.maximum(self.nodes.areas, 1e-300)
+        lost = self.blank.cell_means(share) * self.plies.lost_under(self.now)
+        return self.plies.fields(lost)
 
     def shares(self, points: np.ndarray) -> np.ndarray:
         """Share of each of `points` (3, n) [mm] that is under the holder, 0 to 1 (n,)."""

@@ -4,20 +4,19 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from ...tools.tool import Tool
 from ..term import NO_TANGENT, Term, Triplets
 from .coulomb import Coulomb, as_coulomb
 from .friction import FrictionState, Sliding
 from .nodes import Nodes
-from .tool_sliding import ToolSliding
 
 
 class Interaction(Term):
     """A potential of points that are pressed and rub on a face: value (`energies`), gradient
     (`add_forces`) and Hessian (`tangent`) at the present displacement. `set_load` begins a step
-    from the last accepted state, `accept` ends it. Forces, depths and fields for output are
-    functions in `contact.output`.
+    from the last accepted state, `accept` ends it.
 
     A subclass gives the pressing part: these methods, with friction's by `super`, `normal_forces`,
     and the hooks `_update_pressing`, `_sliding` and `_slid_exactly`. It calls `_start_friction` at
@@ -29,9 +28,9 @@ class Interaction(Term):
     """
 
     friction: FrictionState | None = None
-    depth: np.ndarray
-    rigid: Any
-    thickness: Any
+    depth = np.zeros(0)
+    rigid: Any = False
+    thickness: Any = 1.0
 
     def __init__(
         self, friction: float | Mapping[str, float] | Coulomb, owner: str, lag: float
@@ -73,8 +72,24 @@ class Interaction(Term):
         equilibrium."""
         self.depth = np.fmax(self.depth if load else 0.0, depth)
 
+    def largest_depth(self) -> float:
+        """Largest overlap in accepted states, of all ranks [mm]."""
+        return self._largest(self.depth)
+
+    def largest_penetration(self) -> float:
+        """Largest penetration of rigid faces in accepted states, of all ranks [mm]."""
+        return self._largest(self._penetrated())
+
+    def penetration_of_thickness(self) -> float:
+        return self._largest(self._penetrated() / self.thickness)
+
+    def _penetrated(self):
+        return np.where(self.rigid, self.depth, 0.0)
+
+    def _largest(self, values):
+        return self.blank.mesh.comm.allreduce(float(values.max(initial=0.0)), MPI.MAX)
+
     def set_load(self, load: float) -> None:
-        """See `Term`."""
         if self.friction:
             self.friction.begin()
 
@@ -90,18 +105,64 @@ class Interaction(Term):
         return True
 
     def accept(self) -> None:
-        """See `Term`."""
         if self.friction:
             exact = self._slid_exactly(self.friction.sliding)
             self.friction.accept(self.normal_forces(), exact, self._sliding())
 
     def energies(self) -> dict[str | None, float]:
-        """See `Term`."""
         return {"friction": self.friction.energy()} if self.friction else {}
 
     def stored(self) -> float:
         """See `Term`, energy taken by friction included."""
         return sum(self.energies().values())
+
+
+class ToolSliding:
+    """Sliding of the sheet's faces along a tool since this was made, at the nodes.
+
+    A face slides as its node moves relative to the tool, less the change of the node's offset from
+    the tool, which turns with the surface. The linear part uses the offsets' derivatives in the
+    first state.
+
+    - normals (nodes, 3): unit vectors; offsets (nodes, 3) [mm]: NaN where the tool is far off
+    - derivative (nodes, 3, 3): of the face's place in the node's, symmetric
+    """
+
+    def __init__(
+        self,
+        nodes: Nodes,
+        tool: Tool,
+        normals: np.ndarray,
+        offsets: np.ndarray,
+        derivative: np.ndarray,
+    ) -> None:
+        self.normals, self._offsets, self._derivative = normals, offsets, derivative
+        self._nodes, self._tool = nodes, tool
+        self._place, self._tool_place = nodes.displacement(), tool.displacement.copy()
+
+    def tool_moved(self) -> np.ndarray:
+        """Motion of the tool (3,) [mm]."""
+        return self._tool.displacement - self._tool_place
+
+    def slid(self) -> np.ndarray:
+        """As in `Sliding`."""
+        return np.einsum("nij,nj->ni", self._derivative, self._moved())
+
+    def exact(self, offsets: np.ndarray) -> np.ndarray:
+        """Sliding that is not linear, to a state with these offsets (nodes, 3) [mm]."""
+        return self._moved() - np.nan_to_num(offsets - self._offsets)
+
+    def _moved(self):
+        """Motion of the nodes relative to the tool."""
+        return self._nodes.view() - self._place - self.tool_moved()
+
+    def on_nodes(self, forces: np.ndarray) -> np.ndarray:
+        """Forces on the nodes (nodes, 3) of forces on the faces (nodes, 3) [N]."""
+        return np.einsum("nij,nj->ni", self._derivative, forces)
+
+    def on_node_blocks(self, blocks: np.ndarray) -> np.ndarray:
+        """Stiffness at the nodes of stiffness at the faces, (nodes, 3, 3) [N/mm]."""
+        return self._derivative @ blocks @ self._derivative
 
 
 class ToolInteraction(Interaction):
@@ -179,14 +240,12 @@ class ToolInteraction(Interaction):
     # -- asked by a scene
 
     def accept(self) -> None:
-        """See `Term`."""
         if self.friction:
             self._friction_force = self.nodes.total(self._friction_forces())
             super().accept()
             self._friction_at_start = self.nodes.total(self._friction_forces())
 
     def add_forces(self, f: np.ndarray) -> None:
-        """See `Term`."""
         f[: 3 * self.nodes.count] -= self.applied_forces()
 
     def applied_forces(self) -> np.ndarray:
@@ -203,12 +262,11 @@ class ToolInteraction(Interaction):
         return self.friction.memory() if self.friction else {}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """See `Term`."""
         if self.friction:
             self.friction.recall(memory, self._sliding())
 
     def rubbed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """See `Rubbing`: the nodes."""
+        """See `Term`: the nodes."""
         limit = self.friction.limit if self.friction else np.zeros(self.nodes.count)
         pressed = limit > 0
         return self.nodes.places[pressed], self._normals()[pressed], limit[pressed]
@@ -218,5 +276,4 @@ class ToolInteraction(Interaction):
         return self.nodes.total(self._pressing_forces())
 
     def tool_force(self) -> np.ndarray:
-        """See `Pressing`."""
         return self.force() + self._friction_force

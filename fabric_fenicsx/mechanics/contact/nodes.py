@@ -11,6 +11,7 @@ from petsc4py import PETSc
 from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...sheets.blank import Blank, Part
+from ..gathered import CoupledNodes
 from ..shell.morley import Where
 
 
@@ -69,10 +70,9 @@ class Nodes:
             self.areas[~self.own] = 0.0
             if not self.comm.allreduce(int(self.own.sum())):
                 raise InputError(f"{asked} where no node is; allowed are 1 or more")
-        first = blank.V.dofmap.index_map.local_range[0]
-        dofs = 3 * (first + np.arange(self.count))[:, None] + np.arange(3)
-        self.rows = np.repeat(dofs, 3, axis=1).ravel().astype(PETSc.IntType)
-        self.cols = np.tile(dofs, 3).ravel().astype(PETSc.IntType)
+        each = np.arange(self.count)
+        alone = CoupledNodes(blank.V.dofmap.index_map.local_range[0] + each, each[:, None])
+        self.rows, self.cols = alone.rows, alone.cols
 
     def displacement(self) -> np.ndarray:
         """(count, 3) [mm]."""

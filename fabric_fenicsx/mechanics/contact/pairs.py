@@ -1,52 +1,104 @@
 """Points of one sheet and the places on another one that lie below them."""
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
+from ...runtime.compiled import compiled
 from ...sheets.blank import Blank
-from ..gathered import GatheredNodes
-from .coupled import Coupled
+from ...tools.facets import LAST, NEXT
+from ..gathered import CoupledNodes, GatheredNodes
+from ..term import Triplets
+from .faces import Corners
 
 
 class Pairs:
-    """Points of a sheet that move relative to another one as `weights` (n, k) times the nodes (k,),
-    which are global numbers. All points have as many weights. All ranks make and use it
-    together."""
+    """Points of a sheet that move relative to another one.
 
-    def __init__(self, blank: Blank, nodes: np.ndarray, weights: sparse.csr_matrix) -> None:
-        used = np.unique(weights.indices)
-        self._relative = weights = weights[:, used].tocsr()
-        self._transposed = weights.T.tocsr()
-        self._known = nodes[used]
+    They move as the flat triangles do that they and the places below them lie in, `corners`. If
+    unit `normals` (n, 3) are given, the points are those of the touching faces: a face's point
+    moves by its offset, too, as its triangle turns: by offset times -sum_i (n.u_i) grad N_i. So
+    forces there are borne by forces of the nodes that have their moment, too. All ranks make and
+    use it together.
+    """
+
+    def __init__(
+        self, blank: Blank, corners: Sequence[Corners], normals: np.ndarray | None = None
+    ) -> None:
+        over, below = corners
+        nodes = np.concatenate([over.nodes, below.nodes], 1)
+        self._known, places = np.unique(nodes, return_inverse=True)
+        self._nodes = places.reshape(nodes.shape)
+        self._motions = np.concatenate([_motions(over, normals), -_motions(below, normals)], 2)
         self._gathered = GatheredNodes(blank, self._known)
-
-    @cached_property
-    def coupled(self) -> Coupled:
-        """The nodes that the points couple."""
-        return Coupled(self._by_point(self._relative.indices), self._known)
+        each = np.ones(self._nodes.size), (self._nodes.ravel(), np.arange(self._nodes.size))
+        self._on_nodes = sparse.csr_matrix(each, shape=(len(self._known), self._nodes.size))
 
     def relative(self) -> np.ndarray:
         """Displacement of the points relative to the other sheet, (n, 3) [mm]."""
-        return self._relative @ self._gathered.displacement()
+        return self._moved(self._gathered.displacement())
 
     def apart(self, owned: np.ndarray) -> np.ndarray:
         """Values at the points less those on the other sheet below them, (n, 3); owned (nodes, 3):
         the values at this rank's owned nodes."""
-        return self._relative @ self._gathered.values(owned)
+        return self._moved(self._gathered.values(owned))
+
+    def _moved(self, values):
+        of_points = values[self._nodes].reshape(len(self._nodes), 18)
+        return np.einsum("naj,nj->na", self._motions, of_points)
 
     def add(self, forces: np.ndarray, f: np.ndarray) -> None:
         """Add forces (n, 3) on the points and their reactions to f, this rank's degrees of freedom
         [N]."""
-        self._gathered.add(self._transposed @ forces, f)
+        borne = np.einsum("naj,na->nj", self._motions, forces).reshape(-1, 3)
+        self._gathered.add(self._on_nodes @ borne, f)
 
-    def values(self, blocks: np.ndarray) -> np.ndarray:
-        """Stiffness (m,) [N/mm] at the rows and columns of `coupled`. blocks (n, 3, 3): growth of
-        the force on each point as it moves."""
-        return self.coupled.weighted(self._by_point(self._relative.data), blocks)
+    @cached_property
+    def _coupled(self):
+        return CoupledNodes(self._known, self._nodes)
 
-    def _by_point(self, entries):
-        """Entries of all weights as rows (n, k)."""
-        n = self._relative.shape[0]
-        return entries.reshape(n, len(entries) // max(n, 1))
+    def triplets(self, blocks: np.ndarray) -> Triplets:
+        """As `Term.tangent` gives them. blocks (n, 3, 3): growth of the force on each point as it
+        moves [N/mm]."""
+        coupled = self._coupled
+        values = _stiffness(self._motions, blocks, coupled.places, coupled.count)
+        return coupled.rows, coupled.cols, values.ravel()
+
+
+def _motions(corners, normals):
+    """Matrices from displacements of the corners to those of the points (n, 3, 9)."""
+    x = corners.places
+    moves = corners.weights[:, None, :, None] * np.eye(3)[:, None]  # (n, 3, corners, 3)
+    if normals is not None:
+        across = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        square = np.maximum((across**2).sum(1), 1e-300)[:, None, None]
+        slopes = np.cross(across[:, None], x[:, LAST] - x[:, NEXT]) / square  # grad N_i (n, 3, 3)
+        turns = slopes.swapaxes(1, 2)[..., None] * normals[:, None, None]
+        moves = moves - corners.offset[:, None, None, None] * turns
+    return moves.reshape(len(x), 3, 9)
+
+
+@compiled
+def _stiffness(motions, blocks, places, count):
+    """Sums (count, 3, 3) of transposed matrix times block times matrix."""
+    values, pulled = np.zeros((count, 3, 3)), np.empty(motions.shape[1:])
+    for n in range(len(motions)):
+        L, B = motions[n], blocks[n]
+        if not B.any():
+            continue
+        for a in range(3):
+            for j in range(L.shape[1]):
+                pulled[a, j] = B[a, 0] * L[0, j] + B[a, 1] * L[1, j] + B[a, 2] * L[2, j]
+        for i in range(places.shape[1]):
+            for j in range(places.shape[2]):
+                mine, others, value = L[:, 3 * i :], pulled[:, 3 * j :], values[places[n, i, j]]
+                for a in range(3):
+                    for b in range(3):
+                        value[a, b] += (
+                            mine[0, a] * others[0, b]
+                            + mine[1, a] * others[1, b]
+                            + mine[2, a] * others[2, b]
+                        )
+    return values

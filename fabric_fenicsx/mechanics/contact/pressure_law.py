@@ -19,19 +19,14 @@ HARD = 10.0  # MPa, above which fabric is compacted along a straight line
 INVERSIONS = 20  # of Newton's method for what two fabrics share; four or five do
 
 
-def default_penalty(material: Material, radius: float, permitted: float | None = None) -> float:
+def default_penalty(material: Material, radius: float) -> float:
     """Penalty [N/mm^3] for a tool of least `radius` [mm].
 
     With it, a fabric or metal stretched by `STRAIN` over that radius presses into the tool by
-    `permitted` [mm], by default `PERMITTED` of the thickness. A flat tool (inf) counts as one of
-    `FLAT_RADIUS` thicknesses.
+    `PERMITTED` of the thickness. A flat tool (inf) counts as one of `FLAT_RADIUS` thicknesses.
     """
     t = material.thickness
-    return (
-        _pull(material)
-        / (radius if np.isfinite(radius) else FLAT_RADIUS * t)
-        / (permitted or PERMITTED * t)
-    )
+    return _pull(material) / (radius if np.isfinite(radius) else FLAT_RADIUS * t) / (PERMITTED * t)
 
 
 def _pull(material):

@@ -1,7 +1,6 @@
 """Contact of two sheets: pressure at points of one over the smooth face of the other."""
 
 from collections.abc import Mapping, Sequence
-from operator import attrgetter
 
 import numpy as np
 from mpi4py import MPI
@@ -10,10 +9,9 @@ from ...runtime.errors import InputError
 from ...runtime.formatting import rounded
 from ...runtime.rules import POSITIVE, Rule
 from ..materials import material_of
-from ..protocols import Touching
+from ..output import Value, joined, largest, size_of
 from ..shell.morley import Where
-from ..term import SceneFacts, Triplets
-from . import output
+from ..term import SceneFacts, Triplets, overrides
 from .coulomb import Coulomb
 from .face_sliding import FaceSliding
 from .interaction import Interaction
@@ -70,12 +68,6 @@ class SheetContact(Interaction):
     """
 
     energy_kind = "contact"
-    outputs = {
-        "cell_fields": output.sheet_cell_fields,
-        "summary": output.sheet_summary,
-        "penetration_of_thickness": output.penetration_of_thickness,
-        "where_deepest": attrgetter("name"),
-    }
 
     def __init__(
         self,
@@ -105,7 +97,6 @@ class SheetContact(Interaction):
             )
 
     def set_up(self, scene: SceneFacts) -> None:
-        """See `Term`."""
         lower, upper = parts = [scene.blank.part(name) for name in self.sheets]
         faces = [self._face(scene, part) for part in parts]
         thicknesses = [thickness for thickness, _ in faces]
@@ -138,8 +129,8 @@ class SheetContact(Interaction):
                 f"{self.name} needs a penalty, a number above 0, as not both sheets have a fabric "
                 "or metal"
             )
-        tools = [term.tool for term in scene.terms if isinstance(term, Touching)]
-        radius = min((min(tool.surface.radii) for tool in tools), default=np.inf)
+        tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
+        radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
         return material.thickness_under(0.0), face_of(material, radius)
 
     def _check_start(self):
@@ -155,6 +146,9 @@ class SheetContact(Interaction):
                 f"{self.name} begins with sheets that overlap by {rounded(deepest)} mm; allowed "
                 "are sheets laid on one another with their thicknesses"
             )
+
+    def where_deepest(self) -> str:
+        return self.name
 
     # -- state
 
@@ -200,7 +194,6 @@ class SheetContact(Interaction):
 
     @property
     def pattern(self) -> int:  # type: ignore[override]
-        """See `Term`."""
         return self.faces.pattern
 
     def energies(self) -> dict[str | None, float]:
@@ -208,25 +201,20 @@ class SheetContact(Interaction):
         return {"contact": float(self.state().energy.sum()), **super().energies()}
 
     def add_forces(self, f: np.ndarray) -> None:
-        """See `Term`."""
         self.faces.now.pairs.add(-self.state().forces, f)
         if self.friction:
             self.friction.sliding.add(-self.friction.forces(), f)
 
     def tangent(self) -> Triplets:
-        """See `Term`."""
-        pairs = self.faces.now.pairs
-        pressed = pairs.coupled.rows, pairs.coupled.cols, pairs.values(self.state().blocks)
+        pressed = self.faces.now.pairs.triplets(self.state().blocks)
         if not self.friction:
             return pressed
-        sliding = self.friction.sliding
-        values = sliding.values(self.friction.blocks())
-        rubbed = sliding.coupled.rows, sliding.coupled.cols, values
+        rubbed = self.friction.sliding.triplets(self.friction.blocks())
         rows, cols, values = (np.concatenate(both) for both in zip(pressed, rubbed))
         return rows, cols, values
 
     def anticipate(self, f: np.ndarray) -> None:
-        """See `Anticipates`: until the sheets move, let `tangent` be the law's slope up to the
+        """See `Term`: until the sheets move, let `tangent` be the law's slope up to the
         pressure that balances the other forces on both of them, see `pressing.anticipate`."""
         now, facing, nodes = self.state(), self.faces.now, self.points.nodes
         forces = f[: 3 * nodes.count].reshape(-1, 3)
@@ -265,9 +253,55 @@ class SheetContact(Interaction):
         return {name: self.points.among_cells(values) for name, values in known.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """See `Term`."""
         known = {name: self.points.of_cells(rows) for name, rows in memory.items()}
         self.depth = known["depth"]
         if self.friction:
             self.faces.begin_here()
             self.friction.recall(known, self._sliding())
+
+    # -- output
+
+    def sliding(self) -> np.ndarray:
+        """Distance by which the face at each point has slid along that of the other sheet from the
+        place that it lay on at the start, (points, 3) [mm]; NaN where it lay or lies over none."""
+        points, first, now = self.points, self.first, self.faces.now
+        moved = points.of_all(first, first.moved(), np.nan)
+        moved -= points.of_all(now, now.offsets(), np.nan)
+        moved += points.of_all(first, first.offsets(), np.nan)
+        normal = points.of_all(now, now.normal, np.nan)
+        return moved - (moved * normal).sum(1, keepdims=True) * normal
+
+    def cell_fields(self) -> dict[str, Value]:
+        """Means over the cells of the sheet that has the points: pressure, and the sliding on the
+        other sheet, as a vector and its size; of two other sheets the larger."""
+        points = self.points
+        shape = len(points.part.cells), points.per_cell
+        pressure = self.normal_forces() / points.areas
+        slid = np.nan_to_num(self.sliding()).reshape(*shape, 3).mean(1)
+        return {
+            "sheet_pressure": largest(points.part.spread(pressure.reshape(shape).mean(1)), "MPa"),
+            "sliding": largest(points.part.spread(slid), "mm"),
+            "sliding_size": size_of("sliding", "mm"),
+        } | self.plies.fields(self._lost(pressure))
+
+    def _lost(self, pressure):
+        """Thickness that both sheets lose on these faces, (owned cells,) [mm]."""
+        points, laws = self.points, self.face_laws
+        above, below = (
+            np.zeros(points.count) if isinstance(law, Rigid) else law.depth(pressure)
+            for law in (laws[::-1] if points.side > 0 else laws)
+        )
+        lost = self.blank.cell_means(points.below(self.faces.now, below))
+        lost[points.part.cells] += above.reshape(-1, points.per_cell).mean(1)
+        return lost
+
+    def summary(self) -> dict[str, Value]:
+        """Force, penetration and largest sliding of the pair."""
+        comm, sizes = self.blank.mesh.comm, np.linalg.norm(self.sliding(), axis=1)
+        pair = {
+            "force_N": float(np.linalg.norm(self.totals[:3])),
+            "normal_force_N": float(self.totals[3]),
+            "penetration_of_thickness": self.penetration_of_thickness(),
+            "sliding_largest_mm": comm.allreduce(float(np.nanmax(sizes, initial=0.0)), MPI.MAX),
+        }
+        return {"sheet_contacts": joined({f"{self.sheets[0]}, {self.sheets[1]}": pair})}

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import basix
 import numpy as np
 from mpi4py import MPI
-from scipy import sparse
 
 from ...sheets.blank import Part
 from ..shell.morley import Where
@@ -100,8 +99,7 @@ class SheetPoints:
         many = self.blank.triangles(self.part.cells).shape[1]
         self.per_cell = many * len(N)
         self._weights = self._own.own_weights(N)
-        self._flat_weights, self._places = self._own.own_weights(N, flat=True), N
-        self._flat = self._own.flat(N)
+        self._flat, self._places = self._own.flat(N), N
         self.areas = (areas[over][:, None] / many * np.tile(weights / weights.sum(), many)).ravel()
         self.count = len(self.areas)
         self.nodes = Nodes(self.blank)
@@ -122,14 +120,12 @@ class SheetPoints:
         own.take()
         points = own.points(self._weights, self._flat)
         # a sheet that is folded over shows its back to points of the other one
-        ahead = self.side * (self._flat_weights @ own.normals)
+        ahead = self.side * own.flat(self._places, own.normals)
         over = face.below(points, self._below, self._reach, ahead)
         self._below = over.triangle
         at = np.flatnonzero(over.triangle >= 0)
-        nodes = np.concatenate([own.nodes, face.nodes])
-
-        below = face.weights(over.triangle[at], over.weights[at], flat=True)
-        pairs = Pairs(self.blank, nodes, sparse.hstack([self._flat_weights[at], -below]).tocsr())
+        corners = self._corners(over, at)
+        pairs = Pairs(self.blank, corners)
         return Facing(
             at,
             self.areas[at],
@@ -138,7 +134,7 @@ class SheetPoints:
             over.curvature[at],
             pairs,
             pairs.relative(),
-            self._corners(over, at),
+            corners,
         )
 
     def _corners(self, over, at):

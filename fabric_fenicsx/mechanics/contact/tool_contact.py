@@ -1,22 +1,21 @@
 """Contact of a sheet with rigid tools: pressure at its nodes."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
 from ...runtime.errors import InputError
-from ...runtime.formatting import coordinates
+from ...runtime.formatting import coordinates, of_sheet
 from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
 from ..materials import materials_at_nodes
+from ..output import Value, least, size_of, total
 from ..shell.morley import Where
 from ..term import SceneFacts
 from ..work import Work
-from . import output
-from .balance import Resistance, find_balance
 from .coulomb import Coulomb
 from .interaction import ToolInteraction
 from .nodes import Nodes
@@ -25,6 +24,8 @@ from .pressure_law import PERMITTED, SMOOTHING, ByPlace, Rigid, default_penalty,
 from .thickness import PlyThickness
 
 PROBED = 1000  # nodes of a rank that show how a tool may hold the sheet; triangles cost 1 ms each
+ITERATIONS = 100  # to where a tool's force is in balance
+MISSING = 1e-12  # of the force, that may be
 
 
 class Contact(ToolInteraction):
@@ -73,13 +74,6 @@ class Contact(ToolInteraction):
 
     name, energy_kind = "contact", "contact"
     resists = ("lift",)
-    outputs = {
-        "cell_fields": output.tool_cell_fields,
-        "nodal_fields": output.tool_nodal_fields,
-        "penetration_of_thickness": output.penetration_of_thickness,
-        "where_deepest": output.where_tool_is_deepest,
-        "warnings": output.surface_warnings,
-    }
 
     def __init__(
         self,
@@ -103,7 +97,6 @@ class Contact(ToolInteraction):
         self._load, self._work = 0.0, Work()
 
     def set_up(self, scene: SceneFacts) -> None:
-        """See `Term`."""
         on = self.tool, self.part_name
         same = [t for t in scene.terms if isinstance(t, Contact) and (t.tool, t.part_name) == on]
         if len(same) > 1:
@@ -220,7 +213,6 @@ class Contact(ToolInteraction):
         return length * now.normal, np.eye(3) - turned
 
     def normal_forces(self) -> np.ndarray:
-        """See `Interaction`."""
         return self.nodes.areas * self.state().pressure
 
     def depth_under(self, pressure: float) -> np.ndarray:
@@ -238,7 +230,7 @@ class Contact(ToolInteraction):
         return kinds | {None: -self.tool.push * self.tool.travel if by_force else 0.0}
 
     def anticipate(self, f: np.ndarray) -> None:
-        """See `Anticipates`: until the sheet moves, let `tangent` be the law's slope up to the
+        """See `Term`: until the sheet moves, let `tangent` be the law's slope up to the
         pressure that balances the other forces, see `pressing.anticipate`."""
         now, areas = self.state(), self.nodes.areas
         others = (f[: 3 * self.nodes.count].reshape(-1, 3) * now.normal).sum(1)
@@ -246,7 +238,6 @@ class Contact(ToolInteraction):
         self._found = self.nodes.displacement(), now
 
     def compliance(self) -> tuple[np.ndarray, float] | None:
-        """See `DrivenByForce`."""
         if not self.tool.force:
             return None
         pushed = self._blocks() @ self.tool.direction
@@ -276,7 +267,7 @@ class Contact(ToolInteraction):
 
     def _update_pressing(self):
         """Shift the surface by what is penetrated, if more than permitted."""
-        if self.permitted is None or output.penetration(self) <= self.permitted:
+        if self.permitted is None or self.penetration() <= self.permitted:
             return False
         self._shift, self._found = np.maximum(0.0, self._shift - self.state().gap), None
         return True
@@ -287,7 +278,7 @@ class Contact(ToolInteraction):
         return (work if self.nodes.comm.rank == 0 else 0.0) + self._friction_work()
 
     def motion_to_gaps(self) -> np.ndarray:
-        """See `KeepsGaps`, by a thickness at most; none at a tool that a force moves, as this
+        """See `Term`, by a thickness at most; none at a tool that a force moves, as this
         moves with the sheet."""
         if self.tool.force:
             return np.zeros(3 * self.nodes.count)
@@ -306,7 +297,6 @@ class Contact(ToolInteraction):
         return super().memory() | {"shift": shift, "travel": travel, "depth": depth, "work": work}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """See `Term`."""
         self._shift = self._accepted_shift = memory["shift"][:, 0]
         self.depth = memory["depth"][:, 0]
         self.tool.travel = self._accepted_travel = float(self.nodes.common(memory["travel"])[0])
@@ -315,10 +305,68 @@ class Contact(ToolInteraction):
         self._found = u, self._state_at(self.nodes.places + u)
         super().recall(memory)
 
+    # -- output
+
+    def tractions(self) -> np.ndarray:
+        """Tractions of the tool on the nodes, (nodes, 3) [MPa]."""
+        return self.state().forces / np.maximum(self.nodes.areas, 1e-300)[:, None]
+
+    def gap(self) -> np.ndarray:
+        """Gap from the sheet's face to the tool at the nodes, below 0 inside, (nodes,) [mm]."""
+        x = self.nodes.places + self.nodes.displacement()
+        found = self.tool.evaluate(x).gap
+        for reach in (0.0, float(self.thickness.max(initial=0.0))):
+            lost = np.isnan(found)  # so far off that no nearest point is found: a bound will do
+            found[lost] = self.tool.evaluate(x[lost], reach).gap
+        found[~self.nodes.own] = np.inf
+        return found - self.thickness / 2
+
+    def penetration(self) -> float:
+        """Largest depth of the tool in rigid faces in the present state, of all ranks [mm]."""
+        return self._largest(0.0 - self.state().gap[self.rigid])
+
+    def touched(self) -> bool:
+        """True if the tool pressed the sheet in any accepted state."""
+        return self.largest_depth() > 0
+
+    def where_deepest(self) -> str:
+        """As in `Term`, with the place in the undeformed sheet."""
+        depth, places = self._penetrated(), self.nodes.places
+        i = int(depth.argmax()) if depth.size else None
+        mine = (0.0, ()) if i is None else (depth[i], tuple(places[i]))
+        _, place = max(self.nodes.comm.allgather(mine))
+        at = of_sheet(place[:2] if self.blank.is_flat() else place)
+        return f"{self.tool.name} at {at}"
+
+    def cell_fields(self) -> dict[str, Value]:
+        """Fields of `PlyThickness`."""
+        lost = np.where(self.rigid, 0.0, np.maximum(0.0, -self.state().gap))
+        return self.plies.fields(self.blank.cell_means(lost))
+
+    def nodal_fields(self) -> dict[str, Value]:
+        """Traction (nodes, 3) and its size, pressure, of all contacts together, and the gap to the
+        nearest tool."""
+        return {
+            "contact_traction": total(self.tractions(), "MPa"),
+            "contact_pressure": size_of("contact_traction", "MPa"),
+            "contact_gap": least(self.gap(), "mm"),
+        }
+
+    def warnings(self) -> list[str]:
+        """See `Term`: if the tool's surface gave no number, which may be why steps failed."""
+        lost = next(filter(None, self.nodes.comm.allgather(self.undefined_at)), "")
+        if not lost:
+            return []
+        surface = type(self.tool.surface).__name__
+        return [
+            f"the surface {surface} of {self.tool.name} gives no number at {lost}; "
+            "`check_derivatives` tells what is wrong with a surface of your own"
+        ]
+
     # -- checks of a scene
 
     def check_start(self) -> None:
-        """See `Touching`: for a tool whose body the sheet's nodes are in, and one whose path or
+        """See `Term`: for a tool whose body the sheet's nodes are in, and one whose path or
         surface can't be."""
         self.tool.at(1.0)
         self.tool.at(0.0)
@@ -326,7 +374,7 @@ class Contact(ToolInteraction):
         check_start(self.tool, x, float(self.thickness.max(initial=0.0)), self.nodes.comm)
 
     def may_press(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """See `Touching`, at up to twice `PROBED` nodes that find a nearest point."""
+        """See `Term`, at up to twice `PROBED` nodes that find a nearest point."""
         found, x = [], self.nodes.places[self.nodes.own]
         x = x[:: max(1, len(x) // PROBED)]
         for load in (0.0, 1.0):
@@ -336,3 +384,42 @@ class Contact(ToolInteraction):
             found.append((x[known], normals[known]))
         self.tool.at(self._load)
         return found
+
+
+class Resistance(NamedTuple):
+    """Resistance to a tool: force along its direction [N], growth of it as the tool travels [N/mm],
+    and distance to the nearest point, 0 in contact [mm]."""
+
+    force: float
+    stiffness: float
+    free: float
+
+
+def find_balance(
+    force: float, look: Callable[[float], Resistance], start: float, reach: float, soft: float
+) -> bool:
+    """Seek the travel at which `look(travel)` resists with `force` [N], by Newton's method between
+    bounds; true if found. `look` was then called last there.
+
+    start: travel to begin with; reach: what the tool may pass a point by, or go back, in one step;
+    soft: step where it touches nothing and none is ahead [mm].
+    """
+    travel, back = start, reach
+    low: float | None = None
+    high: float | None = None
+    for _ in range(ITERATIONS):
+        found = look(travel)
+        missing = force - found.force
+        if abs(missing) <= MISSING * force:
+            return True
+        low, high = (travel, high) if missing > 0 else (low, travel)
+        # without contact as far as no point is passed
+        step = missing / found.stiffness if found.stiffness > 0 else found.free + soft
+        new = travel + float(np.clip(step, -back, found.free + reach))
+        back = back if high is None or low is not None else 2 * back
+        if low is not None and high is not None and not low < new < high:
+            new = 0.5 * (low + high)
+            if new in (low, high):
+                return True
+        travel = new
+    return False

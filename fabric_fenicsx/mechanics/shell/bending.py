@@ -21,8 +21,8 @@ def plate_stiffness(modulus: float, thickness: float) -> float:
 
 
 class _State(NamedTuple):
-    """At a displacement U (nodes, gdim): energy [N mm] and forces on the nodes (nodes, gdim)
-    [N]."""
+    """At a displacement U (nodes, gdim): energy [N mm] and forces on the cells' nodes (cells, 12,
+    gdim) [N]."""
 
     U: np.ndarray
     energy: float
@@ -100,18 +100,13 @@ class Bending(Term):
         }
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
         blank, given, fabric = scene.blank, self._given, fabric_of(scene, self.part)
         if blank.mesh.geometry.dim == 2 and not self.in_plane:
             raise InputError(
                 f"bending of {blank.name} needs a blank made with `spatial=True`, or `in_plane` "
                 "above 0"
             )
-        if not blank.triangulated:
-            raise InputError(
-                f"bending of {blank.name} is asked for on other cells; allowed are P1, and P2 with "
-                "straight sides"
-            )
+        blank.check_triangulated("bending")
         if "modulus" in given:
             if fabric is None:
                 raise InputError(
@@ -163,28 +158,22 @@ class Bending(Term):
             # gradients of the shape functions
             slopes = np.cross(normal[:, None], edges) / area[:, None, None]
             along = -np.einsum("ci,cni->cn", np.cross(torque, normal), slopes)
-            self._turning = np.zeros_like(U)
-            np.add.at(
-                self._turning, self._stencil.columns[:, :3], along[:, :, None] * normal[:, None]
-            )
+            self._turning = np.zeros((len(own), 12, dim))
+            self._turning[:, :3] = along[:, :, None] * normal[:, None]
         blocks = (self._pair_weights @ P.reshape(len(P), dim * dim)).reshape(-1, dim, dim)
-        i, j = self._pairs
-        blocks = np.concatenate([blocks, blocks[i != j]])
-        self._stencil.turn_back(blocks, *self._both_ways)
-        self._values = blocks.ravel()
+        self._triplets = self._stencil.triplets(self._coupled, blocks)
 
     def stored(self) -> float:
         """Energy of this rank's owned cells [N mm]."""
         return self._state().energy
 
     def add_forces(self, f: np.ndarray) -> None:
-        """As in `Term`."""
-        self._stencil.add_forces(self._state().forces.copy(), f)
+        self._stencil.add_forces(self._state().forces, f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
         neighbours, further than a rank's ghosts."""
-        return self._rows, self._cols, self._values
+        return self._triplets
 
     def curvatures(self) -> np.ndarray:
         """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes,
@@ -208,35 +197,31 @@ class Bending(Term):
         if self._now is None or not np.array_equal(U, self._now.U):
             energy, _, forces = self._bent(U)
             if self._turning is not None:
-                energy += float(np.vdot(self._turning, U - self._origin))
+                moved = (U - self._origin)[self._stencil.columns]
+                energy += float(np.vdot(self._turning, moved))
                 forces += self._turning
             self._now = _State(U, energy, forces)
         return self._now
 
     def _bent(self, U):
-        """Energy, moments and forces, see `bend`, without what turning normals add."""
-        from .bending_cells import bend
-
-        given = self._operator, self._stencil.columns, U, self._offset, self._directions
-        return bend(*given, self._weights, self._shares)
+        """Energy [N mm], moments (cells, 3, gdim), conjugate to the cells' curvatures [N mm mm],
+        and forces on their nodes (cells, 12, gdim) [N], without what turning normals add."""
+        bent = self._operator @ U[self._stencil.columns] + self._offset
+        along = np.einsum("ckx,cax->cka", bent, self._directions)
+        moment = self._weights[:, :, None] * self._shares * along
+        moments = moment @ self._directions
+        forces = self._operator.swapaxes(1, 2) @ moments
+        return 0.5 * float(np.vdot(along, moment)), moments, forces
 
     def _curvature(self, U):
-        return np.einsum("ckn,cnx->ckx", self._operator, U[self._stencil.columns]) + (
-            self._own_curvature
-        )
+        return self._operator @ U[self._stencil.columns] + self._own_curvature
 
     def _gathered(self, operator):
         """Take the cells' `operator` (cells, 3, 12), and note who is needed where."""
-        self._operator, count = np.ascontiguousarray(operator), len(operator)
-        self._stencil = Stencil(self._cells)
-        columns, size = self._stencil.columns, self._stencil.count
+        self._operator, self._stencil = operator, Stencil(self._cells)
         # the stiffness of a pair of nodes is the sum over cells of a number times the cell's P
         products = np.einsum("ck,cki,ckj->cij", self._weights, operator, operator, optimize=True)
-        cell, i, j = np.nonzero((products != 0) & (columns[:, :, None] <= columns[:, None]))
-        keys, pair = np.unique(columns[cell, i] * size + columns[cell, j], return_inverse=True)
-        self._pair_weights = sparse.csr_matrix(
-            (products[cell, i, j], (pair, cell)), shape=(len(keys), count)
-        )
-        i, j = self._pairs = np.divmod(keys, size)
-        self._both_ways = np.concatenate([i, j[i != j]]), np.concatenate([j, i[i != j]])
-        self._rows, self._cols = self._stencil.places(*self._both_ways)
+        at, self._coupled = np.nonzero(products), self._stencil.coupled(products != 0)
+        entries = products[at], (self._coupled.places[at], at[0])
+        shape = self._coupled.count, len(operator)
+        self._pair_weights = sparse.csr_matrix(entries, shape=shape)

@@ -109,7 +109,6 @@ class Membrane(Term):
         self._evaluated: tuple[np.ndarray, np.ndarray] | None = None
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
         blank, mesh = scene.blank, scene.blank.mesh
         self.fabric.check_rest()
         cell = compat.cell_name(mesh)

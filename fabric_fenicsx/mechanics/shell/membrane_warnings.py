@@ -6,7 +6,6 @@ import math
 import numpy as np
 from mpi4py import MPI
 
-from ... import dolfinx_compat as compat
 from ...material import kernel, stability
 from ...material.laws import Range
 from ...material.strains import nominal_strain
@@ -140,7 +139,7 @@ def alternating_energy(membrane: Membrane) -> float:
     _, b, _ = membrane.at_points()
     stretches, gamma = np.sqrt(state.invariants[..., [0, 2]]), state.invariants[..., 3]
     cells = membrane.part.cells
-    corners, nodes = blank.corners()[cells], _nodes(blank)[cells]
+    corners, nodes = blank.corners()[cells], blank.cell_nodes[cells]
     ends = (
         ((1, 0), (2, 0)) if corners.shape[1] == 3 else ((2, 0), (3, 1))
     )  # two sides, or both diagonals
@@ -168,11 +167,6 @@ def alternating_energy(membrane: Membrane) -> float:
     parts = np.array([energy(stretches), energy(np.broadcast_to(smooth, stretches.shape))])
     whole, smoothed = blank.mesh.comm.allreduce(parts, MPI.SUM)
     return float((whole - smoothed) / whole) if whole > 0 else 0.0
-
-
-def _nodes(blank):
-    """Nodes of `u` of each owned cell, (cells, k), the corners first."""
-    return compat.dofmap(blank.V)[: blank.mesh.topology.index_map(2).size_local]
 
 
 def range_warnings(membrane: Membrane) -> list[str]:

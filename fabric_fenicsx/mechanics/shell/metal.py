@@ -18,7 +18,7 @@ from . import metal_cells
 from .bending import plate_stiffness
 from .metal_cells import Shape
 from .morley import MorleyCells, Where
-from .stencil import CellSums, Stencil
+from .stencil import Stencil
 
 POINTS = Rule("an odd number from 5", lambda v: v >= 5 and v % 2 == 1, int)
 
@@ -110,7 +110,6 @@ class SheetMetal(Term):
         self.resists = ("stretch", "turn") if symmetric or clamped else ("stretch",)
 
     def set_up(self, scene: SceneFacts) -> None:
-        """As in `Term`."""
         blank, metal = scene.blank, self.metal
         if not (blank.triangulated and blank.mesh.geometry.dim == 3):
             raise InputError(
@@ -129,7 +128,7 @@ class SheetMetal(Term):
         counts = (self._operator != 0).any(1)
         counts[:, :3] = True
         self._stencil, self._corners = Stencil(morley), morley.corners
-        self._sums = CellSums(self._stencil, counts)
+        self._coupled = self._stencil.coupled(counts[:, :, None] & counts[:, None])
         self._slopes = np.ascontiguousarray(-morley.out2 / morley.height[:, :, None])
         self._volumes = morley.area[:, None] * metal.thickness * self._weights
         undeformed = self._shape(np.zeros_like(self._stencil.displacement()))
@@ -165,10 +164,9 @@ class SheetMetal(Term):
         return {kind: float(v) if np.isfinite(v) else np.inf for kind, v in found.items()}
 
     def add_forces(self, f: np.ndarray) -> None:
-        """As in `Term`."""
-        state, shape = self._state(), self._state().shape
-        given = self._slopes, state.forces, state.moments
-        self._sums.add_forces(metal_cells.forces(shape.base, shape.normal, shape.bends, *given), f)
+        state = self._state()
+        given = state.shape, self._slopes, state.forces, state.moments
+        self._stencil.add_forces(metal_cells.forces(*given), f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's cells [N/mm]."""
@@ -178,9 +176,8 @@ class SheetMetal(Term):
         second = MEAN_AND_SHEARS.T @ strain.second(2 * response.stress) @ MEAN_AND_SHEARS
         sections = metal_cells.sections(first, 2 * response.tangent, second, self._volumes, self._z)
         given = state.shape, self._slopes, state.forces, state.moments, sections
-        return self._sums.triplets(
-            metal_cells.stiffness(*given, self._sums.places, self._sums.count)
-        )
+        blocks = metal_cells.stiffness(*given, self._coupled.places, self._coupled.count)
+        return self._stencil.triplets(self._coupled, blocks)
 
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
@@ -188,7 +185,6 @@ class SheetMetal(Term):
         return {"elastic": self._of_owned(self._elastic), "plastic": self._of_owned(self._plastic)}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
-        """As in `Term`."""
         self._elastic, self._plastic = (
             memory[name].reshape(self._owned, *now.shape[1:])[self._here]
             for name, now in (("elastic", self._elastic), ("plastic", self._plastic))

@@ -6,6 +6,8 @@ import numpy as np
 
 from ...runtime.compiled import compiled
 
+TWICE = np.array([[1.0], [1.0], [2.0]])  # of curvatures 11, 22, 12
+
 
 class Shape(NamedTuple):
     """Cells as they are deformed: base vectors (cells, 3, 2), normals (cells, 3), gradients of the
@@ -33,73 +35,29 @@ def shape(
     turns: n . motion's slope, along x,ab. x,ab is `own` (cells, 3, 3) plus `operator` (cells, 3,
     12) times the motion.
     """
-    return Shape(*_shape(corners, slopes, operator, own, moved))
+    base = (corners + moved[:, :3]).swapaxes(1, 2) @ slopes
+    normal = np.cross(base[:, :, 0], base[:, :, 1])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    metric = base.swapaxes(1, 2) @ base
+    gradients = slopes @ np.linalg.inv(metric) @ base.swapaxes(1, 2)
+    curved = (own + operator @ moved) * TWICE
+    bends = operator * TWICE
+    bends[:, :, :3] -= curved @ gradients.swapaxes(1, 2)
+    return Shape(base, normal, gradients, bends, np.einsum("ckx,cx->ck", curved, normal))
 
 
-@compiled
-def _shape(corners, slopes, operator, own, moved):
-    n = len(corners)
-    base, normal, gradients = np.zeros((n, 3, 2)), np.empty((n, 3)), np.zeros((n, 3, 3))
-    bends, curvature = operator.copy(), np.zeros((n, 3))
-    curved = np.empty((3, 3))
-    for c in range(n):
-        for i in range(3):
-            for x in range(3):
-                for k in range(2):
-                    base[c, x, k] += (corners[c, i, x] + moved[c, i, x]) * slopes[c, i, k]
-        a, b = base[c, :, 0], base[c, :, 1]
-        for x in range(3):
-            y, z = (x + 1) % 3, (x + 2) % 3
-            normal[c, x] = a[y] * b[z] - a[z] * b[y]
-        normal[c] /= np.sqrt((normal[c] ** 2).sum())
-        aa, ab, bb = (a * a).sum(), (a * b).sum(), (b * b).sum()
-        square = aa * bb - ab * ab
-        for i in range(3):
-            s, t = slopes[c, i]
-            by_a, by_b = (bb * s - ab * t) / square, (aa * t - ab * s) / square
-            for x in range(3):
-                gradients[c, i, x] = a[x] * by_a + b[x] * by_b
-        for k in range(3):
-            twice = 2.0 if k == 2 else 1.0
-            for x in range(3):
-                curved[k, x] = own[c, k, x]
-                for i in range(12):
-                    curved[k, x] += operator[c, k, i] * moved[c, i, x]
-                curvature[c, k] += twice * curved[k, x] * normal[c, x]
-            for i in range(3):
-                for x in range(3):
-                    bends[c, k, i] -= curved[k, x] * gradients[c, i, x]
-            bends[c, k] *= twice
-    return base, normal, gradients, bends, curvature
-
-
-@compiled
 def forces(
-    base: np.ndarray,
-    normal: np.ndarray,
-    bends: np.ndarray,
-    slopes: np.ndarray,
-    stretching: np.ndarray,
-    moments: np.ndarray,
+    shape: Shape, slopes: np.ndarray, stretching: np.ndarray, moments: np.ndarray
 ) -> np.ndarray:
     """Forces on the cells' nodes (cells, 12, 3) [N] from what is conjugate to the mid-surface's
     strains, `stretching` (cells, 3), and to its curvature, `moments` (cells, 3) [N mm]."""
-    found = np.empty((len(base), 12, 3))
-    for c in range(len(base)):
-        N, M = stretching[c], moments[c]
-        for i in range(12):
-            across = M[0] * bends[c, 0, i] + M[1] * bends[c, 1, i] + M[2] * bends[c, 2, i]
-            for x in range(3):
-                found[c, i, x] = across * normal[c, x]
-        for i in range(3):
-            s, t = slopes[c, i]
-            for x in range(3):
-                a, b = base[c, x]
-                found[c, i, x] += (N[0] * s + N[2] * t) * a + (N[1] * t + N[2] * s) * b
+    across = np.einsum("ck,ckn->cn", moments, shape.bends)
+    found = across[:, :, None] * shape.normal[:, None]
+    N = stretching[:, [[0, 2], [2, 1]]]
+    found[:, :3] += slopes @ N @ shape.base.swapaxes(1, 2)
     return found
 
 
-@compiled
 def sections(
     first: np.ndarray, tangent: np.ndarray, second: np.ndarray, volumes: np.ndarray, z: np.ndarray
 ) -> np.ndarray:
@@ -107,23 +65,9 @@ def sections(
     (3, cells, 3, 3), from points at heights z (cells, points): derivatives `first` (n, 3, 3) of
     their strains in C's parts 11, 22, 2 12, `tangent` (n, 3, 3) of stresses in strains, and what
     the strains' second derivatives add (n, 3, 3)."""
-    found, D, pulled = np.zeros((3, *z.shape[:1], 3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    for c in range(z.shape[0]):
-        for p in range(z.shape[1]):
-            n, height = c * z.shape[1] + p, z[c, p]
-            A, T = first[n], tangent[n]
-            for i in range(3):
-                for j in range(3):
-                    pulled[i, j] = T[i, 0] * A[0, j] + T[i, 1] * A[1, j] + T[i, 2] * A[2, j]
-            for i in range(3):
-                for j in range(3):
-                    D[i, j] = second[n, i, j] + A[0, i] * pulled[0, j]
-                    D[i, j] += A[1, i] * pulled[1, j] + A[2, i] * pulled[2, j]
-                    D[i, j] *= volumes[c, p]
-                    found[0, c, i, j] += D[i, j]
-                    found[1, c, i, j] -= height * D[i, j]
-                    found[2, c, i, j] += height**2 * D[i, j]
-    return found
+    D = second + first.swapaxes(1, 2) @ tangent @ first
+    powers = np.stack([volumes, -z * volumes, z**2 * volumes])
+    return np.einsum("kcp,cpij->kcij", powers, D.reshape(*z.shape, 3, 3))
 
 
 @compiled

@@ -14,7 +14,6 @@ import fabric_fenicsx as ff
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.holder_pressure import BlankHolderPressure
-from fabric_fenicsx.mechanics.contact.output import penetration
 from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, default_penalty
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
@@ -260,7 +259,7 @@ def test_augmented_contact_keeps_to_the_permitted_penetration():
     soft, kept = (
         over_a_bar(24, "left", penalty=K, permitted=permitted)[0] for permitted in (None, 1e-4)
     )
-    assert penetration(kept) <= 1e-4 < 0.1 * penetration(soft)
+    assert kept.penetration() <= 1e-4 < 0.1 * soft.penetration()
     assert kept.force() == pytest.approx(soft.force(), rel=1e-6, abs=1e-6)
 
 
@@ -269,7 +268,7 @@ def test_default_penalty():
     """A woven strip, stretched by 2 % over the radius that the penalty was made for."""
     fabric = load("komeili")
     contact, states = over_a_bar(24, "left", fabric, default_penalty(fabric, 10.0))
-    assert 0.002 * fabric.thickness < penetration(contact) <= 0.02 * fabric.thickness
+    assert 0.002 * fabric.thickness < contact.penetration() <= 0.02 * fabric.thickness
 
 
 def disc(rings, radius, shape=lambda x: x):
@@ -363,7 +362,7 @@ def test_plane_pressing_a_patch_by_force():
     depth = force / (200 * K) + 0.5e-4
     for contact, sign in ((table, 1), (press, -1)):
         assert contact.force() == pytest.approx([0, 0, sign * force], rel=1e-9)
-        assert penetration(contact) == pytest.approx(depth, rel=1e-9)
+        assert contact.penetration() == pytest.approx(depth, rel=1e-9)
     assert press.tool.travel == pytest.approx(2 * depth, rel=1e-9)
     assert displacement(blank)[:, 2] == pytest.approx(-depth)
     closed(states[-1], 1e-3)
@@ -407,7 +406,7 @@ def test_quadrilaterals_bear_a_pressure():
     assert table.force()[2] == pytest.approx(
         5 * (100 + 25), rel=1e-9
     )  # nodes in the middle have half their area beyond
-    assert penetration(table) == pytest.approx(5 / K + SMOOTHING * PERMITTED * T / 2, rel=1e-6)
+    assert table.penetration() == pytest.approx(5 / K + SMOOTHING * PERMITTED * T / 2, rel=1e-6)
 
 
 # -- bad input

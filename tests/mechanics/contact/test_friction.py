@@ -11,7 +11,6 @@ from scipy import sparse
 
 from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
 from fabric_fenicsx.mechanics.contact.holder_pressure import BlankHolderPressure
-from fabric_fenicsx.mechanics.contact.output import largest_penetration
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.load import EdgeTension
 from fabric_fenicsx.scene import output as reports
@@ -337,8 +336,8 @@ def test_what_is_known_of_a_march_is_known_to_the_next(tmp_path):
     assert before > 0
     assert second.iterations == before + sum(state.report.iterations for state in states)
     assert newton.memory()["negative_pivots_met"] and (newton.memory()["shift"] > 0)
-    assert largest_penetration(contact_again) == pytest.approx(largest_penetration(contact) + 7.0)
-    assert largest_penetration(contact) > 0
+    assert contact_again.largest_penetration() == pytest.approx(contact.largest_penetration() + 7.0)
+    assert contact.largest_penetration() > 0
 
 
 @pytest.mark.mpi

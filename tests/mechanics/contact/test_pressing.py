@@ -5,7 +5,6 @@ import pytest
 from mpi4py import MPI
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.balance import Resistance, find_balance
 from fabric_fenicsx.mechanics.contact.coulomb import Coulomb
 from fabric_fenicsx.mechanics.contact.friction import FrictionState
 from fabric_fenicsx.mechanics.contact.pressing import anticipate, press
@@ -18,6 +17,7 @@ from fabric_fenicsx.mechanics.contact.pressure_law import (
     between_faces,
     face_of,
 )
+from fabric_fenicsx.mechanics.contact.tool_contact import Resistance, find_balance
 
 FACE, SOFT = Rigid(1000.0, 1e-3), Compacted(0.2, 16.0, 1e-3)
 BOTH = InSeries(SOFT, Compacted(0.1, 8.0, 2e-3))

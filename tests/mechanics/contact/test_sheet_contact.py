@@ -11,7 +11,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact import output
 from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, Rigid, face_of
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.scene import output as reports
@@ -132,14 +131,12 @@ def test_fabrics_are_compacted_not_penetrated(pressed):
     result, _, pairs, _, load = pressed
     for pair in pairs:
         entry = result.summary["sheet_contacts"][", ".join(pair.sheets)]
-        assert entry["penetration_of_thickness"] == output.penetration_of_thickness(pair) == 0.0
+        assert entry["penetration_of_thickness"] == pair.penetration_of_thickness() == 0.0
         largest = COMM.allreduce(
             float((pair.normal_forces() / pair.points.areas).max(initial=0)), MPI.MAX
         )
-        assert output.largest_depth(pair) == pytest.approx(pair.depth_under(largest), rel=1e-3)
-        assert T - output.largest_depth(pair) == pytest.approx(
-            FABRIC.thickness_under(largest), rel=1e-3
-        )
+        assert pair.largest_depth() == pytest.approx(pair.depth_under(largest), rel=1e-3)
+        assert T - pair.largest_depth() == pytest.approx(FABRIC.thickness_under(largest), rel=1e-3)
         assert entry["normal_force_N"] == pytest.approx(load, rel=1e-6)
 
 
@@ -243,8 +240,8 @@ def test_pressure_follows_from_the_overlap(penalty):
         pressure = float(law(np.array(share * max(0.0, -gap)))[1])
         assert contact.force()[2] == pytest.approx(pressure * 20 * 10, abs=1e-9)
         assert contact.depth_under(pressure) == pytest.approx(max(0.0, -gap), abs=1e-12)
-    assert output.largest_depth(contact) == pytest.approx(z)
-    assert output.penetration_of_thickness(contact) == (pytest.approx(z / T) if penalty else 0.0)
+    assert contact.largest_depth() == pytest.approx(z)
+    assert contact.penetration_of_thickness() == (pytest.approx(z / T) if penalty else 0.0)
 
 
 @pytest.mark.mpi
@@ -257,7 +254,7 @@ def test_depth_counts_in_equilibrium_alone():
         scene.blank.u.x.scatter_forward()
         scene.set_load(load)
         scene.accept()
-        assert output.largest_depth(contact) == pytest.approx(deepest)
+        assert contact.largest_depth() == pytest.approx(deepest)
 
 
 def test_sheets_apart_bear_nothing():

@@ -9,7 +9,6 @@ from builders import sheet as rectangle
 from scipy.optimize import brentq
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.mechanics.contact.output import sliding
 
 T, MU, SLIP, PRESSURE = 1.0, 0.3, 0.05, 2.0
 LENGTH, WIDTH = 40.0, 20.0
@@ -107,7 +106,7 @@ def test_a_bent_pair_slides_where_its_mid_surfaces_keep_their_length(radius):
         return np.array([(r + x[2]) * np.sin(angle), x[1], x[2] + rise])
 
     result, pair = led(bent, 10)
-    sizes = np.linalg.norm(sliding(pair), axis=1)
+    sizes = np.linalg.norm(pair.sliding(), axis=1)
     known = np.isfinite(sizes)
     found = [pair.points.areas[known] @ sizes[known], pair.points.areas[known].sum()]
     total, area = COMM.allreduce(np.array(found))
@@ -141,7 +140,7 @@ def test_energy_taken_by_friction():
     taken = 2 * MU * PRESSURE * LENGTH * WIDTH * 2.5 * SLIP
     assert result.rows[-1]["friction_energy_Nmm"] == pytest.approx(taken, rel=5e-3)
     for pair in (term for term in result.scene.terms if isinstance(term, ff.SheetContact)):
-        slid = np.linalg.norm(sliding(pair), axis=1)
+        slid = np.linalg.norm(pair.sliding(), axis=1)
         mean = COMM.allreduce(slid.sum()) / COMM.allreduce(len(slid))
         assert mean == pytest.approx(3 * SLIP, rel=5e-3)
         entry = result.summary["sheet_contacts"][", ".join(pair.sheets)]
