@@ -4,8 +4,10 @@
 used.
 """
 
+import ast
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .runtime.cache_folders import ensure_cache
@@ -67,65 +69,17 @@ if TYPE_CHECKING:
     from .tools.triangulated import TriangulatedSurface
     from .verification.derivatives import check_derivatives
 
-# where each name lives
-_HOMES = {
-    "runtime.errors": ("InputError", "Interrupted", "SolverFailure"),
-    "job.job": ("Job", "Result"),
-    "material.compaction": ("Compaction",),
-    "material.hardening": ("HardeningTable", "Swift", "Voce"),
-    "material.laws.base": ("Law",),
-    "material.laws.coupled": ("WovenFabric", "Yarn"),
-    "material.laws.tabulated": ("TabulatedFabric",),
-    "material.metal": ("Metal", "load_metal"),
-    "material.presets": ("load",),
-    "mechanics.shell.bending": ("Bending",),
-    "mechanics.contact.coulomb": ("Coulomb",),
-    "mechanics.contact.tool_contact": ("Contact",),
-    "mechanics.load": ("DeadPressure", "EdgeTension"),
-    "mechanics.shell.membrane": ("Membrane",),
-    "mechanics.shell.metal": ("SheetMetal",),
-    "mechanics.contact.holder_pressure": ("BlankHolderPressure",),
-    "mechanics.contact.sheet_contact": ("SheetContact",),
-    "mechanics.output": ("Value", "largest", "least", "total"),
-    "mechanics.springs": ("Springs",),
-    "mechanics.term": ("Term",),
-    "coupons.coupon": ("BiasExtension", "PictureFrame", "Tensile"),
-    "forming.holders": (
-        "ForceHolder",
-        "GapHolder",
-        "Grippers",
-        "Holder",
-        "PressureHolder",
-        "SpringHolder",
-    ),
-    "forming.holding": ("HolderSite",),
-    "forming.interface": ("Interface",),
-    "forming.sheet": ("Sheet",),
-    "forming.press": ("Press",),
-    "forming.tools": ("DieOf", "PressTool"),
-    "forming.stages": ("Stage",),
-    "forming.unloading": ("unloading",),
-    "scene.scene": ("Scene",),
-    "sheets.blank": ("Blank",),
-    "sheets.stack": ("Stack",),
-    "solve.limits": ("Limits",),
-    "scene.supports": ("Support", "clamped_ends", "frame", "rolling_ends"),
-    "tools.double_dome": ("DoubleDome",),
-    "tools.primitives": ("Block", "Cylinder", "Plane", "Plate", "Sphere", "Torus"),
-    "tools.implicit": ("ImplicitSurface",),
-    "tools.surfaces": ("Flipped", "Nearest", "Offset", "Reversed", "Surface", "Turned"),
-    "tools.tool": ("Tool",),
-    "tools.triangulated": ("TriangulatedSurface",),
-    "verification.derivatives": ("check_derivatives",),
-}
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+# where each name lives, as listed above
+_BLOCKS = [each for each in ast.parse(Path(__file__).read_text()).body if isinstance(each, ast.If)]
+_LISTED = [each for each in _BLOCKS[0].body if isinstance(each, ast.ImportFrom)]
+_HOME_OF = {alias.name: f".{each.module}" for each in _LISTED for alias in each.names}
 __all__ = sorted(_HOME_OF)
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__} has no attribute {name}")
-    return getattr(import_module(f".{_HOME_OF[name]}", __name__), name)
+    return getattr(import_module(_HOME_OF[name], __name__), name)
 
 
 def __dir__() -> list[str]:

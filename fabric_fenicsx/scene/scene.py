@@ -66,7 +66,8 @@ class Scene:
                 f"the scene of {blank.name} has no elastic term; it needs one, as a membrane"
             )
         self._assembly = Assembly(blank, self.terms)
-        self._keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
+        self.has_lagged_terms = any(overrides(term, "update_lagged") for term in self.terms)
+        self.keeping = [term for term in self.terms if overrides(term, "motion_to_gaps")]
         self._checked = False
         self._fixed_in_matrix: np.ndarray | None = None
         self.was_loaded = False  # True once a run has left the state that terms and sheet began in
@@ -118,11 +119,6 @@ class Scene:
         """Let the terms take the present state as the last accepted one."""
         for term in self.terms:
             term.accept()
-
-    @property
-    def has_lagged_terms(self) -> bool:
-        """True if terms lag something during a solve."""
-        return any(overrides(term, "update_lagged") for term in self.terms)
 
     def update_lagged(self) -> bool:
         """Let terms update what they lag; True if any did, on all ranks."""
@@ -196,15 +192,10 @@ class Scene:
         if self.drag:
             A.shift(self.drag)
 
-    @property
-    def keeps_gaps(self) -> bool:
-        """True if terms have a `motion_to_gaps`."""
-        return bool(self._keeping)
-
     def motion_to_gaps(self) -> np.ndarray:
         """Sum of the terms' motions to the gaps of the last accepted state, 0 at supports (owned
         dofs,) [mm]."""
-        motion = np.sum([term.motion_to_gaps() for term in self._keeping], 0)
+        motion = np.sum([term.motion_to_gaps() for term in self.keeping], 0)
         motion[self.fixed_dofs] = 0.0
         return motion
 

@@ -129,6 +129,14 @@ class Part:
         metadata = {} if degree is None else {"quadrature_degree": degree}
         return ufl.Measure("ds", mesh, subdomain_data=tags, subdomain_id=1, metadata=metadata)
 
+    def rows(self, values: np.ndarray, many: int) -> np.ndarray:
+        """Values (cells many, ...) at `many` places in each of the part's cells as rows of the
+        blank's owned cells, 0 elsewhere."""
+        wide = many * int(np.prod(values.shape[1:]))
+        found = np.zeros((self.blank.mesh.topology.index_map(2).size_local, wide))
+        found[self.cells] = values.reshape(-1, wide)
+        return found
+
     def spread(self, values: np.ndarray) -> np.ndarray:
         """`values` (cells, ...) of the part's cells among the blank's owned cells; others get NaN,
         in whole numbers 0."""

@@ -151,7 +151,7 @@ class LoadStepping:
         else:
             predict(self.newton, progress, trial.size, trial.values)
         x.copy(self._predicted)
-        if scene.keeps_gaps and not start and not keep_contact(scene, x):
+        if scene.keeping and not start and not keep_contact(scene, x):
             self._predicted.copy(x)
         scene.drag, scene.origin = progress.viscosity.drag, progress.x
         trial.report, iterations = solve_staggered(self.newton, x, trial.tolerance)

@@ -250,7 +250,8 @@ class SheetContact(Interaction):
         """Largest overlap at each point in accepted states, (cells, points) [mm]; elastic slip
         (cells, 3 points) [mm] and energy taken by friction (cells, points) [N mm]."""
         known = {"depth": self.depth} | (self.friction.memory() if self.friction else {})
-        return {name: self.points.among_cells(values) for name, values in known.items()}
+        points = self.points
+        return {name: points.part.rows(each, points.per_cell) for name, each in known.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         known = {name: self.points.of_cells(rows) for name, rows in memory.items()}

@@ -153,15 +153,9 @@ class SheetPoints:
         found[facing.points] = values
         return found
 
-    def among_cells(self, values: np.ndarray) -> np.ndarray:
-        """Values of all points (count, ...) as rows of the blank's owned cells, 0 elsewhere."""
-        wide = self.per_cell * int(np.prod(values.shape[1:]))
-        rows = np.zeros((len(self.blank.areas()), wide))
-        rows[self.part.cells] = values.reshape(-1, wide)
-        return rows
-
     def of_cells(self, rows: np.ndarray) -> np.ndarray:
-        """The reverse of `among_cells`, (count, k), or (count,) of one number a point."""
+        """Values of all points by `rows` of the blank's owned cells, (count, k), or (count,) of one
+        number a point."""
         values = rows[self.part.cells]
         wide = values.shape[1] // self.per_cell
         return values.reshape((self.count, wide) if wide > 1 else self.count)

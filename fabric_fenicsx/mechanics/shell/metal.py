@@ -117,14 +117,13 @@ class SheetMetal(Term):
                 "and P2 with straight sides, in space"
             )
         morley = MorleyCells(blank, *self._edges)
-        # how many triangles this rank owns, of each cell, and which of them are of metal
-        self._owned, self._per_cell = morley.count, morley.per_cell
-        self._here = morley.of(self.part.cells)
+        # how many triangles a cell has, and which of this rank's are of metal
+        self._per_cell, here = morley.per_cell, morley.of(self.part.cells)
         morley.yarn_b = np.tile([0.0, 1.0], (morley.count, 1))  # orthonormal axes
         D = plate_stiffness(metal.E, metal.thickness) / (1 - metal.nu**2)
         plate = D * np.array([[1, metal.nu, 0], [metal.nu, 1, 0], [0, 0, 2 * (1 - metal.nu)]])
-        self._operator, self._own = (a[self._here] for a in morley.curvature(plate))
-        morley = morley.only(self._here)
+        self._operator, self._own = (a[here] for a in morley.curvature(plate))
+        morley = morley.only(here)
         counts = (self._operator != 0).any(1)
         counts[:, :3] = True
         self._stencil, self._corners = Stencil(morley), morley.corners
@@ -182,11 +181,12 @@ class SheetMetal(Term):
     def cell_memory(self) -> dict[str, np.ndarray]:
         """Elastic strains (cells, 3 points) and equivalent plastic ones (cells, points) when last
         accepted."""
-        return {"elastic": self._of_owned(self._elastic), "plastic": self._of_owned(self._plastic)}
+        known = {"elastic": self._elastic, "plastic": self._plastic}
+        return {name: self.part.rows(each, self._per_cell) for name, each in known.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self._elastic, self._plastic = (
-            memory[name].reshape(self._owned, *now.shape[1:])[self._here]
+            memory[name][self.part.cells].reshape(now.shape)
             for name, now in (("elastic", self._elastic), ("plastic", self._plastic))
         )
         self._count_from(self._shape(self._stencil.displacement()))
@@ -232,14 +232,6 @@ class SheetMetal(Term):
         return self._thickness(state.shape, elastic)
 
     # --
-
-    def _of_owned(self, values):
-        """Values (triangles, ...) as rows of all cells that the rank owns, 0 where there is no
-        metal."""
-        found = np.zeros((self._owned, *values.shape[1:]))
-        found[self._here] = values
-        wide = self._per_cell * int(np.prod(values.shape[1:]))
-        return found.reshape(self._owned // self._per_cell, wide)
 
     def _of_cells(self, values):
         """Values (triangles,) as rows of the cells (cells, per cell)."""

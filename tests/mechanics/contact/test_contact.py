@@ -18,6 +18,7 @@ from fabric_fenicsx.mechanics.contact.pressure_law import PERMITTED, SMOOTHING, 
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.load import DeadPressure, EdgeTension
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.mechanics.term import Term
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
@@ -606,7 +607,7 @@ def test_a_step_that_begins_along_the_tools_takes_fewer_iterations(monkeypatch):
     found = []
     for leads in (True, False):
         if not leads:
-            monkeypatch.setattr(Scene, "keeps_gaps", False)
+            monkeypatch.setattr(Contact, "motion_to_gaps", Term.motion_to_gaps)
         blank = disc(10, 50.0)
         ball = Tool(Sphere(10.0, (0, 0, -10 - T / 2)), path=(0, 0, 10), name="ball")
         rim = Support("rim", lambda x: np.hypot(x[0], x[1]) > 50 - 1e-6, (0, 1, 2))

@@ -52,7 +52,7 @@ def test_the_gap_is_held_as_a_paraboloid(points):
 def test_values_of_points_go_to_cells_and_back(points):
     values = np.arange(3.0 * points.count).reshape(-1, 3)
     for each in (values, values[:, 0]):
-        assert np.array_equal(points.of_cells(points.among_cells(each)), each)
+        assert np.array_equal(points.of_cells(points.part.rows(each, points.per_cell)), each)
 
 
 @pytest.mark.mpi
