@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import ufl
@@ -16,9 +16,7 @@ from petsc4py import PETSc
 from .. import dolfinx_compat as compat
 from ..sheets.blank import Blank
 from .term import Term, Triplets, overrides
-
-if TYPE_CHECKING:
-    from .triplets import TripletPlaces
+from .triplets import TripletPlaces
 
 
 def assembled(form: ufl.Form) -> np.ndarray:
@@ -105,8 +103,6 @@ class Assembly:
         self._pattern, self._extra = self._patterns(), None
         rows, cols, _ = triplets(self._terms)
         if self._comm.allreduce(len(rows), MPI.MAX) > 0:
-            from .triplets import TripletPlaces
-
             self._assemble(A, [])
             A.assemble()  # as unused places are given up
             self._extra = TripletPlaces(A, rows, cols)

@@ -4,13 +4,11 @@ from collections.abc import Callable
 
 import numpy as np
 import ufl
-from dolfinx.fem import petsc as fem_petsc
 from mpi4py import MPI
-from petsc4py import PETSc
 
-from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...sheets.blank import Blank, Part
+from ..assembly import assembled
 from ..gathered import CoupledNodes
 from ..shell.morley import Where
 
@@ -94,10 +92,8 @@ class Nodes:
 
 
 def _areas(blank, part):
-    """Areas of the part at the local nodes of the blank."""
+    """Areas of the part at the nodes of the blank, this rank's own first."""
     if blank.degree == 2:  # the integrals of shape functions are 0 at corners
         share = np.array([1, 1, 1, 3, 3, 3]) / 12
         return blank.summed((blank.areas()[part.cells, None] * share)[..., None], part.cells)[:, 0]
-    area = fem_petsc.assemble_vector(compat.form(ufl.TestFunction(blank.V)[0] * part.dx()))
-    area.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-    return area.array[::3].copy()
+    return assembled(ufl.TestFunction(blank.V)[0] * part.dx())[::3].copy()
