@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ..runtime.formatting import percent, rounded
+from ..runtime.formatting import rounded
+from . import step_criteria
 from .newton import Newton
 from .prediction import keep_contact, predict
 from .progress import Accepted, Outcome, Progress
@@ -21,7 +22,6 @@ HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 FINEST = 8  # of these make the largest step; what a snap loses is missing with any step, so the
 # energy balance of smaller ones is not asked
 ON_THE_WAY = 1 / 2, 1 / 4  # shares of the first step, at which its work is measured if in doubt
-SMALL_WORK = 0.1  # of the energies, below which a step's work is not compared with itself
 STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
 
 
@@ -164,7 +164,7 @@ class LoadStepping:
         """Reject the trial's state, if there is one, by the criteria of steps."""
         report = trial.report
         if report.converged:
-            report.reject(off_path(trial.deviation, self.settings.accuracy))
+            report.reject(step_criteria.off_path(trial.deviation, self.settings.accuracy))
         if not report.converged:
             return
         self._measure(trial)
@@ -181,7 +181,7 @@ class LoadStepping:
             return ""
         stored, contact = self.progress.stored, trial.energies.get("contact", 0.0)
         rise, allowed = trial.energy - stored, self.settings.balance
-        return imbalance(trial.work, rise, stored, contact, allowed)
+        return step_criteria.imbalance(trial.work, rise, stored, contact, allowed)
 
     def _measure_on_the_way(self, trial, share):
         """Measure the first step's work anew with the state at this share of it, as without it
@@ -281,31 +281,3 @@ class LoadStepping:
             Accepted(progress.load, energies, progress.work, report, self._cuts, wall, progress)
         )
         self._clock, self._cuts = now, 0
-
-
-# -- criteria that a converged step must meet: each returns the reason for a rejection, or ""
-
-
-def off_path(deviation: float, accuracy: float | None) -> str:
-    """Criterion of a straight path. deviation: distance of the state from the linear extrapolation,
-    over the displacement's norm; twice the `accuracy` is allowed, None: any."""
-    if accuracy and deviation > 2 * accuracy:
-        return f"the step leaves the path by more than the accuracy of {accuracy:g} allows"
-    return ""
-
-
-def imbalance(
-    work: float, rise: float, stored: float, contact: float, allowed: float | None
-) -> str:
-    """Criterion of the energy balance: at most the share `allowed` of a step's `work` is missing
-    from the `rise` of the energies (None: any). They are compared with the largest of both, of a
-    tenth of the energies `stored` before, and of contact's: what contact lags may be off by a
-    hundredth before and after the step. All in N mm."""
-    scale = max(abs(work), abs(rise), SMALL_WORK * abs(stored), abs(contact), 1e-300)
-    missing = abs(work - rise) / scale
-    if not allowed or missing <= allowed:
-        return ""
-    return (
-        f"{percent(missing, 3)} of the step's work is not in the energies; allowed is "
-        f"{percent(allowed, 6)}"
-    )

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fabric_fenicsx.solve.stepping import imbalance, off_path
+from fabric_fenicsx.solve.step_criteria import imbalance, off_path
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,30 @@
+"""Criteria that a converged step must meet: each returns the reason for a rejection, or ""."""
+
+from ..runtime.formatting import percent
+
+SMALL_WORK = 0.1  # of the energies, below which a step's work is not compared with itself
+
+
+def off_path(deviation: float, accuracy: float | None) -> str:
+    """Criterion of a straight path. deviation: distance of the state from the linear extrapolation,
+    over the displacement's norm; twice the `accuracy` is allowed, None: any."""
+    if accuracy and deviation > 2 * accuracy:
+        return f"the step leaves the path by more than the accuracy of {accuracy:g} allows"
+    return ""
+
+
+def imbalance(
+    work: float, rise: float, stored: float, contact: float, allowed: float | None
+) -> str:
+    """Criterion of the energy balance: at most the share `allowed` of a step's `work` is missing
+    from the `rise` of the energies (None: any). They are compared with the largest of both, of a
+    tenth of the energies `stored` before, and of contact's: what contact lags may be off by a
+    hundredth before and after the step. All in N mm."""
+    scale = max(abs(work), abs(rise), SMALL_WORK * abs(stored), abs(contact), 1e-300)
+    missing = abs(work - rise) / scale
+    if not allowed or missing <= allowed:
+        return ""
+    return (
+        f"{percent(missing, 3)} of the step's work is not in the energies; allowed is "
+        f"{percent(allowed, 6)}"
+    )
