@@ -21,8 +21,8 @@ def plate_stiffness(modulus: float, thickness: float) -> float:
 
 
 class _State(NamedTuple):
-    """At a displacement U (nodes, gdim): energy [N mm] and forces on the cells' nodes (cells, 12,
-    gdim) [N]."""
+    """At a displacement U (nodes, gdim): energy [N mm] and forces on the nodes (nodes, gdim)
+    [N]."""
 
     U: np.ndarray
     energy: float
@@ -158,8 +158,9 @@ class Bending(Term):
             # gradients of the shape functions
             slopes = np.cross(normal[:, None], edges) / area[:, None, None]
             along = -np.einsum("ci,cni->cn", np.cross(torque, normal), slopes)
-            self._turning = np.zeros((len(own), 12, dim))
-            self._turning[:, :3] = along[:, :, None] * normal[:, None]
+            turning = np.zeros((len(own), 12, dim))
+            turning[:, :3] = along[:, :, None] * normal[:, None]
+            self._turning = self._stencil.summed(turning)
         blocks = (self._pair_weights @ P.reshape(len(P), dim * dim)).reshape(-1, dim, dim)
         self._triplets = self._stencil.triplets(self._coupled, blocks)
 
@@ -168,7 +169,7 @@ class Bending(Term):
         return self._state().energy
 
     def add_forces(self, f: np.ndarray) -> None:
-        self._stencil.add_forces(self._state().forces, f)
+        self._stencil.add_forces(self._state().forces.copy(), f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
@@ -197,28 +198,31 @@ class Bending(Term):
         if self._now is None or not np.array_equal(U, self._now.U):
             energy, _, forces = self._bent(U)
             if self._turning is not None:
-                moved = (U - self._origin)[self._stencil.columns]
-                energy += float(np.vdot(self._turning, moved))
+                energy += float(np.vdot(self._turning, U - self._origin))
                 forces += self._turning
             self._now = _State(U, energy, forces)
         return self._now
 
     def _bent(self, U):
         """Energy [N mm], moments (cells, 3, gdim), conjugate to the cells' curvatures [N mm mm],
-        and forces on their nodes (cells, 12, gdim) [N], without what turning normals add."""
-        bent = self._operator @ U[self._stencil.columns] + self._offset
+        and forces on the nodes (nodes, gdim) [N], without what turning normals add."""
+        bent = (self._operator @ U).reshape(self._offset.shape) + self._offset
         along = np.einsum("ckx,cax->cka", bent, self._directions)
         moment = self._weights[:, :, None] * self._shares * along
         moments = moment @ self._directions
-        forces = self._operator.swapaxes(1, 2) @ moments
+        forces = self._operator.T @ moments.reshape(-1, self._dim)
         return 0.5 * float(np.vdot(along, moment)), moments, forces
 
     def _curvature(self, U):
-        return self._operator @ U[self._stencil.columns] + self._own_curvature
+        return (self._operator @ U).reshape(self._own_curvature.shape) + self._own_curvature
 
     def _gathered(self, operator):
         """Take the cells' `operator` (cells, 3, 12), and note who is needed where."""
-        self._operator, self._stencil = operator, Stencil(self._cells)
+        self._stencil = Stencil(self._cells)
+        cell, k, n = at = np.nonzero(operator)
+        entries = operator[at], (3 * cell + k, self._stencil.columns[cell, n])
+        shape = 3 * len(operator), self._stencil.count
+        self._operator = sparse.csr_matrix(entries, shape=shape)
         # the stiffness of a pair of nodes is the sum over cells of a number times the cell's P
         products = np.einsum("ck,cki,ckj->cij", self._weights, operator, operator, optimize=True)
         at, self._coupled = np.nonzero(products), self._stencil.coupled(products != 0)

@@ -165,7 +165,7 @@ class SheetMetal(Term):
     def add_forces(self, f: np.ndarray) -> None:
         state = self._state()
         given = state.shape, self._slopes, state.forces, state.moments
-        self._stencil.add_forces(metal_cells.forces(*given), f)
+        self._stencil.add_forces(self._stencil.summed(metal_cells.forces(*given)), f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's cells [N/mm]."""

@@ -11,7 +11,7 @@ from .morley import MorleyCells
 class Stencil:
     """The nodes that the 12 of each of this rank's cells are, mirror images counted apart.
 
-    columns: which of them each of a cell's 12 is, (cells, 12)
+    columns: which of them each of a cell's 12 is, (cells, 12); count: how many there are
     """
 
     def __init__(self, cells: MorleyCells) -> None:
@@ -23,8 +23,9 @@ class Stencil:
         self._nodes, self._codes = np.divmod(keys, len(cells.mirrors))
         self._mirrored = np.flatnonzero(self._codes)
         self._gathered = GatheredNodes(cells.blank, self._nodes)
+        self.count = len(keys)
         entries = np.ones(columns.size), (columns.ravel(), np.arange(columns.size))
-        self._on_nodes = sparse.csr_matrix(entries, shape=(len(keys), columns.size))
+        self._on_nodes = sparse.csr_matrix(entries, shape=(self.count, columns.size))
 
     def displacement(self) -> np.ndarray:
         """Motion of nodes and mirror images along the frame's axes, (count, gdim) [mm]."""
@@ -32,11 +33,16 @@ class Stencil:
         U[at] = np.einsum("nij,nj->ni", self._mirrors[self._codes[at]], U[at])
         return U
 
+    def summed(self, forces: np.ndarray) -> np.ndarray:
+        """Forces on nodes and images (count, gdim) of those on the cells' (cells, 12, gdim) [N]."""
+        return self._on_nodes @ forces.reshape(-1, self._dim)
+
     def add_forces(self, forces: np.ndarray, f: np.ndarray) -> None:
-        """Add forces (cells, 12, gdim) [N] to f (local dofs,) of whatever rank their nodes are."""
-        summed, at = self._on_nodes @ forces.reshape(-1, self._dim), self._mirrored
-        summed[at] = np.einsum("nij,ni->nj", self._mirrors[self._codes[at]], summed[at])
-        self._gathered.add(summed, f)
+        """Add forces (count, gdim) [N], which this overwrites, to f (local dofs,) of whatever rank
+        their nodes are."""
+        at = self._mirrored
+        forces[at] = np.einsum("nij,ni->nj", self._mirrors[self._codes[at]], forces[at])
+        self._gathered.add(forces, f)
 
     def coupled(self, counts: np.ndarray) -> CoupledNodes:
         """Pairs of nodes that `counts` (cells, 12, 12) for some cell, by its 12 ones."""
