@@ -46,7 +46,10 @@ class Limits:
         0.1, POSITIVE, "penetration of tools into the sheet, over its thickness", GROUP
     )
     strain: float = number(
-        0.1, POSITIVE, "nominal strain of yarns in tension, in all but 1 % of the area", GROUP
+        0.1,
+        POSITIVE,
+        "nominal strain of yarns in tension, but in 1 % of the area for singular points",
+        GROUP,
     )
     shortening: float = number(
         0.05,
