@@ -89,11 +89,12 @@ def tool_cell_fields(contact: Contact) -> dict[str, Value]:
 
 
 def tool_nodal_fields(contact: Contact) -> dict[str, Value]:
-    """Traction (nodes, 3) and its size, pressure, of all contacts together, and the gap to the
-    nearest tool."""
+    """Traction (nodes, 3) of all tools together, which is 0 where two press a ply from both sides;
+    the pressure, of several tools the largest; and the gap to the nearest tool."""
+    traction = tractions(contact)
     return {
-        "contact_traction": total(tractions(contact), "MPa"),
-        "contact_pressure": size_of("contact_traction", "MPa"),
+        "contact_traction": total(traction, "MPa"),
+        "contact_pressure": largest(np.linalg.norm(traction, axis=1), "MPa"),
         "contact_gap": least(gap(contact), "mm"),
     }
 
