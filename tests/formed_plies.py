@@ -4,6 +4,7 @@ import numpy as np
 import pyvista
 
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.postprocess.ply import SYMMETRIC
 from fabric_fenicsx.tools.double_dome import DoubleDome
 
 
@@ -45,6 +46,7 @@ def formed(
     for name, across in zip("ab", ([-s, c], [c, s])):
         grid.point_data[f"yarn_coordinate_{name}"] = grid.points[:, :2] @ across
     grid.cell_data.update(values)
+    grid.field_data[SYMMETRIC] = [] if full else [0, 1]
     return grid
 
 

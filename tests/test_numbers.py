@@ -53,7 +53,6 @@ TAKERS = {
     "points of metal": (lambda v: ff.SheetMetal(ff.load_metal("dc04"), points=v), 5),
     "table of hardening": (lambda v: ff.HardeningTable((0, v), (100, 120)), 0.1),
     "steps of a job": (lambda v: ff.Job(scene(), steps=v), 2),
-    "order of a job": (lambda v: ff.Job(scene(), order=v), 1),
     "milestone of a job": (lambda v: ff.Job(scene(), milestones=(v,)), 0.5),
     "quadrature of a membrane": (lambda v: ff.Membrane(FABRIC, quadrature_degree=v), 2),
     "weave angle of a membrane": (lambda v: ff.Membrane(FABRIC, weave_angle=v), 1.5),

@@ -1,7 +1,4 @@
-"""Estimated errors of runs beside true ones: which runs, and how good the estimates are.
-
-`benchmarks/error_estimates.py` makes the runs; docs/errors.md says which were not blind.
-"""
+"""Estimated errors of runs beside true ones: which runs, and how good the estimates are."""
 
 import statistics
 from collections.abc import Mapping, Sequence
@@ -15,9 +12,24 @@ from fabric_fenicsx.results import measures
 from fabric_fenicsx.results.error import field_differences
 from fabric_fenicsx.results.result import Result
 
-from .reference import curve_distance, reference_curve
+from .reference import curve_distance
 
 Row = dict[str, Any]
+ANGLES = 90.0, 90.0, 60.0, 75.0, 105.0  # between yarns [deg]
+CELLS: Sequence[tuple[str | None, str | None]] = (
+    (None, None),  # the defaults, twice as often
+    (None, None),
+    ("P1", "crossed"),
+    ("P1", "unstructured"),
+    ("P2", "left"),
+    ("P2", "unstructured"),
+)
+OUTLINE_CELLS = ("P1", "along"), ("P2", "along"), ("P2", "unstructured")
+# a strip with a notch and a hole [mm]
+RINGS = (
+    [(0, 0), (200, 0), (200, 50), (120, 50), (110, 40), (90, 40), (80, 50), (0, 50)],
+    [(55, 15), (65, 15), (65, 25), (55, 25)],
+)
 
 
 @dataclass(frozen=True)
@@ -25,129 +37,91 @@ class Case:
     """A run of `test` with these options; all other options have their defaults."""
 
     test: str
-    element: str
-    nx: int
-    pattern: str = "crossed"
-    fibre_angle: float = 0.0
+    options: Mapping[str, Any]
 
     def __str__(self) -> str:
-        turned = f" {self.fibre_angle:g} deg" if self.test == "forming" else ""
-        return f"{self.test}{turned} {self.element} {self.pattern} {self.nx}"
+        words = (f"{name} {value}" for name, value in self.options.items() if value is not None)
+        return ", ".join([self.test, *words])
 
 
-def _cases(test, element, pattern, *sizes, angle=0.0):
-    return [Case(test, element, nx, pattern, angle) for nx in sizes]
+def cases(seed: int, strips: int = 32, domes: int = 8) -> list[Case]:
+    """Strips of any yarn angles, strains, meshes and outlines, and double domes, by a seed."""
+    rng = np.random.default_rng(seed)
+    return [_strip(rng) for _ in range(strips)] + [_dome(rng) for _ in range(domes)]
 
 
-STRIP_CASES = [
-    *_cases("tensile", "P1", "crossed", 16, 24, 32, 48, 64),
-    *_cases("tensile", "P2", "crossed", 12, 16, 24, 32, 48),
-    *_cases("tensile", "P3", "crossed", 12, 16, 24),
-    *_cases("tensile", "Q1", "crossed", 24, 48),
-    *_cases("tensile", "Q2", "crossed", 16, 32),
-    *_cases("tensile", "P2", "unstructured", 24, 48),
-    *_cases("tensile", "P2", "left", 32),
-    *_cases("bias10", "P1", "graded", 24, 32, 48, 64),
-    *_cases("bias10", "P2", "graded", 24, 32, 48),
-    *_cases("bias10", "P2", "crossed", 24, 32, 48),
-    *_cases("bias10", "P1", "crossed", 32, 64),
-    *_cases("bias10", "P3", "crossed", 16, 24),
-    *_cases("bias10", "P2", "unstructured", 32, 48),
-    *_cases("bias10", "P2", "left", 32),
-    *_cases("bias30", "P2", "crossed", 24, 32, 48),
-    *_cases("bias30", "P1", "crossed", 48),
-]
-OFF_AXIS_CASES = [
-    *_cases("off30", "P2", "left", 24, 37),
-    *_cases("off30", "P2", "crossed", 20, 28),
-    *_cases("off30", "P2", "unstructured", 24, 35),
-    *_cases("off20", "P2", "left", 37),
-    *_cases("off20", "P2", "crossed", 28),
-    *_cases("off20", "P2", "unstructured", 35),
-    *_cases("off10", "P2", "left", 37),
-    *_cases("off10", "P2", "crossed", 28),
-    *_cases("off10", "P2", "unstructured", 35),
-]
-# forces of fine meshes [N], see docs/off_axis.md
-OFF_AXIS = {
-    "off30": {"reaction_N": {"value": 1.990, "error": 0.003}},
-    "off20": {"reaction_N": {"value": 0.7135, "error": 0.002}},
-    "off10": {"reaction_N": {"value": 95.96, "error": 0.3}},
-}
-FORMING_CASES = [
-    *_cases("forming", "P1", "crossed", 8, 12, 16),
-    *_cases("forming", "P1", "crossed", 8, 12, angle=45.0),
-]
-QUICK_CASES = [*_cases("tensile", "P2", "crossed", 8, 12)]
-# what true errors are to, where studies/reference does not say
-FINEST = {
-    "tensile": Case("tensile", "P2", 96),
-    "bias10": Case("bias10", "P2", 96, "graded"),
-    "forming 0": Case("forming", "P1", 32),
-    "forming 45": Case("forming", "P1", 24, fibre_angle=45.0),
-}
-QUICK_FINEST = {"tensile": Case("tensile", "P2", 24)}
+def _strip(rng):
+    test = rng.choice(["tensile", "bias"])
+    between = float(rng.choice(ANGLES))
+    if test == "tensile":
+        angle = float(rng.choice([0.0, round(rng.uniform(2, 45))]))
+    else:
+        angle = 45.0 if rng.random() < 0.3 else float(round(rng.uniform(25, 65)))
+    off = min(abs((yarn + 90) % 180 - 90) for yarn in (angle, angle + between))
+    most = 0.03 if off < 1 or 15 <= off < 25 else 0.006 if off < 15 else 0.12
+    strain = round(most * rng.uniform(0.2, 1), 4)
+    has_outline = rng.random() < 0.2
+    known = OUTLINE_CELLS if has_outline else CELLS
+    element, pattern = known[rng.integers(len(known))]
+    options = {"fibre_angle": angle, "yarn_angle": between, "strain": strain}
+    options |= {"element": element, "pattern": pattern}
+    options |= {"size": rng.choice([4, 6, 8])} if has_outline else {"nx": rng.choice([24, 32, 48])}
+    return Case(str(test), {k: getattr(v, "item", lambda v=v: v)() for k, v in options.items()})
 
 
-def cases(quick: bool = False) -> list[Case]:
-    """All of them, or few."""
-    return QUICK_CASES if quick else [*STRIP_CASES, *OFF_AXIS_CASES, *FORMING_CASES]
+def _dome(rng):
+    angle = float(rng.choice([0.0, 45.0, round(rng.uniform(1, 89))]))
+    element, sizes = [("P1", (8, 12, 16)), ("P2", (6, 8))][rng.integers(2)]
+    return Case("dome", {"fibre_angle": angle, "element": element, "nx": int(rng.choice(sizes))})
 
 
-def finest_of(case: Case, quick: bool = False) -> Case | None:
-    """The run that is the reference of a case, None if there is none."""
-    name = f"forming {case.fibre_angle:g}" if case.test == "forming" else case.test
-    return (QUICK_FINEST if quick else FINEST).get(name)
+def finer(case: Case) -> list[Case]:
+    """The runs that are the truth of a case, the finest last: cubic cells along the yarns, those of
+    an outline, or a finer dome."""
+    if case.test == "dome":
+        return [Case("dome", {**case.options, "element": "P2", "nx": nx}) for nx in (12, 16)]
+    if size := case.options.get("size"):
+        cells = {"element": "P3", "pattern": "along"}
+        return [Case(case.test, {**case.options, **cells, "size": s}) for s in (size / 2, size / 3)]
+    cells = {"element": "P3", "pattern": "yarns"}
+    return [Case(case.test, {**case.options, **cells, "nx": nx}) for nx in (24, 36)]
 
 
-def compare(
-    case: Case,
-    result: Result,
-    finest: Result | None,
-    known: Mapping[str, Mapping[str, float]] | None = None,
-    folder: Path | None = None,
-) -> list[Row]:
-    """A row for each quantity of a run with estimated errors: true error, estimated one, what the
-    true one is known to, and whether the estimate covers it.
-
-    finest: the run that errors are to; known: quantities of the reference of a strip with values
-    and error bars, which count more, and so does its curve, if it is in a `folder`.
-    """
-    errors, rows = result.summary["error"], []
+def compare(case: Case, result: Result, truth: Sequence[Result]) -> list[Row]:
+    """A row for each quantity of a run with estimated errors: true error, to the last run of the
+    `truth`; estimated one; what the true one is known to, by the run before; and whether the
+    estimate covers it."""
+    errors, (coarse, finest), rows = result.summary["error"], truth, []
 
     def add(quantity, true, bar):
         row = {"case": str(case), "test": case.test, "quantity": quantity, "true": float(abs(true))}
-        row |= {"estimated": errors[quantity], "known_to": bar}
-        rows.append(row | {"covered": bool(errors[quantity] + bar >= abs(true))})
+        row |= {"estimated": errors[quantity], "known_to": float(abs(bar))}
+        rows.append(row | {"covered": bool(errors[quantity] + abs(bar) >= abs(true))})
 
-    if known:
-        for name, other in (("reaction_N", "reaction_N"), ("strain_energy_Nmm", "energy_Nmm")):
-            if other in known:
-                value = result.number(name)
-                assert value is not None
-                add(name, value - known[other]["value"], known[other]["error"])
-    if known and folder:
-        reference = reference_curve(folder, case.test)
-        curve = np.array([(row["load"], row["reaction_N"]) for row in result.rows]).T
-        scale = abs(reference[1, -1])
-        add("curve_N", scale * curve_distance(curve, reference), known["reaction_N"]["error"])
-    if finest is None:
-        return rows
     for name in errors:
-        mine, theirs = result.number(name), finest.number(name)
-        if mine is not None and theirs is not None and name not in {r["quantity"] for r in rows}:
-            add(name, mine - theirs, 0.0)
-    if not known:
-        fine = np.array([(row["load"], row["reaction_N"]) for row in finest.rows]).T
-        curve = np.array([(row["load"], row["reaction_N"]) for row in result.rows]).T
-        add("curve_N", abs(fine[1, -1]) * curve_distance(curve, fine), 0.0)
-    area, comm = result.scene.blank.areas(), result.scene.comm
+        mine, theirs, before = (run.number(name) for run in (result, finest, coarse))
+        if mine is not None and theirs is not None and before is not None:
+            add(name, mine - theirs, before - theirs)
+    fine = _curve(finest)
+    off, bar = (abs(fine[1, -1]) * curve_distance(_curve(run), fine) for run in (result, coarse))
+    add("curve_N", off, bar)
+    bars = field_differences(coarse, finest)
     for name, apart in field_differences(result, finest).items():
-        root = float(np.sqrt(measures.mean(comm, apart**2, area) or 0.0))
+        root, bar = _root(result, apart), _root(coarse, bars[name])
         shear = name == "shear_angle"
         quantity = "shear_angle_rms_deg" if shear else f"{name}_rms"
-        add(quantity, float(np.degrees(root)) if shear else root, 0.0)
+        add(quantity, *(np.degrees([root, bar]) if shear else (root, bar)))
     return rows
+
+
+def _curve(run):
+    return np.array([(row["load"], row["reaction_N"]) for row in run.rows]).T
+
+
+def _root(run, values):
+    """Root mean square over the area of cells."""
+    blank = run.scene.blank
+    return float(np.sqrt(measures.mean(run.scene.comm, values**2, blank.areas()) or 0.0))
 
 
 def judge(rows: Sequence[Row]) -> list[Row]:

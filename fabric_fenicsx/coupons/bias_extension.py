@@ -18,7 +18,7 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..scene.supports import Supports, clamped_ends
 from .pin_jointed import PinJointedStrip
-from .strip import INNER_ORDER, StripSetup
+from .strip import StripSetup
 
 GRADED = 0.2  # nominal strain up to which the mesh is graded by default
 RISE = 0.1, 0.9  # of the turn of a yarn, between which its transition zone is measured
@@ -99,16 +99,6 @@ class BiasSetup(StripSetup):
     def supports(self) -> Supports:
         """Grips at both ends."""
         return clamped_ends(self.stroke)
-
-    def order(self) -> float:
-        """Observed order: before cells resolve the jumps of shear, a few tenths of a millimetre
-        wide, they gain little if linear, and less than they could if not."""
-        if self.data.integration == "inner":
-            return INNER_ORDER
-        graded = self.data.pattern == "graded"
-        if self.data.element in ("P1", "Q1"):
-            return 0.5 if graded else 0.15
-        return 3.0 if graded else 1.0
 
     def shear_forces(self, rows: Sequence[dict[str, Any]]) -> tuple[np.ndarray, np.ndarray]:
         """Magnitude of theory's shear angle [rad] and normalised shear force [N/mm] at the rows of

@@ -17,8 +17,6 @@ from .measured import Measured, read_measured
 from .setup import CouponSetup
 
 SAME = 0.01  # of a length, by which specimens that count as equal may differ
-# of forces with inner points: smaller than most strips' own, so that estimates cover their errors
-INNER_ORDER = 0.5
 
 
 class StripSetup(CouponSetup):

@@ -10,7 +10,7 @@ from ..job.job import Result
 from ..results import measures
 from ..runtime.errors import InputError
 from ..scene.supports import Supports, clamped_ends, rolling_ends
-from .strip import INNER_ORDER, StripSetup
+from .strip import StripSetup
 
 
 class TensileSetup(StripSetup):
@@ -25,13 +25,6 @@ class TensileSetup(StripSetup):
         """Grips at both ends."""
         ends = clamped_ends if self.data.grips == "clamped" else rolling_ends
         return ends(self.stroke)
-
-    def order(self) -> float:
-        """Observed order: of meshes that are halved, 1.5 to 1.6 with linear cells, 1.8 to 1.9 with
-        others, and less with inner points."""
-        if self.data.integration == "inner":
-            return INNER_ORDER
-        return 1.5 if self.data.element in ("P1", "Q1") else 1.75
 
     def is_compared(self, curve: Curve) -> bool:
         """True for a tension test along the yarns that the run pulls."""

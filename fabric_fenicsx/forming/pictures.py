@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ..job.job import Result
 from ..plot import forming_pictures, press_pictures
+from ..results.measures import planes_of_symmetry
 from ..results.quantities import middle_of
 from ..runtime.logs import MARKED, log
 from .build import FormingScene
@@ -15,7 +16,7 @@ def draw_setup(made: FormingScene, folder: Path) -> None:
     """setup.png: the tools and the flat blank before anything moves; called on all ranks."""
     moves = {name: made.schedule.first_move(name) for name in made.tools}
     motions = {name: move for name, move in moves.items() if move.any()}
-    plies = press_pictures.flat_grids(made.blank)
+    plies = press_pictures.flat_grids(made.blank, planes_of_symmetry(made.scene))
     if made.comm.rank:
         return
     with _no_loss("setup.png"):

@@ -1,4 +1,4 @@
-"""The run on a mesh twice as coarse, from which a run's error is estimated."""
+"""The runs on coarser meshes, from which a run's error is estimated."""
 
 import dataclasses
 import time
@@ -12,7 +12,7 @@ from ..results.result import Result
 from ..runtime.errors import InputError, SolverFailure
 from .fields import JobFields
 
-FOLDER = "coarse"  # in the run's own
+FOLDERS = "coarse", "coarser"  # in the run's own
 
 
 def coarsened(job: JobFields, made: Any) -> Any:
@@ -27,39 +27,53 @@ def estimated(
     job: JobFields, result: Result, output: Output, problem: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Entries of the summary on the errors of `result`, which `job` gave: `error` {quantity:
-    absolute error}, and facts on the run on the coarser mesh. Empty, with a warning, if that run
-    fails.
+    absolute error}, and facts on the run on the mesh twice as coarse. Empty, with a warning, if
+    that run fails; a third mesh, which tells the order, may.
 
     The curve's errors are then in the rows of the result and in history.csv, those of the fields in
     its fields. Raises Interrupted.
     """
     from ..results import error
 
-    assert job.coarser and result.folder
-    folder, comm, began = result.folder / FOLDER, job.scene.comm, time.perf_counter()
-    known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
-    try:
-        made = coarsened(job, job.coarser())
-        cells = made.scene.blank.mesh.topology.index_map(2).size_global
-        output.say(
-            f"the error: the same run on {cells} cells instead of {result.summary['cells']}, "
-            f"in {made.steps:g} steps"
-        )
-        apart = Output(made.name, folder, comm, resume=known, overwrite=not known)
-        apart.is_quiet = True
+    assert result.folder
+    coarser, runs, began = job.coarser, list[Result](), time.perf_counter()
+    for name in FOLDERS:
+        if not coarser:
+            break
         try:
-            known_by = dict(problem) | {"mesh": "twice as coarse"}
-            coarse = made.run(apart, problem=known_by, pictures=False)
-            errors = error.estimate(result, coarse, job.order, job.headlines)
-        finally:
-            apart.close()
-    except (InputError, SolverFailure) as failure:
-        output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
-        return {}
-    write_history(result, comm)
-    steps = coarse.summary["steps_accepted"]
-    seconds = round(time.perf_counter() - began, 4)
-    return {"error": errors, "error_run": {"cells": cells, "steps": steps, "wall_s": seconds}}
+            made = coarsened(job, coarser())
+            runs.append(_run(made, output, result, name, problem))
+            coarser = made.coarser
+        except (InputError, SolverFailure) as failure:
+            if not runs:
+                output.warn(f"no error is known, as the run on the coarser mesh failed: {failure}")
+                return {}
+    errors = error.estimate(result, runs, job.headlines)
+    write_history(result, job.scene.comm)
+    facts = {"cells": _cells(runs[0]), "steps": runs[0].summary["steps_accepted"]}
+    facts["wall_s"] = round(time.perf_counter() - began, 4)
+    return {"error": errors, "error_run": facts}
+
+
+def _run(made, output, result, name, problem):
+    """The `Result` of the job `made`, in this folder of the run's own."""
+    folder, comm = result.folder / name, made.scene.comm
+    output.say(
+        f"the error: the same run on {_cells(made)} cells instead of {result.summary['cells']}, "
+        f"in {made.steps:g} steps"
+    )
+    known = output.resume and comm.bcast((folder / "checkpoint.npz").exists())
+    apart = Output(made.name, folder, comm, resume=known, overwrite=not known)
+    apart.is_quiet = True
+    try:
+        return made.run(apart, problem=dict(problem) | {"mesh": name}, pictures=False)
+    finally:
+        apart.close()
+
+
+def _cells(of):
+    """Cells of a job or result."""
+    return of.scene.blank.mesh.topology.index_map(2).size_global
 
 
 def write_history(result: Result, comm: Any) -> None:

@@ -7,7 +7,6 @@ from typing import Any
 
 from ..results.curve import Curves, Measure
 from ..results.result import Result
-from ..runtime.rules import POSITIVE
 from ..scene.scene import Scene
 from ..solve.settings import Settings
 
@@ -19,7 +18,6 @@ class JobFields(Settings):
     scene: Scene = field(kw_only=False)
     error: bool = False
     coarser: Callable[[], Any] | None = None
-    order: float = 1.0
     headlines: Sequence[str] = ()
     measure: Measure | None = None
     columns: Callable[[Scene], dict[str, float]] | None = None
@@ -32,7 +30,3 @@ class JobFields(Settings):
     warnings: Iterable[str] = ()
     beside: Curves = field(default_factory=dict)
     name: str = "job"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        POSITIVE.check("`order`", self.order)

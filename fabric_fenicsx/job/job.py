@@ -37,11 +37,9 @@ class Job(JobFields):
     steps, max_step, tolerance, path_tolerance, viscosity, ...
         Keywords of the solver, the fields of `Settings`.
     error : bool
-        Estimate errors from the same run on a mesh twice as coarse.
+        Estimate errors from the same run on two meshes, each twice as coarse.
     coarser : callable, optional
-        Function that makes this job on that mesh.
-    order : float
-        Order of forces and energies in the size of cells, as observed in problems of this kind.
+        Function that makes this job on a mesh twice as coarse.
     headlines : sequence of str
         Quantities that get errors, nested ones as "draw_in.largest_mm".
     measure : callable, optional

@@ -39,10 +39,6 @@ class Setup:
         """Curves of force over displacement to draw beside the run's."""
         return {}
 
-    def order(self) -> float:
-        """Observed order of forces and energies in the size of cells, see docs/accuracy.md."""
-        return 1.0
-
     def force_name(self) -> str:
         """Name of the force of `measure`."""
         return "reaction"
@@ -89,7 +85,6 @@ class Setup:
             "warnings": self.warnings,
             "beside": self.reference_curves(),
             "coarser": None if coarser is None else lambda: coarser.build(comm).job(),
-            "order": self.order(),
             "headlines": self.data.HEADLINES,
             "limits": self.data.LIMITS,
         }

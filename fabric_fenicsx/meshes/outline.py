@@ -55,8 +55,11 @@ def outline_mesh(
             f"`size` {size:g} makes about {rounded(cells)} cells; allowed are up to {MOST:,} "
             f"(a size above {rounded(size * math.sqrt(cells / MOST))})"
         )
-    sheet, notes = _simplified(sheet, size)
-    places, sizes = _fine_places(sheet, size, notes)
+    # about its centre and without the last digits, as cells are not to depend on where it lies
+    centre = ((low + high) / 2).round(6)
+    sheet = shapely.transform(sheet, lambda x: (x - centre).round(9))
+    sheet, notes = _simplified(sheet, size, centre)
+    places, sizes = _fine_places(sheet, size, notes, centre)
     if sheet.minimum_clearance < CLOSE * size:
         where = "".join(f"; {words}" for words in notes[-1:])
         raise InputError(
@@ -73,10 +76,11 @@ def outline_mesh(
         points, triangles = _along(sheet, size, size_at, yarns)
     else:
         points, triangles = _filled([sheet], size_at)
-    return np.column_stack([points, np.zeros(len(points))]), triangles, "triangle", notes
+    points = np.pad(points + centre, ((0, 0), (0, 1)))
+    return points, triangles, "triangle", notes
 
 
-def _simplified(sheet, size):
+def _simplified(sheet, size, centre):
     """The sheet without details that cells of this size cannot have, and words on holes that are
     left out."""
     notes, rings = [], []
@@ -84,18 +88,18 @@ def _simplified(sheet, size):
         x = shapely.get_coordinates(ring)[:-1]
         if np.ptp(x, axis=0).max() < SMALL * size:
             notes.append(
-                f"a hole of {rounded(np.ptp(x, axis=0).max())} mm at {coordinates(x[0])} mm is "
-                "left out, as it is small beside the cells"
+                f"a hole of {rounded(np.ptp(x, axis=0).max())} mm at "
+                f"{coordinates(x[0] + centre)} mm is left out, as it is small beside the cells"
             )
             continue
         # where it begins it stays: at a corner
-        rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).argmax(), 0))
+        rings.append(np.roll(x, -np.linalg.norm(x - x.mean(0), axis=1).round(6).argmax(), 0))
     sheet = shapely.Polygon(rings[0], rings[1:]).simplify(DETAIL * size)
     coarser = shapely.remove_repeated_points(sheet, SMALL * size)
     return (coarser if coarser.is_valid else sheet), notes
 
 
-def _fine_places(sheet, size, notes):
+def _fine_places(sheet, size, notes, centre):
     """Places (n, 2) where cells are to be smaller, and their sizes there (n,): at short edges and
     where the sheet is narrow, which gets two cells across."""
     edges, dense = [], []
@@ -116,7 +120,7 @@ def _fine_places(sheet, size, notes):
     faces = way > NECK * width
     faces[faces] = shapely.contains_xy(sheet, middle[faces])
     if faces.any() and (least := width[faces].min()) < SMALL * size:
-        where = coordinates(middle[faces][width[faces].argmin()])
+        where = coordinates(middle[faces][width[faces].argmin()] + centre)
         notes.append(f"the outline is {rounded(least)} mm wide at {where} mm, less than a cell")
     places = np.concatenate([np.transpose(places), middle[faces]])
     sizes = np.maximum(np.concatenate([sizes, width[faces] / 2]), SMALL * size)

@@ -2,7 +2,7 @@
 mirrored."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.patches import Patch
 from numpy.typing import ArrayLike
 
-from ..postprocess.ply import Grid, grid_of
+from ..postprocess.ply import SYMMETRIC, Grid, grid_of
 from ..postprocess.shape import File
 from ..postprocess.states import states, triangulated
 from ..runtime.formatting import rounded
@@ -45,16 +45,18 @@ class _Scene(NamedTuple):
     bounds: tuple[float, ...]
 
 
-def flat_grids(blank: Blank | Stack) -> dict[str, Grid]:
+def flat_grids(blank: Blank | Stack, symmetric: Sequence[int] = ()) -> dict[str, Grid]:
     """The plies of a blank as they lie before a run {name: grid}, one is {"": grid}: what
-    `setup_picture` draws. On all ranks, which call it together."""
+    `setup_picture` draws. symmetric: axes to which planes of symmetry are perpendicular. On all
+    ranks, which call it together."""
     grids = {}
     corners, comm = blank.corners(), blank.mesh.comm
     for part in list(blank.parts.values()) or [blank.whole]:
         x = np.concatenate(comm.allgather(corners[part.cells]))
         cells = np.arange(x[:, :, 0].size).reshape(x.shape[:2])
         points = np.pad(x.reshape(-1, x.shape[2]), ((0, 0), (0, 3 - x.shape[2])))
-        grids[part.name] = grid_of(points, cells, np.zeros_like(points))
+        grids[part.name] = grid = grid_of(points, cells, np.zeros_like(points))
+        grid.field_data[SYMMETRIC] = list(symmetric)
     return grids
 
 

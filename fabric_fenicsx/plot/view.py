@@ -90,18 +90,17 @@ def _draw(
 
 
 def _surfaces(state, field, factor):
-    """Plies {name: surface}, with the field as `shown` if they have it, and tools. Without tools
-    nothing tells that a sheet is a quarter."""
-    tools, plies, planes = state.tools(), {}, []
+    """Plies {name: surface}, with the field as `shown` if they have it, and tools."""
+    plies, planes = {}, list[int]()
     for name, grid in state.plies().items():
         ply = ply_of(grid)
-        planes = ply.planes if tools else []
-        ply = whole(ply) if tools else ply
+        planes = ply.planes
+        ply = whole(ply)
         plies[name] = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
         if field in ply.fields:
             values = factor * ply.fields[field]
             plies[name].cell_data["shown"] = abs(values) if field == "shear_angle" else values
-    return plies, {name: mirrored(tool, planes) for name, tool in tools.items()}
+    return plies, {name: mirrored(tool, planes) for name, tool in state.tools().items()}
 
 
 def _known(field, plies):

@@ -7,6 +7,7 @@ import pyvista
 
 SAME = 1e-6  # mm within which places are the same
 EQUAL = 1e-6  # of a value, by which others are the same
+SYMMETRIC = "planes_of_symmetry"  # field data: axes to which the scene's planes are perpendicular
 Grid: TypeAlias = pyvista.UnstructuredGrid
 
 
@@ -84,6 +85,7 @@ def edge_sides(triangles: np.ndarray) -> np.ndarray:
 
 def ply_of(grid: Grid) -> Ply:
     """The ply in a grid, its nodes merged and its cells cut into triangles."""
+    symmetric = grid.field_data.get(SYMMETRIC, ())
     grid = grid.triangulate().clean(tolerance=SAME)
     triangles = grid.cells_dict[pyvista.CellType.TRIANGLE].astype(np.int64)
     x = np.array(grid.points, dtype=float)
@@ -91,5 +93,5 @@ def ply_of(grid: Grid) -> Ply:
     clockwise = plan_area(x, triangles) < 0
     triangles[clockwise] = triangles[clockwise, ::-1]
     fields = {name: np.asarray(values) for name, values in grid.cell_data.items()}
-    planes = [axis for axis in (0, 1) if x[:, axis].min() == 0]
+    planes = [int(axis) for axis in symmetric if x[:, axis].min() == 0]
     return Ply(x, np.asarray(grid.point_data["u"], dtype=float), triangles, fields, planes)

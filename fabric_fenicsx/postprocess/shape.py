@@ -120,12 +120,11 @@ class Outline(NamedTuple):
     inwards: np.ndarray
 
 
-def outline(grid: Grid, planes: Sequence[int] | None = None) -> list[Outline]:
-    """The free edges of the ply [list of `Outline`], without those on planes of symmetry; planes:
-    the axes to which these are perpendicular, by default those of a quarter or half."""
+def outline(grid: Grid) -> list[Outline]:
+    """The free edges of the ply [list of `Outline`], without those on planes of symmetry."""
     ply = ply_of(grid)
     sides = edge_sides(ply.triangles)
-    for axis in ply.planes if planes is None else planes:
+    for axis in ply.planes:
         sides = sides[ply.x[sides, axis].any(1)]
     after = dict(sides.tolist())
     starts = sorted(after.keys() - after.values())
@@ -145,13 +144,13 @@ def outline(grid: Grid, planes: Sequence[int] | None = None) -> list[Outline]:
     return edges
 
 
-def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, Any]:
+def draw_in(grid: Grid) -> dict[str, Any]:
     """Ways of the edge inwards in plan [mm], as in `Outline`: {name: value} at the middle of the
     long and of the short side of the rectangle around the ply, at its corner, each the mean of
     those that the grid has, and the largest of all points of the edge, with its place (x, y) on the
     flat ply. Where the grid has two such sides, also at the middle of each: `middle_at_low_x_mm`
-    and so on. planes: as in `outline`."""
-    edges = outline(grid, planes)
+    and so on."""
+    edges = outline(grid)
     # without the last point of a closed one, which is its first
     closed = [np.array_equal(edge.formed[0], edge.formed[-1]) for edge in edges]
     place, inwards = (
@@ -159,7 +158,7 @@ def draw_in(grid: Grid, planes: Sequence[int] | None = None) -> dict[str, Any]:
         for name in ("undeformed", "inwards")
     )
     undeformed = place[:, :2].round(6) + 0.0
-    place, cut = place[:, :2], list(ply_of(grid).planes if planes is None else planes)
+    place, cut = place[:, :2], ply_of(grid).planes
     centre = (place.min(0) + place.max(0)) / 2
     centre[cut] = 0
     sides = place - centre

@@ -15,7 +15,7 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWrit
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
 from ..tools.tool import Tool
-from .ply import Grid
+from .ply import SYMMETRIC, Grid
 
 CELLS_ACROSS = 100  # of the grid that a tool's surface is found on
 LABEL = 64  # characters of a label, of the 80 that Abaqus reads, so that "_yarns_a" fits behind
@@ -69,7 +69,14 @@ def read_state(folder: Path, load: float | None) -> Grid:
     for block in blocks:
         for name in shapes.keys() - set(block.cell_data):
             block.cell_data[name] = np.full((block.n_cells, *shapes[name]), np.nan)
-    return pyvista.MultiBlock(blocks).combine()
+    grid = pyvista.MultiBlock(blocks).combine()
+    grid.field_data.update(_symmetric(blocks[0]))
+    return grid
+
+
+def _symmetric(grid):
+    """The field data of a grid on planes of symmetry."""
+    return {name: grid.field_data[name] for name in {SYMMETRIC} & set(grid.field_data)}
 
 
 def _read(listed, load):
@@ -91,9 +98,12 @@ def sheets_of(grid: Grid, names: Sequence[str]) -> dict[str, Grid]:
     if not names:
         return {"": grid}
     number = np.asarray(grid.cell_data["part"])
-    return {
+    sheets = {
         name: with_known_fields(grid.extract_cells(number == k)) for k, name in enumerate(names)
     }
+    for sheet in sheets.values():
+        sheet.field_data.update(_symmetric(grid))
+    return sheets
 
 
 def of_fabric(grids: Mapping[str, Grid]) -> dict[str, Grid]:

@@ -1,45 +1,52 @@
-"""The error of a run, estimated from the same run on a mesh twice as coarse.
+"""The error of a run, estimated from the same run on two meshes, each twice as coarse.
 
 On meshes with cells of size h and 2 h a number with an error of c h^p differs by c h^p (2^p - 1):
-so the difference over 2^p - 1 is the error on the finer mesh (Richardson 1911). P. J. Roache
-multiplies that by a factor of safety: 1.25 where the order p was observed, 3 where it is assumed
-("Perspective: a method for uniform reporting of grid refinement studies", J. Fluids Eng. 116 (1994)
-405-413).
+so the difference over 2^p - 1 is the error on the finer mesh (Richardson 1911). A third mesh
+measures the order p, as differences between meshes grow by 2^p. P. J. Roache multiplies by a factor
+of safety where p was measured, and takes three times the difference where it was not ("Perspective:
+a method for uniform reporting of grid refinement studies", J. Fluids Eng. 116 (1994) 405-413).
 """
 
-import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 
 from ..sheets.blank import Part
 from . import measures
 from .result import Result
 
-SAFETY = 1.25  # of forces, energies, curves and means of fields
-LOCAL_SAFETY = 3.0  # of all else, as a strain at a point: errors there change their sign
-LOCAL_ORDER = 1.0
-# names of forces, energies and stresses, which the whole sheet makes
-FORCE = re.compile(r"_(N|Nmm|MPa|N_per_mm)$")
+SAFETY = 1.5  # see docs/errors.md
+UNMEASURED = 3.0  # times the difference without a third mesh
+ORDERS = 1.0, 2.0  # least and greatest order that is believed
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
 Row = dict[str, Any]
 
 
-def factor(order: float, safety: float = SAFETY) -> float:
-    """Factor from a difference to the coarser mesh to an error."""
-    return safety / (2**order - 1)
+def bound(first: ArrayLike, second: ArrayLike | None = None) -> np.ndarray:
+    """Errors of numbers by their `first` differences, to the next coarser mesh, and the `second`
+    ones, between that mesh and one more, if there is one; as many as the first. Of several numbers
+    the largest differences tell the order of all."""
+    first = np.asarray(first, float)
+    if second is None:
+        return UNMEASURED * abs(first)
+    a, b = (float(np.ravel(each)[np.abs(each).argmax()]) for each in (first, second))
+    if not a:
+        return SAFETY * np.full_like(first, abs(b))
+    if a * b <= 0:  # the error changes its sign, so only its size is known
+        return SAFETY * max(1.0, abs(b / a)) * abs(first)
+    return SAFETY / (2 ** np.clip(np.log2(b / a), *ORDERS) - 1) * abs(first)
 
 
-def curve_errors(rows: Sequence[Row], coarse: Sequence[Row], by: float) -> np.ndarray:
-    """Errors [N] of the curve at each of `rows`, its points joined by lines, (rows,): of the mesh,
-    from the rows of the coarser one, times `by`, and of the lines between the points."""
-    (load, force), (loads, forces) = (
-        np.array([(row["load"], row["reaction_N"]) for row in each]).T for each in (rows, coarse)
-    )
-    mesh = by * np.abs(np.interp(loads, load, force) - forces)
-    return np.interp(load, loads, mesh) + _off_lines(load, force)
+def curve_errors(curves: Sequence[Sequence[Row]]) -> np.ndarray:
+    """Errors [N] of the curve at each row of the first of `curves`, its points joined by lines,
+    (rows,): of the mesh, from the rows on coarser meshes, and of the lines between the points."""
+    points = [np.array([(row["load"], row["reaction_N"]) for row in rows]).T for rows in curves]
+    apart = [np.interp(to[0], *of) - to[1] for of, to in zip(points, points[1:])]
+    (load, force), (loads, _), *_ = points
+    return np.interp(load, loads, bound(*apart)) + _off_lines(load, force)
 
 
 def _off_lines(load, force):
@@ -90,32 +97,38 @@ def _interpolated(at, values, places):
     return found
 
 
-def estimate(
-    result: Result, coarse: Result, order: float, names: Iterable[str]
-) -> dict[str, float]:
-    """Estimated absolute errors {quantity: error} of a run, from that on the coarser mesh.
+def estimate(result: Result, coarser: Sequence[Result], names: Iterable[str]) -> dict[str, float]:
+    """Estimated absolute errors {quantity: error} of a run, from one or two on meshes that are each
+    twice as coarse as the one before.
 
     They are those of the reaction, strain energy, `names` of further quantities, the curve (at
-    most) and the FIELDS (root mean square over the area). order: of forces and energies. The rows
-    of the result get the curve's as `error_N`, its fields those of the FIELDS as `error_...`.
+    most) and the FIELDS (root mean square over the area). The rows of the result get the curve's as
+    `error_N`, its fields those of the FIELDS as `error_...`.
     """
-    whole, local = factor(order), factor(LOCAL_ORDER, LOCAL_SAFETY)
-    errors: dict[str, float] = {}
+    runs, errors = [result, *coarser], dict[str, float]()
     for name in ("reaction_N", "strain_energy_Nmm", *names):
-        mine, theirs = (run.number(name) for run in (result, coarse))
-        if mine is not None and theirs is not None:
-            errors[name] = (whole if FORCE.search(name) else local) * abs(mine - theirs)
-    curve = curve_errors(result.rows, coarse.rows, whole)
+        values = [value for run in runs if (value := run.number(name)) is not None]
+        if len(values) == len(runs):
+            errors[name] = float(bound(*np.diff(values)))
+    curve = curve_errors([run.rows for run in runs])
     for row, error in zip(result.rows, curve):
         row["error_N"] = float(error)
     errors["curve_N"] = float(curve.max())
-    comm, area = result.scene.comm, result.scene.blank.areas()
-    for name, apart in field_differences(result, coarse).items():
-        field = result.fields[f"error_{name}"] = factor(LOCAL_ORDER) * apart
-        mean = measures.mean(comm, np.nan_to_num(field) ** 2, area) or 0.0
-        root = float(np.sqrt(mean))
+    apart = [field_differences(fine, coarse) for fine, coarse in zip(runs, runs[1:])]
+    for name, differences in apart[0].items():
+        sizes = [_root_mean_square(run, each[name]) for run, each in zip(runs, apart)]
+        root = float(bound(*sizes))
+        result.fields[f"error_{name}"] = differences * (root / sizes[0] if sizes[0] else 0.0)
         if name == "shear_angle":
             errors["shear_angle_rms_deg"] = float(np.degrees(root))
         else:
             errors[f"{name}_rms"] = root
     return errors
+
+
+def _root_mean_square(run, values):
+    """Over the area of a run's owned cells."""
+    blank = run.scene.blank
+    return float(
+        np.sqrt(measures.mean(run.scene.comm, np.nan_to_num(values) ** 2, blank.areas()) or 0.0)
+    )

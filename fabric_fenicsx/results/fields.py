@@ -16,11 +16,13 @@ from petsc4py import PETSc
 
 from .. import dolfinx_compat as compat
 from ..mechanics.output import Fields
+from ..postprocess.ply import SYMMETRIC
 from ..postprocess.states import save, triangulated, with_known_fields
 from ..runtime.files import replace_file
 from ..scene import output
 from ..scene.scene import Scene
 from ..sheets.blank import Blank
+from .measures import planes_of_symmetry
 
 # of the arrays that are there with any terms
 UNITS = dict.fromkeys(("u", "yarn_coordinate_a", "yarn_coordinate_b"), "mm")
@@ -99,6 +101,7 @@ class FieldSeries:
         cells, types, points = compat.vtk_mesh(self.blank.V)
         self._ranks = [rank for rank, n in enumerate(self.comm.allgather(len(types))) if n]
         yarns = yarn_coordinates(self.blank)
+        self._symmetric = planes_of_symmetry(scene)
         self._grid: Any = None
         if len(types):
             self._grid = pyvista.UnstructuredGrid(cells, types, self._at_vtk_nodes(points))
@@ -188,6 +191,7 @@ class FieldSeries:
                 grid = self._grid
                 if not part.is_whole:
                     grid = with_known_fields(grid.extract_cells(part.cells))
+                grid.field_data[SYMMETRIC] = self._symmetric
                 save(self.directory / self._file(number, self.comm.rank, k), grid, self._units)
         if not self._surfaces:
             return

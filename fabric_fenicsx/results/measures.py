@@ -101,19 +101,20 @@ def near(comm: MPI.Comm, places: np.ndarray, point: ArrayLike, radius: float) ->
     return distance <= max(radius, extremes(comm, distance)[0])
 
 
-def planes_of_symmetry(scene: Scene, part: Part) -> list[int]:
-    """Axes x (0) and y (1) perpendicular to which a plane of symmetry through the origin bounds
-    part of a flat sheet: supports hold its nodes there along the axis, and not all of them along
-    another one, as a clamp does."""
-    comm, count = scene.comm, len(part.nodes)
-    x = scene.blank.coordinates()[:count]
-    fixed = np.zeros((count, scene.blank.mesh.geometry.dim), dtype=bool)
+def planes_of_symmetry(scene: Scene) -> list[int]:
+    """Axes x (0) and y (1) perpendicular to which a plane of symmetry through the origin bounds the
+    scene's flat sheets: supports hold all nodes there, two at least, along the axis, and not all of
+    them along another one, as a clamp does."""
+    comm, held = scene.comm, scene.blank.whole.nodes
+    x = scene.blank.coordinates()[: len(held)]
+    fixed = np.zeros((len(held), scene.blank.mesh.geometry.dim), dtype=bool)
     fixed.flat[scene.fixed_dofs] = True
     found = []
     for axis in (0, 1):
-        low = extremes(comm, x[part.nodes, axis])[0]
-        free = ~fixed[part.nodes & (x[:, axis] <= SAME)]
-        moves = comm.allreduce(free.sum(0), MPI.SUM) > 0
-        if abs(low) <= SAME and not moves[axis] and np.delete(moves, axis).all():
+        there = held & (x[:, axis] <= SAME)
+        moves = comm.allreduce((~fixed[there]).sum(0), MPI.SUM) > 0
+        several = comm.allreduce(int(there.sum())) > 1
+        is_bound = abs(extremes(comm, x[held, axis])[0]) <= SAME and several
+        if is_bound and not moves[axis] and np.delete(moves, axis).all():
             found.append(axis)
     return found

@@ -126,11 +126,11 @@ class Result:
                 f"undeformed nodes of {sheet or blank.name} are up to {rounded(high - low, 4)} mm "
                 "apart along z; draw-in needs a sheet that is flat in z = const"
             )
-        planes, found = measures.planes_of_symmetry(self.scene, part), {}
+        found = {}
         if comm.rank == 0:
             from ..postprocess.shape import draw_in
 
-            found = draw_in(self._grid_of(sheet), planes)
+            found = draw_in(self._grid_of(sheet))
         return comm.bcast(found)
 
     def _sheet(self, asked, name):
@@ -150,12 +150,12 @@ class Result:
         """Free edges of the sheet, or of the one of this name in a stack, flat and formed, as of
         `postprocess.shape.outline`; on rank 0, elsewhere none. Raises InputError for a name that is
         none and for a stack without one."""
-        planes = measures.planes_of_symmetry(self.scene, self._sheet("outline", sheet))
+        self._sheet("outline", sheet)
         if self.scene.comm.rank:
             return []
         from ..postprocess.shape import outline
 
-        return outline(self._grid_of(sheet), planes)
+        return outline(self._grid_of(sheet))
 
     def at(self, place: ArrayLike, name: str, sheet: str = "") -> float:
         """Field `name`, of one number a cell, of the cell at `place` (x, y) [mm] of the flat sheet,

@@ -78,13 +78,8 @@ class FixedDofs:
         x = self.blank.coordinates()
         values = np.zeros(len(x) * self._gdim)
         for support, nodes in zip(self, self._nodes):
-            value = (
-                support.value(x[nodes].T, load).T
-                if callable(support.value)
-                else load * np.asarray(support.value, float)
-            )
-            axes = list(support.components)
-            values[nodes[:, None] * self._gdim + np.asarray(axes)] = value[..., axes]
+            axes = np.array(support.components, dtype=int)
+            values[nodes[:, None] * self._gdim + axes] = support.at(x[nodes].T, load)[axes].T
         return values[self.dofs]
 
     def reaction(self, name: str, forces: PETSc.Vec) -> np.ndarray:

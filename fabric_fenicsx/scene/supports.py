@@ -67,6 +67,20 @@ class Support:
             vector = checked_vector(f"value of support {self.name}", self.value, size=size)
             object.__setattr__(self, "value", (*vector.tolist(), 0.0)[:3])
 
+    def at(self, x: np.ndarray, load: float) -> np.ndarray:
+        """Displacements [mm] of the points x (3, n) at a load factor, a row for each axis, (2 or 3,
+        n). Raises InputError if a function of the user's gives fewer rows or other columns."""
+        if not callable(self.value):
+            return load * np.outer(self.value, np.ones(x.shape[1]))
+        found, rows = np.asarray(self.value(x, load), float), max(self.components, default=0) + 1
+        if found.ndim != 2 or found.shape[1] != x.shape[1] or len(found) < rows:
+            raise InputError(
+                f"the function `value` of support {self.name} returns an array {found.shape} for "
+                f"{x.shape[1]} points; allowed is a row for each axis, ({rows} or more, "
+                f"{x.shape[1]})"
+            )
+        return found
+
 
 # of a scene: supports, or a function that makes them for its blank
 Supports = Iterable[Support] | Callable[[Blank], Iterable[Support]]

@@ -10,23 +10,25 @@ from mpi4py import MPI
 
 import fabric_fenicsx as ff
 from fabric_fenicsx.forming.build import FormingScene
-from fabric_fenicsx.job.error_run import FOLDER, coarsened
+from fabric_fenicsx.job.error_run import FOLDERS, coarsened
 from fabric_fenicsx.meshes.specimen import specimen, write
-from fabric_fenicsx.results.error import SAFETY, curve_errors, factor
+from fabric_fenicsx.results.error import ORDERS, SAFETY, bound, curve_errors
 from fabric_fenicsx.runtime.formatting import rounded
 
 
 @pytest.mark.versions
 @pytest.mark.mpi
 def test_the_reactions_error_is_richardsons(folder):
-    """A known share of the difference to the run on half the rectangles; in summary.json, too."""
+    """By the order that a third mesh tells, from runs on half the rectangles and on a quarter of
+    them; in summary.json, too."""
     result = ff.Tensile(**COARSE).job(steps=4, error=True).run(folder, pictures=False)
-    coarse = ff.Tensile(nx=4, element="P1").job(steps=2).run()
-    apart = abs(result.summary["reaction_N"] - coarse.summary["reaction_N"])
-    known = SAFETY / (2**1.5 - 1) * apart
+    coarse, coarser = (ff.Tensile(nx=nx, element="P1").job(steps=2).run() for nx in (4, 2))
+    first, second = -np.diff([run.summary["reaction_N"] for run in (result, coarse, coarser)])
+    order = np.clip(np.log2(second / first), *ORDERS)
+    known = SAFETY / (2**order - 1) * abs(first)
     assert result.summary["error"]["reaction_N"] == pytest.approx(known, rel=1e-6)
     assert result.summary["error_run"]["cells"] == coarse.summary["cells"]
-    assert (folder / FOLDER / "history.csv").exists()
+    assert (folder / FOLDERS[0] / "history.csv").exists()
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["error"].keys() == result.summary["error"].keys()
     assert "error" not in coarse.summary
@@ -75,7 +77,7 @@ def test_a_coarser_run_that_was_stopped_goes_on(folder):
     summary = json.loads((folder / "summary.json").read_text())
     del summary["error"]
     (folder / "summary.json").write_text(json.dumps(summary))
-    (folder / FOLDER / "summary.json").unlink()
+    (folder / FOLDERS[0] / "summary.json").unlink()
     again = ff.Tensile(**COARSE).job(steps=4, error=True).run(folder, resume=True, pictures=False)
     assert again.summary["error"] == pytest.approx(whole, rel=1e-6)
 
@@ -180,20 +182,33 @@ def test_a_forming_stack_is_made_coarser():
     assert [sheet.nx for sheet in coarser.sheets] == [3, 4]
 
 
-@pytest.mark.parametrize("order", [1.0, 2.0])
+@pytest.mark.parametrize("order", [1.0, 1.7, 2.0])
 def test_the_errors_of_a_curve_are_covered(order):
     """A parabola that a mesh of size h puts off by h^order, and the lines that join its points."""
-    loads = [np.linspace(0, 1, n) for n in (11, 6)]
+    loads = [np.linspace(0, 1, n) for n in (11, 6, 6)]
     rows = [
         [{"load": x, "reaction_N": 5 * x**2 + x * h**order} for x in load]
-        for load, h in zip(loads, (0.1, 0.2))
+        for load, h in zip(loads, (0.1, 0.2, 0.4))
     ]
-    errors = curve_errors(rows[0], rows[1], factor(order))
+    errors = curve_errors(rows)
     fine = np.linspace(0, 1, 201)
     joined = np.interp(fine, loads[0], [row["reaction_N"] for row in rows[0]])
     off = np.abs(joined - 5 * fine**2)
     assert (np.interp(fine, loads[0], errors) >= off - 1e-12).all()
     assert errors.max() < 3 * off.max()
+
+
+@pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
+def test_the_order_is_that_of_three_meshes(order):
+    values = [1 + h**order for h in (0.1, 0.2, 0.4)]
+    assert bound(*np.diff(values)) == pytest.approx(SAFETY * 0.1**order)
+
+
+def test_without_an_order_the_error_is_no_smaller_than_differences():
+    assert bound(1.0) == 3
+    assert bound(0.0, 0.0) == 0
+    assert bound(0.0, 2.0) == bound(1.0, -2.0) == SAFETY * 2
+    assert bound([1.0, -2.0], [-1.0, 1.0]) == pytest.approx([SAFETY, SAFETY * 2])
 
 
 def test_told_with_the_error():

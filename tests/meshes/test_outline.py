@@ -131,3 +131,14 @@ def test_by_itself(tmp_path, monkeypatch, capsys):
     with pytest.raises(SystemExit) as end:
         runpy.run_path(str(SCRIPT), run_name="__main__")
     assert end.value.code == 2 and "allowed is up to half" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("name", SHEETS)
+def test_cells_do_not_depend_on_where_the_outline_lies(name, pattern):
+    points, cells, *_ = outline_mesh(SHEETS[name], 9.0, pattern, YARNS)
+    moved = affinity.translate(SHEETS[name], 1234.567, -98.7)
+    there, others, *_ = outline_mesh(moved, 9.0, pattern, YARNS)
+    assert len(cells) == len(others)
+    found, known = (x[np.lexsort(x.round(6).T)] for x in (there - [1234.567, -98.7, 0], points))
+    assert found == pytest.approx(known, abs=1e-8)

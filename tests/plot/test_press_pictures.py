@@ -17,11 +17,13 @@ from fabric_fenicsx.results import report
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.stack import Stack
 from fabric_fenicsx.tools.primitives import Plane, Sphere
 from fabric_fenicsx.tools.tool import Tool
 
 RADIUS = 15.0
+QUARTER = [Support(f"x{i} = 0", lambda x, i=i: x[i] < 1e-6, (i,)) for i in (0, 1)]
 
 
 def blank(plies=("",), comm=MPI.COMM_SELF):
@@ -44,7 +46,7 @@ def run(tmp_path_factory):
     """A folder with four states of a ply that is lifted over the ball, and their table."""
     folder, sheet, bodies = tmp_path_factory.mktemp("run"), blank(), tools()
     with builders.compiled_as_it_stands():  # and never run
-        scene = Scene(sheet, [Membrane(load("komeili")), *map(Contact, bodies)])
+        scene = Scene(sheet, [Membrane(load("komeili")), *map(Contact, bodies)], QUARTER)
     series, x = FieldSeries(folder, scene), sheet.coordinates()
     rows = ["load,displacement_mm,reaction_N,reaction_of_whole_N"]
     for at in (0.0, 0.2, 0.6, 1.0):

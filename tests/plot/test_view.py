@@ -15,6 +15,7 @@ from fabric_fenicsx.command_line import main
 from fabric_fenicsx.plot import view
 from fabric_fenicsx.plot.space import drawing
 from fabric_fenicsx.postprocess import states as written
+from fabric_fenicsx.postprocess.ply import SYMMETRIC
 from fabric_fenicsx.postprocess.states import save
 from fabric_fenicsx.runtime.errors import InputError
 
@@ -26,6 +27,7 @@ def quarter(height):
     grid = pyvista.Plane(center=(10, 5, 0), i_size=20, j_size=10, i_resolution=4, j_resolution=2)
     grid = grid.triangulate().cast_to_unstructured_grid()
     grid.clear_data()
+    grid.field_data[SYMMETRIC] = [0, 1]
     grid.point_data["u"] = np.outer(grid.points[:, 0] ** 2 / 400, [0, 0, height])
     grid.cell_data["shear_angle"] = np.linspace(-0.1, 0.1 * height, grid.n_cells)
     grid.cell_data["thickness_under_pressure"] = np.full(grid.n_cells, 0.3)

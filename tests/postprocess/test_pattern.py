@@ -10,6 +10,7 @@ from fabric_fenicsx.command_line import main
 from fabric_fenicsx.meshes.outline_files import read_outline, read_trim_line
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.postprocess.pattern import Plane, flat_pattern, write_pattern
+from fabric_fenicsx.postprocess.ply import SYMMETRIC
 from fabric_fenicsx.postprocess.states import save
 from fabric_fenicsx.runtime.errors import InputError
 
@@ -30,7 +31,7 @@ def dense(line):
     )
 
 
-def ply(form=np.array, low=(-60.0, -40.0), nx=40):
+def ply(form=np.array, low=(-60.0, -40.0), nx=40, symmetric=()):
     """A ply from `low` to (60, 40), formed by a function of flat places."""
     size = np.array([60.0, 40.0]) - low
     points, cells, _ = specimen(*size, nx, nx, "crossed")
@@ -38,6 +39,7 @@ def ply(form=np.array, low=(-60.0, -40.0), nx=40):
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TRIANGLE: cells}, x)
     grid.point_data["u"] = form(x) - x
     grid.cell_data["number"] = np.arange(float(len(cells)))
+    grid.field_data[SYMMETRIC] = list(symmetric)
     return grid
 
 
@@ -113,11 +115,16 @@ def test_a_line_without_z_is_projected():
 
 @pytest.mark.parametrize("trim", [Plane((0, 0, -10), (0, 0, 1)), [rolled(dense(SQUARE))]])
 def test_a_quarter_has_the_pattern_of_the_whole_ply(trim):
-    quarter = flat_pattern(ply(rolled, low=(0.0, 0.0), nx=20), trim, 0.2)
+    quarter = flat_pattern(ply(rolled, low=(0.0, 0.0), nx=20, symmetric=(0, 1)), trim, 0.2)
     full = flat_pattern(ply(rolled), trim, 0.2)
     assert quarter.net.bounds == pytest.approx(full.net.bounds, abs=1e-3)
     assert quarter.net.area == pytest.approx(full.net.area, rel=1e-4)
     assert quarter.formed_area == pytest.approx(full.formed_area, rel=1e-4)
+
+
+def test_a_whole_ply_with_its_corner_at_the_origin_is_not_mirrored():
+    corner = np.array([(0, 0), (30, 0), (30, 20), (0, 20), (0, 0)], float)
+    assert flat_pattern(ply(low=(0.0, 0.0)), [corner], 0.1).net.area == pytest.approx(600)
 
 
 @pytest.mark.parametrize(

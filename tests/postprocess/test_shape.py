@@ -7,6 +7,7 @@ from formed_plies import SHEARED, formed, plane
 
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.postprocess import shape
+from fabric_fenicsx.postprocess.ply import SYMMETRIC
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
@@ -212,4 +213,5 @@ def test_quadrilaterals_are_cut():
     x, cells, _ = specimen(235.0, 135.0, 47, 27, cell="quadrilateral")
     grid = pyvista.UnstructuredGrid({pyvista.CellType.QUAD: cells}, x)
     grid.point_data["u"] = SHEARED(*x[:, :2].T) - x
+    grid.field_data[SYMMETRIC] = [0, 1]
     assert shape.draw_in(grid)["middle_of_long_side_mm"] == pytest.approx(13.5)

@@ -290,7 +290,7 @@ def test_contact_fields_and_tools_at_each_state(tmp_path):
         )
         assert not (folder / "tools" / "0002_0.vtp").exists()
     go_on(series, 1.0)
-    traction = COMM.gather(sum(contact.tractions() for contact in contacts))
+    traction = COMM.gather(np.stack([contact.tractions() for contact in contacts], 1))
     places = COMM.gather(blank.coordinates()[: contacts[0].nodes.count])
     if COMM.rank != 0:
         return
@@ -312,11 +312,19 @@ def test_contact_fields_and_tools_at_each_state(tmp_path):
     distance, node = cKDTree(np.concatenate(places)).query(grid.points)
     assert distance.max() < 1e-9
     traction = np.concatenate(traction)[node]
-    np.testing.assert_allclose(grid["contact_traction"], traction, atol=1e-12)
-    np.testing.assert_allclose(
-        grid["contact_pressure"], np.linalg.norm(traction, axis=1), atol=1e-12
-    )
+    np.testing.assert_allclose(grid["contact_traction"], traction.sum(1), atol=1e-12)
+    pressures = np.linalg.norm(traction, axis=2)
+    np.testing.assert_allclose(grid["contact_pressure"], pressures.max(1), atol=1e-12)
     assert traction.any()
+
+
+def test_a_ply_pressed_from_both_sides_has_a_pressure():
+    plates = [Tool(Plane((0, 0, at), (0, 0, -10 * at)), name=f"{at}") for at in (0.1, -0.1)]
+    fields = reports.nodal_fields(
+        sheet(spatial=True, terms=[Contact(p, 0.4, 100.0) for p in plates])
+    )
+    np.testing.assert_allclose(fields["contact_traction"], 0, atol=1e-12)
+    assert fields["contact_pressure"].min() > 1
 
 
 def test_a_scene_without_tools_leaves_none(tmp_path):

@@ -12,7 +12,7 @@ from ...runtime.rules import POSITIVE
 from ...tools.checks import check_start
 from ...tools.tool import Tool, checked_tool
 from ..materials import materials_at_nodes
-from ..output import Value, least, size_of, total
+from ..output import Value, largest, least, total
 from ..shell.morley import Where
 from ..term import SceneFacts
 from ..work import Work
@@ -344,11 +344,12 @@ class Contact(ToolInteraction):
         return self.plies.fields(self.blank.cell_means(lost))
 
     def nodal_fields(self) -> dict[str, Value]:
-        """Traction (nodes, 3) and its size, pressure, of all contacts together, and the gap to the
-        nearest tool."""
+        """Traction (nodes, 3) of all tools together, which is 0 where two press a ply from both
+        sides; the pressure, of several tools the largest; and the gap to the nearest tool."""
+        traction = self.tractions()
         return {
-            "contact_traction": total(self.tractions(), "MPa"),
-            "contact_pressure": size_of("contact_traction", "MPa"),
+            "contact_traction": total(traction, "MPa"),
+            "contact_pressure": largest(np.linalg.norm(traction, axis=1), "MPa"),
             "contact_gap": least(self.gap(), "mm"),
         }
 
