@@ -16,12 +16,12 @@ class Work:
     kink. Sizes and sides are those of all forces, or places, together: axes don't matter.
 
     With less than three states forces and places are straight lines. If `since` was asked of states
-    on the way before, they are polynomials through all of these: so the work of a first step that
-    is doubted is found anew.
+    on the way before, they are polynomials through all of these: so the work of a step that is
+    doubted is found anew.
 
     follows: whether places follow from the forces, as those of a dead load. They are no polynomials
-    in the load, as a flat sheet sags by its cube root, so lines stay straight after a first step,
-    and its polynomials are in load and travel together, each over its change in the step.
+    in the load, as a flat sheet sags by its cube root. So lines are straight, and polynomials are
+    in load and travel together, each over its change in the step.
     """
 
     def __init__(self, follows: bool = False) -> None:

@@ -176,8 +176,10 @@ class LoadStepping:
             return
         missing, balance = self._missing_work(trial), self.settings.balance
         # energies that grow as the load or faster are 1 / size times as large in the end
-        matters = min(balance or np.inf, step_criteria.UNBALANCED / max(trial.size, 1e-300))
-        for share in () if self.progress.last_step else ON_THE_WAY:
+        matters = step_criteria.UNBALANCED / max(trial.size, 1e-300)
+        if not self.progress.last_step:  # work along a straight line, which halving does not mend
+            matters = min(balance or np.inf, matters)
+        for share in ON_THE_WAY:
             if missing > matters and self._measure_on_the_way(trial, share):
                 missing = self._missing_work(trial)
         trial.report.reject(step_criteria.imbalance(missing, balance))
@@ -190,8 +192,8 @@ class LoadStepping:
         return step_criteria.missing_work(trial.work, rise, stored, contact)
 
     def _measure_on_the_way(self, trial, share):
-        """Measure the first step's work anew with the state at this share of it, as without it
-        work is a trapezoid's, which halving would not mend; False if that state is not found."""
+        """Measure the step's work anew with the state at this share of it; False if that is not
+        found."""
         found, iterations = self.newton.x.copy(), trial.report.iterations
         load = self.progress.load + share * trial.size
         values = self.scene.supports.values(load)
