@@ -328,6 +328,16 @@ def test_strips_with_free_sides_and_no_width_are_taken_as_uncoupled(p_min, noise
             assert low - 1e-3 <= getattr(KOMEILI.warp, name) <= high + 1e-3
 
 
+@pytest.mark.parametrize("p_min, seed", [(0.85, 3), (0.85, 7), (0.85, 8), (0.95, 2), (0.95, 4)])
+def test_intervals_hold_where_coupling_is_weak(p_min, seed):
+    """At p_min = 1 and d = 0 only their ratio counts: 0.999 to 1 was the interval there."""
+    _, curves = synthesise(KOMEILI.replace(p_min=p_min), "all", 0.03, seed)
+    result = identify(SHEET, only(curves, "free_a", "free_b"))
+    for name, true in {"a": KOMEILI.warp.a, "b": KOMEILI.warp.b, "p_min": p_min}.items():
+        low, high = result.determined[name].interval
+        assert low <= true <= high, name
+
+
 def test_strips_with_free_sides_tell_the_rest_if_p_min_is_known():
     """c, too, but not d, of whose root it depends."""
     _, curves = synthesise(KOMEILI, "all", 0.0)
