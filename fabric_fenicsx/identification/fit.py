@@ -94,7 +94,10 @@ def _remarks(tests):
 
 def _determined(problem, k, value, staged, error, half, at_bound):
     """Parameter k, fitted."""
-    interval = tuple(np.clip([value - half, value + half], *problem.box(k)).tolist())
+    high = value + half
+    if base(problem.names[k]) == "c":  # the larger it is the less the force depends on it
+        high = max(high, value * math.exp(min(half / max(value, 1e-300), 50)))
+    interval = tuple(np.clip([value - half, high], *problem.box(k)).tolist())
     is_weak = bool(half > abs(value))
     unit = unit_of(problem.names[k])
     return Determined(float(value), float(error), interval, unit, float(staged), is_weak, at_bound)

@@ -284,15 +284,15 @@ def values_of(
                 wrong.append(f"row {row}: {name} is {cells[i].strip()!r}")
     for length, rows in lengths.items():
         problems.append(
-            f"{_first(rows)}: there are {length} cells under {len(table.names)} columns; allowed "
+            f"{some(rows)}: there are {length} cells under {len(table.names)} columns; allowed "
             "is one number a column (a decimal comma needs semicolons or tabs between them)"
         )
     if wrong:
-        problems.append(f"{_first(wrong)}; allowed is a finite number")
+        problems.append(f"{some(wrong)}; allowed is a finite number")
     return columns
 
 
-def _first(texts):
+def some(texts: Sequence[str]) -> str:
     """The first texts of a list, and how many more there are."""
     more = len(texts) - MOST_TOLD
     return ", ".join(texts[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")

@@ -1,12 +1,11 @@
 """Of the rows of a test those that load the fabric: from 0 or the end of its slack on, up to the
 first turn."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.optimize import nnls
 
+from ...readers.text_tables import some
 from ...runtime.formatting import percent, rounded
 from .model import Table, units
 
@@ -17,7 +16,6 @@ _SURE = 15.0  # by how much the logarithm of likelihood is to be better with sla
 _POWERS, _LENGTHS = np.arange(1, 7), np.array([0.1, 0.2, 0.4])  # of toes of crimp
 _NEAR_IT = np.array([2, 3])  # of what looks slack: rows in which a kink is sought
 _ROUNDED = 1e-4  # of the peak, to which forces are known at best
-_ROWS = 3  # told one by one
 
 
 def kept(table: Table, which: np.ndarray) -> Table:
@@ -32,11 +30,6 @@ def _in_file(table, column, value):
     return f"{rounded(value / units(column).get(unit, 1.0), 4)} {unit}".removesuffix(" -")
 
 
-def _named(rows: Sequence[int]) -> str:
-    more = f" and {len(rows) - _ROWS} more" if len(rows) > _ROWS else ""
-    return f"row{'s'[: len(rows) > 1]} {', '.join(map(str, rows[:_ROWS]))}{more}"
-
-
 def from_zero(table: Table, column: str, sign: int) -> tuple[Table, list[str]]:
     """The table without rows in which a column of this sign lies by `NOISE` on the other side of 0,
     and a sentence on them."""
@@ -45,7 +38,7 @@ def from_zero(table: Table, column: str, sign: int) -> tuple[Table, list[str]]:
     if not below.any():
         return table, []
     least = _in_file(table, column, sign * values[below].min())
-    rows = _named(np.array(table.rows)[below].tolist())
+    rows = some([f"row {row}" for row in np.array(table.rows)[below]])
     return kept(table, ~below), [f"{rows} left out, as {column} is {least} there, beyond 0"]
 
 
@@ -68,7 +61,7 @@ def loading_branch(table: Table, column: str) -> tuple[Table, list[str]]:
         )
         table = kept(table, np.arange(end + 1))
     if (still := np.flatnonzero(np.diff(size[: end + 1]) <= 0) + 1).size:
-        rows, back = _named([table.rows[k] for k in still]), (top - size)[: end + 1].max()
+        rows, back = some([f"row {table.rows[k]}" for k in still]), (top - size)[: end + 1].max()
         far = f" and goes back by up to {_in_file(table, column, back)}" if back else ""
         told.append(f"{column} does not move on in {rows}{far}; read as scatter")
     return table, told
