@@ -150,10 +150,10 @@ def test_the_material_file(tmp_path):
 def test_the_data_set(tmp_path):
     text = (DOCS / "howto/own_data.md").read_text()
     found = identify(*curves.read(write_data_set(tmp_path)))
-    assert sorted(found.assumed) == ["d", "s_C", "s_T"]
-    assert "In the example d, s_T and s_C are assumed" in text
-    for curve in found.report()["curves"]:
-        assert curve["rms_error_of_peak"] < 0.01
+    assert sorted(found.assumed) == ["s_C", "s_T"]
+    assert "In the example s_T and s_C are assumed" in text
+    for curve in found.report()["curves"]:  # of eps_b with its 2 % of noise
+        assert curve["rms_error_of_peak"] < (0.02 if curve["column"] == "eps_b" else 0.01)
 
 
 def test_the_compaction_test(tmp_path):

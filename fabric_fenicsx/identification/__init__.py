@@ -8,7 +8,8 @@ hide what stage 1 leaves uncertain.
 
 A parameter is fitted only if the data determine it: a test excites it, and its interval at 1 %
 noise or more is narrow enough (`problem.Problem.undetermined`). p_min needs tension with a negative
-strain across, as tension-tension data hardly tell it from c. All other parameters keep an assumed
+strain across, as tension-tension data hardly tell it from c. Free strips need that strain, too, or
+p_min is 1, with which held strips are not too stiff. All other parameters keep an assumed
 value, that of `[assumed]` in sheet.toml or of Table 1, and the result says so.
 
 A fabric with balanced = false is refused if only one of its directions was pulled and nothing

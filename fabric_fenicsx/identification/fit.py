@@ -22,6 +22,7 @@ STAGE_1 = ("a", "b", "d", *SHEAR)
 # Of the parameters that the data can't tell apart, the first of these becomes an assumption.
 GIVEN_UP = ("s_C", "p_min", "d", "c", "s_T", "s3", "s2", "a", "s1", "b")
 QUICK = 60  # evaluations of a fit after which it is asked whether the data determine its parameters
+UNCOUPLED = "no coupling, so that held strips are not too stiff"  # source of a p_min of 1
 # higher terms are 0 by default if the lower one is fitted
 HIGHER = {"a": "b", "s2": "s1", "s3": "s1"}
 
@@ -63,7 +64,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *_remarks(curves),
         *_remarks(sheet.compaction),
         *_fit_warnings(curves, found, softest, convex),
-        *_parameter_warnings(determined, problem),
+        *_parameter_warnings(determined, assumed),
         *filter(None, (toe_warning(*each) for each in fits)),
         *unit_warnings(curves),
         *(compaction.warnings if compaction else ()),
@@ -93,7 +94,10 @@ def _remarks(tests):
 
 def _determined(problem, k, value, staged, error, half, at_bound):
     """Parameter k, fitted."""
-    interval = tuple(np.clip([value - half, value + half], *problem.box(k)).tolist())
+    high = value + half
+    if base(problem.names[k]) == "c":  # the larger it is the less the force depends on it
+        high = max(high, value * math.exp(min(half / max(value, 1e-300), 50)))
+    interval = tuple(np.clip([value - half, high], *problem.box(k)).tolist())
     is_weak = bool(half > abs(value))
     unit = unit_of(problem.names[k])
     return Determined(float(value), float(error), interval, unit, float(staged), is_weak, at_bound)
@@ -114,6 +118,11 @@ def _assumptions(problem, sheet):
             reason[k] = (
                 "no test shows tension with a negative strain across; c is fitted for this value"
             )
+        elif base(name) == "p_min" and problem.rests_on_form(name):
+            # of all that follow free strips the value with which held ones are softest: k_TC <= 1
+            reason[k] = "tests of free strips without the strain across do not tell it"
+            if source[name] != "sheet.toml":
+                values[name], source[name] = 1.0, UNCOUPLED
     return np.array([values[n] for n in names]), source, reason
 
 
@@ -238,14 +247,14 @@ def _fit_warnings(curves, found, softest, convex):
         yield "the energy is not convex in (eps_a, eps_b) over the measured tension"
 
 
-def _parameter_warnings(determined, problem):
-    for name in determined:
-        if base(name) == "p_min" and problem.rests_on_form(name):
+def _parameter_warnings(determined, assumed):
+    for name, value in assumed.items():
+        if value.source == UNCOUPLED:
             yield (
-                f"{name} and {name.replace('p_min', 'c')} rest on the form of free tests alone, as "
-                "none has the strain across: forces may be far off; lay a simulated test over the "
-                "measured one (`fabric tensile --measured`), measure the strain across (eps_a or "
-                "eps_b), or hold p_min at 1 in [assumed]"
+                f"{name} is set to 1, as strips were pulled with free sides and without the strain "
+                "across: so a strip is as stiff with held sides as with free ones, never too stiff "
+                "but maybe too soft, and does not neck; measure the strain across (eps_a or "
+                "eps_b), or hold the sides"
             )
     for name, parameter in determined.items():
         if parameter.at_bound:

@@ -8,9 +8,10 @@ from .problem import unit_of
 @dataclass(frozen=True)
 class Determined:
     """A fitted parameter: value, standard error and 95 % interval (t-distribution, from the
-    linearised joint fit, bounds not applied), all in `unit`; two_stage: its value before the joint
-    fit; weak: the interval is wider than +-100 %; at_bound: a bound from physics holds it, so the
-    interval is a rough guide."""
+    linearised joint fit, bounds not applied; upwards that of c is at least as wide in its
+    logarithm), all in `unit`; two_stage: its value before the joint fit; weak: the interval is
+    wider than +-100 %; at_bound: a bound from physics holds it, so the interval is a rough guide.
+    """
 
     value: float
     standard_error: float

@@ -15,6 +15,8 @@ from .curves import Curve, Sheet
 
 DEFAULTS = PRESETS["komeili"]  # Table 1; d, p_min and s_C were assumed there, too
 NOISE = 0.01  # share of each peak: noise at which the data must determine a parameter
+# With d fitted, too: at 1 only d / (1 - p_min) counts, d goes to 0, and no interval can be taken.
+UNCOUPLED = {"p_min": 0.99}
 SOFTEST = 0.999  # tau' > 0 is kept by c1 > -SOFTEST sqrt(c0 c2), see Problem._to_x
 
 
@@ -211,7 +213,10 @@ class Problem:
         gamma/angle, which is positive on all of [0, angle] exactly if c0, c2 > 0 and c1 > -sqrt(c0
         c2): bounds on c0, c1/sqrt(c0 c2) and c2."""
         x = np.array([theta[k] / self.natural[k] for k in free])
-        low, high = np.array([self.box(k) for k in free]).T / self.natural[free]
+        low, high = np.array([self.box(k) for k in free]).T
+        if any(base(self.names[k]) == "d" for k in free):
+            high = np.minimum(high, [UNCOUPLED.get(base(self.names[k]), np.inf) for k in free])
+        low, high = low / self.natural[free], high / self.natural[free]
         if place := self._shear(free):
             G, (s1, s2, s3) = self.angle, theta[place]
             c0, c1, c2 = s1, s1 + s2 * G, s1 + 2 * s2 * G + 3 * s3 * G**2

@@ -16,9 +16,9 @@ from ..runtime.formatting import coordinates, percent, rounded
 from ..scene import output as scene_output
 from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
+from ..solve.step_criteria import UNBALANCED
 
 MISMATCH = 1e-6  # of stresses of elements and kernel, above which a run warns; usual is 1e-12
-UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 
 
 def not_believed(wrong: Sequence[str]) -> str:

@@ -52,19 +52,21 @@ class _DeadLoad(Term):
         self._work.accept(*self._state())
 
     def work(self) -> float:
-        """Done on this rank's part since the last accepted state [N mm]."""
-        return self._work.since(*self._state())
+        """Done on all of the sheet since the last accepted state, on rank 0 [N mm]."""
+        done = self._work.since(*self._state())
+        return done if self.blank.mesh.comm.rank == 0 else 0.0
 
     def _travel(self) -> float:
         raise NotImplementedError
 
     def _start(self):
-        self._work = Work(1)
+        self._work = Work(follows=True)
         self.set_load(0.0)
         self.accept()
 
     def _state(self):
-        return self._load, np.array([self._now]), np.array([self._travel()])
+        travel = self.blank.mesh.comm.allreduce(self._travel())
+        return self._load, np.array([self._now]), np.array([travel])
 
 
 class DeadPressure(_DeadLoad):

@@ -16,14 +16,16 @@ class Work:
     kink. Sizes and sides are those of all forces, or places, together: axes don't matter.
 
     With less than three states forces and places are straight lines. If `since` was asked of states
-    on the way before, they are polynomials through all of these: so the work of a first step that
-    is doubted is found anew.
+    on the way before, they are polynomials through all of these: so the work of a step that is
+    doubted is found anew.
 
-    states: how many are remembered at most, 1 for straight lines always.
+    follows: whether places follow from the forces, as those of a dead load. They are no polynomials
+    in the load, as a flat sheet sags by its cube root. So lines are straight, and polynomials are
+    in load and travel together, each over its change in the step.
     """
 
-    def __init__(self, states: int = STATES) -> None:
-        self._most = states
+    def __init__(self, follows: bool = False) -> None:
+        self._follows, self._most = follows, 1 if follows else STATES
         # loads, forces and places: the last accepted, and those asked of since
         self._states: list[tuple[float, np.ndarray]] = []
         self._asked: dict[float, np.ndarray] = {}
@@ -40,7 +42,7 @@ class Work:
         self._asked[load] = now[1]
         on_the_way = [each for each in self._asked.items() if start[0] < each[0] < load]
         if on_the_way:
-            return _polynomial_work([start, *on_the_way, now])
+            return _polynomial_work(sorted([start, *on_the_way, now]), self._follows)
         rise, moved = now[1] - start[1]
         work = (start[1][0] + now[1][0]) @ moved / 2
         if load > start[0]:
@@ -65,12 +67,15 @@ class Work:
         self._states = [(float(row[1]), row[2:].reshape(2, -1).copy()) for row in rows if row[0]]
 
 
-def _polynomial_work(known):
-    """Work from the first of the `known` states to the last, by polynomials in the load."""
-    loads = np.array([load for load, _ in known])
+def _polynomial_work(known, follows):
+    """Work from the first of the `known` states to the last, by polynomials in the load, or in load
+    and travel if places `follows` from forces."""
+    loads, values = (np.array(each) for each in zip(*known))
     at = (loads - loads[0]) / (loads[-1] - loads[0])
+    if follows:
+        travel = np.linalg.norm(np.diff(values[:, 1], axis=0), axis=1).cumsum()
+        at[1:] = (at[1:] + travel / travel[-1]) / 2 if travel[-1] else at[1:]
     powers = np.arange(len(at))
-    values = np.array([state for _, state in known])
     forces, places = np.tensordot(np.linalg.inv(at[:, None] ** powers), values, 1).swapaxes(0, 1)
     # the integral of s^i d(s^j) over 0 to 1
     shares = powers / np.maximum(powers[:, None] + powers, 1)

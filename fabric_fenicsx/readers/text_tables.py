@@ -1,8 +1,8 @@
 """Tables of numbers in text files as testing machines write them.
 
-What is read: any of the encodings UTF-8, UTF-16 and Windows' Latin one; cells between semicolons,
-tabs, commas or blanks; decimal points or commas, and thousands' separators; lines above the header;
-units in the header or in a row of their own. What can mean two numbers is refused.
+What is read: any of the encodings UTF-8, UTF-16, Shift-JIS and Windows' Latin one; cells between
+semicolons, tabs, commas or blanks; decimal points or commas, and thousands' separators; lines above
+the header; units in the header or in a row of their own. What can mean two numbers is refused.
 """
 
 import csv
@@ -85,7 +85,17 @@ def _decoded(data):
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError:
-        return data.decode("cp1252", errors="replace")
+        return data.decode("cp932" if _is_japanese(data) else "cp1252", errors="replace")
+
+
+def _is_japanese(data):
+    """True if bytes are Shift-JIS, of whose characters most begin with bytes that Latin text hardly
+    has."""
+    try:
+        data.decode("cp932")
+    except UnicodeDecodeError:
+        return False
+    return sum(0x80 <= byte < 0xA0 for byte in data) >= sum(byte >= 0xA0 for byte in data)
 
 
 def is_comment(line: str) -> bool:
@@ -274,15 +284,15 @@ def values_of(
                 wrong.append(f"row {row}: {name} is {cells[i].strip()!r}")
     for length, rows in lengths.items():
         problems.append(
-            f"{_first(rows)}: there are {length} cells under {len(table.names)} columns; allowed "
+            f"{some(rows)}: there are {length} cells under {len(table.names)} columns; allowed "
             "is one number a column (a decimal comma needs semicolons or tabs between them)"
         )
     if wrong:
-        problems.append(f"{_first(wrong)}; allowed is a finite number")
+        problems.append(f"{some(wrong)}; allowed is a finite number")
     return columns
 
 
-def _first(texts):
+def some(texts: Sequence[str]) -> str:
     """The first texts of a list, and how many more there are."""
     more = len(texts) - MOST_TOLD
     return ", ".join(texts[:MOST_TOLD]) + (f" and {more} more" if more > 0 else "")

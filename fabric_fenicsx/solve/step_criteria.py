@@ -2,6 +2,7 @@
 
 from ..runtime.formatting import percent
 
+UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
 SMALL_WORK = 0.1  # of the energies, below which a step's work is not compared with itself
 
 
@@ -13,15 +14,16 @@ def off_path(deviation: float, accuracy: float | None) -> str:
     return ""
 
 
-def imbalance(
-    work: float, rise: float, stored: float, contact: float, allowed: float | None
-) -> str:
-    """Criterion of the energy balance: at most the share `allowed` of a step's `work` is missing
-    from the `rise` of the energies (None: any). They are compared with the largest of both, of a
-    tenth of the energies `stored` before, and of contact's: what contact lags may be off by a
-    hundredth before and after the step. All in N mm."""
+def missing_work(work: float, rise: float, stored: float, contact: float) -> float:
+    """The share of a step's `work` that is missing from the `rise` of the energies. They are
+    compared with the largest of both, of a tenth of the energies `stored` before, and of contact's:
+    what contact lags may be off by a hundredth before and after the step. All in N mm."""
     scale = max(abs(work), abs(rise), SMALL_WORK * abs(stored), abs(contact), 1e-300)
-    missing = abs(work - rise) / scale
+    return abs(work - rise) / scale
+
+
+def imbalance(missing: float, allowed: float | None) -> str:
+    """Criterion of the energy balance: `missing_work` is at most `allowed` (None: any)."""
     if not allowed or missing <= allowed:
         return ""
     return (

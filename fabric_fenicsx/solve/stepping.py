@@ -21,7 +21,11 @@ SMALLEST = 1e-5  # load step that is still halved
 HARD = 1 / 16  # of the largest step, from where on cutting alone does not help
 FINEST = 8  # of these make the largest step; what a snap loses is missing with any step, so the
 # energy balance of smaller ones is not asked
-ON_THE_WAY = 1 / 2, 1 / 4  # shares of the first step, at which its work is measured if in doubt
+ON_THE_WAY = (
+    1 / 2,
+    1 / 4,
+    3 / 4,
+)  # shares of a first step at which its work is measured, if in doubt
 STEPS_AT_REST = 40  # at full load, at most, for the sheet to creep to where it needs no drag
 
 
@@ -170,22 +174,26 @@ class LoadStepping:
         self._measure(trial)
         if not self._in_equilibrium:
             return
-        reason = self._imbalance(trial)
-        for share in () if self.progress.last_step else ON_THE_WAY:
-            if reason and self._measure_on_the_way(trial, share):
-                reason = self._imbalance(trial)
-        trial.report.reject(reason)
+        missing, balance = self._missing_work(trial), self.settings.balance
+        # energies that grow as the load or faster are 1 / size times as large in the end
+        matters = step_criteria.UNBALANCED / max(trial.size, 1e-300)
+        if not self.progress.last_step:  # work along a straight line, which halving does not mend
+            matters = min(balance or np.inf, matters)
+        for share in ON_THE_WAY:
+            if missing > matters and self._measure_on_the_way(trial, share):
+                missing = self._missing_work(trial)
+        trial.report.reject(step_criteria.imbalance(missing, balance))
 
-    def _imbalance(self, trial):
+    def _missing_work(self, trial):
         if trial.size <= 1.5 * self.largest / FINEST:
-            return ""
+            return 0.0
         stored, contact = self.progress.stored, trial.energies.get("contact", 0.0)
-        rise, allowed = trial.energy - stored, self.settings.balance
-        return step_criteria.imbalance(trial.work, rise, stored, contact, allowed)
+        rise = trial.energy - stored
+        return step_criteria.missing_work(trial.work, rise, stored, contact)
 
     def _measure_on_the_way(self, trial, share):
-        """Measure the first step's work anew with the state at this share of it, as without it
-        work is a trapezoid's, which halving would not mend; False if that state is not found."""
+        """Measure the step's work anew with the state at this share of it; False if that is not
+        found."""
         found, iterations = self.newton.x.copy(), trial.report.iterations
         load = self.progress.load + share * trial.size
         values = self.scene.supports.values(load)

@@ -307,26 +307,46 @@ def strip(curve):
     return dataclasses.replace(curve, responses=curve.responses[:1])
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_strips_with_free_sides_and_no_width(seed):
-    """What the force along the strip tells comes back; d, which it cannot tell from c, and p_min at
-    1 % noise do not."""
+@pytest.mark.parametrize("noise", [0.0, 0.005, 0.02])
+@pytest.mark.parametrize("p_min", [0.3, 0.75, 1.0])
+def test_strips_with_free_sides_and_no_width_are_taken_as_uncoupled(p_min, noise):
+    """So a held strip comes out as stiff as the free one was: never stiffer than the fabric's."""
+    fabric = KOMEILI.replace(p_min=p_min)
+    _, curves = synthesise(fabric, "all", noise)
+    given = [strip(c) for c in only(curves, "free_a", "free_b")]
+    result = identify(SHEET, given)
+    assert result.assumed["p_min"].value == 1.0
+    assert result.assumed["p_min"].source == "no coupling, so that held strips are not too stiff"
+    assert any("p_min is set to 1, as strips were pulled with" in each for each in result.warnings)
+    stretched = np.outer(np.linspace(0.003, 0.03, 10), [1.0, 0.0, 0.0])
+    held, true = (nominal(f, stretched)[:, 0] for f in (result.fabric, fabric))
+    assert np.all(held < (1.02 + noise) * true)
+    assert held[-1] == pytest.approx(given[0].responses[0].values[-1], rel=0.02 + 2 * noise)
+    if p_min == 1:
+        for name in "ab":
+            low, high = result.determined[name].interval
+            assert low - 1e-3 <= getattr(KOMEILI.warp, name) <= high + 1e-3
+
+
+@pytest.mark.parametrize("p_min, seed", [(0.85, 3), (0.85, 7), (0.85, 8), (0.95, 2), (0.95, 4)])
+def test_intervals_hold_where_coupling_is_weak(p_min, seed):
+    """At p_min = 1 and d = 0 only their ratio counts: 0.999 to 1 was the interval there."""
+    _, curves = synthesise(KOMEILI.replace(p_min=p_min), "all", 0.03, seed)
+    result = identify(SHEET, only(curves, "free_a", "free_b"))
+    for name, true in {"a": KOMEILI.warp.a, "b": KOMEILI.warp.b, "p_min": p_min}.items():
+        low, high = result.determined[name].interval
+        assert low <= true <= high, name
+
+
+def test_strips_with_free_sides_tell_the_rest_if_p_min_is_known():
+    """c, too, but not d, of whose root it depends."""
     _, curves = synthesise(KOMEILI, "all", 0.0)
-    exact = identify(SHEET, [strip(c) for c in only(curves, "free_a", "free_b")])
-    assert list(exact.determined) == ["a", "b", "p_min", "c"]
+    known = dataclasses.replace(SHEET, assumed={"p_min": 0.75})
+    exact = identify(known, [strip(c) for c in only(curves, "free_a", "free_b")])
+    assert list(exact.determined) == ["a", "b", "c"] and not exact.warnings
     assert worst(exact, true_values(KOMEILI, True)) < 1e-6
     assert exact.assumed["d"].reason == "the data cannot tell it from others"
-    assert exact.assumed["d"].moves == {
-        "c": pytest.approx(0.5 * 2.367, rel=1e-3)
-    }  # c depends on its root
-    _, curves = synthesise(KOMEILI, "all", 0.01, seed)
-    noisy = identify(SHEET, [strip(c) for c in only(curves, "free_a")])
-    assert {"a", "b"} < set(noisy.determined) and "d" in noisy.assumed
-    if seed == 1:
-        assert "a and b are fitted for this value" in noisy.assumed["p_min"].reason
-    for name, p in noisy.determined.items():
-        assert p.interval[0] < true_values(KOMEILI, True)[name] < p.interval[1]
-    assert 0.005 < noisy.report()["curves"][0]["rms_error_of_peak"] < 0.02
+    assert exact.assumed["d"].moves == {"c": pytest.approx(0.5 * 2.367, rel=1e-3)}
 
 
 @pytest.mark.parametrize("noise", [None, ("maximum", 0.02)])
@@ -354,7 +374,7 @@ def test_other_tests_do_not_move_the_yarns(noise):
         assert both.determined[name].value == pytest.approx(alone.determined[name].value, rel=1e-4)
 
 
-def test_p_min_that_rests_on_the_form_of_free_tests_is_told():
+def test_whether_p_min_rests_on_the_form_of_free_tests():
     _, curves = synthesise(KOMEILI, "all", 0.0)
     (free,) = only(curves, "free_a")
     alone = strip(free)
@@ -362,8 +382,6 @@ def test_p_min_that_rests_on_the_form_of_free_tests_is_told():
     cases = {True: [[alone]], False: [[free], [alone, held]]}
     for rests, given in ((rests, given) for rests, each in cases.items() for given in each):
         assert problem.Problem(SHEET, given).rests_on_form("p_min") == rests
-    warnings = identify(SHEET, [alone]).warnings
-    assert any("p_min and c rest on the form of free tests alone" in words for words in warnings)
 
 
 def test_a_strip_is_not_held():
@@ -387,7 +405,8 @@ def test_a_strip_is_not_held():
 )
 def test_strips_far_from_where_the_fit_starts(other):
     fabric = KOMEILI.replace(**other)
-    result = identify(SHEET, [strip(c) for c in only(synthesise(fabric, "all")[1], "free_a")])
+    known = dataclasses.replace(SHEET, assumed={"p_min": fabric.warp.p_min})
+    result = identify(known, [strip(c) for c in only(synthesise(fabric, "all")[1], "free_a")])
     assert {"a", "b", "c"} <= set(result.determined)
     assert worst(result, true_values(fabric, True)) < 1e-6
 

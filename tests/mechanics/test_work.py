@@ -108,6 +108,16 @@ def test_a_first_step_looked_at_on_the_way_has_its_exact_work(power):
     assert [found[2], found[4]] == pytest.approx([1 / (power + 1)] * 2)
 
 
+@pytest.mark.parametrize("power", [1, 2, 3])
+def test_travel_that_follows_from_a_first_load(power):
+    """A dead load on what hardens as a power of the travel, as a flat sheet does."""
+    work = Work(follows=True)
+    work.accept(0.0, np.zeros(1), np.zeros(1))
+    for load in (0.5, 0.25, 0.75, 1.0):
+        found = work.since(load, np.array([load]), np.array([load ** (1 / power)]))
+    assert found == pytest.approx(1 / (power + 1), rel=0.02)
+
+
 def test_points_that_are_let_go_do_no_work():
     work = Work()
     work.accept(0.0, np.ones(2), np.zeros(2))

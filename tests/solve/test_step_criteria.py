@@ -2,7 +2,7 @@
 
 import pytest
 
-from fabric_fenicsx.solve.step_criteria import imbalance, off_path
+from fabric_fenicsx.solve.step_criteria import imbalance, missing_work, off_path
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,6 @@ def test_a_state_may_be_twice_the_accuracy_off_the_straight_path(accuracy, devia
     ],
 )
 def test_work_must_be_in_the_energies_unless_it_is_little(work, rise, contact, allowed, found):
-    reason = imbalance(work, rise, 1e3, contact, allowed)
+    reason = imbalance(missing_work(work, rise, 1e3, contact), allowed)
     text = f"{found} of the step's work is not in the energies; allowed is 2 %"
     assert reason == (text if found else "")

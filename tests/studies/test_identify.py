@@ -94,6 +94,7 @@ def strip_data(tmp_path):
 
 
 def test_a_strip_with_free_sides_in_newtons_per_width(launch, strip_data, tmp_path):
+    (strip_data / "sheet.toml").write_text(SHEET + "[assumed]\np_min = 0.75\n")
     done = launch(
         "identify", "--data", strip_data, "--out", tmp_path / "x.toml", "--no-pictures", out=False
     )

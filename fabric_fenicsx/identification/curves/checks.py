@@ -8,6 +8,7 @@ import numpy as np
 
 from ...readers.text_tables import Problems
 from ...runtime.errors import InputError
+from .branch import NOISE
 from .model import STRAINS, TESTS, CompactionTest, Curve, Sheet, Table, unit_inside, units
 
 # beyond it a wrong unit is the likely reason
@@ -17,8 +18,6 @@ _LONGEST = 0.2  # strain of a yarn in tension that fabrics hardly have
 _LEAST = {"%": (5e-4, "-"), "deg": (math.radians(1.6), "rad")}
 _OFFSET = 0.2  # largest share of the peak that may be measured in the undeformed state
 _FALLEN = 0.5  # share of the peak below which tension falls where yarns break
-_SLACK = 0.1  # of what a law without b would bear at a strain, below which a strip is slack
-_SLACK_SHARE = 0.05  # of the largest strain, up to which slack is not worth a word
 TRUSTED = 30.0  # deg, to which angles by the displacement of a bias test are measured ones
 _PRESSED = 4  # points that tell compaction's three numbers
 _RANGE_OF_PRESSURE = 5.0  # the last over the first, as thickness follows the logarithm
@@ -63,8 +62,6 @@ def check_values(name: str, table: Table, runs: str, measured: Sequence[str]) ->
         with problems:
             _check_response(name, table, column, undeformed)
     problems.stop()
-    if name.startswith("uniaxial") and f"sigma_{name[-1]}" in measured:
-        _check_slack(table, runs, f"sigma_{name[-1]}")
 
 
 def _check_strain(name, table, column):
@@ -82,10 +79,11 @@ def _check_strain(name, table, column):
 
 
 def _check_monotone(table, runs, sign, way, unit=""):
-    """A column that turns back."""
-    x = table.columns[runs]
-    for k in _first(np.diff(x) * sign <= 0) + 1:
-        allowed = f"to {way} strictly (keep one loading branch)"
+    """A column that turns back by more than noise."""
+    x, onward = table.columns[runs], sign * table.columns[runs]
+    for far in _first(np.maximum.accumulate(onward) - onward > NOISE * np.ptp(x)):
+        k = int(onward[:far].argmax()) + 1
+        allowed = f"to {way} (keep one loading branch)"
         text = f"{runs} is {x[k]:.6g}{unit} after {x[k - 1]:.6g}{unit}; allowed is {allowed}"
         raise _fault(table.rows[k], text)
 
@@ -127,26 +125,6 @@ def _check_response(name, table, column, undeformed):
         share = f"{100 * values[-1] / values[peak]:.0f} % of its value in row {rows[peak]}"
         allowed = f"{100 * _FALLEN:g} % or more (keep the rows before yarns break)"
         raise _fault(rows[-1], f"{column} has fallen to {share}; allowed is {allowed}")
-
-
-def _check_slack(table, runs, column):
-    """A strip that is pulled and hardly bears anything at first.
-
-    Of the law's curves over strain the one without b rises latest, with the square; slack is far
-    below.
-    """
-    x, y = (table.columns[c] / np.abs(table.columns[c]).max() for c in (runs, column))
-    low = int(np.argmin(np.append(y < _SLACK * x**2, False)))
-    if low < 2 or x[low - 1] < _SLACK_SHARE:
-        return
-    raw = "displacement" if "displacement" in table.columns else runs
-    unit = table.header[raw]
-    end = f"{table.columns[raw][low - 1] / units(raw)[unit]:.4g} {unit}"
-    rows, most = f"rows {table.rows[0]} to {table.rows[low - 1]}", 100 * y[:low].max()
-    raise InputError(
-        f"{rows}: {column} is up to {most:.2g} % of its peak, while {raw} reaches {end}: the strip "
-        f"is slack; allowed is a line `# slack: {end}`, from which the strain then counts"
-    )
 
 
 def doubted_angles(test: str, table: Table) -> list[str]:

@@ -13,6 +13,7 @@ from ...readers.units import factors
 from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
 from . import checks
+from .branch import from_zero, kept, loading_branch, slack
 from .forces import of_fabric, response
 from .model import (
     COLUMNS,
@@ -32,7 +33,6 @@ from .model import (
 )
 
 _LENGTH = factors("length")
-_NEAR = 0.99  # share of the largest strain from which a branch counts as loaded in full
 
 
 class _Keys(NamedTuple):
@@ -70,18 +70,26 @@ def read_test(path: Path | str, thickness: float, stated: Stated) -> Curve | Com
 def _curve(file, table, keys, thickness, remarks):
     test = TESTS[keys.test]
     raw = {column: raw for raw, (column, _) in test.raw.items() if raw in table.columns}
-    slack = 0.0
+    moved = raw.get(test.strains[0], test.strains[0])
+    table, told = from_zero(table, moved, test.sign)
+    runs = max(
+        test.strains, key=lambda c: np.ptp(table.columns[raw.get(c, c)]) if table.rows else 0
+    )
+    table, left_out = loading_branch(table, raw.get(runs, runs))
+    told, loose = told + left_out, 0.0
     if "slack" in keys.texts:
-        column = raw.get(test.strains[0], test.strains[0])
-        slack = _quantity("slack", keys.texts["slack"], units(column))
-        table = _kept(table, table.columns[column] > slack)
-        table.columns[column] = table.columns[column] - slack
+        loose = _quantity("slack", keys.texts["slack"], units(moved), zero=True)
+    elif "slack" in test.all_keys:
+        borne = next(c for c in ("F", *test.measured) if c in table.columns)
+        loose, words = slack(table, moved, borne)
+        told += words
+    if loose:
+        table = kept(table, table.columns[moved] > loose)
+        table.columns[moved] = table.columns[moved] - loose
     for column, machine in raw.items():
         values = table.columns[machine]
         table.columns[column] = of_fabric(machine, values, keys.test, keys.lengths, thickness)
         table.header[column] = unit_inside(column)
-    runs = max(test.strains, key=lambda column: np.ptp(table.columns[column] if table.rows else 0))
-    table, left_out = _loading_branch(table, runs)
     columns, rows = table.columns, table.rows
     found = [column for column in keys.measured if column in columns]
     if {"tau", "F_sh"} <= set(found):
@@ -107,45 +115,21 @@ def _curve(file, table, keys, thickness, remarks):
         keys.free,
         _noise(keys.texts.get("noise"), responses, thickness),
         keys.lengths,
-        (*remarks, *left_out, *checks.doubted_angles(keys.test, table)),
-        slack,
+        (*remarks, *told, *checks.doubted_angles(keys.test, table)),
+        loose,
     )
 
 
 def _compaction_test(file, table, keys, remarks):
-    table, left_out = _loading_branch(table, "pressure")
+    table, told = from_zero(table, "pressure", 1)
+    table, left_out = loading_branch(table, "pressure")
     checks.check_compaction(table)
     (column,) = (name for name in table.columns if name != "pressure")
     values = table.columns[column]
     response = Response(column, unit_inside(column), values, np.ones(len(values)))
     noise = _noise(keys.texts.get("noise"), [response], math.nan)
-    rows, remarks = np.array(table.rows), (*remarks, *left_out)
+    rows, remarks = np.array(table.rows), (*remarks, *told, *left_out)
     return CompactionTest(file, table.columns["pressure"], response, rows, noise, remarks)
-
-
-def _kept(table, which):
-    """The rows of a table by numbers or flags `which`."""
-    columns = {name: values[which] for name, values in table.columns.items()}
-    return table._replace(columns=columns, rows=np.array(table.rows)[which].tolist())
-
-
-def _loading_branch(table, runs):
-    """The rows up to the first turn of the column `runs`, and a sentence on those behind it. A
-    table whose first branch ends before its largest values is given back whole."""
-    size = np.abs(table.columns[runs] - table.columns[runs][0]) if table.rows else np.zeros(0)
-    if not size.any():
-        return table, []
-    end = int(np.argmax(size >= _NEAR * size.max()))
-    while end + 1 < len(size) and size[end + 1] > size[end]:
-        end += 1
-    if end + 1 == len(size) or np.any(np.diff(size[: end + 1]) <= 0):
-        return table, []
-    first, last = table.rows[0], table.rows[end]
-    text = (
-        f"{runs} turns back behind row {last}: of the loop the loading branch is fitted, rows "
-        f"{first} to {last}"
-    )
-    return _kept(table, np.arange(end + 1)), [text]
 
 
 # -- keys
@@ -230,16 +214,17 @@ def _lateral(name, place, lateral):
     return "ab".index(a) if lateral == "free" else None, (measured,), {zero: text}
 
 
-def _quantity(key, given, factors):
-    """The number of a text with a unit, in that of the factors' first."""
+def _quantity(key, given, factors, zero=False):
+    """The number of a text with a unit, in that of the factors' first; zero: if 0 is allowed."""
     place, text = given
     match = re.fullmatch(r"\s*([-+.,\deE]+)\s*(\S+)\s*", text)
     try:
         value = float(match[1].replace(",", ".")) * factors[match[2]] if match else math.nan
     except (KeyError, ValueError):
         value = math.nan
-    if not 0 < value < math.inf:
-        allowed = f"a number above 0 with one of the units {', '.join(factors)}"
+    if not 0 < value < math.inf and not (zero and value == 0):
+        least = "of at least 0" if zero else "above 0"
+        allowed = f"a number {least} with one of the units {', '.join(factors)}"
         raise InputError(f"{place}: {key} is {text!r}; allowed is {allowed}")
     return value
 
@@ -272,8 +257,9 @@ def _table(cells, keys, named, thickness, problems):
     place, factors, header, unknown = f"row {cells.top}", {}, {}, []
     test = TESTS[keys.test]
     allowed = (*test.strains, *test.optional, *keys.measured, *test.raw)
-    stated = {named[name] for name in cells.names if name in named}
-    for i, (name, unit) in enumerate(zip(cells.names, cells.units)):
+    names = _numbered(cells.names)
+    stated = {named[name] for name in names if name in named}
+    for i, (name, unit) in enumerate(zip(names, cells.units)):
         meant = named.get(name, column_of(name))
         column, *other = re.findall(r"[^\s\[\]]+", meant) or [name]
         is_second = column != name and name not in named and column in stated
@@ -298,9 +284,34 @@ def _table(cells, keys, named, thickness, problems):
             f"{place}: the column {missing[0]} is missing, which the test {keys.test} needs"
         )
     _check_raw(place, keys, header, problems)
+    while cells.rows and not any(
+        cells.cells[-1][i].strip() for i in factors if i < len(cells.cells[-1])
+    ):
+        cells.rows.pop(), cells.cells.pop()  # of a longer test beside this one
     columns = values_of(cells, factors, problems)
-    unread = [f"column {name!r} is not read" for name in unknown if name]
+    unread = [
+        f"column {name!r} is not read" + _in_place(name, cells.names) for name in unknown if name
+    ]
     return Table(columns, header, cells.rows, cells.top), unread
+
+
+def _numbered(names):
+    """Names of a header; of those that machines use the second one gets a number, as `Force 2`."""
+    return [
+        name
+        if name in COLUMNS or not name or name not in names[:i]
+        else f"{name} {names[: i + 1].count(name)}"
+        for i, name in enumerate(names)
+    ]
+
+
+def _in_place(name, names):
+    """How a column is read in place of the first one of its name."""
+    first = re.sub(r" \d+$", "", name)
+    if name in names or column_of(first) not in COLUMNS:
+        return ""
+    line = f'a line `"{name}" = "{column_of(first)}"` in [columns] of sheet.toml'
+    return f", which is the next {first!r}; {line} reads it in place of the first"
 
 
 def _check_column(place, column, unit, keys, allowed):

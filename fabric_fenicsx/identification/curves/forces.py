@@ -74,8 +74,8 @@ def of_fabric(
 def bias_angle(displacement: ArrayLike, height: float, width: float) -> np.ndarray:
     """Shear angle (n,) [rad] in the middle of a bias strip whose yarns, at 45 deg, do not stretch,
     at displacements of the clamp [mm]; 90 deg where these are more than such yarns allow."""
-    stretch = 1 + np.asarray(displacement, float) / (height - width)
-    return math.pi / 2 - 2 * np.arccos(np.clip(stretch / math.sqrt(2), -1, 1))
+    e = np.asarray(displacement, float) / (height - width)
+    return np.arcsin(np.minimum(e * (2 + e), 1.0))  # 0 at 0, where an arc cosine is off by 1e-16
 
 
 def bias_displacement(gamma: ArrayLike, height: float, width: float) -> np.ndarray:

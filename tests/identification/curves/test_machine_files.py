@@ -9,6 +9,7 @@ from curve_texts import BIAS, FREE, SHEET, folder
 
 from fabric_fenicsx.identification import curves as data
 from fabric_fenicsx.identification import identify
+from fabric_fenicsx.identification.curves.forces import bias_angle, response
 from fabric_fenicsx.runtime.errors import InputError
 
 KEYS = "# test: bias_extension\n# height: 230 mm\n# width: 115 mm\n"
@@ -206,8 +207,8 @@ def test_of_a_loop_the_first_loading_branch_is_fitted(tmp_path, back):
     text = KEYS + HEAD + "".join(f"{x};{f}\n" for x, f in LOOP + back)
     curve = read(tmp_path, text.encode())
     assert curve.responses[0].values.tolist() == [1, 2, 3, 4, 5]
-    words = "gamma turns back behind row 9: of the loop the loading branch is fitted, rows 5 to 9"
-    assert curve.remarks == (words,)
+    words = "displacement turns back behind row 9: of the loop the loading branch is fitted"
+    assert curve.remarks == (words + ", rows 5 to 9",)
 
 
 def test_loops_that_grow_are_refused_where_they_turn(tmp_path):
@@ -226,10 +227,103 @@ def slack_strip(more=""):
     return strip(np.where(x > 1, 900 * (x - 1) + 100 * (x - 1) ** 2, 0.3), x, more)
 
 
-def test_a_slack_strip_is_refused_with_its_cure(tmp_path):
-    words = "rows 6 to 10: sigma_a is up to .* while displacement reaches 1 mm: the strip is slack"
-    with pytest.raises(InputError, match=words + "; allowed is a line `# slack: 1 mm`"):
-        data.read(folder(tmp_path, strip=slack_strip()))
+LAW = np.array([0.08, -0.1, 0.4])  # s1, s2, s3 [MPa]
+ANGLES = np.radians(np.linspace(0, 25, 51)[1:])
+
+
+def sheared(kind, loose=0.0, noise=0.0, power=None):
+    """A test whose force follows `LAW`, or a power of the angle, from a slack on: 6 deg or, of a
+    bias test, the displacement there."""
+    lengths = {"frame_length": 140, "fabric_length": 100} if kind == "picture_frame" else None
+    lengths = lengths or {"height": 300, "width": 100}
+    force = response("F", ANGLES, ANGLES, kind, lengths, 1.2)
+    tau = [LAW @ [g, g**2, g**3] if power is None else g**power for g in (ANGLES, ANGLES / 2)]
+    F = force.gain * tau[0] + (0 if force.half is None else force.half * tau[1])
+    x, name = np.degrees(ANGLES), "gamma [deg]"
+    if kind == "bias_extension":
+        x, name = data.bias_displacement(ANGLES, 300, 100), "displacement [mm]"
+    step = x[1] - x[0]
+    before = np.arange(0, loose, step)
+    x, F = np.r_[before, x + loose], np.r_[0 * before, F]
+    F = F + noise * F.max() * np.random.default_rng(3).standard_normal(len(F))
+    keys = "".join(f"# {key}: {value} mm\n" for key, value in lengths.items())
+    rows = "".join(f"{a:.3f},{b:.5f}\n" for a, b in zip(x, F))
+    return f"# test: {kind}\n{keys}{name},F [N]\n{rows}"
+
+
+@pytest.mark.parametrize("noise, off", [(0.0, 0.03), (2e-3, 0.12)])
+@pytest.mark.parametrize("kind, loose", [("picture_frame", 6), ("bias_extension", 10)])
+def test_slack_is_taken_off_and_told(tmp_path, kind, loose, noise, off):
+    sheet, curves = data.read(folder(tmp_path, test=sheared(kind, loose, noise)))
+    words = curves[0].remarks[0]
+    assert re.search(
+        r"rows 5 to \d+: F is up to .* % of its peak and then begins to rise at", words
+    )
+    assert "taken off; a line `# slack: 0 " in words
+    assert curves[0].slack / (1 if kind == "bias_extension" else np.radians(1)) == pytest.approx(
+        loose, abs=0.06 * loose
+    )
+    assert identify(sheet, curves).fabric.s1 == pytest.approx(LAW[0], rel=off)
+    kept = sheared(kind, loose, noise).replace(
+        "# test", f"# slack: 0 {'mm' if loose == 10 else 'deg'}\n# test"
+    )
+    (curve,) = data.read(folder(tmp_path, test=kept))[1]
+    assert curve.slack == 0 and not any("slack" in each for each in curve.remarks)
+
+
+@pytest.mark.parametrize("power", [1, 2, 3, 5])
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 1e-2])
+def test_a_toe_that_rises_slowly_is_no_slack(tmp_path, power, noise):
+    for kind in ("picture_frame", "bias_extension"):
+        (curve,) = data.read(folder(tmp_path, test=sheared(kind, 0, noise, power)))[1]
+        assert curve.slack == 0
+
+
+def test_a_slack_strip_is_pulled_from_the_end_of_its_slack(tmp_path):
+    (curve,) = data.read(folder(tmp_path, strip=slack_strip()))[1]
+    assert curve.slack == pytest.approx(1, abs=0.03) and curve.rows[0] in (10, 11)
+
+
+@pytest.mark.parametrize(
+    "old, new, words, left",
+    [
+        ("0.500", "-0.010", "row 5 left out, as gamma is -0.01 deg there, beyond 0", 49),
+        ("12.000", "11.500", "gamma does not move on in row 28; read as scatter", 50),
+        ("12.000", "11.400", "in row 28 and goes back by up to 0.1 deg; read as scatter", 50),
+        ("0.500", "0.000", "", 50),
+    ],
+)
+def test_noise_of_what_runs_is_read_and_told(tmp_path, old, new, words, left):
+    text = sheared("picture_frame").replace(f"\n{old},", f"\n{new},")
+    (curve,) = data.read(folder(tmp_path, test=text))[1]
+    assert len(curve.rows) == left and words in "".join(curve.remarks)
+    assert bool(words) == bool(curve.remarks)
+
+
+@pytest.mark.parametrize("width", [70, 75, 100, 115])
+def test_a_bias_test_may_begin_at_0(width):
+    assert bias_angle(np.zeros(1), 3 * width, width) == 0
+
+
+def test_of_two_tests_side_by_side_the_first_is_read_unless_told_otherwise(tmp_path):
+    head = '"Name","1 _ 1","","1 _ 2",""\n"Force","Stroke","Force","Stroke"\n"N","mm","N","mm"\n'
+    beside = "".join(f'"{f}","{x}","{2 * f}","{x}"\n' for x, f in ROWS) + '"","","9","30"\n'
+    curve = read(tmp_path, (KEYS + head + beside).encode())
+    assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
+    (first, second) = curve.remarks
+    assert "column 'Force 2' is not read" in first and '`"Force 2" = "F"`' in first
+    other = SHEET + '[columns]\n"Force 2" = "F"\n"Stroke 2" = "displacement"\n'
+    curve = read(tmp_path, (KEYS + head + beside).encode(), other)
+    assert curve.responses[0].values.tolist() == [*(2 * row[1] for row in ROWS), 9]
+
+
+@pytest.mark.parametrize("names", ["ストローク;試験力", "移動;力"])
+def test_japanese_names_are_read(tmp_path, names):
+    moved, force = names.split(";")
+    stated = SHEET + f'[columns]\n"{moved}" = "displacement"\n"{force}" = "F"\n'
+    (tmp_path / "sheet.toml").write_text(stated, encoding="utf-8")
+    (tmp_path / "bias.csv").write_bytes((KEYS + names + "\nmm;N\n" + COMMA).encode("cp932"))
+    check(data.read(tmp_path)[1][0])
 
 
 def test_strain_counts_from_the_end_of_the_slack(tmp_path):
