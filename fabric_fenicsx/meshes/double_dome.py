@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..readers.libraries import own_model
 from ..runtime.errors import InputError
 from ..tools.double_dome import DoubleDome
-from .gmsh_cells import meshed
+from .gmsh_cells import meshed, own_model
 
 SIZE, TURN = 10.0, 10.0  # of flat triangles' edges [mm], of the normal along an edge [deg]
 

@@ -54,7 +54,8 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
         except InputError as error:
             raise InputError(f"{error}{hint}") from None
     else:
-        rings = joined(_boundary(path, source), source)
+        lines, notes = _boundary(path, source)
+        rings = joined(lines, source)
     return sheet_of(rings, source), notes
 
 
@@ -254,8 +255,8 @@ def _unit(drawing, source):
 
 
 def _boundary(path, source):
-    """The edges of one cell of a mesh, as lines."""
-    points, cells, _ = read_surface_mesh(path, "outline", READ)
+    """The edges of one cell of a mesh, as lines, and what to say of it."""
+    points, cells, _, note = read_surface_mesh(path, "outline", READ)
     if np.ptp(points[:, 2]) > PLANE * np.ptp(points, axis=0).max():
         raise InputError(
             f"{source} is not plane in z; allowed is a mesh in a plane z = const, or a drawing"
@@ -267,4 +268,4 @@ def _boundary(path, source):
         corners = nodes[:, : 3 if kind.startswith("triangle") else 4]
         edges.append(np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2))
     edges, count = np.unique(np.sort(np.concatenate(edges), 1), axis=0, return_counts=True)
-    return [*points[edges[count == 1], :2]]
+    return [*points[edges[count == 1], :2]], [note] if note else []

@@ -299,5 +299,5 @@ class Blank(SheetMesh):
         """
         mesh = on_root(comm, lambda: read_mesh(path))
         blank = cls.from_arrays(comm, *mesh[:3], str(path), spatial, **options)
-        blank.from_file = True
+        blank.warnings, blank.from_file = [*mesh.warnings, *blank.warnings], True
         return blank
