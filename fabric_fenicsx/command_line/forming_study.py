@@ -41,6 +41,7 @@ OPTIONS = {
     r"holders\.blank holder\.tension": "`gripper_tension`",
     r"(?:blank|contact)\.(\w+)": r"`\1`",
     r"take the whole (?:ply|blank)(?: \(`quarter = false`\))?$": "take the whole ply (`full`)",
+    r" \(`quarter = true`\)$": " (without `full`)",
     r"(allowed is|or) the whole blank(?=, or a quarter|$)": r"\1 `full`",
     r"(`(?:punch|mesh|outline)` is .*, no file); .*": r"\1; allowed is a file that exists",
 }

@@ -5,11 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from builders import dome
+from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.meshes.specimen import specimen
 
 PRESSES = Path(ff.__file__).parent / "studies/presses"
 HEMISPHERE = PRESSES / "hemisphere.toml"
@@ -347,6 +350,49 @@ def test_a_pressure_in_pascal_and_a_forgotten_side_are_told_of(tmp_path):
     path = changed(tmp_path, ('side = "above"', ""))
     press = read(path, ["blank.nx=4"])
     assert any("punch and ring all stand below the blank" in w for w in press.warnings)
+
+
+def own_mesh(tmp_path, move=lambda x: x):
+    """The hemisphere's press with a blank of a file, whose points are moved."""
+    points, cells, kind = specimen(160, 160, 6, 6, "crossed")
+    points = move(points - [80, 80, 0])
+    meshio.write_points_cells(tmp_path / "blank.vtu", points, [(kind, cells)])
+    blank = 'mesh = "blank.vtu"'
+    text = HEMISPHERE.read_text()
+    old = text[text.index("length = ") : text.index("quarter")]
+    path = changed(tmp_path, (old, f"{blank}\n"), ("quarter = true", "quarter = false"))
+    return ff.Press.read(path)
+
+
+@pytest.mark.parametrize("z", [-1.0, 0.3, 5.0])
+def test_a_flat_mesh_in_any_height_is_the_blank_in_zero(tmp_path, z):
+    """Its tools stand and press as on one that lies there."""
+    there, high = own_mesh(tmp_path).build(), own_mesh(tmp_path, lambda x: x + [0, 0, z]).build()
+    assert np.ravel(high.extent) == pytest.approx(np.ravel(there.extent), abs=1e-9)
+    for name, tool in there.tools.items():
+        assert high.tools[name].path(0) == pytest.approx(tool.path(0))
+    told = [words for words in high.warnings if "and was put in z = 0" in words]
+    assert len(told) == 1 and f"lies in z = {z:g} mm" in told[0]
+    assert not [words for words in there.warnings if "was put" in words]
+
+
+def test_a_mesh_that_is_not_flat_is_no_blank(tmp_path):
+    def tilted(x):
+        return x @ Rotation.from_euler("y", 30, degrees=True).as_matrix()
+
+    with pytest.raises(ff.InputError, match="reaches from z = -40 to 40 mm; allowed is a flat"):
+        own_mesh(tmp_path, tilted).build()
+
+
+def test_a_mesh_beside_the_middle_is_refused_or_centred(tmp_path):
+    press = own_mesh(tmp_path, lambda x: x + [80, 80, 0])
+    with pytest.raises(ff.InputError, match=r"from \(0, 0\) to \(160, 160\) mm, .* or a quarter"):
+        press.build()
+    (sheet,) = press.sheets
+    centred = press.replace(sheets=[dataclasses.replace(sheet, centred=True)]).build()
+    assert np.ravel(centred.extent) == pytest.approx([-80, -80, 0, 80, 80, 0])
+    off = own_mesh(tmp_path, lambda x: x + [20, 0, 0]).build()
+    assert any("has its centre at (20, 0) mm" in words for words in off.warnings)
 
 
 def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
