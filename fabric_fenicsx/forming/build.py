@@ -33,7 +33,7 @@ from .flange import Flange
 from .holders import PULLING, Holder, holders_of
 from .holding import HolderSite, holder_terms, nearest_nodes
 from .laying import Laid, lay_blank
-from .placement import Placement
+from .placement import Placement, face_of
 from .press import Press
 from .stages import Schedule
 
@@ -81,9 +81,10 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     for name in (n for n in press.tools if n not in dies):
         stood[name] = at.stand(name, press.tools[name], usual_off.get(name, 0.0))
     for name, of in dies.items():
-        at.check_matched(of, stood[of][0], press.quarter)
-        check_clearance(f"tools.{name}.clearance", clearances[name], pressed, stood[of][0])
-        surface = Reversed(Offset(stood[of][0], clearances[name]))
+        face = face_of(stood[of][0], press.tools[of].towards)
+        at.check_matched(of, face, press.quarter)
+        check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
+        surface = Reversed(Offset(face, clearances[name]))
         try:
             die = dataclasses.replace(press.tools[name], surface=surface)
             stood[name] = at.stand(name, die, is_die=True)

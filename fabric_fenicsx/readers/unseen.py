@@ -29,7 +29,10 @@ def check_end(path: Path, what: str) -> None:
     """InputError for a file that ends before its format does; `what` it is, in words."""
     ends = next((end for endings, end in ENDS.items() if path.suffix.lower() in endings), b"")
     if not re.search(ends, path.read_bytes()[-TAIL:], re.IGNORECASE):
-        raise InputError(f"{what} {path} has no end: it is cut off; allowed is a whole file")
+        raise InputError(
+            f"{what} {path} does not end as {path.suffix} files do: it is cut off, or of another "
+            "format; allowed is a whole file"
+        )
 
 
 def check_coordinate_systems(path: Path) -> None:

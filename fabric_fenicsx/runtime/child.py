@@ -36,7 +36,7 @@ def in_child(work: Callable[..., Any], *given: Any) -> Any:
     )
     if not done.stdout:
         how = signal.Signals(-done.returncode).name if done.returncode < 0 else "exit"
-        raise RuntimeError(f"it crashed ({how}), and may be broken")
+        raise RuntimeError(f"it crashed ({how})")
     worked, found = pickle.loads(done.stdout)
     if not worked:
         raise RuntimeError(found)

@@ -313,22 +313,55 @@ def test_tools_on_one_side_that_overlap_are_told_of():
 def test_a_cad_model_is_read_with_a_finer_chord_where_it_is_too_coarse(tmp_path, monkeypatch):
     from fabric_fenicsx.forming import placement
 
-    chords = []
+    chords, finest = [], 0.05
 
     def read_surface(path, chord, comm):
         chords.append(chord)
         return ff.TriangulatedSurface([(-99, -99, 0), (99, -99, 0), (0, 99, 0)], [(0, 1, 2)])
 
-    def check(surface, *_):
-        if chords[-1] > 0.05:
+    def check(surface, name, *_):
+        assert name == f"tools.punch with chord = {chords[-1]:g}"
+        if chords[-1] > finest:
             raise ff.InputError("facets are off")
 
     monkeypatch.setattr(placement.TriangulatedSurface, "read", read_surface)
     monkeypatch.setattr(placement, "check_triangles", check)
     (tmp_path / "x.step").write_text("")
     path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "x.step"'))
-    read(path, ["blank.nx=4", "stage.1.moves.punch=0.1"])
+    changes = ["blank.nx=4", "stage.1.moves.punch=0.1"]
+    read(path, changes)
     assert chords == [0.1, 0.05]
+    finest = 0.0
+    with pytest.raises(ff.InputError, match="facets are off, or a smaller `chord`"):
+        read(path, changes)
+
+
+@pytest.mark.parametrize("turn", [0, 180])
+def test_the_die_of_a_closed_model_is_that_of_its_face(tmp_path, turn):
+    """A block with a dome on it, all of whose faces the file has."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        cad = gmsh.model.occ
+        block, ball = cad.addBox(-60, -60, -40, 120, 120, 40), cad.addSphere(0, 0, -30, 50)
+        tall, _ = cad.fuse([(3, block)], [(3, ball)])
+        low, _ = cad.cut(tall, [(3, cad.addBox(-60, -60, -99, 120, 120, 59))])
+        cad.rotate(low, 0, 0, 0, 1, 0, 0, np.radians(turn))
+        cad.synchronize()
+        gmsh.write(str(tmp_path / "punch.step"))
+    finally:
+        gmsh.finalize()
+    (tmp_path / "press.toml").write_text(
+        'unit = "mm"\nblank = { fabric = "komeili", length = 100, width = 100, nx = 4 }\n'
+        f'tools.punch = {{ file = "punch.step", turn = [{turn}, 0, 0] }}\n'
+        'tools.die.die_of = "punch"\nstage = [{ name = "forming", close = 1.2 }]\n'
+    )
+    tools = read(tmp_path / "press.toml").tools
+    x = np.array([[0, 0, 0], [45, 45, 0], [20, 0, 0]])
+    apart = [tool.surface.evaluate(x - tool.path(1.0)).gap for tool in tools.values()]
+    assert sum(apart)[:2] == pytest.approx([1.2 * 1.074] * 2, abs=0.01)
 
 
 def test_the_end_of_a_stage_is_written_for_paraview(tmp_path):
