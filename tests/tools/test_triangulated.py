@@ -7,9 +7,9 @@ import re
 import numpy as np
 import pytest
 import pyvista
+from double_dome import double_dome, write, write_step
 from mpi4py import MPI
 
-from fabric_fenicsx.meshes.double_dome import double_dome, write, write_step
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools import patches
 from fabric_fenicsx.tools.double_dome import DoubleDome
