@@ -226,8 +226,8 @@ def read_plies(path: str) -> list[dict[str, Any]]:
 
 
 def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
-    """Dimensions of a double dome {name: value} from texts NAME=VALUE. Raises InputError that lists
-    all wrong names and values."""
+    """Dimensions of a double dome {name: value} from texts NAME=VALUE. Raises InputError for a
+    wrong name or value."""
     given: dict[str, Any] = {}
     for pair in pairs:
         name, _, value = pair.partition("=")
