@@ -32,13 +32,12 @@ from .checks import PRESSED, check_clearances, symmetry_warnings
 from .flange import Flange
 from .holders import PULLING, Holder, holders_of
 from .holding import HolderSite, holder_terms, nearest_nodes
-from .laying import Laid, lay_blank
+from .laying import ON_PLANE, Laid, lay_blank
 from .placement import Placement, face_of
 from .press import Press
 from .stages import Schedule
 
 CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
-ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
 PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
 CLOSED = 1e-6  # thicknesses, to which tools that are closed are as near as asked
 

@@ -44,10 +44,9 @@ class Laid:
         return [s.blank for s in stack.sheets] if isinstance(stack, Stack) else [stack]
 
     def flat_nodes(self) -> np.ndarray:
-        """Nodes (n, 3) of this rank [mm], as if all sheets lay in the blank's middle."""
+        """Nodes (n, 3) of this rank [mm], as if all sheets lay in the blank's middle, z = 0."""
         owned = self.blank.V.dofmap.index_map.size_local
-        flat = 0 if isinstance(self.blank, Stack) else 1
-        return self.blank.coordinates()[:owned] * (1, 1, flat)
+        return self.blank.coordinates()[:owned] * (1, 1, 0)
 
     def extents(self) -> list[np.ndarray]:
         """Length and width (2,) of the modelled part of each sheet [mm]."""

@@ -62,7 +62,8 @@ class Placement:
         coarse."""
         is_model = path.lower().endswith(CAD)
         for finer in FINER if is_model else FINER[:1]:
-            surface, doubts = TriangulatedSurface.read(path, chord / finer, comm=self._comm), []
+            surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
+            doubts: list[str] = []
             self._check_units(name, surface)
             words = f"{name.split(',')[0]} with chord = {chord / finer:g}" if is_model else name
             try:
@@ -261,7 +262,7 @@ def _triangles(surface: Surface) -> tuple[TriangulatedSurface | None, np.ndarray
     turns them into their place."""
     turn = np.eye(3)
     if isinstance(surface, Turned):
-        surface, turn = surface.surface, surface.back(turn)
+        turn, surface = surface.back(turn), surface.surface
     return (surface if isinstance(surface, TriangulatedSurface) else None), turn
 
 

@@ -58,8 +58,9 @@ def read_abaqus(path: Path) -> SurfaceMesh:
         )
     if not any(each.nodes for each in parts.values()):
         raise OtherFormat("no *NODE with rows")
-    whole = [(each, []) for each in parts.values() if not placed or each is own]
-    return _assembled([*whole, *placed], path)
+    if not placed:
+        placed = [(each, []) for each in parts.values() if each is not own]
+    return _assembled([(own, []), *placed], path)
 
 
 def _blocks(path: Path, main: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:

@@ -60,11 +60,11 @@ def check_coordinate_systems(path: Path) -> None:
 def in_mm(mesh: SurfaceMesh, path: Path, what: str) -> SurfaceMesh:
     """A mesh of a file with lengths in mm and a note on its unit, if it is a universal file with
     another unit (dataset 164). InputError for one that makes it larger than any sheet or tool."""
-    is_unv = path.suffix.lower() == ".unv"
-    unit = is_unv and re.search(
-        r"^ *-1\s*\n *164\s*\n.{10}(.{20}).*\n *(\S+)", path.read_text("latin-1"), re.MULTILINE
-    )
-    factor = 1000 / float(re.sub("[dD]", "e", unit[2])) if unit else 1.0
+    text = path.read_text("latin-1") if path.suffix.lower() == ".unv" else ""
+    unit = re.search(r"^ *-1\s*\n *164\s*\n.{10}(.{20}).*\n *(\S+)", text, re.MULTILINE)
+    if not unit:
+        return mesh
+    factor = 1000 / float(re.sub("[dD]", "e", unit[2]))
     if math.isclose(factor, 1, rel_tol=1e-6):
         return mesh
     points = factor * mesh.points
