@@ -55,7 +55,7 @@ def check_triangles(
             f"{name}: {surface.turned} of {len(surface.triangles)} triangles were turned round to "
             "agree with the others"
         )
-    off = 0.75 * surface.bulges
+    off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
     if off[worst] > thickness:
         raise InputError(
@@ -63,7 +63,7 @@ def check_triangles(
             f"their corners, at {coordinates(x[surface.triangles[worst]].mean(0))}; allowed is up "
             f"to the ply's thickness {thickness:g} mm"
         )
-    edges, turn = surface.turns
+    edges, turn = surface.curved.turns()
     if len(turn) and np.degrees(turn.max()) > COARSE:
         worst = int(turn.argmax())
         warn(

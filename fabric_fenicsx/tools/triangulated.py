@@ -176,18 +176,6 @@ class TriangulatedSurface(Surface):
         own = vertices.normals[vertices.name]
         return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
 
-    @property
-    def turns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges that are not sharp (k, 2), by the points at their ends, and by how much facets turn
-        there (k,) [rad]."""
-        return self.curved.turns()
-
-    @property
-    def bulges(self) -> np.ndarray:
-        """Distances of the patches' control points from the facets, (m,) [mm]: more than those of
-        the patches themselves."""
-        return self.curved.patches.bulge
-
     def mesh(
         self, low: ArrayLike, high: ArrayLike, size: float
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
