@@ -8,7 +8,8 @@ import argparse
 import math
 from pathlib import Path
 
-from fabric_fenicsx.meshes.double_dome import write
+from double_dome import write
+
 from fabric_fenicsx.meshes.outline import PATTERNS, outline_mesh
 from fabric_fenicsx.meshes.outline_files import read_outline
 from fabric_fenicsx.runtime.errors import InputError

@@ -41,6 +41,7 @@ OPTIONS = {
     r"holders\.blank holder\.tension": "`gripper_tension`",
     r"(?:blank|contact)\.(\w+)": r"`\1`",
     r"take the whole (?:ply|blank)(?: \(`quarter = false`\))?$": "take the whole ply (`full`)",
+    r" \(`quarter = true`\)$": " (without `full`)",
     r"(allowed is|or) the whole blank(?=, or a quarter|$)": r"\1 `full`",
     r"(`(?:punch|mesh|outline)` is .*, no file); .*": r"\1; allowed is a file that exists",
 }
@@ -225,8 +226,8 @@ def read_plies(path: str) -> list[dict[str, Any]]:
 
 
 def dimensions(pairs: Sequence[str]) -> dict[str, Any]:
-    """Dimensions of a double dome {name: value} from texts NAME=VALUE. Raises InputError that lists
-    all wrong names and values."""
+    """Dimensions of a double dome {name: value} from texts NAME=VALUE. Raises InputError for a
+    wrong name or value."""
     given: dict[str, Any] = {}
     for pair in pairs:
         name, _, value = pair.partition("=")

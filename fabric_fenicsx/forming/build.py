@@ -32,13 +32,12 @@ from .checks import PRESSED, check_clearances, symmetry_warnings
 from .flange import Flange
 from .holders import PULLING, Holder, holders_of
 from .holding import HolderSite, holder_terms, nearest_nodes
-from .laying import Laid, lay_blank
-from .placement import Placement
+from .laying import ON_PLANE, Laid, lay_blank
+from .placement import Placement, face_of
 from .press import Press
 from .stages import Schedule
 
 CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
-ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
 PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
 CLOSED = 1e-6  # thicknesses, to which tools that are closed are as near as asked
 
@@ -81,9 +80,10 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     for name in (n for n in press.tools if n not in dies):
         stood[name] = at.stand(name, press.tools[name], usual_off.get(name, 0.0))
     for name, of in dies.items():
-        at.check_matched(of, stood[of][0], press.quarter)
-        check_clearance(f"tools.{name}.clearance", clearances[name], pressed, stood[of][0])
-        surface = Reversed(Offset(stood[of][0], clearances[name]))
+        face = face_of(stood[of][0], press.tools[of].towards)
+        at.check_matched(of, face, press.quarter)
+        check_clearance(f"tools.{name}.clearance", clearances[name], pressed, face)
+        surface = Reversed(Offset(face, clearances[name]))
         try:
             die = dataclasses.replace(press.tools[name], surface=surface)
             stood[name] = at.stand(name, die, is_die=True)

@@ -12,6 +12,7 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from ..sheets.blank import Blank
 from ..sheets.sheet_fields import halved
+from ..sheets.sheet_mesh import bounds
 from ..sheets.stack import Stack
 from .press import Press
 from .sheet import Sheet
@@ -43,10 +44,9 @@ class Laid:
         return [s.blank for s in stack.sheets] if isinstance(stack, Stack) else [stack]
 
     def flat_nodes(self) -> np.ndarray:
-        """Nodes (n, 3) of this rank [mm], as if all sheets lay in the blank's middle."""
+        """Nodes (n, 3) of this rank [mm], as if all sheets lay in the blank's middle, z = 0."""
         owned = self.blank.V.dofmap.index_map.size_local
-        flat = 0 if isinstance(self.blank, Stack) else 1
-        return self.blank.coordinates()[:owned] * (1, 1, flat)
+        return self.blank.coordinates()[:owned] * (1, 1, 0)
 
     def extents(self) -> list[np.ndarray]:
         """Length and width (2,) of the modelled part of each sheet [mm]."""
@@ -62,7 +62,8 @@ def lay_blank(press: Press, comm: MPI.Comm, warnings: list[str]) -> Laid:
     made, found = _meshed(sheets, press.quarter, comm)
     for sheet, laid in zip(made, found):
         path = f"ply {sheet.name}" if made[1:] else sheet.sheet_file or "the blank"
-        _check_place(laid.blank, press, sheet, path, warnings)
+        _put(laid.blank, sheet.centred, path, warnings)
+        _check_place(laid.blank, press, path, warnings)
         warnings += laid.warnings
     blanks = [each.blank for each in found]
     sheets = [
@@ -106,8 +107,7 @@ def _with_nx(sheet, nx, quarter, element=None):
 
 
 def _laid(sheet, quarter, comm):
-    share, centred = (0.5, False) if quarter else (1.0, True)
-    centred = sheet.centred if sheet.outline else centred
+    share, centred = (0.5, False) if quarter else (1.0, not sheet.sheet_file)
     sides, thickness = ("length", "width"), sheet.thickness_under(0.0)
     return lay(sheet, sides, thickness, comm, spatial=True, share=share, centred=centred)
 
@@ -120,9 +120,29 @@ def _piled(sheets, blanks):
     return Stack(list(zip(blanks, heights, names)), -sum(heights) / 2)
 
 
-def _check_place(blank, press, sheet, source, warnings):
-    """Raise InputError for a sheet that a plane of symmetry would cut, or that has no edge on it;
-    warn of a whole sheet whose centre is not at the origin."""
+def _put(blank, centred, source, warnings):
+    """Put a flat sheet of a file in z = 0, and its centre at the origin if it is to be `centred`.
+    Raises InputError for a sheet that is not flat."""
+    x = blank.mesh.geometry.x
+    low, high = bounds(blank.mesh.comm, x.T)
+    if not blank.is_flat():
+        raise InputError(
+            f"{source} reaches from z = {rounded(low[2], 4)} to {rounded(high[2], 4)} mm; allowed "
+            "is a flat sheet, in a plane z = const"
+        )
+    x[:, 2] = 0.0
+    if abs(low[2]) > ON_PLANE:
+        warnings.append(
+            f"{source} lies in z = {rounded(low[2], 4)} mm and was put in z = 0, where the blank "
+            "of a press is"
+        )
+    if centred:
+        x[:, :2] -= (low + high)[:2] / 2
+
+
+def _check_place(blank, press, source, warnings):
+    """Raise InputError for a sheet that a plane of symmetry would cut, or that has no edge on it,
+    and for a whole sheet beside the origin; warn of one whose centre is not there."""
     low, high = (each[:2] for each in blank.extent())
     for axis, start, end in zip("xy", low, high) if press.quarter else ():
         reaches = f"{source} reaches from {axis} = {rounded(start, 4)} to {rounded(end, 4)} mm"
@@ -135,9 +155,17 @@ def _check_place(blank, press, sheet, source, warnings):
                 f"{reaches}, but the planes of symmetry of a quarter are x = 0 and y = 0; allowed "
                 "is a mesh with edges on both, or the whole blank"
             )
-    middle = (low + high) / 2
-    if not press.quarter and sheet.sheet_file and (abs(middle) > OFF_CENTRE * (high - low)).any():
+    middle, room = (low + high) / 2, FITS * (high - low)
+    if press.quarter:
+        return
+    if (low > -room).any() or (high < room).any():
+        raise InputError(
+            f"{source} reaches from {coordinates(low)} to {coordinates(high)} mm, and the middle "
+            "of the press is at (0, 0); allowed is a blank around it, as with `centred`, or a "
+            "quarter (`quarter = true`)"
+        )
+    if (abs(middle) > OFF_CENTRE * (high - low)).any():
         warnings.append(
-            f"{source} has its centre at {coordinates(middle)} mm, and the press at (0, 0)"
-            f"{'; `centred` puts it there' if sheet.outline else ''}"
+            f"{source} has its centre at {coordinates(middle)} mm, and the press at (0, 0); "
+            "`centred` puts it there"
         )

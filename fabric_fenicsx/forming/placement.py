@@ -1,6 +1,5 @@
 """The places of the tools of a press before anything moves."""
 
-import math
 import os
 from typing import Any
 
@@ -9,7 +8,7 @@ from mpi4py import MPI
 
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
-from ..tools.checks import FLANGE, UNITS, check_triangles
+from ..tools.checks import FLANGE, SMALL, TINY, check_triangles, unit_doubt
 from ..tools.files import CAD
 from ..tools.surfaces import Surface, Turned
 from ..tools.triangulated import TriangulatedSurface
@@ -61,46 +60,38 @@ class Placement:
     def _read(self, name, path, chord):
         """The surface in a file; of a CAD model with a smaller `chord` if its facets are too
         coarse."""
-        tries = FINER if path.lower().endswith(CAD) else FINER[:1]
-        for finer in tries:
+        is_model = path.lower().endswith(CAD)
+        for finer in FINER if is_model else FINER[:1]:
             surface = TriangulatedSurface.read(path, chord / finer, comm=self._comm)
-            self._check_units(name, surface)
             doubts: list[str] = []
+            self._check_units(name, surface)
+            words = f"{name.split(',')[0]} with chord = {chord / finer:g}" if is_model else name
             try:
-                check_triangles(surface, name, self._t, doubts.append)
+                check_triangles(surface, words, self._t, doubts.append)
             except InputError as error:
                 wrong = error
             else:
                 self._warnings += doubts
                 return surface
-        hint = ", or a smaller `chord`" if tries[1:] else ""
-        raise InputError(f"{wrong}{hint}")
+        raise InputError(f"{wrong}{', or a smaller `chord`' if is_model else ''}")
 
     def _check_units(self, name, surface):
         size = float(np.ptp(surface.points, axis=0).max())
-        for unit, factor in UNITS.items():
-            if size < 0.02 * self._size and 0.1 < size * factor / self._size < 10:
-                raise InputError(
-                    f"{name} is {rounded(size, 4)} mm large beside a blank of "
-                    f"{rounded(self._size, 4)} mm, as if it were in {unit}; allowed is a surface "
-                    "in mm"
-                )
+        if doubt := unit_doubt(size, self._size, TINY):
+            raise InputError(f"{name} {doubt}; allowed is a surface in mm")
 
     def check_matched(self, name: str, surface: Surface, quarter: bool = False) -> None:
         """Raise InputError for the surface of triangles of a tool with a die if it is not in mm, or
         has an opening beneath the blank, or beneath the mirror images of a `quarter`."""
-        if not isinstance(surface, TriangulatedSurface):
+        found, turn = _triangles(surface)
+        if found is None:
             return
         low, high = -self._high if quarter else self._low, self._high
-        whole, size = float((high - low).max()), float(np.ptp(surface.points, axis=0)[:2].max())
+        whole, x = float((high - low).max()), found.points @ turn.T
         needed = f"a surface in mm that reaches beyond the blank of {rounded(whole, 4)} mm"
-        for unit, factor in UNITS.items():
-            if size < 0.2 * whole and 0.5 < size * factor / whole < 10:
-                raise InputError(
-                    f"tools.{name} is {rounded(size, 4)} mm large, as if it were in {unit}; "
-                    f"allowed is {needed}"
-                )
-        middle = surface.points[surface.rim].mean(1)
+        if doubt := unit_doubt(float(np.ptp(x, axis=0)[:2].max()), whole, SMALL):
+            raise InputError(f"tools.{name} {doubt}; allowed is {needed}")
+        middle = x[found.rim].mean(1)
         margin = 1e-6 * whole
         within = (middle[:, :2] > low + margin) & (middle[:, :2] < high - margin)
         if within.all(1).any():
@@ -220,10 +211,10 @@ class Placement:
 
     def _doubt_back(self, name, tool, surface):
         """Warn of a tool from CAD whose flat back looks towards the blank."""
-        found = _of_triangles(surface)
-        inner: Any = surface.surface if isinstance(surface, Turned) else surface
-        if found is None or len(inner.rim):  # what is open has no back
+        inner, turn = _triangles(surface)
+        if inner is None or len(inner.rim):  # what is open has no back
             return
+        found = inner.points @ turn.T
         z = tool.towards[2] * found[:, 2]
         size = float(np.ptp(found, axis=0).max())
         near = z > z.max() - 1e-3 * size
@@ -256,11 +247,26 @@ def _turned_round(surface: Any) -> Surface:
     return surface.turned_round()
 
 
+def face_of(surface: Any, towards: np.ndarray) -> Surface:
+    """The face of a closed surface of triangles that looks `towards` the blank (3,), with the walls
+    within it; other surfaces as they are."""
+    inner, turn = _triangles(surface)
+    if inner is None or len(inner.rim):
+        return surface
+    face = inner.face(turn.T @ towards)
+    return Turned(face, surface.angles) if isinstance(surface, Turned) else face
+
+
+def _triangles(surface: Surface) -> tuple[TriangulatedSurface | None, np.ndarray]:
+    """The triangles that a surface consists of, None for other surfaces, and the matrix (3, 3) that
+    turns them into their place."""
+    turn = np.eye(3)
+    if isinstance(surface, Turned):
+        turn, surface = surface.back(turn), surface.surface
+    return (surface if isinstance(surface, TriangulatedSurface) else None), turn
+
+
 def _of_triangles(surface: Surface) -> np.ndarray | None:
     """Points (n, 3) of a surface of triangles in its place [mm], None for other surfaces."""
-    if isinstance(surface, Turned):
-        inner = surface.surface
-        if not isinstance(inner, TriangulatedSurface):
-            return None
-        return surface.mesh((0, 0, 0), (1, 1, 1), math.inf)[0]
-    return surface.points if isinstance(surface, TriangulatedSurface) else None
+    found, turn = _triangles(surface)
+    return None if found is None else found.points @ turn.T

@@ -19,7 +19,7 @@ from .interface import BETWEEN_FABRICS, ON_METAL, Interface
 
 # field of a ply -> fields of the blank that this ply does not take over
 OWN = {
-    "mesh": ("outline", "size", "layer", "centred", "nx", "ny", "pattern", "length", "width"),
+    "mesh": ("outline", "size", "layer", "nx", "ny", "pattern", "length", "width"),
     "outline": ("mesh", "length", "width", "ny"),
     "size": ("nx",),
     "nx": ("size",),
@@ -39,8 +39,8 @@ class Sheet(SheetFields):
         In results; by default "ply 1" and so on.
     length, width
         Of the whole sheet along x and y [mm]; or `mesh`, a file of the sheet; or `outline`, a file
-        of its edges (DXF, CSV, mesh), with the `size` of its cells [mm], its `layer` in a drawing,
-        and whether it is `centred`.
+        of its edges (DXF, CSV, mesh), with the `size` of its cells [mm] and its `layer` in a
+        drawing. Either is flat, in a plane z = const, and lies about the origin or is `centred`.
     thickness
         In place of the material's [mm].
     nx, ny, pattern, element, integration
@@ -86,7 +86,7 @@ class Sheet(SheetFields):
     length: float | None = number(None, POSITIVE, "of the whole sheet, along x [mm]", "sheet")
     width: float | None = number(None, POSITIVE, "of the whole sheet, along y [mm]", "sheet")
     thickness: float | None = number(None, POSITIVE, "in place of the material's [mm]", "ply")
-    centred: bool = switch("put the centre of an outline at the origin", "sheet")
+    centred: bool = switch("put the centre of an outline or mesh at the origin", "sheet")
     bending_modulus: float = number(100.0, FROM_ZERO, "bending modulus of the yarns [MPa]", "sheet")
     twist_modulus: float = number(1.0, FROM_ZERO, "twisting modulus of the sheet [MPa]", "sheet")
     in_plane_bending: float = number(
@@ -103,6 +103,8 @@ class Sheet(SheetFields):
         super().__post_init__()
         if self.fabric is not None:
             checked_fabric("`fabric`", self.fabric)
+        if self.centred and not self.sheet_file:
+            raise InputError("`centred` needs `outline` or `mesh`")
         if self.metal and self.fabric:
             raise InputError("`fabric` is not allowed beside `metal`")
 

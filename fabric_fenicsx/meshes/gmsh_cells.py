@@ -1,10 +1,37 @@
-"""Cells that gmsh makes."""
+"""Models of gmsh, and the cells that it makes."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 KINDS = {3: 2, 4: 3}  # gmsh's number of cells, by their corners
+
+
+@contextmanager
+def own_model(gmsh: Any, **options: float) -> Iterator[None]:
+    """A new model of gmsh, which is the current one meanwhile, with these options of meshes; a
+    user's session stays as it was."""
+    running = getattr(gmsh, "isInitialized", lambda: False)()
+    if not running:
+        gmsh.initialize(readConfigFiles=False)
+    before = gmsh.model.getCurrent()
+    numbers = {"General.Terminal": 0.0} | {f"Mesh.{name}": v for name, v in options.items()}
+    usual = {name: gmsh.option.getNumber(name) for name in numbers}
+    for name, value in numbers.items():
+        gmsh.option.setNumber(name, value)
+    gmsh.model.add("fabric_fenicsx")
+    try:
+        yield
+    finally:
+        if running:
+            gmsh.model.remove()
+            gmsh.model.setCurrent(before)
+            for name, value in usual.items():
+                gmsh.option.setNumber(name, value)
+        else:
+            gmsh.finalize()
 
 
 def meshed(gmsh: Any, corners: int = 3) -> tuple[np.ndarray, np.ndarray]:

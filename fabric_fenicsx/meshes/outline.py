@@ -7,11 +7,10 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from ..readers.libraries import own_model
 from ..runtime.errors import InputError
 from ..runtime.formatting import coordinates, rounded
 from ..runtime.rules import POSITIVE
-from .gmsh_cells import meshed
+from .gmsh_cells import meshed, own_model
 
 PATTERNS = "unstructured", "along"
 DETAIL = 0.02  # distance from a curve, over the cells' size, up to which an edge stands for it

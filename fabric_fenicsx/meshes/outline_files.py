@@ -1,7 +1,9 @@
 """Outlines of sheets in files: polygons in CSV, drawings in DXF, boundaries of meshes."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -17,7 +19,10 @@ from .rings import joined, sheet_of
 READ = "a drawing (.dxf), a table of x and y (.csv, .txt), or a mesh"
 TABLES = (".csv", ".txt", ".xy")
 CURVES = "LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "LWPOLYLINE", "POLYLINE"  # of DXF
-BLOCK = "INSERT"
+# what is written beside lines
+TEXTS = "TEXT", "MTEXT", "DIMENSION", "ARC_DIMENSION", "LEADER", "MULTILEADER", "POINT", "ATTDEF"
+FRAME = 16  # flag of a vertex of R12 that only steers a spline
+MESH = 16 | 64  # flags of a POLYLINE that is a mesh
 CHORD = 0.01  # largest distance of a chord from its curve [mm]
 PLANE = 1e-6  # extent in z over the others, below which lines lie in a plane
 Lines = Sequence[np.ndarray]
@@ -49,7 +54,8 @@ def read_outline(path: Path | str, layer: str | None = None) -> tuple[shapely.Po
         except InputError as error:
             raise InputError(f"{error}{hint}") from None
     else:
-        rings = joined(_boundary(path, source), source)
+        lines, notes = _boundary(path, source)
+        rings = joined(lines, source)
     return sheet_of(rings, source), notes
 
 
@@ -68,9 +74,9 @@ def read_trim_line(path: Path | str) -> tuple[list[np.ndarray], list[str]]:
     if ending in TABLES:
         lines = [np.vstack([ring, ring[:1]]) for ring in _table(path, source, ("x", "y", "z"))]
     elif ending == ".dxf":
-        lines, unit, _ = _curves(path, source, None)
+        lines, unit, notes, _ = _curves(path, source, None)
         size = np.ptp(np.concatenate(lines), axis=0)
-        notes = [f"{unit}, so it is {rounded(size[0], 4)} mm long in x"] if unit else []
+        notes += [f"{unit}, so it is {rounded(size[0], 4)} mm long in x"] if unit else []
         if size[2] <= PLANE * size.max():
             lines = [line[:, :2] for line in lines]
     else:
@@ -135,35 +141,33 @@ def _columns(table, wanted):
 
 def _drawing(path, source, layer):
     """Lines of a flat drawing, what to say of it, and what to add to errors."""
-    lines, unit, hint = _curves(path, source, layer)
+    lines, unit, notes, hint = _curves(path, source, layer)
     size = np.ptp(np.concatenate(lines), axis=0)
     if size[2] > PLANE * size.max():
         raise InputError(
             f"{source} reaches over {rounded(size[2])} mm in z; allowed is a drawing in x and y"
         )
     sides = " x ".join(rounded(side, 4) for side in size[:2])
-    notes = [f"{unit}, so it is {sides} mm"] if unit else []
+    notes += [f"{unit}, so it is {sides} mm"] if unit else []
     return [line[:, :2] for line in lines], notes, hint
 
 
 def _curves(path, source, layer):
-    """Lines (n, 3) of a drawing [mm], words on its unit if that is not mm, and what to add to
-    errors: its layers if there are several."""
+    """Lines (n, 3) of a drawing [mm], words on its unit if that is not mm, sentences on what is not
+    read, and what to add to errors."""
     from ezdxf import path as paths
     from ezdxf import recover
-    from ezdxf.disassemble import recursive_decompose
     from ezdxf.lldxf.const import DXFError
+    from ezdxf.math import Matrix44
 
     try:
         drawing, _ = recover.readfile(path)
     except (DXFError, OSError, ValueError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{source} cannot be read ({reason}); allowed is {READ}") from None
-    hidden = {each.dxf.name.lower() for each in drawing.layers if each.is_off() or each.is_frozen()}
-    space = [each for each in drawing.modelspace() if each.dxftype() in (*CURVES, BLOCK)]
-    curves = [each for each in recursive_decompose(space) if each.dxftype() in CURVES]
-    curves = [each for each in curves if each.dxf.layer.lower() not in hidden]
-    layers = sorted({each.dxf.layer for each in curves})
+    states = {each.dxf.name.lower(): each for each in drawing.layers}
+    drawn = [*_drawn(drawing.modelspace(), states, "0", Matrix44())]
+    layers = sorted({each.layer for each in drawn if each.is_curve})
     if layer is not None:
         asked = [name.strip().lower() for name in layer.split(",")]
         known = [name.lower() for name in layers]
@@ -172,15 +176,64 @@ def _curves(path, source, layer):
                 f"`layer` {', '.join(missing)} of {source} has no lines; allowed is one of "
                 f"{', '.join(layers) or 'none, as no layer has any'}"
             )
-        curves = [each for each in curves if each.dxf.layer.lower() in asked]
+        drawn = [each for each in drawn if each.layer.lower() in asked]
+    others = Counter(each.kind for each in drawn if not each.is_curve and each.kind not in TEXTS)
+    found = ", ".join(f"{count} {kind}" for kind, count in sorted(others.items()))
+    notes = [f"{source} has {found}, not read; allowed are {', '.join(CURVES)}"] if found else []
+    curves = [each for each in drawn if each.is_curve]
     if not curves:
-        raise InputError(f"{source} has no lines; allowed are {', '.join(CURVES)}, visible")
+        more = f", but {found}" if found else ""
+        raise InputError(f"{source} has no lines{more}; allowed are {', '.join(CURVES)}, visible")
     factor, unit = _unit(drawing, source)
-    flat = [[*paths.make_path(each).flattening(CHORD / factor)] for each in curves]
-    lines = [factor * np.array([tuple(point) for point in line]) for line in flat if len(line) > 1]
-    several = layer is None and len(layers) > 1
-    hint = f"; of its layers {', '.join(layers)} some may be left out by `layer`" if several else ""
-    return lines, unit, hint
+    lines = []
+    for curve, _, place in curves:
+        if curve.dxftype() == "POLYLINE":  # beside a spline's points R12 has what they follow from
+            on_it = [vertex for vertex in curve.vertices if not vertex.dxf.flags & FRAME]
+            curve.vertices[:] = on_it or curve.vertices
+        stretch = np.linalg.norm(np.array([*place.rows()])[:3, :3], 2)
+        line = [*paths.make_path(curve).flattening(CHORD / factor / stretch)]
+        if len(line) > 1:
+            placed = place.transform_vertices(line)
+            lines.append(factor * np.array([tuple(point) for point in placed]))
+    hint = f"; it has {found}, not read" if found else ""
+    if layer is None and len(layers) > 1:
+        hint += f"; of its layers {', '.join(layers)} some may be left out by `layer`"
+    return lines, unit, notes, hint
+
+
+class _Drawn(NamedTuple):
+    """An entity of a drawing, its layer, and the matrix that puts it in its place."""
+
+    entity: Any
+    layer: str
+    place: Any
+
+    @property
+    def kind(self):
+        return self.entity.dxftype()
+
+    @property
+    def is_curve(self):
+        is_mesh = self.kind == "POLYLINE" and self.entity.dxf.flags & MESH
+        return self.kind in CURVES and not is_mesh
+
+
+def _drawn(entities, states, above, place):
+    """What is visible of entities of a block at a `place` on the layer `above`, and in the blocks
+    that it inserts; `states`: the layers by name.
+
+    By products of matrices, as ezdxf loses the shear of scales within scales.
+    """
+    for each in entities:
+        layer = above if each.dxf.layer == "0" else each.dxf.layer
+        state = states.get(layer.lower())
+        if each.dxf.get("invisible") or (state and state.is_frozen()):
+            continue
+        if each.dxftype() == "INSERT" and (block := each.block()):
+            for one in each.multi_insert():
+                yield from _drawn(block, states, layer, one.matrix44() @ place)
+        elif not (state and state.is_off()):
+            yield _Drawn(each, layer, place)
 
 
 def _unit(drawing, source):
@@ -202,8 +255,8 @@ def _unit(drawing, source):
 
 
 def _boundary(path, source):
-    """The edges of one cell of a mesh, as lines."""
-    points, cells, _ = read_surface_mesh(path, "outline", READ)
+    """The edges of one cell of a mesh, as lines, and what to say of it."""
+    points, cells, _, note = read_surface_mesh(path, "outline", READ)
     if np.ptp(points[:, 2]) > PLANE * np.ptp(points, axis=0).max():
         raise InputError(
             f"{source} is not plane in z; allowed is a mesh in a plane z = const, or a drawing"
@@ -215,4 +268,4 @@ def _boundary(path, source):
         corners = nodes[:, : 3 if kind.startswith("triangle") else 4]
         edges.append(np.stack([corners, np.roll(corners, -1, 1)], 2).reshape(-1, 2))
     edges, count = np.unique(np.sort(np.concatenate(edges), 1), axis=0, return_counts=True)
-    return [*points[edges[count == 1], :2]]
+    return [*points[edges[count == 1], :2]], [note] if note else []

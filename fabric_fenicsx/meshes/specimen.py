@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial import Delaunay
 
-from ..readers.libraries import own_model
 from ..runtime.errors import InputError
 from ..runtime.rules import COUNT, POSITIVE
-from .gmsh_cells import KINDS, meshed
+from .gmsh_cells import KINDS, meshed, own_model
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
 CELLS = "triangle", "quadrilateral"

@@ -33,7 +33,7 @@ def read_abaqus(path: Path) -> SurfaceMesh:
     generates; OtherFormat for a file of another program.
     """
     parts: dict[str, _Part] = {"": _Part()}
-    placed: list[tuple[_Part, np.ndarray]] = []
+    placed: list[tuple[_Part, list[np.ndarray]]] = []
     part = own = parts[""]
     for keyword, options, rows in _blocks(path, path):
         if keyword in GENERATED:
@@ -44,17 +44,23 @@ def read_abaqus(path: Path) -> SurfaceMesh:
             part = parts.setdefault(options.get("NAME", "").upper(), _Part())
             if keyword == "INSTANCE":
                 part = parts.setdefault(options.get("PART", "").upper(), part)
-                placed.append((part, _numbers(rows, _length, keyword, path)))
+                placed.append((part, [_numbers([row], _length, keyword, path) for row in rows]))
         elif keyword in ("END PART", "END INSTANCE"):
             part = own
         elif keyword == "NODE":
             _add_nodes(part, options.get("SYSTEM", "R"), rows, path)
         elif keyword == "ELEMENT":
             _add_elements(part, options.get("TYPE", "").upper(), rows, path)
+    if part is not own:
+        raise InputError(
+            f"mesh file {path} has a part or instance without *END: it is cut off; allowed is a "
+            "whole file"
+        )
     if not any(each.nodes for each in parts.values()):
         raise OtherFormat("no *NODE with rows")
-    whole = [(each, np.empty(0)) for each in parts.values() if not placed or each is own]
-    return _assembled([*whole, *placed], path)
+    if not placed:
+        placed = [(each, []) for each in parts.values() if each is not own]
+    return _assembled([(own, []), *placed], path)
 
 
 def _blocks(path: Path, main: Path) -> Iterator[tuple[str, dict[str, str], list[str]]]:
@@ -86,7 +92,7 @@ def _blocks(path: Path, main: Path) -> Iterator[tuple[str, dict[str, str], list[
 
 def _numbers(rows, of, keyword, path):
     """All numbers of rows of data, one behind the other."""
-    words = [word.strip() for row in rows for word in row.strip(" ,").split(",")]
+    words = [word.strip() for row in rows for word in row.rstrip(" ,").split(",")]
     try:
         return np.array([of(word) for word in words])
     except ValueError as error:
@@ -149,13 +155,13 @@ def _assembled(placed, path):
     return SurfaceMesh.collected(np.vstack(points), blocks, others)
 
 
-def _moved(x, move):
-    """Points where an instance has them: shifted, and turned about an axis of two points by an
-    angle [deg]."""
-    if len(move) >= 3:
-        x = x + move[:3]
-    if len(move) >= 10:
-        foot, axis = move[3:6], move[6:9] - move[3:6]
-        turn = Rotation.from_rotvec(np.radians(move[9]) * axis / np.linalg.norm(axis))
+def _moved(x, rows):
+    """Points where the rows of an instance have them: shifted, by zeros where numbers are left out,
+    and turned about an axis of two points by an angle [deg]."""
+    if rows:
+        x = x + [*rows[0], 0, 0, 0][:3]
+    if rows[1:]:
+        foot, axis = rows[1][:3], rows[1][3:6] - rows[1][:3]
+        turn = Rotation.from_rotvec(np.radians(rows[1][6]) * axis / np.linalg.norm(axis))
         x = turn.apply(x - foot) + foot
     return x

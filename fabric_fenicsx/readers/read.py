@@ -15,6 +15,7 @@ from .abaqus import read_abaqus
 from .libraries import NotMine, by_dolfinx, by_gmsh, by_meshio, by_pyvista
 from .stl import read_stl
 from .surface_mesh import SurfaceMesh
+from .unseen import NASTRAN, check_coordinate_systems, check_end, in_mm
 
 Reader = Callable[[Path], SurfaceMesh]
 OWN: dict[str, tuple[str, Reader]] = {".stl": ("STL", read_stl), ".inp": ("Abaqus", read_abaqus)}
@@ -25,7 +26,6 @@ LIBRARIES: tuple[tuple[str, Reader], ...] = (
     ("PyVista", by_pyvista),
 )
 READ = "a mesh that meshio, gmsh or PyVista reads"
-NASTRAN = (".bdf", ".nas", ".dat", ".fem")
 LONGEST = 160  # of a reader's reason, in letters
 DOUBT = re.compile(r"\b(warning|warn|error|err)\b", re.IGNORECASE)
 
@@ -37,12 +37,13 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     Raises InputError, with the reasons of all readers, if none does, or if it has no surface cells.
     """
     check_file(path, what, allowed)
+    check_end(path, what)
     if path.suffix.lower() == ".h5" and path.with_suffix(".xdmf").is_file():
         raise InputError(
             f"{what} {path} has numbers alone; allowed is its {path.with_suffix('.xdmf')}"
         )
     if path.suffix.lower() in NASTRAN:
-        _check_coordinate_systems(path)
+        check_coordinate_systems(path)
     reasons: list[str] = []
     doubtful: list[SurfaceMesh] = []
     without: list[SurfaceMesh] = []
@@ -50,13 +51,13 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     for name, reader in (*own, *LIBRARIES):
         mesh, reason = _attempt(reader, path)
         if mesh and mesh.sound and not reason:
-            return mesh
+            return in_mm(mesh, path, what)
         if mesh and len(mesh.points):
             (doubtful if mesh.cells else without).append(mesh)
         elif mesh or reason:
             reasons.append(f"{name}: {reason or 'no nodes in it'}")
     if doubtful:
-        return doubtful[0]
+        return in_mm(doubtful[0], path, what)
     if without:
         found = sorted(next((mesh.others for mesh in without if mesh.others), {}))
         curves = path.suffix.lower() == ".msh" and "line" in found
@@ -69,23 +70,6 @@ def read_surface_mesh(path: Path, what: str, allowed: str = READ) -> SurfaceMesh
     raise InputError(
         f"{what} {path} cannot be read as {path.suffix or 'a mesh'} ({why}); allowed is {allowed}"
     )
-
-
-def _check_coordinate_systems(path):
-    """InputError for a GRID of a Nastran deck in a coordinate system of its own, as the libraries
-    take all places for basic ones."""
-    with open(path, encoding="latin-1") as file:
-        for line in (each for each in file if each[:4].upper() == "GRID"):
-            if "," in line:  # the third field, in free, large or small fields
-                system = (line.split(",") + ["", ""])[2].strip()
-            else:
-                card = line.expandtabs(8)
-                system = card[24:40] if card[:8].rstrip().endswith("*") else card[16:24]
-            if system.strip().isdecimal() and int(system):
-                raise InputError(
-                    f"mesh file {path} has a GRID in coordinate system {system.strip()} "
-                    f"({' '.join(line.split())}); allowed are basic ones, 0 or none"
-                )
 
 
 def _attempt(reader: Reader, path: Path) -> tuple[SurfaceMesh | None, str]:

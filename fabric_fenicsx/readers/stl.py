@@ -10,6 +10,7 @@ from ..runtime.errors import InputError
 from .surface_mesh import OtherFormat, SurfaceMesh
 
 HEADER, FACET = 84, 50  # bytes
+END = 1000  # letters in which a text ends
 FACETS = re.compile(r"(?<!\S)facet\s+normal(?!\S)", re.IGNORECASE)
 VERTICES = re.compile(r"(?<!\S)vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
@@ -45,10 +46,10 @@ def _binary(data, count):
 
 def _text(text, path):
     facets, vertices = len(FACETS.findall(text)), VERTICES.findall(text)
-    if len(vertices) != 3 * facets:
+    if len(vertices) != 3 * facets or "endsolid" not in text[-END:].lower():
         raise InputError(
             f"STL file {path} has {len(vertices)} vertices in {facets} facets; allowed are three "
-            "in each: it may be cut off"
+            "in each, and `endsolid` at the end: it may be cut off"
         )
     numbers = [word for vertex in vertices for word in vertex]
     try:

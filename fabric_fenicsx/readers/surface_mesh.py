@@ -23,11 +23,13 @@ class SurfaceMesh(NamedTuple):
     - cells: surface cells (m, k) by meshio's name of their kind, as triangle, quad9 or polygon5, in
       gmsh's order of nodes: corners, edges, inside
     - others: what else there is, each kind with its dimension
+    - note: a sentence on the file, or ""
     """
 
     points: np.ndarray
     cells: dict[str, np.ndarray]
     others: dict[str, int]
+    note: str = ""
 
     @classmethod
     def collected(

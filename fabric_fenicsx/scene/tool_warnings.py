@@ -10,7 +10,7 @@ from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..runtime.formatting import rounded
 from ..sheets.blank import Blank
-from ..tools.surface_warnings import hole_warning, radii_warning, size_warning
+from ..tools.surface_warnings import hole_warning, radii_warning, radius_over, size_warning
 from ..tools.tool import Tool
 from . import output
 from .scene import Scene
@@ -21,6 +21,7 @@ COEFFICIENT = 2.0  # of friction, above which it may be in per cent
 # angle of the least radius that one cell spans [deg]: in the double dome the punch force is then
 # 1.5 % off; with 38 deg 0.3 %, with 149 deg 6 %
 TURN = 90.0
+SCALE = 0.25  # of a cell: the length over which its tool's curvature counts
 
 
 def tool_warnings(scene: Scene) -> list[str]:
@@ -74,16 +75,16 @@ def _one_sided(scene, nodes):
 def cell_size_warning(blank: Blank, tools: Iterable[Tool]) -> str:
     """A sentence if cells, or a quadratic one's halves, are too large to bend around the tools'
     least radius, else ""."""
-    tool = min(tools, key=lambda tool: min(tool.surface.radii), default=None)
-    least = min(tool.surface.radii) if tool else math.inf
     corners = blank.corners()
     longest = np.linalg.norm(np.roll(corners, -1, 1) - corners, axis=2).max(1) / blank.degree
     total, cells = blank.mesh.comm.allreduce(np.array([longest.sum(), len(longest)]), MPI.SUM)
-    if not tool or math.degrees(total / cells / least) <= TURN:
+    radii = [(radius_over(tool, SCALE * total / cells), tool.name) for tool in tools]
+    least, name = min(radii, default=(math.inf, ""))
+    if math.degrees(total / cells / least) <= TURN:
         return ""
     named = "cells" if blank.degree == 1 else "halves of quadratic cells"
     return (
-        f"{named} are {rounded(total / cells)} mm long where the {tool.name} has a radius of "
+        f"{named} are {rounded(total / cells)} mm long where the {name} has a radius of "
         f"{rounded(least)} mm: forces may be off by some per cent and angles by some degrees; "
         f"take {named} below {rounded(math.radians(TURN) * least)} mm"
     )

@@ -7,7 +7,6 @@ import numpy as np
 
 from ..runtime.rules import BELOW_180, FINITE, Rule, unknown_key
 
-OF_OUTLINES = "size", "layer", "centred"  # fields that need an outline
 FULL_TURN = Rule("an angle from -360 to 360 deg", lambda v: abs(v) <= 360)
 
 

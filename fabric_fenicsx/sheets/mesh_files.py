@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 from mpi4py import MPI
 
 from ..readers.read import READ, read_surface_mesh
@@ -11,6 +12,7 @@ from ..runtime.errors import InputError
 from .cells import CELLS, HIGHER, straight_cells, with_centres
 from .mesh_checks import MeshArrays
 
+UNUSED = 0.02  # share of nodes without a cell, from which a mesh may be cut off
 GEOMETRY = (".geo", ".step", ".stp", ".iges", ".igs", ".brep")  # what gmsh makes meshes of
 
 
@@ -48,7 +50,7 @@ def read_mesh(path: Path | str) -> MeshArrays:
             f"mesh file {path} is an outline without a mesh; allowed is {READ}, or the file as "
             "`outline`"
         )
-    points, surface, others = read_surface_mesh(path, "mesh file")
+    points, surface, others, note = read_surface_mesh(path, "mesh file")
     if solid := sorted(kind for kind, dim in others.items() if dim == 3):
         raise InputError(
             f"mesh file {path} holds solid cells {solid}; allowed is a sheet, of one kind out of "
@@ -69,4 +71,11 @@ def read_mesh(path: Path | str) -> MeshArrays:
         raise InputError(
             f"mesh file {path} holds cells {kind}; allowed is one kind out of {sorted(CELLS)}"
         )
-    return MeshArrays(points, cells, kind, [])
+    unused = len(points) - len(np.unique(cells))
+    notes = [note] if note else []
+    if unused > UNUSED * len(points):
+        notes.append(
+            f"mesh file {path} has {unused} of {len(points)} nodes in no cell of a sheet: it may "
+            "be cut off"
+        )
+    return MeshArrays(points, cells, kind, notes)

@@ -8,7 +8,7 @@ from ..meshes.specimen import PATTERNS
 from ..runtime.errors import InputError
 from ..runtime.fields import KnowsItsFields, check_fields, choice, number, text
 from ..runtime.rules import BELOW_180, COUNT, POSITIVE
-from .layout import FULL_TURN, OF_OUTLINES
+from .layout import FULL_TURN
 
 ELEMENTS = "P1", "P2", "P3", "Q1", "Q2"
 
@@ -65,9 +65,8 @@ class SheetFields(KnowsItsFields):
             raise InputError("`outline` is given beside `mesh`; allowed is one of them")
         if self.outline and self.nx and self.size:
             raise InputError("`nx` is given beside `size`; allowed is one of them")
-        if idle := next((k for k in OF_OUTLINES if getattr(self, k, None)), ""):
-            if not self.outline:
-                raise InputError(f"`{idle}` needs `outline`")
+        if not self.outline and (self.size or self.layer):
+            raise InputError(f"`{'size' if self.size else 'layer'}` needs `outline`")
 
     @property
     def sheet_file(self) -> str:

@@ -13,12 +13,26 @@ from .tool import Tool
 from .triangulated import TriangulatedSurface
 
 COARSE = 20.0  # deg, by which neighbouring facets turn on a surface that is to be smooth
-UNITS = {"metres": 1000.0, "inches": 25.4}
+UNITS = {"metres": 1000.0, "inches": 25.4, "cm": 10.0}
+# shares of a sheet's size below which a tool may be, and is, in another unit
+SMALL, TINY = 0.2, 0.02
 FLANGE = 0.05  # share of the thickness by which a tool may be in the sheet at the start
 MIRRORED = 0.25  # share of the thickness by which a tool and its mirror image may differ
 POINTS = 50  # at which an equation's derivatives are compared with differences
 STEP = 1e-3  # step of these differences [mm]
 WRONG = 0.01, 0.1  # share by which derivatives are wrong, and of the points at which they may be
+
+
+def unit_doubt(size: float, sheet: float, least: float) -> str:
+    """Words on a tool of this size [mm] that is below a `least` share of a sheet's and would fit it
+    in another unit, else ""."""
+    fitting = [unit for unit, factor in UNITS.items() if 0.1 < size * factor / sheet < 10]
+    if not fitting or size >= least * sheet:
+        return ""
+    return (
+        f"is {rounded(size, 4)} mm large beside a sheet of {rounded(sheet, 4)} mm, as if it were "
+        f"in {' or '.join(fitting)}"
+    )
 
 
 def check_triangles(
@@ -41,7 +55,7 @@ def check_triangles(
             f"{name}: {surface.turned} of {len(surface.triangles)} triangles were turned round to "
             "agree with the others"
         )
-    off = 0.75 * surface.bulges
+    off = 0.75 * surface.curved.patches.bulge  # more than the patches themselves
     worst = int(off.argmax())
     if off[worst] > thickness:
         raise InputError(
@@ -49,7 +63,7 @@ def check_triangles(
             f"their corners, at {coordinates(x[surface.triangles[worst]].mean(0))}; allowed is up "
             f"to the ply's thickness {thickness:g} mm"
         )
-    edges, turn = surface.turns
+    edges, turn = surface.curved.turns()
     if len(turn) and np.degrees(turn.max()) > COARSE:
         worst = int(turn.argmax())
         warn(

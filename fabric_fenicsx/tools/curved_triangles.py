@@ -83,15 +83,20 @@ class CurvedTriangles:
         beyond &= row_dots(beside, beside) > 1e-18
         return np.where(beyond, rim, np.copysign(1.0, row_dots(arm, normal)))
 
-    def turns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges that are not sharp (k, 2), by their ends, and the turn of facets there (k,)
-        [rad]."""
+    def smooth_edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The triangles (k,) on both sides of each edge that is not sharp, and the points (2, k) at
+        its ends."""
         t, k = np.nonzero(~self.vertices.sharp)
         other = self.across.triangle[t, k]
         once = t < other
-        t, k, other = t[once], k[once], other[once]
+        return t[once], other[once], self._ends(t[once], k[once]).T
+
+    def turns(self) -> tuple[np.ndarray, np.ndarray]:
+        """Edges that are not sharp (k, 2), by their ends, and the turn of facets there (k,)
+        [rad]."""
+        t, other, ends = self.smooth_edges()
         cosine = (self.facets[t] * self.facets[other]).sum(1)
-        return self._ends(t, k), np.arccos(np.clip(cosine, -1, 1))
+        return ends.T, np.arccos(np.clip(cosine, -1, 1))
 
     def _average_normals(self):
         total = np.zeros_like(self.points)

@@ -1,56 +1,23 @@
 """The double dome of the forming benchmark, with dimensions of its own."""
 
 import math
-from dataclasses import dataclass, fields
-from functools import cached_property, wraps
+from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.fields import number
-from ..runtime.rules import FROM_ZERO, POSITIVE, Rule, did_you_mean
+from ..runtime.fields import KnowsItsFields, check_fields, number
+from ..runtime.rules import FROM_ZERO, POSITIVE, Rule
 from . import dome_equation as equation
 from .implicit import ImplicitSurface
 
 WALL = Rule("an angle from 0, below 90 deg", lambda v: 0 <= v < 90)
 
 
-def _in_range(given):
-    """The dimensions in {name: value} that are allowed each by itself, as floats, and sentences on
-    the others."""
-    right, wrong = {}, []
-    for each in fields(DoubleDome):
-        if each.name in given:
-            try:
-                right[each.name] = each.metadata["rule"].check(each.name, given[each.name])
-            except InputError as error:
-                wrong.append(str(error))
-    return right, wrong
-
-
-def _refusing_unknown(dome):
-    """The class, whose names of dimensions are checked before Python does, one by one."""
-    make = dome.__init__
-
-    @wraps(make)  # so that the signature stays
-    def checked(self, /, *values, **named):
-        allowed = [each.name for each in fields(dome)]
-        if unknown := [name for name in named if name not in allowed]:
-            hints = ", ".join(name + did_you_mean(name, allowed) for name in unknown)
-            raise InputError(
-                f"{hints}: no dimension of the double dome has this name; allowed are "
-                + "; ".join([", ".join(allowed), *_in_range(named)[1]])
-            )
-        make(self, *values, **named)
-
-    dome.__init__ = checked
-    return dome
-
-
-@_refusing_unknown
 @dataclass(frozen=True)
-class DoubleDome(ImplicitSurface):
+class DoubleDome(KnowsItsFields, ImplicitSurface):
     """Two round domes joined by a lower, narrower saddle, on a flange z = 0.
 
     Seen from above, the outline is two circles, one a dome, joined by concave arcs tangent to both;
@@ -89,8 +56,8 @@ class DoubleDome(ImplicitSurface):
     Raises
     ------
     InputError
-        With all that is wrong: names that are no dimension, values out of their range, and values
-        that do not fit together.
+        For names that are no dimension, values out of their range, and with all that does not fit
+        together.
 
     Examples
     --------
@@ -112,13 +79,13 @@ class DoubleDome(ImplicitSurface):
     _shape: ClassVar[equation.Shape]
 
     def __post_init__(self) -> None:
-        right, wrong = _in_range(vars(self))
-        if wrong := [*wrong, *self._misfits(dict.fromkeys(vars(self), math.nan) | right)]:
+        check_fields(self, "{}".format)
+        if wrong := [*self._misfits()]:
             raise InputError("; ".join(wrong))
-        c, R, w = right["dome_distance"] / 2, right["dome_radius"], right["waist"]
-        angle = math.radians(right["wall_angle"])
+        c, R, w = self.dome_distance / 2, self.dome_radius, self.waist
+        angle = math.radians(self.wall_angle)
         tangent = math.tan(math.pi / 4 - angle / 2)
-        top, entry, depth = right["top_radius"], right["entry_radius"], right["depth"]
+        top, entry, depth = self.top_radius, self.entry_radius, self.depth
         shape = equation.Shape(
             half=c,
             radius=R,
@@ -133,19 +100,16 @@ class DoubleDome(ImplicitSurface):
             z2=entry,
             m=math.cos(angle),
             n=math.sin(angle),
-            drop=right["saddle_depth"] / depth,
-            reach=right["saddle_length"] / 2,
+            drop=self.saddle_depth / depth,
+            reach=self.saddle_length / 2,
         )
-        for name, value in (right | {"_shape": shape}).items():
-            object.__setattr__(self, name, value)
+        object.__setattr__(self, "_shape", shape)
 
-    @staticmethod
-    def _misfits(given):
-        """A sentence on each of `given` dimensions that does not fit the others; one that is nan
-        counts in none."""
-        c, R, w = given["dome_distance"] / 2, given["dome_radius"], given["waist"]
-        depth, angle = given["depth"], given["wall_angle"]
-        top, entry = given["top_radius"], given["entry_radius"]
+    def _misfits(self):
+        """A sentence on each dimension that does not fit the others."""
+        c, R, w = self.dome_distance / 2, self.dome_radius, self.waist
+        depth, angle = self.depth, self.wall_angle
+        top, entry = self.top_radius, self.entry_radius
         radians = math.radians(angle)
         tangent, slope = math.tan(math.pi / 4 - radians / 2), depth * math.tan(radians)
         # half width at the middle where the circles overlap
@@ -161,8 +125,8 @@ class DoubleDome(ImplicitSurface):
                 "outside the outline, must not reach the centre of the outline's concave arc of "
                 f"radius {turn / (2 * (R - w)):g} there"
             )
-        if given["saddle_depth"] >= depth:
-            yield f"saddle_depth is {given['saddle_depth']:g}; allowed is below depth = {depth:g}"
+        if self.saddle_depth >= depth:
+            yield f"saddle_depth is {self.saddle_depth:g}; allowed is below depth = {depth:g}"
         room = 1 - math.sin(radians)
         if (top + entry) * room > depth:
             yield (

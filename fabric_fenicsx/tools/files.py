@@ -5,10 +5,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..readers.libraries import own_model
 from ..readers.read import READ, read_surface_mesh
+from ..readers.unseen import check_end
+from ..runtime.child import in_child
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
+from ..runtime.formatting import coordinates
 
 FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
 CAD = (".step", ".stp", ".iges", ".igs", ".brep")
@@ -22,12 +24,13 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
         mesh = read_surface_mesh(path, "surface file", FORMATS)
         return mesh.points, _triangles(mesh), None
     check_file(path, "surface file", FORMATS)
+    check_end(path, "surface file")
     try:
-        return _mesh_of_model(path, chord)
-    except Exception as error:  # gmsh raises nothing else
-        reason = " ".join(str(error).split())
+        return in_child(_mesh_of_model, path.absolute(), chord)
+    except RuntimeError as error:
         raise InputError(
-            f"surface file {path} cannot be read as {path.suffix} ({reason}); allowed is {FORMATS}"
+            f"surface file {path} cannot be read as {path.suffix} ({error}): the model may be "
+            f"broken; allowed is {FORMATS}"
         ) from None
 
 
@@ -56,20 +59,26 @@ def _mesh_of_model(path, chord):
     """
     import gmsh
 
-    options = {"MeshSizeFromPoints": 0.0, "MeshSizeExtendFromBoundary": 0.0, "Algorithm": 6.0}
-    options |= {"MeshSizeMax": 1e22}
-    with own_model(gmsh, MeshSizeFromCurvature=2 * np.pi / TURN, **options):
-        faces = _faces_of_model(gmsh, path)
-        low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
-        most = np.linalg.norm(high - low) / 20
-        gmsh.option.setNumber("Mesh.MeshSizeMax", most)
-        gmsh.model.mesh.generate(2)
-        size_at = _sizes_by_curvature(gmsh, faces, chord, most)
-        gmsh.model.mesh.clear()
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 0)
-        gmsh.model.mesh.setSizeCallback(size_at)
-        gmsh.model.mesh.generate(2)
-        corners, normals = zip(*(_triangles_of_face(gmsh, face) for face in faces))
+    gmsh.initialize(readConfigFiles=False)
+    faces = _faces_of_model(gmsh, path)
+    low, high = np.array(gmsh.model.getBoundingBox(-1, -1)).reshape(2, 3)
+    most = np.linalg.norm(high - low) / 20
+    for name, value in {
+        "MeshSizeFromPoints": 0.0,
+        "MeshSizeExtendFromBoundary": 0.0,
+        "MeshSizeFromCurvature": 2 * np.pi / TURN,
+        "MeshSizeMax": most,
+        "Algorithm": 6.0,
+    }.items():
+        gmsh.option.setNumber(f"Mesh.{name}", value)
+    gmsh.model.mesh.generate(2)
+    size_at = _sizes_by_curvature(gmsh, faces, chord, most)
+    gmsh.model.mesh.clear()
+    gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 0)
+    gmsh.model.mesh.setSizeCallback(size_at)
+    gmsh.model.mesh.generate(2)
+    _check_closed(gmsh, path)
+    corners, normals = zip(*(_triangles_of_face(gmsh, face) for face in faces))
     points = np.vstack(corners).reshape(-1, 3)
     return points, np.arange(len(points)).reshape(-1, 3), np.vstack(normals)
 
@@ -86,6 +95,19 @@ def _faces_of_model(gmsh, path):
     if not faces:
         raise ValueError("no face in it")
     return faces
+
+
+def _check_closed(gmsh, path):
+    """ValueError for a model of solids alone that is open where a face is missing."""
+    text = path.read_bytes() if path.suffix.lower() in (".step", ".stp") else b""
+    if b"CLOSED_SHELL" not in text or b"OPEN_SHELL" in text:
+        return
+    nodes = gmsh.model.mesh.getElementsByType(2)[1].reshape(-1, 3)
+    sides = np.sort(np.concatenate([nodes[:, [0, 1]], nodes[:, [1, 2]], nodes[:, [2, 0]]]), 1)
+    ends, count = np.unique(sides, axis=0, return_counts=True)
+    if (count == 1).any():
+        place = gmsh.model.mesh.getNode(ends[(count == 1).argmax(), 0])[0]
+        raise ValueError(f"its solid is open at {coordinates(place)}, where a face is missing")
 
 
 def _sizes_by_curvature(gmsh, faces, chord, most):

@@ -172,12 +172,3 @@ def place(patches: Patches, triangle: int, b: np.ndarray, w: np.ndarray, at: np.
             at[d, i] = patches.origin[triangle, i] if d == 0 else 0.0
             for k in range(18):
                 at[d, i] += w[d, k] * patches.coefficients[triangle, k, i]
-
-
-@compiled
-def evaluate(patches: Patches, triangle: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Places and derivatives, (n, 6, 3) [mm], on patches `triangle` (n,) at b (3, n)."""
-    at, w = np.empty((len(triangle), 6, 3)), np.empty((6, 18))
-    for n in range(len(triangle)):
-        place(patches, triangle[n], b[:, n], w, at[n])
-    return at

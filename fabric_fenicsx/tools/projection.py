@@ -12,8 +12,6 @@ from .newton_kernel import Local, dot, newton_step, put
 from .patches import Patches, place
 from .surfaces import Nearest
 
-BENT = 0.99  # share of a surface's turning that has a larger radius than the least one given
-
 
 class Net(NamedTuple):
     """Parts of `CurvedTriangles` for the compiled search: its patches, triangles (m, 3), facets
@@ -290,7 +288,7 @@ def _put(sought, arm, side, normal, first, size):
 
 
 @compiled
-def _curvatures(patches):
+def curvatures(patches: Patches) -> np.ndarray:
     """The larger and the smaller curvature (2, m) [1/mm] in the middle of each patch."""
     found, b = np.empty((2, len(patches.origin))), np.full(3, 1 / 3)
     w, at = np.empty((6, 18)), np.empty((6, 3))
@@ -301,22 +299,3 @@ def _curvatures(patches):
         spread = math.sqrt(max((k11 - k22) ** 2 / 4 + k12 * k21, 0.0))
         found[0, t], found[1, t] = mean + spread, mean - spread
     return found
-
-
-def least_radii(surface: CurvedTriangles) -> tuple[float, float]:
-    """Least radius of curvature [mm] as seen from inside the body and from outside, but for the
-    last of the surface's turning; infinite where nothing bends to that side."""
-    larger, smaller = _curvatures(surface.patches)
-    return _least_radius(larger, surface.areas), _least_radius(-smaller, surface.areas)
-
-
-def _least_radius(curvature, area):
-    curvature = np.maximum(curvature, 0)
-    weight = area * curvature**2
-    turns = curvature * np.sqrt(area) > 1e-4  # less is rounding
-    if not turns.any():
-        return math.inf
-    curvature, weight = curvature[turns], weight[turns]
-    order = np.argsort(curvature)
-    share = np.cumsum(weight[order])
-    return 1 / float(curvature[order[np.searchsorted(share, BENT * share[-1])]])

@@ -5,7 +5,8 @@ from mpi4py import MPI
 
 from ..runtime.formatting import coordinates, rounded
 from ..runtime.graph import connected
-from .checks import UNITS
+from .checks import SMALL, unit_doubt
+from .radii import least_radii
 from .surfaces import innermost
 from .tool import Tool
 from .triangulated import TriangulatedSurface
@@ -21,20 +22,20 @@ def _triangles(tool):
     return surface if isinstance(surface, TriangulatedSurface) else None
 
 
+def radius_over(tool: Tool, length: float) -> float:
+    """Least radius of a tool's surface [mm], of triangles over a length [mm]."""
+    least, surface = min(tool.surface.radii), _triangles(tool)
+    if not surface or least > length:
+        return least
+    return max(least, min(least_radii(surface.curved, length)))
+
+
 def size_warning(tool: Tool, sheet: float) -> str:
     """A sentence if a tool of triangles is as small beside a sheet of this length [mm] as if it
-    were in metres or inches, else ""."""
+    were in metres, inches or cm, else ""."""
     surface = _triangles(tool)
-    if not surface:
-        return ""
-    size = float(np.ptp(surface.points, axis=0).max())
-    for unit, factor in UNITS.items():
-        if size < 0.02 * sheet and 0.1 < size * factor / sheet < 10:
-            return (
-                f"the surface of {tool.name} is {rounded(size)} mm large, as if it were in {unit}; "
-                "lengths are in mm"
-            )
-    return ""
+    doubt = surface and unit_doubt(float(np.ptp(surface.points, axis=0).max()), sheet, SMALL)
+    return f"the surface of {tool.name} {doubt}; lengths are in mm" if doubt else ""
 
 
 def hole_warning(tool: Tool) -> str:

@@ -12,15 +12,18 @@ from mpi4py import MPI
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
+from ..runtime.graph import connected
 from ..runtime.rules import BELOW_180, POSITIVE
 from .closest_triangles import boxes_around, closest
 from .curved_triangles import CurvedTriangles, row_dots
 from .files import read_triangles
-from .projection import Projection, least_radii
+from .projection import Projection
+from .radii import least_radii
 from .surfaces import Nearest, Surface
 from .triangles import repaired
 
 CREASE = 35.0  # deg
+WALL = 0.02  # sine of the angle to a direction below which a facet is a wall along it
 KEPT = 4  # sets of points that are remembered, of so many different numbers
 
 
@@ -160,17 +163,18 @@ class TriangulatedSurface(Surface):
         own = vertices.normals[vertices.name][:, [0, 2, 1]]
         return TriangulatedSurface(self.points, self.triangles[:, [0, 2, 1]], -own, self.crease)
 
-    @property
-    def turns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Edges that are not sharp (k, 2), by the points at their ends, and by how much facets turn
-        there (k,) [rad]."""
-        return self.curved.turns()
-
-    @property
-    def bulges(self) -> np.ndarray:
-        """Distances of the patches' control points from the facets, (m,) [mm]: more than those of
-        the patches themselves."""
-        return self.curved.patches.bulge
+    def face(self, towards: ArrayLike) -> TriangulatedSurface:
+        """What looks `towards` (3,), with the walls that lie within it."""
+        side, across = self.facets @ np.asarray(towards, dtype=float), self.curved.across.triangle
+        wall = abs(side) < WALL
+        t, k = np.nonzero((across >= 0) & wall[:, None])
+        joined = wall[across[t, k]]
+        _, part = connected(len(wall), [t[joined], across[t, k][joined]])
+        outer = np.isin(part, part[t[side[across[t, k]] <= -WALL]])  # beside the back
+        keep = (side >= WALL) | (wall & ~outer)
+        vertices = self.curved.vertices
+        own = vertices.normals[vertices.name]
+        return TriangulatedSurface(self.points, self.triangles[keep], own[keep], self.crease)
 
     def mesh(
         self, low: ArrayLike, high: ArrayLike, size: float

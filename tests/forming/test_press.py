@@ -5,11 +5,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from builders import dome
+from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.meshes.specimen import specimen
 
 PRESSES = Path(ff.__file__).parent / "studies/presses"
 HEMISPHERE = PRESSES / "hemisphere.toml"
@@ -310,22 +313,55 @@ def test_tools_on_one_side_that_overlap_are_told_of():
 def test_a_cad_model_is_read_with_a_finer_chord_where_it_is_too_coarse(tmp_path, monkeypatch):
     from fabric_fenicsx.forming import placement
 
-    chords = []
+    chords, finest = [], 0.05
 
     def read_surface(path, chord, comm):
         chords.append(chord)
         return ff.TriangulatedSurface([(-99, -99, 0), (99, -99, 0), (0, 99, 0)], [(0, 1, 2)])
 
-    def check(surface, *_):
-        if chords[-1] > 0.05:
+    def check(surface, name, *_):
+        assert name == f"tools.punch with chord = {chords[-1]:g}"
+        if chords[-1] > finest:
             raise ff.InputError("facets are off")
 
     monkeypatch.setattr(placement.TriangulatedSurface, "read", read_surface)
     monkeypatch.setattr(placement, "check_triangles", check)
     (tmp_path / "x.step").write_text("")
     path = changed(tmp_path, ('shape = "sphere"\nradius = 50', 'file = "x.step"'))
-    read(path, ["blank.nx=4", "stage.1.moves.punch=0.1"])
+    changes = ["blank.nx=4", "stage.1.moves.punch=0.1"]
+    read(path, changes)
     assert chords == [0.1, 0.05]
+    finest = 0.0
+    with pytest.raises(ff.InputError, match="facets are off, or a smaller `chord`"):
+        read(path, changes)
+
+
+@pytest.mark.parametrize("turn", [0, 180])
+def test_the_die_of_a_closed_model_is_that_of_its_face(tmp_path, turn):
+    """A block with a dome on it, all of whose faces the file has."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        cad = gmsh.model.occ
+        block, ball = cad.addBox(-60, -60, -40, 120, 120, 40), cad.addSphere(0, 0, -30, 50)
+        tall, _ = cad.fuse([(3, block)], [(3, ball)])
+        low, _ = cad.cut(tall, [(3, cad.addBox(-60, -60, -99, 120, 120, 59))])
+        cad.rotate(low, 0, 0, 0, 1, 0, 0, np.radians(turn))
+        cad.synchronize()
+        gmsh.write(str(tmp_path / "punch.step"))
+    finally:
+        gmsh.finalize()
+    (tmp_path / "press.toml").write_text(
+        'unit = "mm"\nblank = { fabric = "komeili", length = 100, width = 100, nx = 4 }\n'
+        f'tools.punch = {{ file = "punch.step", turn = [{turn}, 0, 0] }}\n'
+        'tools.die.die_of = "punch"\nstage = [{ name = "forming", close = 1.2 }]\n'
+    )
+    tools = read(tmp_path / "press.toml").tools
+    x = np.array([[0, 0, 0], [45, 45, 0], [20, 0, 0]])
+    apart = [tool.surface.evaluate(x - tool.path(1.0)).gap for tool in tools.values()]
+    assert sum(apart)[:2] == pytest.approx([1.2 * 1.074] * 2, abs=0.01)
 
 
 def test_the_end_of_a_stage_is_written_for_paraview(tmp_path):
@@ -347,6 +383,49 @@ def test_a_pressure_in_pascal_and_a_forgotten_side_are_told_of(tmp_path):
     path = changed(tmp_path, ('side = "above"', ""))
     press = read(path, ["blank.nx=4"])
     assert any("punch and ring all stand below the blank" in w for w in press.warnings)
+
+
+def own_mesh(tmp_path, move=lambda x: x):
+    """The hemisphere's press with a blank of a file, whose points are moved."""
+    points, cells, kind = specimen(160, 160, 6, 6, "crossed")
+    points = move(points - [80, 80, 0])
+    meshio.write_points_cells(tmp_path / "blank.vtu", points, [(kind, cells)])
+    blank = 'mesh = "blank.vtu"'
+    text = HEMISPHERE.read_text()
+    old = text[text.index("length = ") : text.index("quarter")]
+    path = changed(tmp_path, (old, f"{blank}\n"), ("quarter = true", "quarter = false"))
+    return ff.Press.read(path)
+
+
+@pytest.mark.parametrize("z", [-1.0, 0.3, 5.0])
+def test_a_flat_mesh_in_any_height_is_the_blank_in_zero(tmp_path, z):
+    """Its tools stand and press as on one that lies there."""
+    there, high = own_mesh(tmp_path).build(), own_mesh(tmp_path, lambda x: x + [0, 0, z]).build()
+    assert np.ravel(high.extent) == pytest.approx(np.ravel(there.extent), abs=1e-9)
+    for name, tool in there.tools.items():
+        assert high.tools[name].path(0) == pytest.approx(tool.path(0))
+    told = [words for words in high.warnings if "and was put in z = 0" in words]
+    assert len(told) == 1 and f"lies in z = {z:g} mm" in told[0]
+    assert not [words for words in there.warnings if "was put" in words]
+
+
+def test_a_mesh_that_is_not_flat_is_no_blank(tmp_path):
+    def tilted(x):
+        return x @ Rotation.from_euler("y", 30, degrees=True).as_matrix()
+
+    with pytest.raises(ff.InputError, match="reaches from z = -40 to 40 mm; allowed is a flat"):
+        own_mesh(tmp_path, tilted).build()
+
+
+def test_a_mesh_beside_the_middle_is_refused_or_centred(tmp_path):
+    press = own_mesh(tmp_path, lambda x: x + [80, 80, 0])
+    with pytest.raises(ff.InputError, match=r"from \(0, 0\) to \(160, 160\) mm, .* or a quarter"):
+        press.build()
+    (sheet,) = press.sheets
+    centred = press.replace(sheets=[dataclasses.replace(sheet, centred=True)]).build()
+    assert np.ravel(centred.extent) == pytest.approx([-80, -80, 0, 80, 80, 0])
+    off = own_mesh(tmp_path, lambda x: x + [20, 0, 0]).build()
+    assert any("has its centre at (20, 0) mm" in words for words in off.warnings)
 
 
 def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from double_dome import double_dome, write_step
 
-from fabric_fenicsx.meshes.double_dome import double_dome, write_step
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.checks import check_triangles
 from fabric_fenicsx.tools.double_dome import DoubleDome

@@ -146,6 +146,108 @@ def test_layers_of_a_drawing(drawing):
         drawing(draw, layer="x")
 
 
+def in_block(space, layer="0", inside="0", **how):
+    """A hole in a block on a layer."""
+    block = space.doc.blocks.new("HOLE")
+    block.add_circle((0, 0), 10, dxfattribs={"layer": inside})
+    space.add_blockref("HOLE", (50, 40), dxfattribs={"layer": layer, **how})
+
+
+@pytest.mark.parametrize(
+    "state, draw, holes",
+    [
+        ("freeze", lambda space: space.add_circle((50, 40), 10, {"layer": "OLD"}), 0),
+        ("thaw", lambda space: space.add_circle((50, 40), 10, {"invisible": 1}), 0),
+        ("thaw", lambda space: in_block(space, invisible=1), 0),
+        ("freeze", lambda space: in_block(space, "OLD"), 0),
+        ("off", lambda space: in_block(space, "OLD"), 0),
+        # what is in a frozen block goes with it, not with one whose layer is off
+        ("freeze", lambda space: in_block(space, "OLD", "CUT"), 0),
+        ("off", lambda space: in_block(space, "OLD", "CUT"), 1),
+        ("freeze", lambda space: in_block(space, "CUT", "OLD"), 0),
+        ("thaw", lambda space: in_block(space, "OLD"), 1),
+    ],
+)
+def test_what_is_not_seen_is_not_cut(drawing, state, draw, holes):
+    def whole(space):
+        rectangle(space, layer="CUT")
+        getattr(space.doc.layers.add("OLD"), state)()
+        draw(space)
+
+    sheet, told = drawing(whole)
+    assert len(sheet.interiors) == holes and not told
+
+
+def test_layer_0_of_a_block_is_that_of_its_insert(drawing):
+    def draw(space):
+        rectangle(space, layer="CUT")
+        in_block(space, "CUT")
+        space.doc.layers.get("0").freeze()
+
+    assert len(drawing(draw)[0].interiors) == len(drawing(draw, layer="CUT")[0].interiors) == 1
+
+
+def test_blocks_in_blocks_of_uneven_scale(drawing):
+    def draw(space):
+        inner, outer = (space.doc.blocks.new(name) for name in ("INNER", "OUTER"))
+        inner.block.dxf.base_point = (1, 2)
+        inner.add_lwpolyline(CORNERS, close=True)
+        inner.add_circle((50, 40), 20)
+        outer.add_blockref("INNER", (5, 0), {"xscale": 2, "yscale": 0.5, "rotation": 30})
+        space.add_blockref("OUTER", (7, 9), {"yscale": 3, "rotation": -20})
+
+    def turned(degrees):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        return np.array([[c, -s], [s, c]])
+
+    x = (np.array(CORNERS) - [1, 2]) * [2, 0.5] @ turned(30).T + [5, 0]
+    x = x * [1, 3] @ turned(-20).T + [7, 9]
+    sheet, _ = drawing(draw)
+    assert np.sort(np.array(sheet.exterior.coords)[:4], 0) == pytest.approx(np.sort(x, 0))
+    assert sheet.area == pytest.approx(3 * (8000 - 400 * np.pi), rel=1e-4)
+
+
+def test_an_array_of_a_block(drawing):
+    def draw(space):
+        rectangle(space)
+        in_block(space, column_count=2, column_spacing=-25, row_count=2, row_spacing=25)
+
+    sheet, _ = drawing(draw)
+    middles = {tuple(np.round(hole.centroid.coords[0], 6)) for hole in sheet.interiors}
+    assert middles == {(25, 40), (25, 65), (50, 40), (50, 65)}
+
+
+def test_what_is_not_read_is_named(drawing):
+    def draw(space):
+        rectangle(space)
+        space.add_hatch().paths.add_polyline_path([(10, 10), (20, 10), (20, 20)])
+        space.add_solid([(30, 10), (40, 10), (30, 20)])
+        space.add_mline([(10, 30), (20, 30)])
+        space.add_polyface().append_face([(1, 1, 0), (2, 1, 0), (2, 2, 0)])
+        space.doc.blocks.new("elsewhere").block.dxf.flags = 4  # in another file
+        space.add_blockref("elsewhere", (0, 0))
+        space.add_text("ply 1")
+
+    sheet, (told,) = drawing(draw)
+    assert sheet.area == pytest.approx(8000)
+    assert "has 1 HATCH, 1 INSERT, 1 MLINE, 1 POLYLINE, 1 SOLID, not read; allowed are L" in told
+    with pytest.raises(InputError, match="has no lines, but 1 HATCH; allowed are LINE, "):
+        drawing(lambda space: space.add_hatch())
+
+
+def test_a_spline_of_r12_goes_through_its_own_points(tmp_path):
+    made = ezdxf.new("R12")
+    frame = made.modelspace().add_polyline2d(CORNERS, close=True, dxfattribs={"flags": 5})
+    for corner in frame.vertices:
+        corner.dxf.flags = 16
+    angles = np.radians(np.arange(0, 360, 5))
+    on_it = np.column_stack([50 + 40 * np.cos(angles), 40 + 40 * np.sin(angles)])
+    frame.append_formatted_vertices(on_it.tolist(), "xy", dxfattribs={"flags": 8})
+    made.saveas(tmp_path / "ply.dxf")
+    sheet, _ = read_outline(tmp_path / "ply.dxf")
+    assert sheet.area == pytest.approx(1600 * 36 * np.sin(np.radians(5)))
+
+
 def gap(space):
     for start, end in zip(CORNERS, [*CORNERS[1:], (0, 1.5)]):
         space.add_line(start, end)

@@ -6,9 +6,9 @@ import matplotlib.image
 import numpy as np
 import pytest
 import pyvista
+from double_dome import double_dome
 from formed_plies import SHEARED, formed, on_dome
 
-from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.plot import forming_pictures, pictures, space
 from fabric_fenicsx.postprocess import shape
 

@@ -69,6 +69,19 @@ def test_instances_are_where_the_assembly_has_them(tmp_path):
     np.testing.assert_allclose(second[2], [-10, 10, 5], atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    "row, shift",
+    [("100.", (100, 0, 0)), ("5, 6", (5, 6, 0)), (", , 5.", (0, 0, 5)), ("", (0, 0, 0))],
+)
+def test_an_instance_may_leave_numbers_out(tmp_path, row, shift):
+    mesh = read(
+        tmp_path,
+        f"*Part, name=Ply\n{NODES}*Element, type=S4R\n1, 1, 2, 3, 4\n*End Part\n"
+        f"*Assembly, name=A\n*Instance, name=a, part=Ply\n{row}\n*End Instance\n*End Assembly\n",
+    )
+    assert mesh.points[mesh.cells["quad"][0, 0]].tolist() == [*shift]
+
+
 def test_files_that_are_named_are_read_too(tmp_path):
     (tmp_path / "nodes.inp").write_text(NODES)
     (tmp_path / "elements.txt").write_text("1, 1, 2, 3, 4\n")
@@ -84,6 +97,7 @@ def test_files_that_are_named_are_read_too(tmp_path):
         (f"{NODES}*Element, type=S4\n1, 1, 2, 3\n", r"4 numbers under \*ELEMENT, TYPE=S4; .* 5 "),
         ("*Node\n1, 0., x\n", r"row under \*NODE with .*'x'; allowed are numbers"),
         ("*Node, system=C\n1, 0., 0.\n", "SYSTEM=C; allowed are rectangular"),
+        (f"*Part, name=Ply\n{NODES}", r"has a part or instance without \*END: it is cut off"),
         ("*Include, input=none.inp\n", "names .*none.inp: No such file"),
     ],
 )

@@ -63,7 +63,8 @@ def with_hole(width, unit=1.0):
         ),
         (Reversed(with_hole(4)), 0.25, ["the surface of tip has a hole 4 mm wide"]),
         (with_hole(12), 0.25, []),  # as of a die
-        (with_hole(0, 1e-3), 0.25, ["the surface of tip is 0.06 mm large, as if it were in m"]),
+        (with_hole(0, 1e-3), 0.25, ["the surface of tip is 0.06 mm large beside a sheet of 20 m"]),
+        (with_hole(0, 0.06), 0.25, ["the surface of tip is 3.6 mm large beside a sheet of 20 mm"]),
     ],
 )
 def test_what_is_doubted_of_tools(surface, mu, words):

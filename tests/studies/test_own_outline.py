@@ -80,11 +80,11 @@ def test_a_file_that_is_not_there_is_told_at_once(launch):
     assert done.status == 2 and "--outline nowhere.dxf is not there" in done.err
 
 
-def test_a_whole_ply_off_the_punch_is_told_and_centred(table):
+def test_a_whole_ply_off_the_punch_is_refused_and_centred(table):
     made = {"outline": table(500, 300), "size": 40, "full": True, "fibre_angle": 30}
-    off = dome(FABRIC, **made)
-    told = [words for words in off.warnings if "has its centre at (250, 150) mm" in words]
-    assert len(told) == 1 and "`centred` puts it there" in told[0]
+    words = r"from \(0, 0\) to \(500, 300\) mm, .* as with `centred`, or a quarter"
+    with pytest.raises(ff.InputError, match=words):
+        dome(FABRIC, **made)
     ply = dome(FABRIC, **made, centred=True)
     assert np.ravel(ply.blank.extent()) == pytest.approx([-250, -150, 0, 250, 150, 0])
     assert not [words for words in ply.warnings if "has its centre" in words]

@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
+from double_dome import double_dome
 from mpi4py import MPI
 
-from fabric_fenicsx.meshes.double_dome import double_dome
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools.checks import check_start, check_triangles
 from fabric_fenicsx.tools.implicit import ImplicitSurface

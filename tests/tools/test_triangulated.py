@@ -2,16 +2,19 @@
 of their own gap."""
 
 import math
+import re
 
 import numpy as np
 import pytest
+import pyvista
+from double_dome import double_dome, write, write_step
 from mpi4py import MPI
 
-from fabric_fenicsx.meshes.double_dome import double_dome, write, write_step
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.tools import patches
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Plate, Sphere
+from fabric_fenicsx.tools.projection import curvatures
 from fabric_fenicsx.tools.surfaces import Flipped, Offset, Reversed
 from fabric_fenicsx.tools.triangulated import TriangulatedSurface
 
@@ -231,7 +234,9 @@ def dome_files(tmp_path_factory):
         b[0, : 2 * n // 3] = 0
         b[:2, : n // 3] = 0
         b = rng.permuted(b / b.sum(0), axis=0)
-        at = patches.evaluate(curved.patches, rng.choice(smooth, n), b)
+        at, w = np.empty((n, 6, 3)), np.empty((6, 18))
+        for row, triangle, place in zip(at, rng.choice(smooth, n), b.T.copy()):
+            patches.place(curved.patches, triangle, place, w, row)
         normal = np.cross(at[:, 1], at[:, 2])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         found[ending] = surface, at[:, 0], normal
@@ -478,10 +483,62 @@ def test_all_ranks_hold_the_triangles_of_one_read(shared_path):
         np.testing.assert_array_equal(triangles, surface.triangles)
     texts = {"none.step": None, "empty.step": "", "text.step": "no model", "text.stl": "solid"}
     for name, words in zip(
-        texts, ("does not exist", "is empty", "cannot be read as .step ", "cannot be read as .stl ")
+        texts, ("does not exist", "is empty", "does not end as .step ", "cannot be read as .stl ")
     ):
         if comm.rank == 0 and texts[name] is not None:
             (shared_path / name).write_text(texts[name])
         comm.barrier()
         with pytest.raises(InputError, match=words):
             TriangulatedSurface.read(shared_path / name, comm=comm)
+
+
+def test_radii_of_marching_cubes_are_those_over_several_cells():
+    """Slivers bend by any amount between points that lie on a ball."""
+    grid = pyvista.ImageData(dimensions=(40, 40, 40), origin=(-20.2, -19.7, -19.9))
+    gap = np.linalg.norm(grid.points, axis=1) - 15
+    cubes = grid.contour([0.0], gap, method="marching_cubes")
+    surface = TriangulatedSurface(cubes.points, cubes.faces.reshape(-1, 4)[:, 1:])
+    patches = np.abs(curvatures(surface.curved.patches)).max()
+    assert 1 / patches < 1 and 10 < min(surface.radii) < 17 and np.isinf(max(surface.radii))
+
+
+def test_the_face_of_a_closed_surface():
+    box = pyvista.Cube(x_length=4, y_length=6, z_length=8).triangulate().clean()
+    surface = TriangulatedSurface(box.points, box.faces.reshape(-1, 4)[:, 1:])
+    face = surface.face((0, 0, 1))
+    assert face.areas.sum() == pytest.approx(24) and face.points[:, 2].min() == pytest.approx(4)
+
+
+def test_a_broken_model_is_called_so(tmp_path):
+    write_step(tmp_path / "dome.step")
+    text = (tmp_path / "dome.step").read_text()
+    for name, broken, words in (
+        ("cut.step", text[: len(text) // 2], "does not end as .step files do: it is cut off"),
+        (
+            "points.step",
+            re.sub(r"#\d+ = VERTEX_POINT.*?;", "", text, flags=re.DOTALL),
+            "cannot be read as .step .*: the model may be broken",
+        ),
+    ):
+        (tmp_path / name).write_text(broken)
+        with pytest.raises(InputError, match=words):
+            TriangulatedSurface.read(tmp_path / name)
+
+
+def test_a_solid_without_one_of_its_faces_is_broken(tmp_path):
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.occ.addBox(0, 0, 0, 10, 10, 10)
+        gmsh.model.occ.synchronize()
+        gmsh.write(str(tmp_path / "box.step"))
+    finally:
+        gmsh.finalize()
+    assert not len(TriangulatedSurface.read(tmp_path / "box.step").rim)
+    text = (tmp_path / "box.step").read_text()
+    text = re.sub(r"#\d+ = ADVANCED_FACE.*?;", "", text, count=1, flags=re.DOTALL)
+    (tmp_path / "box.step").write_text(text)
+    with pytest.raises(InputError, match="its solid is open at .*, where a face is missing"):
+        TriangulatedSurface.read(tmp_path / "box.step")

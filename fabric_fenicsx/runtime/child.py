@@ -1,0 +1,43 @@
+"""Work of libraries that may crash, in a process of its own."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+# it ends with this process (PR_SET_PDEATHSIG), finds modules where this one does, and keeps stdout
+# for results
+PROGRAM = """
+import ctypes, os, pickle, sys
+ctypes.CDLL(None).prctl(1, 9)
+results = os.fdopen(os.dup(1), "wb")
+os.dup2(2, 1)
+sys.path = pickle.load(sys.stdin.buffer)
+work, given = pickle.load(sys.stdin.buffer)
+try:
+    found = True, work(*given)
+except Exception as error:
+    found = False, " ".join(str(error).split()) or type(error).__name__
+pickle.dump(found, results)
+"""
+OF_MPI = "OMPI_", "PMIX_", "PMI_", "MPI_", "HYDRA_", "HYDI_"  # how variables of a rank begin
+
+
+def in_child(work: Callable[..., Any], *given: Any) -> Any:
+    """What `work` returns, a function of a module, of what is `given`. Raises RuntimeError with
+    the text of its error, or if it crashes."""
+    rankless = {name: value for name, value in os.environ.items() if not name.startswith(OF_MPI)}
+    sent = pickle.dumps(sys.path) + pickle.dumps((work, given))
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], input=sent, capture_output=True, env=rankless
+    )
+    if not done.stdout:
+        how = signal.Signals(-done.returncode).name if done.returncode < 0 else "exit"
+        raise RuntimeError(f"it crashed ({how})")
+    worked, found = pickle.loads(done.stdout)
+    if not worked:
+        raise RuntimeError(found)
+    return found
