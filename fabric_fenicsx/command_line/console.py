@@ -3,13 +3,12 @@
 import logging
 import sys
 
-from tqdm import tqdm
-
+from ..runtime import status
 from ..runtime.logs import formatter
 
 
 class Console(logging.Handler):
-    """Results to standard output, warnings to standard error, neither into the progress bar."""
+    """Results to standard output, warnings to standard error, neither into the line of progress."""
 
     def __init__(self, level: int) -> None:
         super().__init__(level)
@@ -18,5 +17,4 @@ class Console(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print at once."""
         file = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
-        tqdm.write(self.format(record), file=file)
-        file.flush()
+        status.write(self.format(record), file)

@@ -13,11 +13,13 @@ from typing import Any
 from mpi4py import MPI
 
 from ..coupons.coupon import Coupon
+from ..job.dry_run import checked
 from ..job.job import Job, Result
 from ..job.setup import Setup
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import PRESETS, load, read_laws
 from ..results.output import Output
+from ..runtime import status
 from ..runtime.collective_errors import is_alone
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.fields import declared
@@ -80,6 +82,9 @@ def add_solver(p: Parser, test: Any) -> None:
         f"coarse{unasked}",
         free=True,
     )
+    if test is not Coupon:
+        words = "check all, draw setup.png of a press and tell the cost, but run nothing"
+        p.option("--dry-run", action="store_true", help=words, free=True)
     add_fields(p, Limits, test, prefix="max_", free=True)
 
 
@@ -163,6 +168,10 @@ def add_output(p: Parser, name: str) -> None:
         "--verbose": "print each Newton iteration, as log.txt has them",
     }.items():
         p.option(option, action="store_true", help=words, free=True)
+
+
+class Checked(Exception):
+    """A dry run is done."""
 
 
 class Study:
@@ -257,6 +266,10 @@ class Study:
         """The `Result` of a job of the last test that ran, into the subfolder `part`."""
         self._note_facts()
         pictures = not self.args.no_pictures
+        if self.args.dry_run:
+            for line in checked(job, self.output, part, pictures):
+                self.say(line)
+            raise Checked
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
 
     def once(self, key: str, make: Callable[[], Any]) -> Any:
@@ -306,31 +319,34 @@ def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
     signal.signal(signal.SIGTERM, _end)
     try:
-        study = kind(name, options)
-        main(study)
-        study.write_report(description, "done")
+        with status.shown(first=comm.rank == 0), status.task(program(name)):
+            study = kind(name, options)
+            main(study)
+            study.write_report(description, "done")
+        return
+    except Checked:
         return
     except (InputError, SolverFailure, Interrupted) as error:
-        status, text = exit_status(error)
+        code, text = exit_status(error)
         text = options.translated(text)
-        if study and status == 3:
+        if study and code == 3:
             study.write_report(description, text)
     except OSError as error:
         file = error.filename or (study.args.out if study else "a file")
-        status, text = 2, f"error: {file} can't be read or written ({error.strerror}); allowed is "
+        code, text = 2, f"error: {file} can't be read or written ({error.strerror}); allowed is "
         text += "a file in a folder of this user, with space left"
         if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
             text = f"error: {error}; `fabric info` says what works here"
     except KeyboardInterrupt:
-        status, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
+        code, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
     except Exception:
         traceback.print_exc()
         sys.stderr.flush()
         comm.Abort(1)
     alone = is_alone(comm)
     if comm.rank == 0 or alone:
-        print(f"{program(name)}: {text}", file=sys.stderr, flush=True)
+        status.write(f"{program(name)}: {text}", sys.stderr)
     if alone:
-        comm.Abort(status)
+        comm.Abort(code)
     comm.Barrier()  # as mpirun ends all ranks when the first leaves
-    sys.exit(status)
+    sys.exit(code)

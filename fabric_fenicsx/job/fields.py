@@ -22,6 +22,7 @@ class JobFields(Settings):
     order: float = 1.0
     headlines: Sequence[str] = ()
     measure: Measure | None = None
+    stage: Callable[[float], str] | None = None
     columns: Callable[[Scene], dict[str, float]] | None = None
     force_name: str = "reaction"
     modelled: float = 1.0

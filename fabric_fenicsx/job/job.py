@@ -16,6 +16,7 @@ from ..results.result import Result
 from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.formatting import rounded
+from ..runtime.status import task
 from ..scene import output as scene_output
 from ..scene.fingerprint import of_scene
 from ..solve.checkpoint import Checkpoint
@@ -48,6 +49,8 @@ class Job(JobFields):
     measure : callable, optional
         Function of scene and load factor to displacement [mm] and force [N] of the history, by
         default of the first tool or support that moves.
+    stage : callable, optional
+        Function of the load factor to the name of the stage under way there.
     columns : callable, optional
         Function of the scene to more columns of the history {name: value}, on all ranks.
     force_name : str
@@ -129,7 +132,8 @@ class Job(JobFields):
                 "is a new scene, with new terms"
             )
         if not resume:  # before anything is written
-            with all_or_none(self.scene.comm):  # as terms are asked, own ones too
+            # as terms are asked, own ones too
+            with all_or_none(self.scene.comm), task("checking the scene"):
                 self.scene.check_start()
         problem = dict(problem or {"study": self.name, "material": _material(self.scene)})
         if isinstance(out, Output):
@@ -204,6 +208,7 @@ class Job(JobFields):
         self._show(output, result, pictures and not drawn)
         return result
 
+    @task("estimating errors")
     def _estimate(self, output, result, problem, series):
         """Add errors to result, history.csv, fields and summary.json."""
         facts = estimated(self, result, output, problem)
@@ -212,6 +217,7 @@ class Job(JobFields):
             series.write(1.0, result.fields)
             result.forget_grid()
 
+    @task("writing tables and pictures")
     def _show(self, output, result, pictures):
         """Draw the last state; of a run that reached its end write the tables and pictures, too."""
         reached = result.summary["stroke_reached"] == 1

@@ -7,8 +7,11 @@ import numpy as np
 
 from ..readers.libraries import own_model
 from ..readers.read import READ, read_surface_mesh
+from ..runtime.cache_folders import kept_arrays
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
+from ..runtime.status import task
+from ..runtime.version import __version__
 
 FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
 CAD = (".step", ".stp", ".iges", ".igs", ".brep")
@@ -23,7 +26,11 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
         return mesh.points, _triangles(mesh), None
     check_file(path, "surface file", FORMATS)
     try:
-        return _mesh_of_model(path, chord)
+        import gmsh
+
+        with task(f"meshing {path.name}"):
+            how = path.suffix, chord, TURN, gmsh.__version__, __version__
+            return kept_arrays(path, how, lambda: _mesh_of_model(path, chord))
     except Exception as error:  # gmsh raises nothing else
         reason = " ".join(str(error).split())
         raise InputError(
