@@ -37,10 +37,6 @@ from .options import (
 )
 
 log = logging.getLogger("fabric_fenicsx")
-SHEET_FILES = {
-    "mesh": "a mesh that meshio, gmsh or PyVista reads",
-    "outline": "a drawing (.dxf), a table of x and y (.csv), or a mesh",
-}
 LAW_FILE = "Python file with the classes of your own laws"
 METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
 
@@ -191,12 +187,6 @@ class Study:
             idle = option == "nx" and "mesh" in args and (args.mesh or args.size)
             if getattr(args, option, value) is None and not idle:
                 setattr(args, option, value)
-        for option, allowed in SHEET_FILES.items():
-            file = getattr(args, option, None)
-            if file and not Path(file).is_file():
-                raise InputError(
-                    f"--{option} {file} is not there or not a file; allowed is {allowed}"
-                )
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
         self.fabric = fabric = self.read_fabric()

@@ -11,7 +11,6 @@ from ..runtime.cache_folders import kept_arrays
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
 from ..runtime.status import task
-from ..runtime.version import __version__
 
 FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
 CAD = (".step", ".stp", ".iges", ".igs", ".brep")
@@ -29,7 +28,7 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
         import gmsh
 
         with task(f"meshing {path.name}"):
-            how = path.suffix, chord, TURN, gmsh.__version__, __version__
+            how = path.suffix, chord, gmsh.__version__, Path(__file__).read_text()
             return kept_arrays(path, how, lambda: _mesh_of_model(path, chord))
     except Exception as error:  # gmsh raises nothing else
         reason = " ".join(str(error).split())
