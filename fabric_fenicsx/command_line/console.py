@@ -3,7 +3,6 @@
 import logging
 import sys
 
-from ..runtime import status
 from ..runtime.logs import formatter
 
 
@@ -17,4 +16,4 @@ class Console(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print at once."""
         file = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
-        status.write(self.format(record), file)
+        print(self.format(record), file=file, flush=True)

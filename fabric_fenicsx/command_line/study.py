@@ -335,7 +335,7 @@ def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study
         comm.Abort(1)
     alone = is_alone(comm)
     if comm.rank == 0 or alone:
-        status.write(f"{program(name)}: {text}", sys.stderr)
+        print(f"{program(name)}: {text}", file=sys.stderr, flush=True)
     if alone:
         comm.Abort(code)
     comm.Barrier()  # as mpirun ends all ranks when the first leaves

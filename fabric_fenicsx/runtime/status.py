@@ -6,8 +6,8 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import TextIO
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from typing import Any, TextIO
 
 from tqdm import tqdm
 
@@ -54,18 +54,11 @@ def shown(lines: bool = True, first: bool = True) -> Iterator[None]:
         return
     _line = _Line()
     try:
-        yield
+        with redirect_stdout(_Above(sys.stdout, _line)), redirect_stderr(_Above(sys.stderr, _line)):
+            yield
     finally:
         _line.close()
         _line = None
-
-
-def write(text: str, file: TextIO) -> None:
-    """Print a line at once, above the one that renews itself."""
-    if _line:
-        _line.write(text, file)
-    else:
-        print(text, file=file, flush=True)
 
 
 class _Line(threading.Thread):
@@ -79,36 +72,47 @@ class _Line(threading.Thread):
         except (OSError, ValueError):
             self._file = sys.stdout
         look = {"bar_format": "{desc}", "ncols": shutil.get_terminal_size().columns}
-        self._bar = tqdm(file=self._file, leave=False, **look) if on_terminal() else None
-        self._lock, self._ended = threading.Lock(), threading.Event()
-        self._printed = time.monotonic()
+        self.bar = tqdm(file=self._file, leave=False, **look) if on_terminal() else None
+        self.lock, self.is_whole, self.printed = threading.RLock(), True, time.monotonic()
+        self._ended = threading.Event()
         self.start()
 
     def run(self) -> None:
         """Renew the line until `close`."""
         while not self._ended.wait(RENEWED):
             text = doing()
-            with self._lock:
-                if self._bar is not None:
-                    self._bar.set_description_str(text)
-                elif text and time.monotonic() - self._printed > SILENCE:
+            with self.lock:
+                if self.bar is not None and self.is_whole:
+                    self.bar.set_description_str(text)
+                elif self.bar is None and text and time.monotonic() - self.printed > SILENCE:
                     print(text, file=self._file, flush=True)
-                    self._printed = time.monotonic()
-
-    def write(self, text, file):
-        with self._lock:
-            if self._bar is not None:
-                self._bar.clear()
-            print(text, file=file, flush=True)
-            if self._bar is not None:
-                self._bar.refresh()
-            self._printed = time.monotonic()
+                    self.printed = time.monotonic()
 
     def close(self):
         """End the thread, and clear its line."""
         self._ended.set()
         self.join()
-        if self._bar is not None:
-            self._bar.close()
+        if self.bar is not None:
+            self.bar.close()
         if self._file is not sys.stdout:
             self._file.close()
+
+
+class _Above:
+    """A stream to `file` whose lines stand above the line that renews itself."""
+
+    def __init__(self, file: TextIO, line: _Line) -> None:
+        self._file, self._line = file, line
+
+    def write(self, text: str) -> int:
+        line = self._line
+        with line.lock:
+            if line.bar is not None and line.is_whole:
+                line.bar.clear()
+            count = self._file.write(text)
+            self._file.flush()
+            line.is_whole, line.printed = text.endswith("\n"), time.monotonic()
+        return count
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)

@@ -237,7 +237,7 @@ class Blank(SheetMesh):
         *,
         nx: int = 32,
         size: float | None = None,
-        pattern: str = "unstructured",
+        pattern: str | None = None,
         layer: str | None = None,
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
@@ -251,8 +251,9 @@ class Blank(SheetMesh):
             A DXF, a CSV of x and y, or a mesh; or rings [mm], of which the largest is the outline.
         nx, size : int, float
             Edges of cells along the extent in x, or their length [mm].
-        pattern : {"unstructured", "along"}
-            `along`: cells along both yarns.
+        pattern : {"along", "unstructured"}
+            `along`: cells along both yarns, but for a rim of others; the default where it is
+            `spatial`.
         layer : str
             Of a DXF, or several with commas between them.
         spatial, **layout
@@ -266,6 +267,7 @@ class Blank(SheetMesh):
         """
         from .meshing import source_of, within
 
+        pattern = pattern or ("along" if spatial else "unstructured")
         mesh = within(comm, outline, layer, (nx, size), pattern, layout)
         options, source = blank_options(layout), source_of(outline)
         blank = cls.from_arrays(comm, *mesh[:3], source, spatial, **options)

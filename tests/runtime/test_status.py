@@ -17,7 +17,8 @@ import sys, time
 from fabric_fenicsx.runtime import status
 with status.shown(), status.task("waiting"):
     time.sleep(1.2)
-    status.write("a message", sys.stdout)
+    print("a message")
+    print("a warning", file=sys.stderr)
 """
 
 
@@ -27,7 +28,7 @@ def test_silence_is_broken_where_there_is_no_terminal(capsys, monkeypatch):
     with status.shown(), status.task("meshing a.step"):
         with status.task(lambda: "step 3"):
             time.sleep(0.3)
-        status.write("a message", sys.stdout)
+        print("a message")
         time.sleep(0.1)
         assert capsys.readouterr().out == "step 3\na message\n"
         time.sleep(0.2)
@@ -48,7 +49,7 @@ def test_one_line_renews_itself_on_a_terminal():
     ours, its = pty.openpty()
     fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
     text = b""
-    with subprocess.Popen([sys.executable, "-c", PROGRAM], stdout=its):
+    with subprocess.Popen([sys.executable, "-c", PROGRAM], stdout=its, stderr=its):
         os.close(its)
         with suppress(OSError):  # when the program has ended
             while more := os.read(ours, 1000):
@@ -57,4 +58,4 @@ def test_one_line_renews_itself_on_a_terminal():
     lines = [line.strip() for line in text.decode().replace("\n", "").split("\r")]
     told = [line for line in lines if line]
     assert told[0] == "waiting, 00:00" and "waiting, 00:01" in told
-    assert "a message" in told and lines[-1] == ""
+    assert "a message" in told and "a warning" in told and lines[-1] == ""

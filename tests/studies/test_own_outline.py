@@ -77,7 +77,7 @@ def test_what_does_not_go_with_an_outline(table, fields, words):
 
 def test_a_file_that_is_not_there_is_told_at_once(launch):
     done = launch("tensile", "--outline", "nowhere.dxf")
-    assert done.status == 2 and "--outline nowhere.dxf is not there" in done.err
+    assert done.status == 2 and "outline nowhere.dxf does not exist" in done.err
 
 
 def test_a_whole_ply_off_the_punch_is_told_and_centred(table):
