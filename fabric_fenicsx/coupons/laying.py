@@ -41,7 +41,7 @@ def lay(
     of `Layout`. Raises InputError as `Blank` does, and for fields that do not fit the mesh.
     """
     source = sheet.sheet_file or "the specimen"
-    with timing.phase("setup"), task(f"meshing {source}"):
+    with timing.phase("setup"), task("meshing the sheet"):
         blank = _blank(sheet, sides, comm, spatial, share, layout)
     if blank.mesh.geometry.dim == 3 and not spatial:
         raise InputError(

@@ -44,6 +44,7 @@ PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry o
 CLOSED = 1e-6  # thicknesses, to which tools that are closed are as near as asked
 
 
+@task("building the press")
 def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
     """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be
     meshed and for tools that can't stand or move as given."""
