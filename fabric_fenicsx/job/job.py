@@ -2,34 +2,37 @@
 
 import logging
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
+from ..results.curve import Curves, Measure
 from ..results.output import Output, read_summary
 from ..results.result import Result
 from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.formatting import rounded
+from ..runtime.rules import POSITIVE
 from ..runtime.status import task
 from ..scene import output as scene_output
 from ..scene.fingerprint import of_scene
+from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
+from ..solve.settings import Settings
 from .error_run import estimated
-from .fields import JobFields
 from .run import Run
 
 log = logging.getLogger("fabric_fenicsx")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job(JobFields):
+class Job(Settings):
     """Load stepping of a scene from rest to full load, with history, fields and checkpoint.
 
     Parameters
@@ -78,6 +81,28 @@ class Job(JobFields):
     >>> [row["load"] for row in result.rows]
     [0.0, 0.5, 1.0]
     """
+
+    scene: Scene = field(kw_only=False)
+    error: bool = False
+    coarser: Callable[[], Any] | None = None
+    order: float = 1.0
+    headlines: Sequence[str] = ()
+    measure: Measure | None = None
+    stage: Callable[[float], str] | None = None
+    columns: Callable[[Scene], dict[str, float]] | None = None
+    force_name: str = "reaction"
+    modelled: float = 1.0
+    quantities: Callable[[Result], dict[str, Any]] | None = None
+    tables: Callable[[Result, Path], None] | None = None
+    pictures: Callable[[Result, Path], None] | None = None
+    first_picture: Callable[[Path], None] | None = None
+    warnings: Iterable[str] = ()
+    beside: Curves = field(default_factory=dict)
+    name: str = "job"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        POSITIVE.check("`order`", self.order)
 
     def run(
         self,

@@ -1,11 +1,13 @@
 """A job under way, and the files that it writes with each state."""
 
+from __future__ import annotations
+
 import logging
 import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 from tqdm import tqdm
@@ -24,7 +26,9 @@ from ..solve.progress import Accepted, Outcome, Progress
 from ..solve.report import Report
 from ..solve.stepping import LoadStepping
 from . import validity
-from .fields import JobFields
+
+if TYPE_CHECKING:
+    from .job import Job
 
 log = logging.getLogger("fabric_fenicsx")
 
@@ -39,7 +43,7 @@ class Run:
 
     def __init__(
         self,
-        job: JobFields,
+        job: Job,
         output: Output,
         folder: Path,
         newton: Newton,
