@@ -92,6 +92,16 @@ def test_a_whole_ply_off_the_punch_is_told_and_centred(table):
         dome(FABRIC, **made | {"full": False}, centred=True)
 
 
+@pytest.mark.parametrize("angle", [0, 30, 45])
+def test_the_ply_of_a_press_has_cells_along_its_yarns(table, angle):
+    made = {"outline": table(500, 300), "size": 25, "centred": True, "full": True}
+    ply = dome(FABRIC, **made, fibre_angle=angle)
+    assert (ply.sheets[0].pattern, ply.sheets[0].element) == ("along", "P1")
+    assert ply.blank.whole.share_off_the_yarns() < 0.15
+    ply = dome(FABRIC, **made, fibre_angle=angle, pattern="unstructured")
+    assert (ply.sheets[0].pattern, ply.sheets[0].element) == ("unstructured", "P2")
+
+
 def test_plies_of_a_stack_have_outlines(table, tmp_path):
     table(500, 300)
     stack = tmp_path / "stack.toml"
