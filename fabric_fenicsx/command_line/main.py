@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> int:
     first = comm is None or comm.rank == 0
     if command in scripts:
         sys.argv[:] = [str(scripts[command]), *map(_found, argv[1:])]
-        with shown(first=first), task(f"loading {command}"):
+        with shown(first=first), task(f"fabric {command}"):
             runpy.run_path(str(scripts[command]), run_name="__main__")
         return 0
     if not first and {"-h", "--help"} & set(argv):
