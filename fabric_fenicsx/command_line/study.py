@@ -23,9 +23,9 @@ from ..runtime import status
 from ..runtime.collective_errors import is_alone
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.fields import declared
+from ..runtime.logs import Console
 from ..solve.limits import Limits
 from ..solve.settings import Settings
-from .console import Console
 from .options import (
     HelpFormatter,
     Parser,

@@ -94,7 +94,7 @@ class Run:
 
     def _accept(self, accepted: Accepted) -> None:
         scene, output, rows = self.scene, self.output, self.history.rows
-        if not accepted.load and _is_prestressed(scene):
+        if not accepted.load and any(term.prestressed for term in scene.terms):
             moved = scene.u.norm(PETSc.NormType.NORM_INFINITY)
             output.say(
                 f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
@@ -194,7 +194,3 @@ class Run:
         kinds = {**dict.fromkeys(ENERGIES), **self.scene.energies()}
         work = {"external_work": row["external_work_Nmm"]}
         return {kind: row[f"{kind}_energy_Nmm"] for kind in kinds} | work
-
-
-def _is_prestressed(scene):
-    return any(term.prestressed for term in scene.terms)
