@@ -11,6 +11,8 @@ from typing import Any, TextIO
 
 from tqdm import tqdm
 
+from .cache_folders import RANK
+
 RENEWED = 0.5  # s between two texts on a terminal
 SILENCE = 3.0  # s without output after which a line is printed elsewhere
 
@@ -39,8 +41,8 @@ def doing() -> str:
 
 
 def on_terminal() -> bool:
-    """Whether a line on standard output can renew itself."""
-    return sys.stdout.isatty()
+    """Whether a line on standard output can renew itself; Open MPI says so even of a file."""
+    return sys.stdout.isatty() and not any(name in os.environ for name in RANK)
 
 
 @contextmanager

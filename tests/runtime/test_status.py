@@ -48,8 +48,9 @@ def test_nothing_is_shown_unless_asked_for(capsys, monkeypatch):
 def test_one_line_renews_itself_on_a_terminal():
     ours, its = pty.openpty()
     fcntl.ioctl(its, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
-    text = b""
-    with subprocess.Popen([sys.executable, "-c", PROGRAM], stdout=its, stderr=its):
+    command, text = [sys.executable, "-c", PROGRAM], b""
+    # what MPI has set in this process, if another test began it, is not in os.environ
+    with subprocess.Popen(command, stdout=its, stderr=its, env=dict(os.environ)):
         os.close(its)
         with suppress(OSError):  # when the program has ended
             while more := os.read(ours, 1000):
