@@ -34,6 +34,7 @@ def checked(job: Job, output: Output, part: str, pictures: bool) -> list[str]:
             newton.tangent.assemble()
             newton.tangent.factor()
             seconds = time.process_time() - began
+    scene_output.nodal_fields(scene, scene_output.cell_fields(scene))  # no name is given twice
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     if job.first_picture and pictures:
         job.first_picture(folder)
