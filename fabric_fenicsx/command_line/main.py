@@ -8,6 +8,7 @@ import textwrap
 from importlib import import_module
 from pathlib import Path
 
+from ..runtime.cache_folders import is_first
 from ..runtime.errors import InputError
 from ..runtime.files import unwritable
 from ..runtime.rules import unknown_key
@@ -34,17 +35,17 @@ def main(argv: list[str] | None = None) -> int:
     command = argv[0] if argv else ""
     end_with_reader()
     scripts = {path.stem: path for path in sorted(STUDIES.glob("*.py"))}
+    if command in scripts:
+        sys.argv[:] = [str(scripts[command]), *map(_found, argv[1:])]
+        with shown(first=is_first()), task(f"fabric {command}"):
+            runpy.run_path(str(scripts[command]), run_name="__main__")
+        return 0
     if command == "sweep":  # before MPI begins, which its runs do by themselves
         from . import sweep
 
         return sweep.main([*map(_found, argv[1:])] or ["--help"])
     comm, status = info.world(), 0
     first = comm is None or comm.rank == 0
-    if command in scripts:
-        sys.argv[:] = [str(scripts[command]), *map(_found, argv[1:])]
-        with shown(first=first), task(f"fabric {command}"):
-            runpy.run_path(str(scripts[command]), run_name="__main__")
-        return 0
     if not first and {"-h", "--help"} & set(argv):
         return 0
     try:

@@ -18,6 +18,11 @@ RANK = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")  # know
 moved: Path | None = None  # the folder in place of the home's
 
 
+def is_first() -> bool:
+    """Whether this is the first rank or the only one, as far as that is known without MPI."""
+    return all(os.getenv(name, "0") == "0" for name in RANK)
+
+
 def cache() -> Path:
     """The folder of caches: XDG_CACHE_HOME, or .cache in the home."""
     return Path(os.getenv("XDG_CACHE_HOME") or Path.home() / ".cache")
@@ -47,7 +52,7 @@ def ensure_cache() -> None:
             os.environ["XDG_CONFIG_HOME"] = str(folder)
     except OSError:
         kept = "nor is there a temporary folder for compiled code"
-    if all(os.getenv(name, "0") == "0" for name in RANK):
+    if is_first():
         text = f"warning: {wrong}; {kept}; XDG_CACHE_HOME=FOLDER chooses another folder"
         print(text, file=sys.stderr, flush=True)
 
