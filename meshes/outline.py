@@ -21,7 +21,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("outline", type=Path, help="DXF, CSV of x and y [mm], or a mesh")
     parser.add_argument("--size", type=float, required=True, help="of the cells' edges [mm]")
-    parser.add_argument("--pattern", choices=PATTERNS, default="unstructured")
+    parser.add_argument("--pattern", choices=PATTERNS, default="along")
     parser.add_argument(
         "--fibre-angle", type=float, default=0.0, help="from x to yarns a [deg], for `along`"
     )

@@ -17,6 +17,7 @@ from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.results import report as html
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.runtime.formatting import percent
+from fabric_fenicsx.runtime.status import shown, task
 
 
 def write_report(args, path, report, started):
@@ -76,7 +77,8 @@ def main(args):
 
 if __name__ == "__main__":
     try:
-        main(options(__doc__).parse_args())
+        with shown(), task(program("identify")):
+            main(options(__doc__).parse_args())
     except (InputError, SolverFailure) as error:
         status, text = exit_status(error)
         print(f"{program('identify')}: {text}", file=sys.stderr)

@@ -6,6 +6,7 @@ import io
 import json
 import logging
 import os
+import re
 import runpy
 import signal
 import subprocess
@@ -24,6 +25,8 @@ ROOT = Path(__file__).parents[1]
 # Seconds after which what a test started counts as hung: far more than the slowest takes on a
 # machine with other work.
 HANG = 3600
+# lines that tell of a step, and of what takes long
+PROGRESS = re.compile(r": step \d+, .* iterations|; next: |, \d\d:\d\d$", re.M)
 
 
 @pytest.hookimpl(trylast=True)
@@ -218,8 +221,8 @@ def run_script(monkeypatch):
 @pytest.fixture
 def launch(shared_path, run_script):
     """Function that runs a study as a user would: launch(name, *options, ranks=1) to its status,
-    output, results. By default it runs in this process, on the ranks of the test, which saves the
-    start of another.
+    output without `progress`, that, results. By default it runs in this process, on the ranks of
+    the test, which saves the start of another.
 
     apart: in a process of its own all the same; kill_at_row: kill it once its history has that many
     rows; overwrite: what an earlier launch left.
@@ -250,10 +253,12 @@ def launch(shared_path, run_script):
             status, *texts = run_script(shared_path, *words)
             # and all have written
             out_text, err_text = map("".join, zip(*world().allgather(texts)))
-        summary = folder / "summary.json"
+        summary, lines = folder / "summary.json", out_text.splitlines(keepends=True)
+        progress = [line for line in lines if PROGRESS.search(line)]
         return SimpleNamespace(
             status=status,
-            out=out_text,
+            out="".join(line for line in lines if line not in progress),
+            progress=progress,
             err=err_text,
             folder=folder,
             summary=json.loads(summary.read_text()) if summary.is_file() else None,

@@ -268,15 +268,12 @@ def draw_triangle() -> None:
     import numpy as np
     import pyvista
 
-    from ..plot.space import screen
+    from ..plot.space import drawing
 
-    with screen():
-        plotter = pyvista.Plotter(off_screen=True, window_size=[200, 100])
-        plotter.set_background("white")
+    with drawing((200, 100)) as plotter:
         plotter.add_mesh(pyvista.Triangle(), color="red", lighting=False)
         plotter.view_xy()
         image = np.asarray(plotter.screenshot(None, return_img=True))
-        plotter.close()
     red = (image[..., 0] > 200) & (image[..., 1:3] < 50).all(-1)
     if not 0.02 < red.mean() < 0.9:
         raise Broken(f"the picture of a triangle is blank or wrong: {red.mean():.0%} of it is red")

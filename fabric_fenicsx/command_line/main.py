@@ -8,10 +8,12 @@ import textwrap
 from importlib import import_module
 from pathlib import Path
 
+from ..runtime.cache_folders import is_first
 from ..runtime.errors import InputError
 from ..runtime.files import unwritable
 from ..runtime.rules import unknown_key
 from ..runtime.signals import end_with_reader
+from ..runtime.status import shown, task
 from . import info
 from .options import STUDIES, Parser, exit_status
 
@@ -35,7 +37,8 @@ def main(argv: list[str] | None = None) -> int:
     scripts = {path.stem: path for path in sorted(STUDIES.glob("*.py"))}
     if command in scripts:
         sys.argv[:] = [str(scripts[command]), *map(_found, argv[1:])]
-        runpy.run_path(str(scripts[command]), run_name="__main__")
+        with shown(first=is_first()), task(f"fabric {command}"):
+            runpy.run_path(str(scripts[command]), run_name="__main__")
         return 0
     if command == "sweep":  # before MPI begins, which its runs do by themselves
         from . import sweep

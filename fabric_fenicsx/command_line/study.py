@@ -13,17 +13,19 @@ from typing import Any
 from mpi4py import MPI
 
 from ..coupons.coupon import Coupon
+from ..job.dry_run import checked
 from ..job.job import Job, Result
 from ..job.setup import Setup
 from ..material.laws import COUPLINGS, Law
 from ..material.presets import PRESETS, load, read_laws
 from ..results.output import Output
+from ..runtime import status
 from ..runtime.collective_errors import is_alone
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.fields import declared
+from ..runtime.logs import Console
 from ..solve.limits import Limits
 from ..solve.settings import Settings
-from .console import Console
 from .options import (
     HelpFormatter,
     Parser,
@@ -35,10 +37,6 @@ from .options import (
 )
 
 log = logging.getLogger("fabric_fenicsx")
-SHEET_FILES = {
-    "mesh": "a mesh that meshio, gmsh or PyVista reads",
-    "outline": "a drawing (.dxf), a table of x and y (.csv), or a mesh",
-}
 LAW_FILE = "Python file with the classes of your own laws"
 METAVARS = {"deg": "DEG", "mm": "MM"}  # unit of an option's number -> what stands for it
 
@@ -80,6 +78,9 @@ def add_solver(p: Parser, test: Any) -> None:
         f"coarse{unasked}",
         free=True,
     )
+    if test is not Coupon:
+        words = "check all, draw setup.png of a press and tell the cost, but run nothing"
+        p.option("--dry-run", action="store_true", help=words, free=True)
     add_fields(p, Limits, test, prefix="max_", free=True)
 
 
@@ -165,6 +166,10 @@ def add_output(p: Parser, name: str) -> None:
         p.option(option, action="store_true", help=words, free=True)
 
 
+class Checked(Exception):
+    """A dry run is done."""
+
+
 class Study:
     """A study under way: parsed options `args`, `fabric`, `comm`, and the `output` of its runs.
 
@@ -182,12 +187,6 @@ class Study:
             idle = option == "nx" and "mesh" in args and (args.mesh or args.size)
             if getattr(args, option, value) is None and not idle:
                 setattr(args, option, value)
-        for option, allowed in SHEET_FILES.items():
-            file = getattr(args, option, None)
-            if file and not Path(file).is_file():
-                raise InputError(
-                    f"--{option} {file} is not there or not a file; allowed is {allowed}"
-                )
         if args.resume and args.overwrite:
             raise InputError("--resume and --overwrite are both given; allowed is one of them")
         self.fabric = fabric = self.read_fabric()
@@ -257,6 +256,10 @@ class Study:
         """The `Result` of a job of the last test that ran, into the subfolder `part`."""
         self._note_facts()
         pictures = not self.args.no_pictures
+        if self.args.dry_run:
+            for line in checked(job, self.output, part, pictures):
+                self.say(line)
+            raise Checked
         return job.run(self.output, part, problem=self._problem, pictures=pictures)
 
     def once(self, key: str, make: Callable[[], Any]) -> Any:
@@ -306,23 +309,26 @@ def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study
     description = " ".join((sys.modules["__main__"].__doc__ or "").split())
     signal.signal(signal.SIGTERM, _end)
     try:
-        study = kind(name, options)
-        main(study)
-        study.write_report(description, "done")
+        with status.shown(first=comm.rank == 0), status.task(program(name)):
+            study = kind(name, options)
+            main(study)
+            study.write_report(description, "done")
+        return
+    except Checked:
         return
     except (InputError, SolverFailure, Interrupted) as error:
-        status, text = exit_status(error)
+        code, text = exit_status(error)
         text = options.translated(text)
-        if study and status == 3:
+        if study and code == 3:
             study.write_report(description, text)
     except OSError as error:
         file = error.filename or (study.args.out if study else "a file")
-        status, text = 2, f"error: {file} can't be read or written ({error.strerror}); allowed is "
+        code, text = 2, f"error: {file} can't be read or written ({error.strerror}); allowed is "
         text += "a file in a folder of this user, with space left"
         if error.errno is None:  # as of gmsh, whose wheel needs some of the machine's libraries
             text = f"error: {error}; `fabric info` says what works here"
     except KeyboardInterrupt:
-        status, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
+        code, text = 3, "stopped: interrupted; --resume goes on from the last accepted state"
     except Exception:
         traceback.print_exc()
         sys.stderr.flush()
@@ -331,6 +337,6 @@ def run(name: str, options: Parser, main: Callable[[Any], Any], kind: type[Study
     if comm.rank == 0 or alone:
         print(f"{program(name)}: {text}", file=sys.stderr, flush=True)
     if alone:
-        comm.Abort(status)
+        comm.Abort(code)
     comm.Barrier()  # as mpirun ends all ranks when the first leaves
-    sys.exit(status)
+    sys.exit(code)

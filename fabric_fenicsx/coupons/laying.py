@@ -8,6 +8,7 @@ from .. import dolfinx_compat as compat
 from ..mechanics.shell import mesh_warnings
 from ..runtime import timing
 from ..runtime.errors import InputError
+from ..runtime.status import task
 from ..sheets.blank import Blank
 from ..sheets.layout import Layout, blank_options
 from ..sheets.sheet_fields import SheetFields
@@ -40,7 +41,7 @@ def lay(
     of `Layout`. Raises InputError as `Blank` does, and for fields that do not fit the mesh.
     """
     source = sheet.sheet_file or "the specimen"
-    with timing.phase("setup"):
+    with timing.phase("setup"), task("meshing the sheet"):
         blank = _blank(sheet, sides, comm, spatial, share, layout)
     if blank.mesh.geometry.dim == 3 and not spatial:
         raise InputError(

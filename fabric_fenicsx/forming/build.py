@@ -20,6 +20,7 @@ from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..runtime.rules import unknown_key
+from ..runtime.status import task
 from ..scene import output
 from ..scene.scene import Scene
 from ..scene.supports import Support
@@ -42,6 +43,7 @@ PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry o
 CLOSED = 1e-6  # thicknesses, to which tools that are closed are as near as asked
 
 
+@task("building the press")
 def build(press: Press, comm: MPI.Comm | None = None) -> "FormingScene":
     """The `FormingScene` of a press. Raises InputError, on all ranks, for a blank that can't be
     meshed and for tools that can't stand or move as given."""
@@ -69,6 +71,7 @@ class Placed:
     thickness: float
 
 
+@task("placing the tools")
 def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Placed:
     """The tools of a press in their places at its blank. Raises InputError, on all ranks, for tools
     that can't stand or move as given."""
@@ -394,6 +397,7 @@ class FormingScene(Setup):
         """As in `Setup`, with the steps of the stages; a step ends at the end of each stage."""
         ends = tuple(float(each) for each in self.schedule.joints[1:-1])
         usual: dict[str, Any] = {"first_picture": self.first_picture, "columns": self.columns}
+        usual["stage"] = lambda load: self.schedule.stages[self.schedule.stage_at(load)].name
         headlines = (*self.data.HEADLINES, f"{self.leader().name}_force_N")
         usual |= {"milestones": ends, "limits": self.data.limits, "headlines": headlines} | changes
         return super().job(**usual | {"steps": changes.get("steps") or self.schedule.steps})

@@ -9,6 +9,7 @@ from ..plot import forming_pictures, press_pictures
 from ..results.measures import planes_of_symmetry
 from ..results.quantities import middle_of
 from ..runtime.logs import MARKED, log
+from ..runtime.status import task
 from .build import FormingScene
 
 
@@ -53,6 +54,7 @@ def compare(made: FormingScene, results: Mapping[str, Result], folder: Path) -> 
 def _no_loss(picture):
     """Log it if a picture can't be drawn: that is no reason to lose a run."""
     try:
-        yield
+        with task(f"drawing {picture}"):
+            yield
     except Exception as error:  # whatever VTK finds
         log.warning("%s was not drawn: %s", picture, error, extra=MARKED)

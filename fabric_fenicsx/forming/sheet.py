@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -66,6 +66,8 @@ class Sheet(SheetFields):
     >>> ply.fibre_angle, round(ply.thickness_under(0.0), 3)
     (45.0, 1.074)
     """
+
+    OF_OUTLINE: ClassVar[str] = "along"  # see docs/howto/meshes.md
 
     fabric: Law | None = field(kw_only=False, default=None, metadata={"read": load})
     metal: Metal | None = field(default=None, metadata={"read": load_metal})

@@ -1,21 +1,25 @@
 """The runs on coarser meshes, from which a run's error is estimated."""
 
+from __future__ import annotations
+
 import dataclasses
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..results.history import History
 from ..results.output import Output
 from ..results.result import Result
 from ..runtime.errors import InputError, SolverFailure
-from .fields import JobFields
+
+if TYPE_CHECKING:
+    from .job import Job
 
 FOLDERS = "coarse", "coarser"  # in the run's own
 
 
-def coarsened(job: JobFields, made: Any) -> Any:
+def coarsened(job: Job, made: Any) -> Any:
     """The job `made` on a mesh twice as coarse, with the settings of `job` that go with it."""
     settings = job.coarser_settings()
     given = {each.name: getattr(settings, each.name) for each in dataclasses.fields(settings)}
@@ -24,7 +28,7 @@ def coarsened(job: JobFields, made: Any) -> Any:
 
 
 def estimated(
-    job: JobFields, result: Result, output: Output, problem: Mapping[str, Any]
+    job: Job, result: Result, output: Output, problem: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Entries of the summary on the errors of `result`, which `job` gave: `error` {quantity:
     absolute error}, and facts on the run on the mesh twice as coarse. Empty, with a warning, if

@@ -2,32 +2,35 @@
 
 import logging
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from ..mechanics.fingerprint import entries
 from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
+from ..results.curve import Curves, Measure
 from ..results.output import Output, read_summary
 from ..results.result import Result
 from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.formatting import rounded
+from ..runtime.status import task
 from ..scene import output as scene_output
+from ..scene.scene import Scene
 from ..solve.checkpoint import Checkpoint
 from ..solve.newton import Newton
+from ..solve.settings import Settings
 from .error_run import estimated
-from .fields import JobFields
 from .run import Run
 
 log = logging.getLogger("fabric_fenicsx")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job(JobFields):
+class Job(Settings):
     """Load stepping of a scene from rest to full load, with history, fields and checkpoint.
 
     Parameters
@@ -45,6 +48,8 @@ class Job(JobFields):
     measure : callable, optional
         Function of scene and load factor to displacement [mm] and force [N] of the history, by
         default of the first tool or support that moves.
+    stage : callable, optional
+        Function of the load factor to the name of the stage under way there.
     columns : callable, optional
         Function of the scene to more columns of the history {name: value}, on all ranks.
     force_name : str
@@ -72,6 +77,23 @@ class Job(JobFields):
     >>> [row["load"] for row in result.rows]
     [0.0, 0.5, 1.0]
     """
+
+    scene: Scene = field(kw_only=False)
+    error: bool = False
+    coarser: Callable[[], Any] | None = None
+    headlines: Sequence[str] = ()
+    measure: Measure | None = None
+    stage: Callable[[float], str] | None = None
+    columns: Callable[[Scene], dict[str, float]] | None = None
+    force_name: str = "reaction"
+    modelled: float = 1.0
+    quantities: Callable[[Result], dict[str, Any]] | None = None
+    tables: Callable[[Result, Path], None] | None = None
+    pictures: Callable[[Result, Path], None] | None = None
+    first_picture: Callable[[Path], None] | None = None
+    warnings: Iterable[str] = ()
+    beside: Curves = field(default_factory=dict)
+    name: str = "job"
 
     def run(
         self,
@@ -126,7 +148,8 @@ class Job(JobFields):
                 "is a new scene, with new terms"
             )
         if not resume:  # before anything is written
-            with all_or_none(self.scene.comm):  # as terms are asked, own ones too
+            # as terms are asked, own ones too
+            with all_or_none(self.scene.comm), task("checking the scene"):
                 self.scene.check_start()
         problem = dict(problem or {"study": self.name, "material": _material(self.scene)})
         if isinstance(out, Output):
@@ -201,6 +224,7 @@ class Job(JobFields):
         self._show(output, result, pictures and not drawn)
         return result
 
+    @task("estimating errors")
     def _estimate(self, output, result, problem, series):
         """Add errors to result, history.csv, fields and summary.json."""
         facts = estimated(self, result, output, problem)
@@ -209,6 +233,7 @@ class Job(JobFields):
             series.write(1.0, result.fields)
             result.forget_grid()
 
+    @task("writing tables and pictures")
     def _show(self, output, result, pictures):
         """Draw the last state; of a run that reached its end write the tables and pictures, too."""
         reached = result.summary["stroke_reached"] == 1

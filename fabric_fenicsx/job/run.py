@@ -1,20 +1,23 @@
 """A job under way, and the files that it writes with each state."""
 
+from __future__ import annotations
+
 import logging
+import time
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from petsc4py import PETSc
 from tqdm import tqdm
 
-from .. import dolfinx_compat as compat
 from ..results.curve import default_measure
 from ..results.history import ENERGIES, History, energy_balance, viscous_warning
 from ..results.output import Output
 from ..results.result import Result
-from ..runtime import timing
+from ..runtime import status, timing
+from ..runtime.formatting import rounded
 from ..runtime.signals import StopSignals
 from ..scene import output as scene_output
 from ..solve.checkpoint import Checkpoint
@@ -23,7 +26,9 @@ from ..solve.progress import Accepted, Outcome, Progress
 from ..solve.report import Report
 from ..solve.stepping import LoadStepping
 from . import validity
-from .fields import JobFields
+
+if TYPE_CHECKING:
+    from .job import Job
 
 log = logging.getLogger("fabric_fenicsx")
 
@@ -38,7 +43,7 @@ class Run:
 
     def __init__(
         self,
-        job: JobFields,
+        job: Job,
         output: Output,
         folder: Path,
         newton: Newton,
@@ -60,13 +65,8 @@ class Run:
         with timing.phase("output"):
             self.series = FieldSeries(folder, self.scene, notes.get("states", ()))
         self._measure = job.measure or default_measure(self.scene)
-        self._bar = tqdm(
-            total=1.0,
-            initial=start.load if start else 0.0,
-            desc=folder.name if folder != output.path else output.name,
-            disable=None if comm.rank == 0 else True,
-            bar_format="{l_bar}{bar}| load {n:.3f} [{elapsed}<{remaining}{postfix}]",
-        )
+        self._from = start.load if start else 0.0
+        self._reached = f"{self._stage(self._from)}: first step"
         self._wrong_now: list[str] = []  # what is wrong with the last accepted state
         self.stopped, self.wrong = "", ""
 
@@ -81,18 +81,20 @@ class Run:
             on_reject=self._reject,
             stop=lambda: signals() or validity.not_believed(self._wrong_now),
         )
+        self._began = self._step_began = time.monotonic()
+        first = self.scene.comm.rank == 0
         try:
-            outcome = stepping.run()
+            with status.shown(False, first), status.task(self._doing):
+                outcome = stepping.run()
         finally:
             signals.forget()
-            self._bar.close()
             self.history.close()
         self.stopped = signals()
         return self._result(outcome)
 
     def _accept(self, accepted: Accepted) -> None:
         scene, output, rows = self.scene, self.output, self.history.rows
-        if not accepted.load and _is_prestressed(scene):
+        if not accepted.load and any(term.prestressed for term in scene.terms):
             moved = scene.u.norm(PETSc.NormType.NORM_INFINITY)
             output.say(
                 f"at rest in its supports, before load, the sheet has moved by up to {moved:.3g} mm"
@@ -104,19 +106,38 @@ class Run:
             if len(rows) == 1:
                 scene_output.summary(scene)  # which refuses names given twice
         output.warn(viscous_warning(rows, accepted.load))
-        self._bar.update(accepted.load - self._bar.n)
-        words = (
-            f"step {accepted.progress.step:.3g}, iterations {accepted.report.iterations}, energy "
-            f"{sum(accepted.energies.values()):.4g} N mm"
-        )
-        self._bar.set_postfix_str(words, refresh=False)
-        if scene.comm.rank == 0:
-            log.debug("load %.6g accepted: %s", accepted.load, words)
+        self._tell(accepted, *measured)
         with timing.phase("output"):
             if self._is_written():
                 self.series.write(accepted.load)
             notes = {"rows": rows, "states": self.series.states}
             self._checkpoint.save(accepted.progress, notes)
+
+    def _tell(self, accepted, displacement, force):
+        """Note how far the run is, and log it: on a terminal the status line says so."""
+        load, now = accepted.load, time.monotonic()
+        self._reached = (
+            f"{self._stage(load)}: step {accepted.progress.accepted}, {100 * load:.3g} %, "
+            f"{rounded(displacement)} mm, {rounded(force)} N, {accepted.report.iterations} "
+            "iterations"
+        )
+        if self._from < load < 1:
+            left = (now - self._began) * (1 - load) / (load - self._from)
+            self._reached += f", {tqdm.format_interval(left)} left"
+        self._step_began = now
+        if self.scene.comm.rank == 0:
+            log.log(logging.DEBUG if status.on_terminal() else logging.INFO, self._reached)
+
+    def _doing(self):
+        """How far the run is, for the status line."""
+        report, seconds = self._newton.report, time.monotonic() - self._step_began
+        return f"{self._reached}; next: {report.iterations} iterations, {seconds:.0f} s"
+
+    def _stage(self, load):
+        """What the run is called at a load factor."""
+        folder, stage = self.folder, self.job.stage(load) if self.job.stage else ""
+        part = folder.name if folder != self.output.path else "" if stage else self.output.name
+        return ", ".join(filter(None, [part, stage]))
 
     def _further(self, force, taken):
         """Columns of the history beside those `taken`: of the terms, and the whole sheet's force
@@ -153,7 +174,8 @@ class Run:
             converged=not self.wrong,
             stroke_reached=outcome.reached,
             reason=self.wrong or "full load reached",
-            **self._facts(),
+            **scene_output.sizes(scene),
+            **scene_output.summary(scene),
             steps_accepted=outcome.accepted,
             steps_rejected=outcome.rejected,
             newton_iterations=outcome.iterations,
@@ -165,17 +187,6 @@ class Run:
         )
         return result
 
-    def _facts(self):
-        """Facts on the scene, for the summary."""
-        blank = self.scene.blank
-        kind = "P" if compat.cell_name(blank.mesh) == "triangle" else "Q"
-        return {
-            "element": f"{kind}{blank.degree}",
-            "dofs": blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim,
-            "cells": blank.mesh.topology.index_map(2).size_global,
-            **scene_output.summary(self.scene),
-        }
-
     def _energy(self):
         """Energies of the last state by kind, and the work done [N mm]: those of its row, as terms
         have since taken anew what they held in its solve."""
@@ -183,7 +194,3 @@ class Run:
         kinds = {**dict.fromkeys(ENERGIES), **self.scene.energies()}
         work = {"external_work": row["external_work_Nmm"]}
         return {kind: row[f"{kind}_energy_Nmm"] for kind in kinds} | work
-
-
-def _is_prestressed(scene):
-    return any(term.prestressed for term in scene.terms)

@@ -12,7 +12,7 @@ from ..runtime.formatting import coordinates, rounded
 from ..runtime.rules import POSITIVE
 from .gmsh_cells import meshed, own_model
 
-PATTERNS = "unstructured", "along"
+PATTERNS = "along", "unstructured"
 DETAIL = 0.02  # distance from a curve, over the cells' size, up to which an edge stands for it
 SMALL = 0.1  # the same of an edge's or hole's length below which it is left out
 CLOSE = 1e-3  # the same of the distance of parts of the outline, below which it is refused

@@ -1,12 +1,26 @@
 """Folders for caches of compiled code and of plotting, also where the home can't be written."""
 
+import hashlib
+import io
 import os
 import sys
 import tempfile
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from typing import TypeVar
+from zipfile import BadZipFile
 
+from .files import replace_file
+
+T = TypeVar("T", bound=tuple)
 RANK = ("OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_RANK", "SLURM_PROCID")  # known without MPI
 moved: Path | None = None  # the folder in place of the home's
+
+
+def is_first() -> bool:
+    """Whether this is the first rank or the only one, as far as that is known without MPI."""
+    return all(os.getenv(name, "0") == "0" for name in RANK)
 
 
 def cache() -> Path:
@@ -38,9 +52,26 @@ def ensure_cache() -> None:
             os.environ["XDG_CONFIG_HOME"] = str(folder)
     except OSError:
         kept = "nor is there a temporary folder for compiled code"
-    if all(os.getenv(name, "0") == "0" for name in RANK):
+    if is_first():
         text = f"warning: {wrong}; {kept}; XDG_CACHE_HOME=FOLDER chooses another folder"
         print(text, file=sys.stderr, flush=True)
+
+
+def kept_arrays(file: Path, how: object, make: Callable[[], T]) -> T:
+    """The arrays that make() makes of a file. They are kept in the cache for a file of the same
+    content and the same text of `how`, which says all else that they depend on."""
+    import numpy as np  # the start of the package does without
+
+    key = hashlib.sha256(file.read_bytes() + str(how).encode()).hexdigest()
+    place = cache() / "fabric_fenicsx" / "arrays" / f"{key}.npz"
+    with suppress(OSError, ValueError, BadZipFile), np.load(place) as known:
+        return tuple(known[name] for name in known.files)  # type: ignore[return-value]
+    arrays, content = make(), io.BytesIO()
+    np.savez(content, *arrays)
+    with suppress(OSError):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(place, content.getvalue())
+    return arrays
 
 
 def _make(folder):

@@ -11,6 +11,7 @@ from typing import TypeVar
 from mpi4py import MPI
 
 from .cache_folders import cache
+from .status import task
 from .timing import phase
 
 T = TypeVar("T")
@@ -26,7 +27,7 @@ def compiled(comm: MPI.Comm, make: Callable[[], T]) -> T:
     """
     logging.disable(logging.INFO)  # the C compiler's command lines
     try:
-        with phase("compile"):
+        with phase("compile"), task("compiling forms, which are kept for later runs"):
             try:
                 with _lock(comm, fcntl.LOCK_SH):
                     return make()

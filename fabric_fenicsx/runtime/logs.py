@@ -1,6 +1,7 @@
-"""Messages of a run: the logger's marks and the file log.txt."""
+"""Messages of a run: the logger's marks, the console and the file log.txt."""
 
 import logging
+import sys
 from pathlib import Path
 
 log = logging.getLogger("fabric_fenicsx")
@@ -12,6 +13,19 @@ MARKED = {"mark": "warning: "}
 def formatter(before: str = "", date: str | None = None) -> logging.Formatter:
     """Formatter of messages with their mark; before: what of a record stands in front of it."""
     return logging.Formatter(f"{before}%(mark)s%(message)s", date, defaults={"mark": ""})
+
+
+class Console(logging.Handler):
+    """Results to standard output, warnings to standard error, each at once."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self.setFormatter(formatter())
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print it."""
+        file = sys.stderr if record.levelno >= logging.WARNING else sys.stdout
+        print(self.format(record), file=file, flush=True)
 
 
 class LogFile(logging.FileHandler):

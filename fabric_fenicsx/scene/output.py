@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from .. import dolfinx_compat as compat
 from ..mechanics.output import Fields, merged
 from ..mechanics.shell.membrane import Membrane
 from ..mechanics.shell.membrane_warnings import locking_warning, membrane_warnings
@@ -31,6 +32,17 @@ def summary(scene: Scene) -> dict[str, Any]:
     """Entries of the terms in summary.json."""
     given = merged(scene.terms, "summary", OF_A_SUMMARY)
     return {"terms": [t.name for t in scene.terms]} | {k: v.value for k, v in given.items()}
+
+
+def sizes(scene: Scene) -> dict[str, Any]:
+    """Entries of the mesh in summary.json: element, dofs and cells."""
+    blank = scene.blank
+    kind = "P" if compat.cell_name(blank.mesh) == "triangle" else "Q"
+    return {
+        "element": f"{kind}{blank.degree}",
+        "dofs": blank.V.dofmap.index_map.size_global * blank.mesh.geometry.dim,
+        "cells": blank.mesh.topology.index_map(2).size_global,
+    }
 
 
 def cell_fields(scene: Scene) -> Fields:

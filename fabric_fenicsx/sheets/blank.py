@@ -261,7 +261,7 @@ class Blank(SheetMesh):
         *,
         nx: int = 32,
         size: float | None = None,
-        pattern: str = "unstructured",
+        pattern: str | None = None,
         layer: str | None = None,
         spatial: bool = False,
         comm: MPI.Comm = MPI.COMM_WORLD,
@@ -275,8 +275,9 @@ class Blank(SheetMesh):
             A DXF, a CSV of x and y, or a mesh; or rings [mm], of which the largest is the outline.
         nx, size : int, float
             Edges of cells along the extent in x, or their length [mm].
-        pattern : {"unstructured", "along"}
-            `along`: cells along both yarns.
+        pattern : {"along", "unstructured"}
+            `along`: cells along both yarns, but for a rim of others; the default where it is
+            `spatial`.
         layer : str
             Of a DXF, or several with commas between them.
         spatial, **layout
@@ -297,6 +298,7 @@ class Blank(SheetMesh):
             raise InputError(
                 f"`element` is {layout['element']}; allowed for an outline are triangles (P)"
             )
+        pattern = pattern or ("along" if spatial else "unstructured")
         yarns = options["a"], options.get("b", options["a"] + math.pi / 2)
         given: Any = outline
         is_file = isinstance(outline, (str, os.PathLike))

@@ -1,7 +1,7 @@
 """The fields of a sheet: material, mesh and yarns, declared once for all tests."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 from ..material.laws import Law
 from ..meshes.specimen import PATTERNS
@@ -20,6 +20,8 @@ class SheetFields(KnowsItsFields):
     Lengths in mm, angles in deg. None stands for a default that depends on other fields. Raises
     InputError for a value that is not allowed, and for fields that contradict each other.
     """
+
+    OF_OUTLINE: ClassVar[str] = "unstructured"  # default of `pattern` for an outline
 
     fabric: Law | None = field(kw_only=False, default=None)
     mesh: str | None = text(
@@ -78,7 +80,7 @@ class SheetFields(KnowsItsFields):
         """The same with `nx` and `sides` [mm] where it has none of its own."""
         usual: dict[str, Any] = {}
         if self.outline and self.pattern in (None, type(self).pattern):
-            usual["pattern"] = "unstructured"
+            usual["pattern"] = self.OF_OUTLINE
         if not (self.nx or self.mesh or self.size):
             usual["nx"] = nx
         if not self.sheet_file:

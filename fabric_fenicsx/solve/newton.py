@@ -89,6 +89,7 @@ class Newton:
         self.directions = Directions(scene, self.tangent)
         self.line_search = LineSearch(self.objective)
         self.saddles = Saddles(self.objective, self.tangent, self.smallest)
+        self.report = Report()  # of the solve under way, or of the last one
 
     def solve(self, x: PETSc.Vec, tolerance: float = 0.0, minimum: bool = True) -> Report:
         """Solve from x, at which supports have their values, and overwrite it by the solution.

@@ -55,11 +55,15 @@ class Tangent:
             raise SolveFailed(Termination.NO_NUMBER)
         return norm
 
-    def negative_pivots(self) -> int:
-        """Number of negative pivots of A, which is factored if it is not yet."""
+    def factor(self) -> None:
+        """Factor A if it is not yet."""
         with phase("linear_solve"):
             self.ksp.setOperators(self.A)
             self.ksp.setUp()
+
+    def negative_pivots(self) -> int:
+        """Number of negative pivots of A, which is factored if it is not yet."""
+        self.factor()
         return linear.inertia(self.ksp.pc)[0]
 
     def solve_with_last_factors(self, rhs: PETSc.Vec, d: PETSc.Vec) -> bool:

@@ -1,16 +1,18 @@
 """Triangles in files."""
 
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from ..readers.read import READ, read_surface_mesh
 from ..readers.unseen import check_end
+from ..runtime.cache_folders import kept_arrays
 from ..runtime.child import in_child
 from ..runtime.errors import InputError
 from ..runtime.files import check_file
 from ..runtime.formatting import coordinates
+from ..runtime.status import task
 
 FORMATS = f"STEP, IGES, BREP, or {READ}, as STL, MSH, VTP"
 CAD = (".step", ".stp", ".iges", ".igs", ".brep")
@@ -26,7 +28,12 @@ def read_triangles(path: Path, chord: float) -> tuple[np.ndarray, np.ndarray, np
     check_file(path, "surface file", FORMATS)
     check_end(path, "surface file")
     try:
-        return in_child(_mesh_of_model, path.absolute(), chord)
+        import gmsh
+
+        with task(f"meshing {path.name}"):
+            how = path.suffix, chord, gmsh.__version__, Path(__file__).read_text()
+            made = partial(in_child, _mesh_of_model, path.absolute(), chord)
+            return kept_arrays(path, how, made)
     except RuntimeError as error:
         raise InputError(
             f"surface file {path} cannot be read as {path.suffix} ({error}): the model may be "

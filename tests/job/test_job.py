@@ -18,9 +18,9 @@ from dolfinx import fem
 
 import fabric_fenicsx as ff
 import fabric_fenicsx.job.job
-from fabric_fenicsx.command_line.console import Console
 from fabric_fenicsx.plot import pictures
 from fabric_fenicsx.results.output import finite
+from fabric_fenicsx.runtime.logs import Console
 from fabric_fenicsx.runtime.ranks import RANKS_ENVIRONMENT, on_ranks
 from fabric_fenicsx.solve.limits import Limits
 

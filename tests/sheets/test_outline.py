@@ -39,7 +39,7 @@ def test_it_may_be_centred_and_as_fine_as_asked_for(table):
     blank = ff.Blank.outline(table, nx=20, centred=True, spatial=True)
     assert np.ravel(blank.extent()) == pytest.approx([-100, -75, 0, 100, 75, 0])
     cells = blank.mesh.topology.index_map(2).size_global
-    assert cells == pytest.approx(AREA / (np.sqrt(3) / 4 * 10**2), rel=0.1) and blank.degree == 2
+    assert cells == pytest.approx(AREA / (10**2 / 4), rel=0.1) and blank.degree == 1
 
 
 @pytest.mark.mpi

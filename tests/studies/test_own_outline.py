@@ -77,7 +77,7 @@ def test_what_does_not_go_with_an_outline(table, fields, words):
 
 def test_a_file_that_is_not_there_is_told_at_once(launch):
     done = launch("tensile", "--outline", "nowhere.dxf")
-    assert done.status == 2 and "--outline nowhere.dxf is not there" in done.err
+    assert done.status == 2 and "outline nowhere.dxf does not exist" in done.err
 
 
 def test_a_whole_ply_off_the_punch_is_refused_and_centred(table):
@@ -90,6 +90,16 @@ def test_a_whole_ply_off_the_punch_is_refused_and_centred(table):
     assert not [words for words in ply.warnings if "has its centre" in words]
     with pytest.raises(ff.InputError, match="beyond the quarter x, y >= 0; allowed is the whole"):
         dome(FABRIC, **made | {"full": False}, centred=True)
+
+
+@pytest.mark.parametrize("angle", [0, 30, 45])
+def test_the_ply_of_a_press_has_cells_along_its_yarns(table, angle):
+    made = {"outline": table(500, 300), "size": 25, "centred": True, "full": True}
+    ply = dome(FABRIC, **made, fibre_angle=angle)
+    assert (ply.sheets[0].pattern, ply.sheets[0].element) == ("along", "P1")
+    assert ply.blank.whole.share_off_the_yarns() < 0.15
+    ply = dome(FABRIC, **made, fibre_angle=angle, pattern="unstructured")
+    assert (ply.sheets[0].pattern, ply.sheets[0].element) == ("unstructured", "P2")
 
 
 def test_plies_of_a_stack_have_outlines(table, tmp_path):

@@ -11,7 +11,7 @@ from double_dome import double_dome, write, write_step
 from mpi4py import MPI
 
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.tools import patches
+from fabric_fenicsx.tools import files, patches
 from fabric_fenicsx.tools.double_dome import DoubleDome
 from fabric_fenicsx.tools.primitives import Plate, Sphere
 from fabric_fenicsx.tools.projection import curvatures
@@ -241,6 +241,18 @@ def dome_files(tmp_path_factory):
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         found[ending] = surface, at[:, 0], normal
     return found
+
+
+def test_a_cad_model_is_meshed_once(tmp_path, monkeypatch):
+    """A sweep or a resumed run finds the triangles of the run before."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    write_step(tmp_path / "dome.step")
+    first = TriangulatedSurface.read(tmp_path / "dome.step", chord=1.0)
+    monkeypatch.setattr(files, "_mesh_of_model", None)
+    (tmp_path / "dome.step").rename(tmp_path / "moved.step")
+    again = TriangulatedSurface.read(tmp_path / "moved.step", chord=1.0)
+    assert (again.points == first.points).all() and (again.triangles == first.triangles).all()
+    assert (again.normals == first.normals).all()
 
 
 def test_normals_do_not_jump():
