@@ -10,23 +10,32 @@ from matplotlib.collections import PolyCollection
 
 from ..plot.pictures import cell_polygons, colour_scale, curves, plt
 from .folder import Run, force_name
+from .scatter import BOUNDS
 from .varied import is_wide, label, number
 
 PANELS, COLUMNS = 6, 6  # most trends, and most maps side by side
+ROWS = 3  # most quantities over numbers that scatter
 
 
-def draw(files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str]) -> None:
+def draw(
+    files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str], scatter: bool = False
+) -> None:
     """Draw curves, trends and maps of runs with results into `files`, each where there is something
-    to draw; names: labels of the quantities whose trends are drawn {quantity: label}."""
+    to draw; names: labels of the quantities whose trends are drawn {quantity: label}; scatter: True
+    of runs of a design, whose trends are points over each key."""
     for file in files.values():
         file.unlink(missing_ok=True)
-    if runs:
-        _draw_curves(files["curves"], runs)
+    if not runs:
+        return
+    _draw_curves(files["curves"], runs, scatter)
+    if scatter:
+        _draw_points(files["trends"], runs, dict(list(names.items())[:ROWS]))
+    else:
         _draw_trends(files["trends"], runs, dict(list(names.items())[:PANELS]))
         _draw_maps(files["maps"], runs)
 
 
-def _draw_curves(path, runs):
+def _draw_curves(path, runs, scatter):
     series = {}
     for run in runs:
         try:
@@ -39,6 +48,14 @@ def _draw_curves(path, runs):
             continue
         if rows:
             series[run.label] = (*zip(*rows), "-" if run.is_believed() else "--")
+    if series and scatter:
+        x = next(iter(series.values()))[0]
+        forces = np.array([np.interp(x, *each[:2]) for each in series.values()])
+        bounds = np.quantile(forces, BOUNDS, axis=0)
+        series = {"mean": (x, forces.mean(0), "-")}
+        series |= {
+            f"{100 * share:g} % of runs below": (x, y, "--") for share, y in zip(BOUNDS, bounds)
+        }
     if series:
         curves(path, series, "displacement / mm", f"{force_name(runs)} / N")
 
@@ -61,13 +78,33 @@ def _draw_trends(path, runs, names):
     plt.close(figure)
 
 
+def _draw_points(path, runs, names):
+    """A row of panels a quantity, with a panel for each key; of believed runs."""
+    known, keys = [run for run in runs if run.is_believed()], list(runs[0].values)
+    size = 2.6 * len(keys) + 1.0, 2.4 * len(names)
+    how = {"squeeze": False, "sharex": "col", "sharey": "row", "layout": "constrained"}
+    figure, axes = plt.subplots(len(names), len(keys), figsize=size, **how)
+    for row, (name, title) in zip(axes, names.items()):
+        having = [run for run in known if name in run.numbers()]
+        for ax, key in zip(row, keys):
+            x = [float(run.values[key]) for run in having]
+            ax.plot(x, [run.number(name) for run in having], "o", ms=4)
+            ax.grid(alpha=0.3)
+        row[0].set_ylabel(textwrap.fill(title, 22))
+    for ax, key in zip(axes[-1], keys):
+        ax.set_xlabel(key)
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
 def _draw_trend(ax, runs, name):
     """A quantity at full load over the first key, with a line for each value of the second one."""
-    first, *second = runs[0].values
+    first = next(iter(runs[0].values))
     groups: dict[str, list[Run]] = {}
     for run in runs:
         if run.is_at_full_load() and name in run.numbers():
-            groups.setdefault(label({k: run.values[k] for k in second}), []).append(run)
+            others = {key: value for key, value in run.values.items() if key != first}
+            groups.setdefault(label(others), []).append(run)
     for group, mine in groups.items():
         x = np.array([float(run.values[first]) for run in mine])
         y = np.array([run.numbers()[name] for run in mine])
@@ -81,7 +118,7 @@ def _draw_trend(ax, runs, name):
         ax.minorticks_off()
     if len(places) <= 6:
         ax.set_xticks(places, [f"{place:g}" for place in places])
-    if second and 1 < len(groups) <= 8:
+    if 1 < len(groups) <= 8:
         ax.legend(fontsize="x-small")
 
 
