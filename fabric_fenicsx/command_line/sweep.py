@@ -231,6 +231,7 @@ def _evaluated(runner, asked, values):
     """The runs with these values, done, with a line for each."""
     runs = runner.all(values, bar=False)
     for run in runs:
-        found = ", ".join(f"{name} {run.number(name):.5g}" for name in asked)
-        print(f"{run.label}: {found if run.is_believed() else 'not believed'}", flush=True)
+        known = asked if run.is_believed() else ()
+        found = ", ".join(f"{name} {run.number(name):.5g}" for name in known)
+        print(f"{run.label}: {found or 'not believed'}", flush=True)
     return runs

@@ -189,7 +189,7 @@ def _checked(best, again, finer):
         said, facts = f"none of {len(again)} runs {why}", {}
     else:
         said = f"{rounded(value, 5)} at {run.label}, of {len(again)} runs: a difference of "
-        said += f"{rounded(abs(value - coarse), 2)}, which is about the error"
+        said += f"{rounded(abs(value - coarse), 2)}, about the error that is left"
         facts = {"value": value, "values": dict(run.values)}
     text = f"{best.text}; on finer cells ({finer.label}) {quantity} is {said}"
     return best._replace(text=text, facts=best.facts | {"finer": facts})
@@ -227,7 +227,7 @@ def below(runs: Sequence[Run], quantity: str, limit: float, finer: Finer | None 
     notes.append(f"on finer cells ({finer.label}) {again}")
     if ends and len(ends) == len(fine_ends):
         apart = max(abs(a - b) for a, b in zip(ends, fine_ends))
-        notes.append(f"a difference of {rounded(apart, 2)}, which is about the error")
+        notes.append(f"a difference of {rounded(apart, 2)}, about the error that is left")
     elif ends or fine_ends:
         notes.append("so the cells decide: take finer ones")
     return "; ".join([f"{asked}: {where}", *notes])

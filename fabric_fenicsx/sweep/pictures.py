@@ -4,6 +4,7 @@ import csv
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -36,7 +37,7 @@ def draw(
 
 
 def _draw_curves(path, runs, scatter):
-    series = {}
+    series: dict[str, Any] = {}
     for run in runs:
         try:
             with open(run.folder / "history.csv", newline="") as file:
@@ -46,11 +47,11 @@ def _draw_curves(path, runs, scatter):
                 ]
         except (OSError, KeyError, ValueError):
             continue
-        if rows:
+        if rows and (run.is_believed() or not scatter):
             series[run.label] = (*zip(*rows), "-" if run.is_believed() else "--")
     if series and scatter:
         x = next(iter(series.values()))[0]
-        forces = np.array([np.interp(x, *each[:2]) for each in series.values()])
+        forces = np.array([np.interp(x, at, force) for at, force, _ in series.values()])
         bounds = np.quantile(forces, BOUNDS, axis=0)
         series = {"mean": (x, forces.mean(0), "-")}
         series |= {

@@ -41,7 +41,7 @@ class Spread(NamedTuple):
         """What a person is told of it."""
         low, high = (rounded(each, 4) for each in self.bounds)
         head = f"{label}: mean {rounded(self.mean, 4)}, standard deviation "
-        head += f"{rounded(self.deviation, 3)}, 5 to 95 % of {self.runs} runs: {low} to {high}"
+        head += f"{rounded(self.deviation, 3)}, 90 % of {self.runs} runs between {low} and {high}"
         lines = [
             f"  {each.name} from {each.low:g} to {each.high:g}: {each.change:+.3g} "
             f"+- {rounded(each.error, 1)}, {percent(each.share, 2)} of the variance"

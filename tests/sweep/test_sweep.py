@@ -293,7 +293,7 @@ def test_where_a_quantity_is_below_a_limit_is_found_again_on_finer_cells(run):
     )
     (first,) = re.findall(r"below 0.02: from pressure = ([\d.]+) on", out)
     (again,) = re.findall(r"on finer cells \(nx=36\) from pressure = ([\d.]+) on", out)
-    (apart,) = re.findall(r"a difference of ([\d.]+), which is about the error", out)
+    (apart,) = re.findall(r"a difference of ([\d.]+), about the error that is left", out)
     found = float(first), float(again), float(apart)
     assert found == pytest.approx((coarse, fine, coarse - fine), abs=6e-4)
     assert {name for name in starts() if "nx=36" in name} == {
@@ -336,7 +336,7 @@ def test_the_least_value_is_found_again_on_finer_cells(run):
     least = float(fine["values"]["ring.pressure"])
     assert shortening(least) / 2 < 0.02 < shortening(0.6 * least) / 2
     told = f"{best['value'] - fine['value']:.2g}"
-    assert least < pressure and f"a difference of {told}, which is about the error" in out
+    assert least < pressure and f"a difference of {told}, about the error that is left" in out
 
 
 def test_no_run_within_a_limit_is_told_with_the_nearest(run):
@@ -401,6 +401,17 @@ def test_of_several_best_runs_the_lowest_is_told_with_the_others(run):
     _, out, _ = run(*words, "--evaluations", "5")
     assert "least wrinkles.count: 0 at pressure=0.0580674, of 5" in out
     assert "as little in 3 more, up to pressure=1\n" in out and "its range" not in out
+
+
+def test_a_run_without_a_summary_does_not_end_the_search(run, monkeypatch):
+    text = FAKE.read_text().replace("pressure > 1 else 1.0", "pressure > 1 else 1.0\nimport os", 1)
+    Path("killed.py").write_text(
+        text.replace("import os", "import os\nif pressure == 1: os._exit(1)")
+    )
+    monkeypatch.setattr(sys.modules[__name__], "FAKE", Path("killed.py"))
+    words = "--vary", "ring.pressure=0.1..1", "--minimise", "wrinkles.shortening"
+    status, out, _ = run(*words, "--evaluations", "4")
+    assert status == 0 and "pressure=1: not believed" in out and "(1 not believed" in out
 
 
 def test_runs_that_are_not_believed_are_never_the_best(run):
