@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.collections import PolyCollection
 
-from ..plot.pictures import cell_polygons, colour_scale, curves, plt
+from ..plot.pictures import cell_polygons, colour_scale, curves, draw_cells, figure
 from .folder import Run, force_name
 from .scatter import BOUNDS
 from .varied import is_wide, label, number
@@ -67,35 +66,29 @@ def _draw_trends(path, runs, names):
         return
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
-    size = 4.2 * columns, 3.0 * rows + 0.4
-    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
-    for ax, (name, title) in zip(axes.flat, names.items()):
-        _draw_trend(ax, runs, name)
-        ax.set(ylabel=textwrap.fill(title, 26), xlabel=keys[0])
-        ax.grid(alpha=0.3)
-    for ax in axes.flat[len(names) :]:
-        ax.remove()
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    with figure(path, (4.2 * columns, 3.0 * rows + 0.4), rows, columns) as (_, axes):
+        for ax, (name, title) in zip(axes.flat, names.items()):
+            _draw_trend(ax, runs, name)
+            ax.set(ylabel=textwrap.fill(title, 26), xlabel=keys[0])
+            ax.grid(alpha=0.3)
+        for ax in axes.flat[len(names) :]:
+            ax.remove()
 
 
 def _draw_points(path, runs, names):
     """A row of panels a quantity, with a panel for each key; of believed runs."""
     known, keys = [run for run in runs if run.is_believed()], list(runs[0].values)
-    size = 2.6 * len(keys) + 1.0, 2.4 * len(names)
-    how = {"squeeze": False, "sharex": "col", "sharey": "row", "layout": "constrained"}
-    figure, axes = plt.subplots(len(names), len(keys), figsize=size, **how)
-    for row, (name, title) in zip(axes, names.items()):
-        having = [run for run in known if name in run.numbers()]
-        for ax, key in zip(row, keys):
-            x = [float(run.values[key]) for run in having]
-            ax.plot(x, [run.number(name) for run in having], "o", ms=4)
-            ax.grid(alpha=0.3)
-        row[0].set_ylabel(textwrap.fill(title, 22))
-    for ax, key in zip(axes[-1], keys):
-        ax.set_xlabel(key)
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    size, shared = (2.6 * len(keys) + 1.0, 2.4 * len(names)), {"sharex": "col", "sharey": "row"}
+    with figure(path, size, len(names), len(keys), **shared) as (_, axes):
+        for row, (name, title) in zip(axes, names.items()):
+            having = [run for run in known if name in run.numbers()]
+            for ax, key in zip(row, keys):
+                x = [float(run.values[key]) for run in having]
+                ax.plot(x, [run.number(name) for run in having], "o", ms=4)
+                ax.grid(alpha=0.3)
+            row[0].set_ylabel(textwrap.fill(title, 22))
+        for ax, key in zip(axes[-1], keys):
+            ax.set_xlabel(key)
 
 
 def _draw_trend(ax, runs, name):
@@ -156,25 +149,19 @@ def _draw_maps(path, runs):
     sides = [np.ptp(polygons.reshape(-1, 2), axis=0) for polygons, _ in sheets]
     length, width = np.max(sides, axis=0)
     size = 2.6 * columns + 1.0, (2.5 * width / length + 0.45) * rows * len(fields) + 0.5
-    how = {"squeeze": False, "sharex": True, "sharey": True, "layout": "constrained"}
-    figure, axes = plt.subplots(rows * len(fields), columns, figsize=size, **how)
-    for k, (name, values) in enumerate(fields.items()):
-        mine = axes[k * rows : (k + 1) * rows]
-        colours = "viridis" if name.startswith("shear") else "magma_r"
-        _, *limits = colour_scale(colours, 0.0, float(np.nanmax(np.concatenate(values))))
-        for ax, run, (polygons, _), each in zip(mine.flat, drawn, sheets, values):
-            cells = PolyCollection(polygons, array=each, cmap=colours, antialiased=False)
-            cells.set_clim(*limits)
-            ax.add_collection(cells)
-            ax.autoscale_view()
-            ax.set_aspect("equal")
-            words = run.doubt()
-            ax.set_title(run.label + (f" ({words})" if words else ""), fontsize="x-small")
-        for ax in mine.flat[len(drawn) :]:
-            ax.set_axis_off()
-        figure.colorbar(cells, ax=list(mine.flat), label=name, shrink=0.9)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    shared = {"sharex": True, "sharey": True, "dpi": 120}
+    with figure(path, size, rows * len(fields), columns, **shared) as (page, axes):
+        for k, (name, values) in enumerate(fields.items()):
+            mine = axes[k * rows : (k + 1) * rows]
+            colours = "viridis" if name.startswith("shear") else "magma_r"
+            _, *limits = colour_scale(colours, 0.0, float(np.nanmax(np.concatenate(values))))
+            for ax, run, (polygons, _), each in zip(mine.flat, drawn, sheets, values):
+                cells = draw_cells(ax, polygons, each, colours, limits)
+                words = run.doubt()
+                ax.set_title(run.label + (f" ({words})" if words else ""), fontsize="x-small")
+            for ax in mine.flat[len(drawn) :]:
+                ax.set_axis_off()
+            page.colorbar(cells, ax=list(mine.flat), label=name, shrink=0.9)
 
 
 def _columns(runs):

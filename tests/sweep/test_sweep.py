@@ -364,7 +364,7 @@ def test_scatter_tells_mean_bounds_and_what_matters(run):
     shares = first["share"], second["share"], found["left"]
     both = 250**2 / 12 / variance, 100**2 / 12 / variance
     assert shares == pytest.approx((*both, 1 - sum(both)), abs=0.01)
-    assert re.search(r"punch force \[N\]: mean 25\d\S*, standard dev.* of 32 runs: ", out)
+    assert re.search(r"punch force \[N\]: mean 25\d\S*, standard dev.*, 90 % of 32 runs between ", out)
     assert re.search(r"reaction_N below 250: in 1\d of 32 runs", out)
 
 
@@ -393,6 +393,17 @@ def test_the_least_value_over_two_numbers(run):
     assert status == 0 and len(starts()) <= 40
     assert float(best["values"]["tools.punch.friction"]) == pytest.approx(0.1, abs=0.01)
     assert float(best["values"]["ring.pressure"]) == pytest.approx(0.05**0.4, rel=0.1)
+
+
+def test_the_least_value_over_two_numbers_is_found_again_on_finer_cells(run):
+    """Of the best place and the three next to it."""
+    vary = "--vary", "ring.pressure=0.01..1", "--vary", "tools.punch.friction=0.1..0.3"
+    words = "--minimise", "wrinkles.shortening", "--evaluations", "20", "--finer"
+    status, out, _ = run(*vary, *words)
+    best = json.loads(Path("out/sweep.json").read_text())["best"]
+    assert status == 0 and best["finer"]["values"] == best["values"] | {"blank.nx": "36"}
+    assert best["finer"]["value"] == pytest.approx(best["value"] / 2)
+    assert len([name for name in starts() if "nx=36" in name]) == 4 and "of 4 runs" in out
 
 
 def test_of_several_best_runs_the_lowest_is_told_with_the_others(run):

@@ -29,7 +29,7 @@ class Law(Material, Energy):
     A law is one frozen dataclass in one file. It states `law`, its name in material files;
     `rules`, a `Rule` for each of its numbers; and `energy`. All else follows from these: stresses
     and tangents, the compiled form, reading and writing. It may have closed forms for the kernel
-    (`derivatives`).
+    (`derivatives`), and `factors` that multiply several numbers together, for `changed`.
 
     Parameters
     ----------
