@@ -111,9 +111,9 @@ def minimise(
         pass
     found = list(search.found.values())
     best = _best(ranges, quantity, found, limits)
-    return (
-        _checked(best, _finer_runs(ranges, best.run, found, merit, finer), finer) if finer else best
-    )
+    if not finer:
+        return best
+    return _checked(best, _finer_runs(ranges, best.run, found, merit, finer), finer)
 
 
 def _best(ranges, quantity, found, limits):

@@ -364,7 +364,8 @@ def test_scatter_tells_mean_bounds_and_what_matters(run):
     shares = first["share"], second["share"], found["left"]
     both = 250**2 / 12 / variance, 100**2 / 12 / variance
     assert shares == pytest.approx((*both, 1 - sum(both)), abs=0.01)
-    assert re.search(r"punch force \[N\]: mean 25\d\S*, standard dev.*, 90 % of 32 runs between ", out)
+    told = r"punch force \[N\]: mean 25\d\S*, standard dev.*, 90 % of 32 runs between "
+    assert re.search(told, out)
     assert re.search(r"reaction_N below 250: in 1\d of 32 runs", out)
 
 
