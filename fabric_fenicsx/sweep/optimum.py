@@ -166,7 +166,8 @@ def _finer_runs(ranges, best, found, merit, finer):
 
         about = places[[least, *_next_to(places, least)], 0]
         ends, fine = (min(about), max(about)), {"xatol": APART}
-        optimize.minimize_scalar(search, bounds=ends, method="bounded", options=fine)
+        with np.errstate(invalid="ignore"):  # inf - inf
+            optimize.minimize_scalar(search, bounds=ends, method="bounded", options=fine)
     return list(search.found.values())
 
 

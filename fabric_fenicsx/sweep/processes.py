@@ -40,6 +40,7 @@ class Form:
     def __init__(self, press: Path, options: Sequence[str] = ()) -> None:
         self.press, self.options = press, list(options)
         self._laws_are_read = False
+        self._built: dict[str, Any] = {}  # presses by the labels of their values
 
     def command(self, values: Values, folder: Path) -> list[str]:
         """The command of the run with these values into its folder, but for how it goes on."""
@@ -67,6 +68,12 @@ class Form:
             self._laws_are_read = True
         return Press.read(self.press, changes(values))
 
+    def _build(self, values):
+        """The built press with these values."""
+        if label(values) not in self._built:
+            self._built[label(values)] = self._read(values).build()
+        return self._built[label(values)]
+
     def scatter(self) -> list[Range]:
         """The intervals of the press's materials; one for all sheets of one fabric or metal."""
         found = []
@@ -91,7 +98,7 @@ class Form:
         from ..results.result import Result
         from ..scene.output import cell_fields
 
-        made = self._read(values).build()
+        made = self._build(values)
         fields = cell_fields(made.scene)
         row = defaultdict[str, Any](float, load=1.0)
         with TemporaryDirectory() as folder:
@@ -106,17 +113,16 @@ class Form:
         blank = document.get("blank", {})
         if {key.split(".")[-1] for key in values} & {*CELLS, "mesh"}:
             return {}
-        sheets = self._read(values).build().laid.sheets
+        sheets = self._build(values).laid.sheets
         for k, (sheet, ply) in enumerate(zip(sheets, document.get("ply", [{}])), 1):
             if sheet.mesh:
                 return {}
-            own = {*CELLS, "outline"} & {*ply}
-            path, given = (f"ply.{k}", ply) if own else ("blank", blank)
-            if "size" in given:
+            path = f"ply.{k}" if {*CELLS, "outline"} & {*ply} else "blank"
+            if not sheet.nx:
                 found[f"{path}.size"] = spelled(sheet.size / FINER)
                 continue
             found[f"{path}.nx"] = str(_more(sheet.nx))
-            if "ny" in given:
+            if "ny" in {**blank, **ply}:
                 found[f"{path}.ny"] = str(_more(sheet.ny))
         return found
 

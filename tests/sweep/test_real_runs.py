@@ -127,6 +127,13 @@ def test_scatter_of_a_material_file(press, capfd):
             [("length = 200\nwidth = 200\nnx = 6\nquarter = true", "outline = 'o.csv'\nsize = 30")],
             {"blank.size": "20"},
         ),
+        (
+            [
+                ("length = 200\nwidth = 200\nnx = 6\nquarter = true", "size = 30"),
+                ("[contact]", "[[ply]]\noutline = 'o.csv'\n[contact]"),
+            ],
+            {"ply.1.size": "20"},
+        ),
     ],
 )
 def test_cells_of_the_finer_mesh(press, changes, cells):
