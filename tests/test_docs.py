@@ -270,6 +270,9 @@ def test_commands_print_what_their_page_says(run_command, tmp_path, page):
     drawing.saveas(tmp_path / "ply.dxf")
     write_data_set(tmp_path)
     (tmp_path / "studies").symlink_to(ROOT / "studies")
+    found = r"^`(\w+\.toml)`:\n\n```\{code-block\} toml\n(.*?)^```"
+    for file, content in re.findall(found, page.read_text(), re.S | re.M):
+        (tmp_path / file).write_text(content)
     if "--out fabric.toml" not in page.read_text():
         (tmp_path / "fabric.toml").write_text(material_file())
     for lines, output in commands(page.read_text()):

@@ -19,6 +19,7 @@ from fabric_fenicsx.results import measures
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import Support, clamped_ends, frame, on_edge, rolling_ends
 from fabric_fenicsx.sheets.blank import Blank
+from fabric_fenicsx.studies.lib.stability_thresholds import first_loss
 
 from .audited_run import AuditedRun
 
@@ -155,7 +156,7 @@ def tension_compression_bands(s: Setting) -> Found:
         def ellipticity(e, fabric=fabric):
             return stability.evaluate(fabric, stability.invariants(e, SQUEEZE)).ellipticity
 
-        lost = stability.first_loss(ellipticity, 1e-6, 0.03)[0]
+        lost = first_loss(ellipticity, 1e-6, 0.03)[0]
         found = [squeezed(s, fabric, 2.5 * lost if lost > 0 else 0.02, nx) for nx in (12, 24)]
         runs += [run for run, *_ in found]
         (_, coarse, width), (_, fine, finer_width) = found

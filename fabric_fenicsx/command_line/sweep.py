@@ -5,20 +5,22 @@ import os
 import shlex
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..runtime.errors import InputError, Interrupted, SolverFailure
 from ..runtime.rules import COUNT, Rule
 from ..sweep import varied
-from ..sweep.folder import SweepFolder, read_press
+from ..sweep.folder import SweepFolder, check_quantity, read_press
 from ..sweep.processes import Form, Runner
 from .options import HelpFormatter, Parser, exit_status, option_type
 
 NAME = "fabric sweep"
 DESCRIPTION = (
     "Runs `fabric form` with all combinations of values of a press file, side by side on the cores "
-    "there are, or looks for the least value of a quantity. Called again, it goes on. DIR gets "
+    "there are, looks for the least value of a quantity, or lets numbers scatter. Called again, it "
+    "goes on. DIR gets "
     "table.csv, curves.png, trends.png, maps.png and report.html, and a folder a run. Options "
     "behind -- go to `fabric form`."
 )
@@ -37,10 +39,11 @@ def parser() -> Parser:
     )
     p.add_argument("press", metavar="press.toml", type=Path, help="the press file")
     several = Rule("a whole number of 3 or more", lambda v: v >= 3, int)
+    power = Rule("a power of 2 from 8 on", lambda v: v >= 8 and v.bit_count() == 1, int)
     options: dict[str, tuple[str, dict[str, Any]]] = {
         "--vary": (
-            'as "holder.pressure=0.01,0.05,0.2"; with --minimise as "holder.pressure=0.01..0.2"; '
-            "several are combined",
+            'as "holder.pressure=0.01,0.05,0.2"; with --minimise and --scatter as '
+            '"holder.pressure=0.01..0.2"; several are combined',
             {"metavar": "KEY=VALUES", "action": "append", "default": []},
         ),
         "--out": ("default results/sweep_PRESS", {"metavar": "DIR", "type": Path}),
@@ -49,14 +52,20 @@ def parser() -> Parser:
             {"metavar": "N", "type": option_type(COUNT), "default": len(os.sched_getaffinity(0))},
         ),
         "--below": (
-            "say where a quantity is below x over the one number that is varied",
+            "say where a quantity is below x over the one number that is varied; with --minimise "
+            "look only there, with --scatter count the runs",
             {"metavar": "QUANTITY=X", "action": "append", "default": []},
         ),
         "--minimise": ("look for its least value", {"metavar": "QUANTITY"}),
+        "--scatter": (
+            "N runs, 16, 32 or 64, over intervals of [scatter] of the material files and of --vary",
+            {"metavar": "N", "type": option_type(power)},
+        ),
         "--evaluations": (
             "most runs of --minimise (12 for each number)",
             {"metavar": "N", "type": option_type(several)},
         ),
+        "--no-finer": ("do not find the answer again on finer cells", {"action": "store_true"}),
         "--overwrite": ("delete the sweep in --out first", {"action": "store_true"}),
         "--no-pictures": ("draw nothing", {"action": "store_true"}),
     }
@@ -103,32 +112,52 @@ def _parted(argv):
 
 def _sweep(args, passed, program):
     """Run it and write what it found; why not all runs are believed, or ""."""
-    from ..sweep import optimum, results
+    from ..sweep import optimum, results, scatter
 
     if (ranks := max(int(os.environ.get(name, 1)) for name in RANKS)) > 1:
         raise InputError(f"sweep runs on {ranks} ranks; allowed is one: it starts its runs itself")
-    if not args.vary:
+    if not (args.vary or args.scatter):
         raise InputError("nothing is varied; allowed is one --vary or more")
     limits = [optimum.limit_of(word) for word in args.below]
-    ranges = varied.ranges(args.vary) if args.minimise else []
-    lists = {each.key: each.ends for each in ranges} or varied.lists(args.vary)
-    _check_limits(args, lists)
+    ranges = varied.ranges(args.vary) if args.minimise or args.scatter else []
     _, document = read_press(args.press)
-    values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
     form = program(args.press, passed)
-    form.check(values)
+    if args.scatter:
+        ranges = [*form.scatter(), *ranges]
+    lists = {each.key: each.ends for each in ranges} or varied.lists(args.vary)
+    _check_together(args, lists)
+    if args.scatter:
+        values = scatter.design(ranges, args.scatter)
+        form.check([{each.key: each.ends[k] for each in ranges} for k in (0, 1)])
+    else:
+        values = [dict(zip(lists, each)) for each in itertools.product(*lists.values())]
+        form.check(values)
+    asked = [*filter(None, [args.minimise]), *(name for name, _ in limits)]
+    known = form.quantities(values[0]) if asked else ()
+    for name in asked:
+        check_quantity(name, known, f"none of {args.press}")
     out = args.out or Path("results") / f"sweep_{args.press.stem}"
     sweep = SweepFolder(out, args.press, list(lists), args.overwrite)
-    sweep.facts["asked"] = [*filter(None, [args.minimise]), *(name for name, _ in limits)]
+    sweep.facts["asked"] = asked
     runner, answers = Runner(sweep, form, args.jobs), list[str]()
     try:
+        evaluate = partial(_evaluated, runner, asked)
+        is_checked = asked and not (args.no_finer or args.scatter)
+        finer = _finer(form.finer(values[0]), evaluate) if is_checked else None
         if args.minimise:
-            best = _minimise(args, ranges, runner)
-            runs, answers = [best.run], [best.text]
+            best = optimum.minimise(
+                ranges, args.minimise, evaluate, args.evaluations, limits, finer
+            )
+            runs, answers, sweep.facts["best"] = [best.run], [best.text], best.facts
         else:
             _announce(values, runner)
             runs = runner.all(values)
-            answers = [optimum.below(runs, *limit) for limit in limits]
+            if args.scatter:
+                labels = results.headlines(runs, asked)
+                answers, sweep.facts["scatter"] = scatter.told(runs, ranges, labels, limits)
+            else:
+                answers = [optimum.below(runs, *limit, finer) for limit in limits]
+        sweep.save()
         print(*answers, sep="\n", end="\n" * bool(answers))
     finally:
         if any(run.summary() for run in sweep.runs.values()):
@@ -142,16 +171,31 @@ def _sweep(args, passed, program):
     return f"{len(doubted)} of {len(runs)} runs are not believed; table.csv in {out} says why"
 
 
-def _check_limits(args, lists):
+def _check_together(args, lists):
     """InputError for options that do not go together."""
     if args.evaluations and not args.minimise:
         raise InputError("--evaluations needs --minimise")
-    if args.below and args.minimise:
-        raise InputError("--below and --minimise are both given; allowed is one of them")
-    if args.below and len(lists) != 1:
+    if args.scatter and args.minimise:
+        raise InputError("--scatter and --minimise are both given; allowed is one of them")
+    if args.minimise and len(lists) > 2:
+        raise InputError(f"--minimise varies {len(lists)} numbers; allowed is one or two --vary")
+    if args.scatter:
+        if not lists:
+            raise InputError(
+                "nothing scatters; allowed is a table [scatter] in a material file, or --vary "
+                "KEY=LOW..HIGH"
+            )
+        if args.scatter < 2 * len(lists) + 2:
+            raise InputError(
+                f"--scatter is {args.scatter}; allowed for {len(lists)} numbers is "
+                f"{1 << (2 * len(lists) + 1).bit_length()} or more"
+            )
+    if not args.below or args.scatter or args.minimise:
+        return
+    if len(lists) != 1:
         raise InputError(f"--below needs one --vary, and {len(lists)} are given")
     for key, values in lists.items():
-        if args.below and any(varied.number(value) is None for value in values):
+        if any(varied.number(value) is None for value in values):
             raise InputError(f"--below is given, but {key} is {values[0]}; allowed are numbers")
 
 
@@ -170,22 +214,24 @@ def _announce(values, runner):
         print(f"warning: some were made with other options: {each or 'none'}", file=sys.stderr)
 
 
-def _minimise(args, ranges, runner):
-    """The `Optimum`, with a line for each run on the way."""
+def _finer(changes, evaluate):
+    """The `Finer` mesh that these changes of a press make, None without any."""
     from ..sweep import optimum
 
-    seen: set[str] = set()
+    if not changes:
+        return None
 
-    def evaluate(values):
-        runs = runner.all(values, bar=False)
-        for run in runs:
-            seen.add(run.folder.name)
-            if (known := run.numbers().get(args.minimise)) is not None:
-                doubt = "" if run.is_believed() else " (not believed)"
-                print(f"{len(seen)}: {run.label}: {args.minimise} {known:.5g}{doubt}", flush=True)
-        return runs
+    def done(values):
+        return evaluate([{**each, **changes} for each in values])
 
-    best = optimum.minimise(ranges, args.minimise, evaluate, args.evaluations)
-    runner.folder.facts["best"] = best.facts
-    runner.folder.save()
-    return best
+    return optimum.Finer(varied.label(changes), done)
+
+
+def _evaluated(runner, asked, values):
+    """The runs with these values, done, with a line for each."""
+    runs = runner.all(values, bar=False)
+    for run in runs:
+        known = asked if run.is_believed() else ()
+        found = ", ".join(f"{name} {run.number(name):.5g}" for name in known)
+        print(f"{run.label}: {found or 'not believed'}", flush=True)
+    return runs

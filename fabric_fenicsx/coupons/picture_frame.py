@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..job.job import Job, Result
+from ..material.homogeneous import conjugate, gradient
 from ..material.laws.base import stresses_of_energy
-from ..material.paths import conjugate, gradient
 from ..results import measures
 from ..scene import output as scene_output
 from ..scene.scene import Scene

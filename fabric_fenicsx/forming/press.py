@@ -97,11 +97,10 @@ class Press(KnowsItsFields):
             raise InputError("`sheets` is empty; allowed are one or more")
         if other := [each for each in given if not isinstance(each, Sheet)]:
             raise InputError(f"`sheets` holds {other[0]!r}; allowed are sheets, as `Sheet(...)`")
-        paths = [self._path(k, sheet) for k, sheet in enumerate(given)] if given[1:] else ["blank"]
-        for path, sheet in zip(paths, given):
+        object.__setattr__(self, "sheets", tuple(given))
+        for path, sheet in zip(self.paths(), given):
             with schema.located(path, [each.name for each in dataclasses.fields(Sheet)]):
                 sheet.ready("", self.interface)
-        object.__setattr__(self, "sheets", tuple(given))
         if not self.tools:
             raise InputError("`tools` is empty; allowed are one or more")
         for name, tool in self.tools.items():
@@ -121,8 +120,10 @@ class Press(KnowsItsFields):
                 self._check_die(name, tool)
         self.schedule(dict.fromkeys(self.dies().values(), 0.0), 0.0)
 
-    def _path(self, k, sheet):
-        return f"ply.{sheet.name.removeprefix('ply ') or k + 1}"
+    def paths(self) -> list[str]:
+        """The path of each sheet's table in a file."""
+        names = [sheet.name.removeprefix("ply ") for sheet in self.sheets]
+        return [f"ply.{name or k}" for k, name in enumerate(names, 1)] if names[1:] else ["blank"]
 
     def _check_sides(self):
         """Raise InputError for tools that nothing resists."""

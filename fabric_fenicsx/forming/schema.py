@@ -42,6 +42,7 @@ from .tools import DieOf, PressTool
 TABLES = "blank", "contact", "limits", "tools", "holders"
 LISTS = "ply", "stage"
 ENTRIES = "unit", "title", *TABLES, *LISTS
+MATERIALS, SOURCE = ("fabric", "metal"), "material"  # as {material = "komeili", s1 = 0.03}
 ORIGIN, UP = (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 # shape -> function of its numbers, and their names; its face is up, its origin at `PressTool.at`
 SHAPES: dict[str, tuple[Callable[..., Surface], tuple[str, ...]]] = {
@@ -142,11 +143,13 @@ def located(path: str, names: Any) -> Iterator[None]:
 def _value(value, meta, path, folder):
     """A value of a table in the form that a field with this metadata takes."""
     if "read" in meta and not isinstance(value, Material):
-        if not isinstance(value, str):
+        numbers = dict(value) if isinstance(value, Mapping) else {SOURCE: value}
+        source = numbers.pop(SOURCE, None)
+        if not isinstance(source, str):
             raise InputError(f"{path} is {shown(value)}; allowed is a preset or a material file")
-        beside = folder / value
+        beside = folder / source
         with located(path, ()):
-            return meta["read"](str(beside) if beside.is_file() else value)
+            return meta["read"](str(beside) if beside.is_file() else source).changed(numbers)
     if meta.get("metavar") == "FILE":
         return _file(value, path, folder)
     if "metavar" in meta and not isinstance(value, str):
@@ -272,6 +275,9 @@ def _change(document, change):
         raise InputError(
             f"change {shown(change)} is no KEY=VALUE; allowed is for example blank.nx=8"
         )
+    if names[0] in MATERIALS:
+        _change_material(document, names, text)
+        return
     if names[0] in TABLES:
         document.setdefault(names[0], {})
     table: Any = document
@@ -282,6 +288,8 @@ def _change(document, change):
             found = by_name.get(name)
         else:
             by_name, found = table, table.get(name)
+        if name in MATERIALS and isinstance(found, str):
+            found = table[name] = {SOURCE: found}
         if not isinstance(found, (dict, list)):
             before = ".".join(names[:depth])
             raise unknown_key(name, by_name, f"{'.'.join(names)}: {name} of {before or 'the file'}")
@@ -292,6 +300,22 @@ def _change(document, change):
             f"{names[-2]}.NAME.KEY=VALUE"
         )
     table[names[-1]] = _toml_value(text.strip())
+
+
+def _change_material(document, names, text):
+    """Change numbers of the one fabric, or metal, of all sheets: of "fabric.s1=0.03"."""
+    kind = names[0]
+    paths = {"blank": document.get("blank", {})}
+    paths |= {f"ply.{k}": ply for k, ply in enumerate(document.get("ply", ()), 1)}
+    named = {path: table[kind] for path, table in paths.items() if kind in table}
+    if len({str(each) for each in named.values()}) != 1 or len(names) != 2:
+        keys = " and ".join(f"{path}.{kind}" for path in named) or "none"
+        raise InputError(
+            f"change {'.'.join(names)}={text} is of one {kind} of all sheets, and the file has "
+            f"{keys}; allowed is {kind}.NUMBER=VALUE for one material, or with the path of a ply"
+        )
+    for path in named:
+        _change(document, f"{path}.{'.'.join(names)}={text}")
 
 
 def _toml_value(text):

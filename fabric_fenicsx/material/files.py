@@ -3,17 +3,36 @@
 import difflib
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..readers.units import UNITS, check_unit, suffixes
 from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, did_you_mean, shown, unknown_key
+from ..runtime.rules import POSITIVE, Rule, above_zero, did_you_mean, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
 FIBRES = {"fibre_density": above_zero("density")}
+
+
+class Interval(NamedTuple):
+    """The rule for two numbers that `rule` allows, the first below the second."""
+
+    rule: Rule
+
+    @property
+    def unit(self) -> str:
+        """That of the numbers, as of a `Rule`."""
+        return self.rule.unit
+
+    def check(self, name: str, value: Any) -> tuple[float, float]:
+        """The two numbers; InputError, which calls them `name`, for anything else."""
+        if isinstance(value, (list, tuple)) and len(value) == 2:
+            low, high = (self.rule.check(name, each) for each in value)
+            if low < high:
+                return low, high
+        raise InputError(f"{name} is {shown(value)}; allowed are two numbers, [lowest, highest]")
 
 
 def preset_or_file(
@@ -107,6 +126,19 @@ def read_numbers(
         found[name] = rules[name].check(label, _scaled(checked, power))
         spelled[name] = key
     return found
+
+
+def read_scatter(
+    document: dict[str, Any],
+    rules: Mapping[str, Rule],
+    factors: Iterable[str],
+    units: Mapping[str, str],
+) -> dict[str, tuple[float, float]]:
+    """The table [scatter], taken out of a material's document: intervals of the numbers of `rules`,
+    in the package's units, and of `factors`. Raises InputError by key."""
+    known = {name: Interval(rule) for name, rule in rules.items()}
+    known |= dict.fromkeys(factors, Interval(POSITIVE))
+    return read_numbers(take_table(document, "scatter"), known, units, "scatter.")
 
 
 def _scaled(value, power):

@@ -7,7 +7,7 @@ file alone. Yield stresses never fall, so that what a step minimises is convex.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -88,17 +88,6 @@ class Swift(Hardening):
     K: float
     eps0: float
     n: float
-
-    @classmethod
-    def of_tensile_test(cls, proof: float, offset: float, tensile: float, n: float) -> Self:
-        """The curve of a sheet with stress `proof` at plastic strain `offset`, the tensile strength
-        `tensile` (engineering, [MPa]) and exponent `n`, above 0: the largest force is where stress
-        equals its slope (Considère), at p = n - eps0, so tensile = K n^n exp(eps0 - n)."""
-        eps0 = 0.0
-        for _ in range(100):  # contracts, as K hardly depends on eps0
-            K = tensile * np.exp(n - eps0) / n**n
-            eps0 = (proof / K) ** (1 / n) - offset
-        return cls(float(K), float(eps0), n)
 
     def stress(self, p: np.ndarray) -> np.ndarray:
         """Yield stress [MPa]."""
@@ -227,29 +216,24 @@ class HardeningTable(Hardening):
         from scipy.interpolate import PchipInterpolator  # takes long to import
 
         curve = PchipInterpolator(self.eps, self.sigma)
+        slope = max(float(curve(self.eps[-1], 1)), 0.0)
+        end = [0, 0, slope, self.sigma[-1]]  # a straight line, which goes on
+        curve.extend(np.reshape(end, (4, 1)), [self.eps[-1] + 1])
         object.__setattr__(self, "_curve", curve)
         object.__setattr__(self, "_slope", curve.derivative())
         object.__setattr__(self, "_work", curve.antiderivative())
 
-    def _split(self, p):
-        """The parts of p within the table and beyond."""
-        within = np.minimum(p, self.eps[-1])
-        return within, p - within
-
     def stress(self, p: np.ndarray) -> np.ndarray:
         """Yield stress [MPa]."""
-        within, beyond = self._split(p)
-        return self._curve(within) + beyond * self._slope(self.eps[-1])
+        return self._curve(p)
 
     def slope(self, p: np.ndarray) -> np.ndarray:
         """Its derivative [MPa]."""
-        return self._slope(self._split(p)[0])
+        return self._slope(p)
 
     def work(self, p: np.ndarray) -> np.ndarray:
         """Its integral from 0 [N mm/mm^3]."""
-        within, beyond = self._split(p)
-        end = self.sigma[-1] + beyond * self._slope(self.eps[-1]) / 2
-        return self._work(within) + beyond * end
+        return self._work(p)
 
 
 def hardening_from(table: dict[str, Any], units: Mapping[str, str]) -> Hardening:

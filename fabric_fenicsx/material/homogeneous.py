@@ -1,4 +1,4 @@
-"""Homogeneous states of a fabric: their stresses, and the state of free tension."""
+"""Homogeneous states of a fabric: stresses, deformation gradient, and the state of free tension."""
 
 import numpy as np
 
@@ -6,6 +6,29 @@ from ..runtime.errors import SolverFailure
 from .laws import Law
 
 NARROWEST = -0.99  # strain across a free tension
+
+
+def gradient(eps_a: np.ndarray, eps_b: np.ndarray, gamma: np.ndarray) -> np.ndarray:
+    """F (n, 2, 2) of yarn strains [-] and shear angle [rad], (n,) each, for yarns a0 = e1, b0 = e2,
+    turned towards each other by gamma/2 each."""
+    a = (1 + eps_a)[:, None] * np.stack([np.cos(gamma / 2), np.sin(gamma / 2)], -1)
+    b = (1 + eps_b)[:, None] * np.stack([np.sin(gamma / 2), np.cos(gamma / 2)], -1)
+    return np.stack([a, b], -1)
+
+
+def conjugate(P: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Stresses conjugate to eps_a, eps_b, gamma, (n, 3) [MPa], from first Piola-Kirchhoff stresses
+    P (n, 2, 2) at `gradient` F.
+
+    The rates of F are a/|a| e1 for eps_a, b/|b| e2 for eps_b, and both yarns turning towards each
+    other for gamma.
+    """
+    a, b = F[:, :, 0], F[:, :, 1]
+    turn = 0.5 * np.stack(
+        [np.stack([-a[:, 1], a[:, 0]], -1), np.stack([b[:, 1], -b[:, 0]], -1)], -1
+    )
+    along = [(P[:, :, k] * f).sum(1) / np.linalg.norm(f, axis=1) for k, f in ((0, a), (1, b))]
+    return np.stack([*along, (P * turn).sum((1, 2))], -1)
 
 
 def nominal(law: Law, strains: np.ndarray) -> np.ndarray:

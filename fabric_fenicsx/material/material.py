@@ -10,7 +10,8 @@ from typing import Any, ClassVar, Self
 
 import tomli_w
 
-from ..runtime.rules import unknown_key
+from ..runtime.errors import InputError
+from ..runtime.rules import POSITIVE, unknown_key
 from .files import read_toml, write_whole
 
 
@@ -23,6 +24,11 @@ class Parameters:
     def __post_init__(self) -> None:
         for name, rule in self.rules.items():
             object.__setattr__(self, name, rule.check(name, getattr(self, name)))
+
+    def __rmul__(self, factor: float) -> Self:
+        """A copy with all stresses times a factor."""
+        stresses = [name for name, rule in self.rules.items() if rule.unit == "stress"]
+        return dataclasses.replace(self, **{n: _times(factor, getattr(self, n)) for n in stresses})
 
     def symbols(self, make: Callable[[float], Any]) -> Self:
         """A copy, not checked, of which each number v of the energy is make(v); so make may give
@@ -39,11 +45,52 @@ class Parameters:
         return new
 
 
+def _times(factor, value):
+    return tuple(factor * v for v in value) if isinstance(value, tuple) else factor * value
+
+
 class Material(Parameters):
     """Parameters of a sheet's material that a file holds; a subclass says what in `table`, and
-    reads it in `from_document`. thickness: of the sheet [mm]."""
+    reads it in `from_document`. thickness: of the sheet [mm]; scatter: {name of a number or factor:
+    its lowest and highest value}; factors: {name: fields that it multiplies together}."""
 
     thickness: float
+    scatter: Mapping[str, tuple[float, float]]
+    factors: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+
+    @classmethod
+    def numbers(cls) -> Mapping[str, Any]:
+        """The rules of the numbers that `changed` takes and that may scatter, by name."""
+        return cls.rules
+
+    def check_scatter(self) -> None:
+        """InputError for an interval that its number, or 1 of a factor, lies outside of."""
+        for name, (low, high) in self.scatter.items():
+            value = 1.0 if name in self.factors else self.number(name)
+            if not low <= value <= high:
+                raise InputError(
+                    f"scatter.{name} is from {low:g} to {high:g}, and {name} is {value:g}; allowed "
+                    "is an interval around it"
+                )
+
+    def number(self, name: str) -> float:
+        """The number of that name."""
+        return getattr(self, name)
+
+    def changed(self, numbers: Mapping[str, Any]) -> Self:
+        """A copy with these `numbers`, in the package's units, or with fields times a factor of
+        `factors`. InputError by name."""
+        new = self
+        for name in sorted(numbers, key=self.factors.__contains__):  # factors of what is set
+            number = numbers[name]
+            if name in self.factors:
+                factor = POSITIVE.check(name, number)
+                new = new.replace(**{n: factor * getattr(new, n) for n in self.factors[name]})
+            elif name in self.numbers():
+                new = new.replace(**{name: number})
+            else:
+                raise unknown_key(name, (*self.numbers(), *self.factors), name)
+        return new
 
     def thickness_under(self, pressure: float) -> float:
         """Thickness of the sheet between faces that press it [MPa], in mm."""
@@ -59,12 +106,14 @@ class Material(Parameters):
         return getattr(self, "name", "") or getattr(self, "law", "material")
 
     def replace(self, **changes: Any) -> Self:
-        """A changed copy; InputError for an unknown name."""
+        """A changed copy, without the intervals of what is changed; InputError for an unknown
+        name."""
         own = [field.name for field in dataclasses.fields(self)]
         for key in changes:
             if key not in own:
                 raise unknown_key(key, own, f"replace: {key}")
-        return dataclasses.replace(self, **changes)
+        kept = {name: ends for name, ends in self.scatter.items() if name not in changes}
+        return dataclasses.replace(self, **{"scatter": kept} | changes)
 
     def table(self) -> dict[str, Any]:
         """The content of a material file."""

@@ -13,7 +13,6 @@ compression along a yarn already end ellipticity (yarns kink as they buckle). An
 need not end it, as no band strains both yarns freely.
 """
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -97,26 +96,6 @@ def least_ellipticity(fabric: Law, invariants: ArrayLike) -> float:
     return float(smallest_eigenvalue(Q, only_least=True)[0].min(initial=np.inf)) / (
         fabric.shear_stiffness or 1.0
     )
-
-
-def first_loss(
-    value: Callable[[np.ndarray], np.ndarray], start: ArrayLike, end: ArrayLike, samples: int = 500
-) -> np.ndarray:
-    """First negative `value` between `start` and `end`, (n,), nan where there is none.
-
-    value: function of parameters (n, k) to values (n, k); start, end: (n,) or numbers. Bisected to
-    rounding after a scan of `samples`.
-    """
-    first, last = (np.atleast_1d(np.asarray(v, float))[:, None] for v in (start, end))
-    s = first + (last - first) * np.linspace(0, 1, samples)
-    lost = value(s) < 0
-    k = lost.argmax(1)[:, None]
-    low, high = np.take_along_axis(s, np.maximum(k - 1, 0), 1), np.take_along_axis(s, k, 1)
-    for _ in range(50):
-        middle = (low + high) / 2
-        bad = value(middle) < 0
-        low, high = np.where(bad, low, middle), np.where(bad, middle, high)
-    return np.where(lost.any(1), high[:, 0], np.nan)
 
 
 def _in_strains(fabric, I4, I8, gamma):

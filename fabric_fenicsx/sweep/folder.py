@@ -5,7 +5,7 @@ import hashlib
 import json
 import shutil
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,6 +17,7 @@ from .varied import Values, folder_name, label
 
 STATE = "sweep.json"
 FORMAT = 1
+ALWAYS = "reaction_N", "stroke_reached"  # numbers of every run
 OWN = STATE, "table.csv", "report.html", "curves.png", "maps.png", "trends.png"
 
 
@@ -67,18 +68,14 @@ class Run:
     def numbers(self) -> dict[str, float]:
         """Its quantities that are one number {name with dots: number}, force and time first."""
         summary = self.summary()
-        first = {name: summary.get(name) for name in ("reaction_N", "stroke_reached")}
+        first = {name: summary.get(name) for name in ALWAYS}
         first["wall_s"] = summary.get("wall_s", {}).get("total")
-        return dict(_flat(first | summary.get("quantities", {})))
+        return flat(first | summary.get("quantities", {}))
 
     def number(self, name: str) -> float:
         """The quantity `name`; InputError, which names the nearest, if it is not there."""
         numbers = self.numbers()
-        if name not in numbers:
-            raise InputError(
-                f"quantity {name} is not in the summary of {self.folder}"
-                f"{did_you_mean(name, numbers)}; allowed is one of {', '.join(numbers)}"
-            )
+        check_quantity(name, numbers, f"not in the summary of {self.folder}")
         return numbers[name]
 
 
@@ -88,13 +85,24 @@ def force_name(runs: Sequence[Run]) -> str:
     return names.pop() if len(names) == 1 else "force"
 
 
-def _flat(values, before=""):
-    """Pairs of dotted name and number of what is one number in nested dicts."""
+def check_quantity(name: str, known: Iterable[str], where: str) -> None:
+    """InputError, which names the nearest, for a quantity that is not known: that is `where`."""
+    if name not in known:
+        raise InputError(
+            f"quantity {name} is {where}{did_you_mean(name, known)}; allowed is one of "
+            f"{', '.join(known)}"
+        )
+
+
+def flat(values: Mapping[str, Any], before: str = "") -> dict[str, float]:
+    """What is one number in nested dicts, {name with dots: number}."""
+    found: dict[str, float] = {}
     for name, value in values.items():
         if isinstance(value, Mapping):
-            yield from _flat(value, f"{before}{name}.")
+            found |= flat(value, f"{before}{name}.")
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
-            yield f"{before}{name}", value
+            found[f"{before}{name}"] = value
+    return found
 
 
 class SweepFolder:

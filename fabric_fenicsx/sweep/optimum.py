@@ -1,4 +1,4 @@
-"""The least value of a quantity over one or two numbers, and where a quantity is below a limit."""
+"""The least value of a quantity, where a quantity is below a limit, and both on a finer mesh."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -13,9 +13,19 @@ from .varied import Range, Values, is_wide, number, short_names, spelled
 
 EVALUATIONS = 12  # for each number
 FINE = 0.005  # of a range, below which the place of the least value is found
+APART = 0.05  # of a range, between places at which the answer is sought on a finer mesh
 # of a range of two numbers, where the search begins: at three places side by side
 FIRST = ((0.25, 0.25), (0.75, 0.35), (0.35, 0.75))
+BEYOND = 1e30  # the least that a run beyond a limit counts: more than any quantity
 Evaluate = Callable[[Sequence[Values]], list[Run]]
+Limits = Sequence[tuple[str, float]]  # quantities and what they are to be below
+
+
+class Finer(NamedTuple):
+    """A finer mesh: how a reader would write it, and what has the runs of values done on it."""
+
+    label: str
+    evaluate: Evaluate
 
 
 class _Enough(Exception):
@@ -23,10 +33,10 @@ class _Enough(Exception):
 
 
 class _Search:
-    """Evaluations of `quantity` at shares of `ranges`, each known once."""
+    """Evaluations of `merit`, a function of runs, at shares of `ranges`, each known once."""
 
-    def __init__(self, ranges, quantity, evaluate, most):
-        self.ranges, self.quantity, self.evaluate, self.most = ranges, quantity, evaluate, most
+    def __init__(self, ranges, merit, evaluate, most):
+        self.ranges, self.merit, self.evaluate, self.most = ranges, merit, evaluate, most
         self.found: dict[str, tuple[Run, float]] = {}
 
     def values(self, shares):
@@ -39,11 +49,10 @@ class _Search:
         if len(self.found) + len(new) > self.most:
             raise _Enough
         for key, run in zip(new, self.evaluate(list(new.values()))):
-            value = run.number(self.quantity) if run.is_believed() else math.inf
-            self.found[key] = run, value
+            self.found[key] = run, self.merit(run)
 
     def __call__(self, shares):
-        """The quantity at one place, inf where the run is not believed."""
+        """The merit at one place."""
         shares = np.atleast_1d(shares)
         self.side_by_side([shares])
         return self.found[str(self.values(shares))][1]
@@ -59,19 +68,34 @@ class Optimum(NamedTuple):
 
 
 def minimise(
-    ranges: Sequence[Range], quantity: str, evaluate: Evaluate, evaluations: int | None = None
+    ranges: Sequence[Range],
+    quantity: str,
+    evaluate: Evaluate,
+    evaluations: int | None = None,
+    limits: Limits = (),
+    finer: Finer | None = None,
 ) -> Optimum:
     """The least value of a quantity over one or two ranges, by `evaluate`, which has the runs of
-    values done, several of them side by side.
+    values done, several of them side by side; of runs that keep to the `limits`.
 
     One number: both ends, then bounded minimisation by Brent's method; two: Nelder and Mead's
-    simplex in the bounds (both of scipy). Runs that are not believed count as infinitely bad.
-    Raises InputError for a quantity that runs do not have, SolverFailure if none is believed.
+    simplex in the bounds (both of scipy). Runs that are not believed count as infinitely bad, and
+    runs beyond a limit as worse the further they are. On the `finer` mesh the best place and those
+    about it are run again, until the least is among them.
+
+    Raises SolverFailure if no run is believed, or none keeps to the limits.
     """
     from scipy import optimize  # takes long to import
 
+    def merit(run):
+        if not run.is_believed():
+            return math.inf
+        over = [(run.number(name) - limit) / (abs(limit) or 1.0) for name, limit in limits]
+        worst = max(over, default=-1.0)
+        return run.number(quantity) if worst < 0 else BEYOND * (1 + worst)
+
     most = evaluations or EVALUATIONS * len(ranges)
-    search = _Search(ranges, quantity, evaluate, most)
+    search = _Search(ranges, merit, evaluate, most)
     try:
         with np.errstate(invalid="ignore"):  # inf - inf
             if len(ranges) == 1:
@@ -85,17 +109,24 @@ def minimise(
                 optimize.minimize(search, FIRST[0], **how)
     except _Enough:
         pass
-    return _best(ranges, quantity, list(search.found.values()))
+    found = list(search.found.values())
+    best = _best(ranges, quantity, found, limits)
+    if not finer:
+        return best
+    return _checked(best, _finer_runs(ranges, best.run, found, merit, finer), finer)
 
 
-def _best(ranges, quantity, found):
-    """The `Optimum` of what was found, pairs of run and value."""
-    value = min(each for _, each in found)
+def _best(ranges, quantity, found, limits):
+    """The `Optimum` of what was found, pairs of run and merit."""
+    value = min(merit for _, merit in found)
+    best = [run for run, merit in found if merit <= value + 1e-12 * abs(value)]
+    run, *others = sorted(best, key=lambda run: float(run.values[ranges[0].key]))
     if not math.isfinite(value):
         raise SolverFailure(f"none of {len(found)} runs is believed; table.csv has their reasons")
-    best = [run for run, each in found if each <= value + 1e-12 * abs(value)]
-    run, *others = sorted(best, key=lambda run: float(run.values[ranges[0].key]))
-    unbelieved = sum(not math.isfinite(each) for _, each in found)
+    kept = " and ".join(f"{name} below {rounded(limit, 5)}" for name, limit in limits)
+    if value >= BEYOND:
+        raise SolverFailure(f"no run of {len(found)} has {kept}; the nearest is {run.label}")
+    unbelieved = sum(not math.isfinite(merit) for _, merit in found)
     notes = [
         f"{key} = {spelled(end)} is the {name} end of its range: the least may lie beyond"
         for key, *ends in ranges
@@ -106,56 +137,143 @@ def _best(ranges, quantity, found):
         notes.append(f"as little in {len(others)} more, up to {others[-1].label}")
     text = f"least {quantity}: {rounded(value, 5)} at {run.label}, of {len(found)} runs"
     text += f" ({unbelieved} not believed, left out)" if unbelieved else ""
+    text += f" with {kept}" if kept else ""
     facts = {"quantity": quantity, "value": value, "values": dict(run.values), "notes": notes}
     return Optimum(run, "; ".join([text, *notes]), facts)
 
 
-def below(runs: Sequence[Run], quantity: str, limit: float) -> str:
+def _finer_runs(ranges, best, found, merit, finer):
+    """Pairs of run and merit on the finer mesh: at the best place and at those next to it that are
+    `APART`, on from there as long as the least is at another place, and, of one number, between
+    the places next to the least."""
+
+    def place(run):
+        return np.array([each.share(float(run.values[each.key])) for each in ranges])
+
+    runs = [best]
+    others = [run for run, value in found if math.isfinite(value)]
+    for run in sorted(others, key=lambda run: np.linalg.norm(place(run) - place(best))):
+        if all(np.linalg.norm(place(run) - place(each)) >= APART for each in runs):
+            runs.append(run)
+    places = np.array([place(run) for run in runs])
+    search, merits, least = _Search(ranges, merit, finer.evaluate, math.inf), dict[int, float](), 0
+    while todo := sorted({least, *_next_to(places, least)} - merits.keys()):
+        search.side_by_side(places[todo])
+        merits |= {k: search(places[k]) for k in todo}
+        least = min(merits, key=merits.__getitem__)
+    if len(ranges) == 1:
+        from scipy import optimize
+
+        about = places[[least, *_next_to(places, least)], 0]
+        ends, fine = (min(about), max(about)), {"xatol": APART}
+        with np.errstate(invalid="ignore"):  # inf - inf
+            optimize.minimize_scalar(search, bounds=ends, method="bounded", options=fine)
+    return list(search.found.values())
+
+
+def _next_to(places, k):
+    """Numbers of the places next to place k: one on each side, of two numbers the three nearest."""
+    away = places - places[k]
+    order = np.linalg.norm(away, axis=1).argsort(kind="stable")[1:]
+    if places.shape[1] == 2:
+        return order[:3].tolist()
+    sides = ([n for n in order if sign * away[n, 0] > 0] for sign in (-1, 1))
+    return [int(side[0]) for side in sides if side]
+
+
+def _checked(best, again, finer):
+    """The `Optimum` with what the finer mesh says of it."""
+    quantity, coarse = best.facts["quantity"], best.facts["value"]
+    run, value = min(again, key=lambda pair: pair[1])
+    if value >= BEYOND:
+        why = "keeps to the limits" if math.isfinite(value) else "is believed"
+        said, facts = f"none of {len(again)} runs {why}", {}
+    else:
+        said = f"{rounded(value, 5)} at {run.label}, of {len(again)} runs: a difference of "
+        said += f"{rounded(abs(value - coarse), 2)}, about the error that is left"
+        facts = {"value": value, "values": dict(run.values)}
+    text = f"{best.text}; on finer cells ({finer.label}) {quantity} is {said}"
+    return best._replace(text=text, facts=best.facts | {"finer": facts})
+
+
+def below(runs: Sequence[Run], quantity: str, limit: float, finer: Finer | None = None) -> str:
     """Sentence on where `quantity` is below `limit`, over the one number that the runs vary.
 
-    Between runs at full load it is linear, over the logarithm where numbers are far apart. Runs
-    that are not believed, as where yarns shorten too much, count with a note.
-
-    Raises InputError for a quantity that a run does not have.
+    Between runs that are believed it is linear, over the logarithm where numbers are far apart.
+    On the `finer` mesh the runs beside each crossing are run again, and as long as a run is on the
+    other side there those beside it.
     """
     (key,) = runs[0].values
     ordered = sorted(runs, key=lambda run: float(run.values[key]))
-    whole = [run for run in ordered if run.is_at_full_load()]
+    known = [run for run in ordered if run.is_believed()]
     name, asked = short_names([key])[key], f"{quantity} below {rounded(limit, 5)}"
-    if not whole:
-        return f"{asked}: no run came to full load"
-    x = np.array([float(run.values[key]) for run in whole])
-    y = np.array([run.number(quantity) for run in whole])
+    if not known:
+        return f"{asked}: no run is believed"
+    x = np.array([float(run.values[key]) for run in known])
+    y = np.array([run.number(quantity) for run in known])
+    where, ends = _where(x, y, limit, name)
     notes = []
-    if doubted := ", ".join(run.values[key] for run in whole if not run.is_believed()):
-        notes.append(f"not believed: {name} = {doubted}")
-    if lost := ", ".join(run.values[key] for run in ordered if run not in whole):
-        notes.append(f"left out, as not at full load: {name} = {lost}")
+    if lost := ", ".join(run.values[key] for run in ordered if run not in known):
+        notes.append(f"left out, as not believed: {name} = {lost}")
     slopes = np.sign(np.diff(y))
     if (slopes > 0).any() and (slopes < 0).any():
         notes.append("it neither falls nor rises throughout: look at trends.png")
-    return "; ".join([f"{asked}: {_where(x, y, limit, name)}", *notes, _accuracy(whole, quantity)])
+    if not finer:
+        return "; ".join([f"{asked}: {where}", *notes, _accuracy(known, quantity)])
+    fine = y.copy()
+    for k, value in _again(known, quantity, limit, finer).items():
+        fine[k] = value
+    is_known = np.isfinite(fine)
+    again, fine_ends = _where(x[is_known], fine[is_known], limit, name)
+    notes.append(f"on finer cells ({finer.label}) {again}")
+    if ends and len(ends) == len(fine_ends):
+        apart = max(abs(a - b) for a, b in zip(ends, fine_ends))
+        notes.append(f"a difference of {rounded(apart, 2)}, about the error that is left")
+    elif ends or fine_ends:
+        notes.append("so the cells decide: take finer ones")
+    return "; ".join([f"{asked}: {where}", *notes])
+
+
+def _again(runs, quantity, limit, finer):
+    """The quantity on the finer mesh {number of the run: value, nan if not believed}."""
+    y = np.array([run.number(quantity) for run in runs])
+    under, found = y < limit, dict[int, float]()
+    crossings = np.flatnonzero(np.diff(under))
+    todo = {*crossings.tolist(), *(crossings + 1).tolist()} or {int(abs(y - limit).argmin())}
+    while todo:
+        places = sorted(todo)
+        for k, run in zip(places, finer.evaluate([runs[k].values for k in places])):
+            found[k] = run.number(quantity) if run.is_believed() else math.nan
+        kept = [math.isfinite(found[k]) and (found[k] < limit) == under[k] for k in places]
+        moved = [k for k, same in zip(places, kept) if not same]
+        todo = {n for k in moved for n in (k - 1, k + 1) if 0 <= n < len(runs)} - found.keys()
+    return found
 
 
 def _where(x, y, limit, name):
-    """The first interval of x in which y is below the limit, in words."""
+    """The first interval of x in which y is below the limit, in words, and its ends."""
     under, wide = y < limit, len(x) > 1 and is_wide(list(x))
     if not under.any():
+        if not len(y):
+            return "no run is believed", []
         least = int(y.argmin())
-        return f"in no run; the least is {rounded(y[least], 4)} at {name} = {spelled(x[least])}"
+        return f"in no run; the least is {rounded(y[least], 4)} at {name} = {spelled(x[least])}", []
 
     def crossing(k):
         share, shown = (limit - y[k]) / (y[k + 1] - y[k]), np.log(x) if wide else x
         at = shown[k] + share * (shown[k + 1] - shown[k])
-        return rounded(float(np.exp(at) if wide else at), 4)
+        return float(np.exp(at) if wide else at)
 
     first = int(under.argmax())
     after = np.flatnonzero(~under[first:])
-    ends = [f"from {name} = {crossing(first - 1)} on"] if first else []
-    ends += [f"up to {name} = {crossing(first + after[0] - 1)}"] if len(after) else []
+    ends = [crossing(first - 1)] if first else []
+    words = [f"from {name} = {rounded(ends[0], 4)} on"] if first else []
+    if len(after):
+        ends.append(crossing(first + after[0] - 1))
+        words.append(f"up to {name} = {rounded(ends[-1], 4)}")
     if not ends:
-        return f"in all runs, from {name} = {x[0]:g} on"
-    return f"{' and '.join(ends)} (between runs, interpolated)"
+        return f"in all runs, from {name} = {x[0]:g} on", []
+    return f"{' and '.join(words)} (between runs, interpolated)", ends
 
 
 def _accuracy(runs, quantity):

@@ -4,30 +4,39 @@ import csv
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from matplotlib.collections import PolyCollection
 
-from ..plot.pictures import cell_polygons, colour_scale, curves, plt
+from ..plot.pictures import cell_polygons, colour_scale, curves, draw_cells, figure
 from .folder import Run, force_name
+from .scatter import BOUNDS
 from .varied import is_wide, label, number
 
 PANELS, COLUMNS = 6, 6  # most trends, and most maps side by side
+ROWS = 3  # most quantities over numbers that scatter
 
 
-def draw(files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str]) -> None:
+def draw(
+    files: Mapping[str, Path], runs: Sequence[Run], names: Mapping[str, str], scatter: bool = False
+) -> None:
     """Draw curves, trends and maps of runs with results into `files`, each where there is something
-    to draw; names: labels of the quantities whose trends are drawn {quantity: label}."""
+    to draw; names: labels of the quantities whose trends are drawn {quantity: label}; scatter: True
+    of runs of a design, whose trends are points over each key."""
     for file in files.values():
         file.unlink(missing_ok=True)
-    if runs:
-        _draw_curves(files["curves"], runs)
+    if not runs:
+        return
+    _draw_curves(files["curves"], runs, scatter)
+    if scatter:
+        _draw_points(files["trends"], runs, dict(list(names.items())[:ROWS]))
+    else:
         _draw_trends(files["trends"], runs, dict(list(names.items())[:PANELS]))
         _draw_maps(files["maps"], runs)
 
 
-def _draw_curves(path, runs):
-    series = {}
+def _draw_curves(path, runs, scatter):
+    series: dict[str, Any] = {}
     for run in runs:
         try:
             with open(run.folder / "history.csv", newline="") as file:
@@ -37,8 +46,16 @@ def _draw_curves(path, runs):
                 ]
         except (OSError, KeyError, ValueError):
             continue
-        if rows:
+        if rows and (run.is_believed() or not scatter):
             series[run.label] = (*zip(*rows), "-" if run.is_believed() else "--")
+    if series and scatter:
+        x = next(iter(series.values()))[0]
+        forces = np.array([np.interp(x, at, force) for at, force, _ in series.values()])
+        bounds = np.quantile(forces, BOUNDS, axis=0)
+        series = {"mean": (x, forces.mean(0), "-")}
+        series |= {
+            f"{100 * share:g} % of runs below": (x, y, "--") for share, y in zip(BOUNDS, bounds)
+        }
     if series:
         curves(path, series, "displacement / mm", f"{force_name(runs)} / N")
 
@@ -49,25 +66,39 @@ def _draw_trends(path, runs, names):
         return
     columns = min(3, len(names))
     rows = -(-len(names) // columns)
-    size = 4.2 * columns, 3.0 * rows + 0.4
-    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
-    for ax, (name, title) in zip(axes.flat, names.items()):
-        _draw_trend(ax, runs, name)
-        ax.set(ylabel=textwrap.fill(title, 26), xlabel=keys[0])
-        ax.grid(alpha=0.3)
-    for ax in axes.flat[len(names) :]:
-        ax.remove()
-    figure.savefig(path, dpi=130)
-    plt.close(figure)
+    with figure(path, (4.2 * columns, 3.0 * rows + 0.4), rows, columns) as (_, axes):
+        for ax, (name, title) in zip(axes.flat, names.items()):
+            _draw_trend(ax, runs, name)
+            ax.set(ylabel=textwrap.fill(title, 26), xlabel=keys[0])
+            ax.grid(alpha=0.3)
+        for ax in axes.flat[len(names) :]:
+            ax.remove()
+
+
+def _draw_points(path, runs, names):
+    """A row of panels a quantity, with a panel for each key; of believed runs."""
+    known, keys = [run for run in runs if run.is_believed()], list(runs[0].values)
+    size, shared = (2.6 * len(keys) + 1.0, 2.4 * len(names)), {"sharex": "col", "sharey": "row"}
+    with figure(path, size, len(names), len(keys), **shared) as (_, axes):
+        for row, (name, title) in zip(axes, names.items()):
+            having = [run for run in known if name in run.numbers()]
+            for ax, key in zip(row, keys):
+                x = [float(run.values[key]) for run in having]
+                ax.plot(x, [run.number(name) for run in having], "o", ms=4)
+                ax.grid(alpha=0.3)
+            row[0].set_ylabel(textwrap.fill(title, 22))
+        for ax, key in zip(axes[-1], keys):
+            ax.set_xlabel(key)
 
 
 def _draw_trend(ax, runs, name):
     """A quantity at full load over the first key, with a line for each value of the second one."""
-    first, *second = runs[0].values
+    first = next(iter(runs[0].values))
     groups: dict[str, list[Run]] = {}
     for run in runs:
         if run.is_at_full_load() and name in run.numbers():
-            groups.setdefault(label({k: run.values[k] for k in second}), []).append(run)
+            others = {key: value for key, value in run.values.items() if key != first}
+            groups.setdefault(label(others), []).append(run)
     for group, mine in groups.items():
         x = np.array([float(run.values[first]) for run in mine])
         y = np.array([run.numbers()[name] for run in mine])
@@ -81,7 +112,7 @@ def _draw_trend(ax, runs, name):
         ax.minorticks_off()
     if len(places) <= 6:
         ax.set_xticks(places, [f"{place:g}" for place in places])
-    if second and 1 < len(groups) <= 8:
+    if 1 < len(groups) <= 8:
         ax.legend(fontsize="x-small")
 
 
@@ -118,25 +149,19 @@ def _draw_maps(path, runs):
     sides = [np.ptp(polygons.reshape(-1, 2), axis=0) for polygons, _ in sheets]
     length, width = np.max(sides, axis=0)
     size = 2.6 * columns + 1.0, (2.5 * width / length + 0.45) * rows * len(fields) + 0.5
-    how = {"squeeze": False, "sharex": True, "sharey": True, "layout": "constrained"}
-    figure, axes = plt.subplots(rows * len(fields), columns, figsize=size, **how)
-    for k, (name, values) in enumerate(fields.items()):
-        mine = axes[k * rows : (k + 1) * rows]
-        colours = "viridis" if name.startswith("shear") else "magma_r"
-        _, *limits = colour_scale(colours, 0.0, float(np.nanmax(np.concatenate(values))))
-        for ax, run, (polygons, _), each in zip(mine.flat, drawn, sheets, values):
-            cells = PolyCollection(polygons, array=each, cmap=colours, antialiased=False)
-            cells.set_clim(*limits)
-            ax.add_collection(cells)
-            ax.autoscale_view()
-            ax.set_aspect("equal")
-            words = run.doubt()
-            ax.set_title(run.label + (f" ({words})" if words else ""), fontsize="x-small")
-        for ax in mine.flat[len(drawn) :]:
-            ax.set_axis_off()
-        figure.colorbar(cells, ax=list(mine.flat), label=name, shrink=0.9)
-    figure.savefig(path, dpi=120)
-    plt.close(figure)
+    shared = {"sharex": True, "sharey": True, "dpi": 120}
+    with figure(path, size, rows * len(fields), columns, **shared) as (page, axes):
+        for k, (name, values) in enumerate(fields.items()):
+            mine = axes[k * rows : (k + 1) * rows]
+            colours = "viridis" if name.startswith("shear") else "magma_r"
+            _, *limits = colour_scale(colours, 0.0, float(np.nanmax(np.concatenate(values))))
+            for ax, run, (polygons, _), each in zip(mine.flat, drawn, sheets, values):
+                cells = draw_cells(ax, polygons, each, colours, limits)
+                words = run.doubt()
+                ax.set_title(run.label + (f" ({words})" if words else ""), fontsize="x-small")
+            for ax in mine.flat[len(drawn) :]:
+                ax.set_axis_off()
+            page.colorbar(cells, ax=list(mine.flat), label=name, shrink=0.9)
 
 
 def _columns(runs):

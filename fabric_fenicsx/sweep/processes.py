@@ -1,27 +1,33 @@
 """Runs as processes, side by side."""
 
 import csv
+import math
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import FrameType
+from tempfile import TemporaryDirectory
+from types import FrameType, MappingProxyType
+from typing import Any
 
 from tqdm import tqdm
 
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.formatting import rounded
 from ..runtime.ranks import RANKS_ENVIRONMENT
-from .folder import Run, SweepFolder
-from .varied import Values, changes, label
+from .folder import ALWAYS, Run, SweepFolder, flat, read_press
+from .varied import Range, Values, changes, label, spelled
 
 ENDS = "fabric form: "  # begin of the line with the reason why a run ended
 CONSOLE = "console.txt"  # in a run's folder: what it printed
+FINER = 1.5  # times as many cells along each side, on the finer mesh
+CELLS = "nx", "ny", "size"  # entries of a sheet
 LOOK = 0.05  # s between looks at whether a run has ended
 READ = 1.0  # s between looks at how far runs have come
 STOPS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
@@ -33,6 +39,8 @@ class Form:
 
     def __init__(self, press: Path, options: Sequence[str] = ()) -> None:
         self.press, self.options = press, list(options)
+        self._laws_are_read = False
+        self._built: dict[str, Any] = {}  # presses by the labels of their values
 
     def command(self, values: Values, folder: Path) -> list[str]:
         """The command of the run with these values into its folder, but for how it goes on."""
@@ -42,17 +50,86 @@ class Form:
 
     def check(self, values: Sequence[Values]) -> None:
         """InputError for the first values that the press file cannot have."""
+        for each in values:
+            try:
+                self._read(each)
+            except InputError as error:
+                raise InputError(f"run {label(each)}: {error}") from None
+
+    def _read(self, values=MappingProxyType({})):
+        """The press with these values."""
         from ..forming.press import Press  # takes seconds to import
         from ..material.presets import read_laws
 
         words = [*(part for word in self.options for part in word.split("=", 1)), "--law-file", ""]
-        if law_file := words[words.index("--law-file") + 1]:
+        law_file = words[words.index("--law-file") + 1]
+        if law_file and not self._laws_are_read:
             read_laws(law_file)
-        for each in values:
-            try:
-                Press.read(self.press, changes(each))
-            except InputError as error:
-                raise InputError(f"run {label(each)}: {error}") from None
+            self._laws_are_read = True
+        return Press.read(self.press, changes(values))
+
+    def _build(self, values):
+        """The built press with these values."""
+        if label(values) not in self._built:
+            self._built[label(values)] = self._read(values).build()
+        return self._built[label(values)]
+
+    def scatter(self) -> list[Range]:
+        """The intervals of the press's materials; one for all sheets of one fabric or metal."""
+        found = []
+        press = self._read()
+        for kind in ("fabric", "metal"):
+            own = {
+                f"{path}.{kind}": getattr(sheet, kind)
+                for path, sheet in zip(press.paths(), press.sheets)
+                if getattr(sheet, kind)
+            }
+            first = next(iter(own.values()), None)
+            if all(each == first for each in own.values()):
+                own = {kind: first} if first else {}
+            for path, material in own.items():
+                found += [Range(f"{path}.{n}", *ends) for n, ends in material.scatter.items()]
+        return found
+
+    def quantities(self, values: Values) -> list[str]:
+        """Names of the numbers that the run with these values will have: those of its blank as it
+        lies, which is not run."""
+        from ..results.fields import FieldSeries
+        from ..results.result import Result
+        from ..scene.output import cell_fields
+
+        made = self._build(values)
+        fields = cell_fields(made.scene)
+        row = defaultdict[str, Any](float, load=1.0)
+        with TemporaryDirectory() as folder:
+            FieldSeries(Path(folder), made.scene, ()).write(1.0, fields)
+            result = Result({}, [row], fields, Path(folder), made.scene)
+            return [*ALWAYS, "wall_s", *flat(made.quantities(result))]
+
+    def finer(self, values: Values) -> dict[str, str]:
+        """What makes the cells of the run with these values `FINER` times as fine: {key: value},
+        nothing for own meshes and where `values` are of the cells."""
+        document, found = read_press(self.press)[1], dict[str, str]()
+        blank = document.get("blank", {})
+        if {key.split(".")[-1] for key in values} & {*CELLS, "mesh"}:
+            return {}
+        sheets = self._build(values).laid.sheets
+        for k, (sheet, ply) in enumerate(zip(sheets, document.get("ply", [{}])), 1):
+            if sheet.mesh:
+                return {}
+            path = f"ply.{k}" if {*CELLS, "outline"} & {*ply} else "blank"
+            if not sheet.nx:
+                found[f"{path}.size"] = spelled(sheet.size / FINER)
+                continue
+            found[f"{path}.nx"] = str(_more(sheet.nx))
+            if "ny" in {**blank, **ply}:
+                found[f"{path}.ny"] = str(_more(sheet.ny))
+        return found
+
+
+def _more(count):
+    """A number of rectangles times `FINER`; an even one stays even."""
+    return 2 * math.ceil(FINER * count / 2) if count % 2 == 0 else math.ceil(FINER * count)
 
 
 class Runner:

@@ -46,7 +46,7 @@ def write(
     if pictures:
         from .pictures import draw
 
-        draw(files, [run for run in runs if run.summary()], shown)
+        draw(files, [run for run in runs if run.summary()], shown, "scatter" in sweep.facts)
     replace_file(sweep.path / "report.html", _page(sweep, title, answers, runs, shown, files))
 
 
@@ -91,12 +91,13 @@ def _page(sweep, title, answers, runs, shown, files):
         for name, file in files.items()
         if file.is_file()
     ]
+    keys = short_names([*dict.fromkeys(key for run in runs for key in run.values)])
     return environment.get_template("sweep.html.jinja").render(
         title=title,
         answers=answers,
-        keys=list(short_names(sweep.keys).values()),
+        keys=list(keys.values()),
         columns=list(shown.values()),
-        rows=[_row(run, shown) for run in runs],
+        rows=[_row(run, keys, shown) for run in runs],
         believed=sum(run.is_believed() for run in runs),
         pictures=pictures,
         press=sweep.press["text"],
@@ -104,14 +105,14 @@ def _page(sweep, title, answers, runs, shown, files):
     )
 
 
-def _row(run, names):
+def _row(run, keys, names):
     """A run in the report's table."""
     numbers, reason = run.numbers(), run.reason.removeprefix(NOT_BELIEVED)
     if run.summary():
         reason = ": ".join(filter(None, (run.doubt(), reason)))
     report = f"{run.folder.name}/report.html"
     return {
-        "values": list(run.values.values()),
+        "values": [run.values.get(key, "") for key in keys],
         "numbers": [rounded(numbers[name], 4) if name in numbers else "-" for name in names],
         "believed": run.is_believed(),
         "reason": reason or ("" if run.summary() else "not run"),

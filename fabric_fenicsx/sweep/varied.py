@@ -33,6 +33,12 @@ class Range(NamedTuple):
         found = low * (high / low) ** share if by_logarithm else low + share * (high - low)
         return min(max(float(f"{found:.{DIGITS}g}"), low), high)
 
+    def share(self, value: float) -> float:
+        """The share, as of `at`, at which a number is."""
+        if is_wide([self.low, self.high]):
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return (value - self.low) / (self.high - self.low)
+
 
 def is_wide(numbers: Sequence[float]) -> bool:
     """True for numbers above 0 that are `WIDE` apart, which are shown and sought by logarithm."""
@@ -63,26 +69,25 @@ def lists(words: Sequence[str]) -> dict[str, list[str]]:
             raise InputError(f"--vary {word} has an empty value; allowed is KEY=VALUE,VALUE...")
         if any(None not in _ends(value) for value in values):
             raise InputError(
-                f"--vary {word} is a range; allowed is one with --minimise, else KEY=VALUE,VALUE..."
+                f"--vary {word} is a range; allowed is one with --minimise or --scatter, else "
+                "KEY=VALUE,VALUE..."
             )
         found[key] = list(dict.fromkeys(values))
     return found
 
 
 def ranges(words: Sequence[str]) -> list[Range]:
-    """The one or two ranges of words "KEY=LOW..HIGH"; InputError for words of another form."""
+    """The ranges of words "KEY=LOW..HIGH"; InputError for words of another form."""
     found: dict[str, Range] = {}
     for word in words:
         key, text = _split(word, found, "KEY=LOW..HIGH")
         low, high = _ends(text)
         if low is None or high is None or not -math.inf < low < high < math.inf:
             raise InputError(
-                f"--vary {word} is no range; allowed with --minimise is KEY=LOW..HIGH "
-                "with numbers, LOW below HIGH"
+                f"--vary {word} is no range; allowed with --minimise and --scatter is "
+                "KEY=LOW..HIGH with numbers, LOW below HIGH"
             )
         found[key] = Range(key, low, high)
-    if len(found) not in (1, 2):
-        raise InputError(f"--minimise varies {len(found)} numbers; allowed is one or two --vary")
     return list(found.values())
 
 

@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fabric_fenicsx.material.homogeneous import lateral_strain
+from fabric_fenicsx.material.homogeneous import conjugate, gradient, lateral_strain
 from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.material.laws.base import stresses_of_energy
-from fabric_fenicsx.material.paths import PATHS, conjugate, gradient
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
+from fabric_fenicsx.readers.units import DEG
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.scene import output
 from fabric_fenicsx.scene.scene import Scene
@@ -22,6 +22,26 @@ from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
 from fabric_fenicsx.solve.stepping import LoadStepping
 
+# name -> function of s in [0, 1] (n,) to eps_a, eps_b [-], gamma [rad]; panel of Fig. 7
+PATHS: dict[str, Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]] = {
+    "constrained uniaxial a": lambda s: (-0.20 + 0.23 * s, 0 * s, 0 * s),
+    "constrained uniaxial b": lambda s: (0 * s, -0.20 + 0.23 * s, 0 * s),
+    "equibiaxial": lambda s: (-0.20 + 0.23 * s, -0.20 + 0.23 * s, 0 * s),
+    "biaxial 2:1": lambda s: (0.03 * s, 0.015 * s, 0 * s),
+    "biaxial 1:2": lambda s: (0.015 * s, 0.03 * s, 0 * s),
+    "tension a, compression b": lambda s: (0.03 * s, -0.20 * s, 0 * s),
+    "in-plane compression": lambda s: (-0.20 * s, -0.10 * s, 0 * s),
+    "pure shear": lambda s: (0 * s, 0 * s, 60 * DEG * (2 * s - 1)),
+    "simple shear": lambda s: (
+        0 * s,
+        1 / np.cos(s * np.arccos(1 / 1.03)) - 1,
+        s * np.arccos(1 / 1.03),
+    ),  # until b is 3 % longer
+    "shear, 1 % pre-tension": lambda s: (0 * s + 0.01, 0 * s + 0.01, 60 * DEG * s),
+    "shear, 3 % pre-tension": lambda s: (0 * s + 0.03, 0 * s + 0.03, 60 * DEG * s),
+    "shear, 5 % pre-compression": lambda s: (0 * s - 0.05, 0 * s - 0.05, 60 * DEG * s),
+    "shear, 20 % pre-compression": lambda s: (0 * s - 0.20, 0 * s - 0.20, 60 * DEG * s),
+}
 FREE = "free uniaxial a"
 MODELS = "hyperelastic", "FABRIC"
 COMPONENTS = "along a", "along b", "shear"

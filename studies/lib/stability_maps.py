@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from fabric_fenicsx.material import stability
+from fabric_fenicsx.material.homogeneous import conjugate, gradient
 from fabric_fenicsx.material.kernel import evaluate
 from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.material.laws.base import stresses_of_energy
-from fabric_fenicsx.material.paths import conjugate, gradient
 from fabric_fenicsx.studies.lib.stability_thresholds import P_MIN
 
 GAMMA = 0, 20, 40  # deg

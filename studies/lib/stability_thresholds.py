@@ -3,6 +3,7 @@
 What can be done with `material.stability` at states, sought along paths of yarn strains.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,26 @@ INDICATORS = "convexity", "ellipticity"
 SOFTEST_SHEAR = 0.111  # rad, where Table 1's fabric resists shear least
 
 
+def first_loss(
+    value: Callable[[np.ndarray], np.ndarray], start: ArrayLike, end: ArrayLike, samples: int = 500
+) -> np.ndarray:
+    """First negative `value` between `start` and `end`, (n,), nan where there is none.
+
+    value: function of parameters (n, k) to values (n, k); start, end: (n,) or numbers. Bisected to
+    rounding after a scan of `samples`.
+    """
+    first, last = (np.atleast_1d(np.asarray(v, float))[:, None] for v in (start, end))
+    s = first + (last - first) * np.linspace(0, 1, samples)
+    lost = value(s) < 0
+    k = lost.argmax(1)[:, None]
+    low, high = np.take_along_axis(s, np.maximum(k - 1, 0), 1), np.take_along_axis(s, k, 1)
+    for _ in range(50):
+        middle = (low + high) / 2
+        bad = value(middle) < 0
+        low, high = np.where(bad, low, middle), np.where(bad, middle, high)
+    return np.where(lost.any(1), high[:, 0], np.nan)
+
+
 def compression_reach(fabric: WovenFabric, eps_a: ArrayLike, indicator: str) -> np.ndarray:
     """eps_b to which the region that begins at eps_b = 0- goes, at each eps_a (n,), (n,); nan where
     none begins, -inf where it has no end above DEEPEST."""
@@ -33,7 +54,7 @@ def compression_reach(fabric: WovenFabric, eps_a: ArrayLike, indicator: str) -> 
         return stability.evaluate(fabric, stability.invariants(e, eps_b)).ellipticity
 
     start = np.full(np.size(eps_a), -1e-9)
-    end = stability.first_loss(lambda e: -value(e), start, DEEPEST)
+    end = first_loss(lambda e: -value(e), start, DEEPEST)
     begins = value(start[:, None])[:, 0] < 0
     return np.where(begins, np.nan_to_num(end, nan=-np.inf), np.nan)
 
@@ -44,7 +65,7 @@ def convex_tension(fabric: WovenFabric, largest: float = 0.3) -> tuple[float | N
     # not 0: the other side of that kink is compression
     ratio = np.concatenate([np.linspace(0.01, 1, 100), 1 / np.linspace(0.01, 0.99, 99)])
     along = np.stack([np.minimum(1, 1 / ratio), np.minimum(ratio, 1)])[:, :, None]
-    e = stability.first_loss(
+    e = first_loss(
         lambda s: stability.convexity(fabric, *(along * s)), np.full(len(ratio), 1e-6), largest
     )
     if np.isnan(e).all():
@@ -84,7 +105,7 @@ def gamma_onset(fabric: WovenFabric) -> float | None:
             [[stability.convexity(fabric, eps_a, eps_b, g).min() for g in row] for row in gamma]
         )
 
-    found = stability.first_loss(least, 0.0, np.radians(60), samples=121)[0]
+    found = first_loss(least, 0.0, np.radians(60), samples=121)[0]
     return None if np.isnan(found) else float(np.degrees(found))
 
 
@@ -95,7 +116,7 @@ def compression_onset(fabric: WovenFabric, gamma: float, other: float) -> float 
     def value(e):
         return stability.evaluate(fabric, stability.invariants(e, other * e, gamma)).ellipticity
 
-    return _number(stability.first_loss(value, -1e-9, LOW)[0])
+    return _number(first_loss(value, -1e-9, LOW)[0])
 
 
 def thresholds(fabric: WovenFabric) -> list[dict[str, Any]]:

@@ -15,7 +15,9 @@ p.add_argument("--overwrite", action="store_true")
 p.add_argument("--slow", type=float, default=0.0)
 given = p.parse_args()
 values = dict(word.split("=", 1) for word in given.set)
-pressure = float(values["ring.pressure"])
+pressure = float(values.get("ring.pressure", 0.3))
+cells = 0.5 if "blank.nx" in values else 1.0  # what finer cells leave of the shortening
+factor = float(values.get("fabric.factor", 1.0))
 friction = float(values.get("tools.punch.friction", 0.2))
 if pressure < 0:
     print("a first line\nfabric form: error: ring.pressure is -1; allowed is a number from 0")
@@ -33,12 +35,12 @@ reached = 0.5 if stopped or pressure > 1 else 1.0
 reason = stopped[0] if stopped else "no step is small enough" if pressure > 1 else "full load"
 rows = [f"{load},{10 * load},{1000 * pressure * load}" for load in (0.0, 0.5, 1.0)]
 (given.out / "history.csv").write_text("load,displacement_mm,reaction_N\n" + "\n".join(rows))
-shortening = 0.02 * pressure**-0.5 + friction * pressure**2 - 0.04
+shortening = cells * (0.02 * pressure**-0.5 + friction * pressure**2 - 0.04)
 summary = {
     "converged": reached == 1,
     "stroke_reached": reached,
     "reason": reason,
-    "reaction_N": 1000 * pressure,
+    "reaction_N": 1000 * pressure * factor,
     "reaction_is": "punch force",
     "wall_s": {"total": 0.1},
     "quantities": {

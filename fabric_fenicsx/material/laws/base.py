@@ -13,7 +13,7 @@ from ...runtime.rules import Rule, check_complete, shown, unknown_key
 from .. import law_checks
 from ..compaction import Compaction, compaction_of, table_of
 from ..energy import Derivatives, Energy, Range, stresses_of_energy
-from ..files import FIBRES, SHEET, read_sheet_numbers, take_units
+from ..files import FIBRES, SHEET, read_scatter, read_sheet_numbers, take_units
 from ..law_checks import COUPLINGS, check_couplings
 from ..material import Material
 
@@ -29,7 +29,7 @@ class Law(Material, Energy):
     A law is one frozen dataclass in one file. It states `law`, its name in material files;
     `rules`, a `Rule` for each of its numbers; and `energy`. All else follows from these: stresses
     and tangents, the compiled form, reading and writing. It may have closed forms for the kernel
-    (`derivatives`).
+    (`derivatives`), and `factors` that multiply several numbers together, for `changed`.
 
     Parameters
     ----------
@@ -45,6 +45,8 @@ class Law(Material, Energy):
         Mass per volume of the fibres [g/cm3], None if not known.
     assumed : tuple of str
         Names of numbers that no test has determined.
+    scatter : mapping
+        {name: (lowest, highest)} of numbers and factors that scatter, for `fabric sweep`.
 
     Raises
     ------
@@ -70,6 +72,9 @@ class Law(Material, Energy):
     fibre_density: float | None = field(default=None, kw_only=True)
     # where numbers are from does not make another fabric
     assumed: tuple[str, ...] = field(default=(), kw_only=True, compare=False)
+    scatter: Mapping[str, tuple[float, float]] = field(
+        default_factory=dict, kw_only=True, compare=False
+    )
 
     def __init_subclass__(cls) -> None:
         known, here = LAWS.get(cls.law, cls), (cls.__module__, cls.__qualname__)
@@ -104,6 +109,7 @@ class Law(Material, Energy):
                 f"compaction is {shown(self.compaction)}; allowed is one, as `Compaction(16.0)`"
             )
         object.__setattr__(self, "assumed", self._checked_assumed())
+        self.check_scatter()
         if self.fibre_density is not None and not self.fibre_density > self.density:
             raise InputError(
                 f"fibre_density is {self.fibre_density:g} g/cm3; allowed is more than the fabric's "
@@ -124,6 +130,11 @@ class Law(Material, Energy):
     def parameters(self) -> tuple[str, ...]:
         """Names of the law's numbers."""
         return tuple(self.rules)
+
+    @classmethod
+    def numbers(cls) -> Mapping[str, Rule]:
+        """As of `Material`: the law's and the sheet's."""
+        return {**cls.rules, **SHEET}
 
     def require(self, names: Iterable[str], label: str) -> None:
         """InputError, which calls this fabric `label`, unless its law has these parameters."""
@@ -213,27 +224,30 @@ class Law(Material, Energy):
         known = {name: getattr(self, name) for name in ("name", *SHEET, *FIBRES)}
         entries = {name: value for name, value in known.items() if value is not None}
         entries |= {"assumed": list(self.assumed)} if self.assumed else {}
+        entries |= {"scatter": dict(self.scatter)} if self.scatter else {}
         return entries | {"compaction": table_of(self.compaction)}
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
         """The fabric of a TOML document that lies in `folder`; InputError by field."""
         document.pop("law", None)
-        found = sheet_fields(document, take_units(document), ("law", "units"), cls.rules)
+        found = sheet_fields(cls, document, take_units(document), ("law", "units"), cls.rules)
         return cls(**found)
 
 
 def sheet_fields(
+    law: type[Law],
     document: dict[str, Any],
     units: Mapping[str, str],
     also: tuple[str, ...] = (),
     rules: Mapping[str, Rule] | None = None,
 ) -> dict[str, Any]:
-    """The fields that every law has, and the numbers of `rules`, from what a law leaves of a TOML
+    """The fields that every law has, and the numbers of `rules`, from what a `law` leaves of a TOML
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
     and for a number that is missing."""
     fields = {"name": document.pop("name", ""), "compaction": compaction_of(document, units)}
     fields |= {"assumed": document.pop("assumed", ())}
+    fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
     known, rules = (*also, *fields), rules or {}
     fields |= read_sheet_numbers(document, units, known, {**FIBRES, **rules})[0]
     check_complete(fields, (*SHEET, *rules), "", "at the top of the file")

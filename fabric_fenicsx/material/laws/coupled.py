@@ -1,6 +1,7 @@
 """The law of Schäfer, Werner, Henning and Kärger: biaxial and normal-shear couplings."""
 
 import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -74,6 +75,8 @@ class Yarn(Parameters):
     0.0
     """
 
+    rules = YARN
+
     a: float = 0.0
     b: float
     d: float
@@ -126,6 +129,7 @@ class WovenFabric(Law):
 
     law = "coupled"
     rules = SHEAR
+    factors = {"shear_factor": tuple(SHEAR), "yarn_factor": ("warp", "weft")}
 
     warp: Yarn
     weft: Yarn
@@ -155,6 +159,23 @@ class WovenFabric(Law):
     def parameters(self) -> tuple[str, ...]:
         """Names of the law's numbers, of both yarns alike."""
         return (*YARN, *SHEAR)
+
+    @classmethod
+    def numbers(cls) -> Mapping[str, Rule]:
+        """As of `Material`; those of yarns are of both alike."""
+        return {**YARN, **super().numbers()}
+
+    def number(self, name: str) -> float:
+        """As of `Material`; InputError for one in which warp and weft differ."""
+        if name not in YARN:
+            return super().number(name)
+        warp, weft = getattr(self.warp, name), getattr(self.weft, name)
+        if warp != weft:
+            raise InputError(
+                f"scatter.{name} is of both yarns, and {name} of warp and weft differ; allowed is "
+                "yarn_factor"
+            )
+        return warp
 
     @property
     def is_balanced(self) -> bool:
@@ -325,7 +346,8 @@ class WovenFabric(Law):
             if key not in own and key not in YARN:
                 raise unknown_key(key, (*own, *YARN), f"replace: {key}")
         yarn = {key: changes.pop(key) for key in YARN if key in changes}
-        new = dataclasses.replace(self, **changes)
+        kept = {key: ends for key, ends in self.scatter.items() if key not in {**changes, **yarn}}
+        new = dataclasses.replace(self, **{"scatter": kept} | changes)
         warp, weft = (dataclasses.replace(old, **yarn) for old in (new.warp, new.weft))
         return dataclasses.replace(new, warp=warp, weft=weft)
 
@@ -353,7 +375,7 @@ class WovenFabric(Law):
         units = take_units(document)
         taken = ("couplings", *cls._added())
         couplings = {key: document.pop(key) for key in taken if key in document}
-        fields = sheet_fields(document, units, ("law", "couplings", "units", *tables))
+        fields = sheet_fields(cls, document, units, ("law", "couplings", "units", *tables))
         fields |= couplings | read_numbers(tables.pop("shear"), SHEAR, units, "shear.")
         check_complete(fields, SHEAR, "shear.", "in [shear]")
         numbers = {key: read_numbers(t, YARN, units, f"{key}.") for key, t in tables.items()}

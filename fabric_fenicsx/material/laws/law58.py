@@ -26,6 +26,7 @@ class Law58(Law):
     """
 
     law = "law58"
+    factors = {"shear_factor": ("G_0", "G_T"), "yarn_factor": ("E_a", "E_b", "B_a", "B_b")}
     rules = {
         **dict.fromkeys(("E_a", "E_b", "G_0", "G_T"), above_zero("stress")),
         **dict.fromkeys(("B_a", "B_b"), not_negative("stress")),

@@ -99,6 +99,10 @@ class Curve(Parameters):
         object.__setattr__(self, "_functions", (energy, stress, stress.derivative()))
         object.__setattr__(self, "_pieces", np.vstack([energy.x[:-1], energy.c]))
 
+    def __rmul__(self, factor: float) -> Self:
+        """The curve with its stresses times a factor."""
+        return dataclasses.replace(self, y=tuple(factor * stress for stress in self.y))
+
     def __call__(self, e: ArrayLike) -> np.ndarray:
         """Stress [MPa] at strains `e`, of their shape."""
         return self._functions[1](e)
@@ -159,6 +163,7 @@ class TabulatedFabric(Law):
     """
 
     law = "tabulated"
+    factors = {"shear_factor": ("shear",), "yarn_factor": ("warp", "weft")}
 
     warp: Curve
     weft: Curve
@@ -238,7 +243,7 @@ class TabulatedFabric(Law):
         and `extrapolation` of all, see `Curve`. Raises InputError by file and row.
         """
         own = {key: document.pop(key, None) for key in ("law", "model", "extrapolation", *CURVES)}
-        fields = sheet_fields(document, take_units(document), tuple(own))
+        fields = sheet_fields(cls, document, take_units(document), tuple(own))
         for key in CURVES:
             if not isinstance(own[key], str):
                 raise InputError(

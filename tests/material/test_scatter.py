@@ -1,0 +1,124 @@
+"""Intervals of numbers in material files, and numbers of a material that are changed."""
+
+import numpy as np
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.runtime.errors import InputError
+
+FABRIC = """
+thickness_mm = 0.5
+density_g_per_cm3 = 0.75
+units = { stress = "kPa" }
+[yarns]
+a = 0.0
+b = 6e5
+d = 500.0
+p_min = 0.5
+c = 20.0
+s_T = 1e6
+s_C = 100.0
+[shear]
+s1 = 25.0
+s2 = -180.0
+s3 = 560.0
+[scatter]
+"""
+METAL = """
+law = "metal"
+thickness_mm = 1.0
+units = { stress = "MPa" }
+E = 2e5
+nu = 0.3
+hardening = { law = "table", eps = [0, 0.1], sigma = [200, 300] }
+[scatter]
+yield_factor = [0.9, 1.1]
+E = [1.9e5, 2.1e5]
+"""
+
+
+@pytest.fixture
+def read(tmp_path):
+    def read(text, load=ff.load):
+        (tmp_path / "own.toml").write_text(text)
+        return load(tmp_path / "own.toml")
+
+    return read
+
+
+def test_intervals_are_read_in_their_units_and_written(read):
+    fabric = read(FABRIC + "s1 = [18, 35]\nthickness_mm = [0.4, 0.6]\nshear_factor = [0.5, 2]")
+    told = {"s1": (0.018, 0.035), "thickness": (0.4, 0.6), "shear_factor": (0.5, 2.0)}
+    assert fabric.scatter == told and fabric.s1 == 0.025
+    assert read(fabric.dumps()).scatter == told
+    assert fabric == read(FABRIC)  # where numbers are from does not make another fabric
+
+
+@pytest.mark.parametrize(
+    ("interval", "message"),
+    [
+        (
+            "s1 = [30, 35]",
+            "scatter.s1 is from 0.03 to 0.035, and s1 is 0.025; allowed is an interval",
+        ),
+        ("s1 = [35, 18]", "scatter.s1 is [35, 18]; allowed are two numbers, [lowest, highest]"),
+        ("s1 = 20", "scatter.s1 is 20; allowed are two numbers"),
+        ("p_min = [0.1, 2]", "scatter.p_min is 2; allowed is a number from 0 to 1"),
+        ("shear_facto = [0.5, 2]", "scatter.shear_facto is unknown (did you mean shear_factor?)"),
+        ("density = [0.5, 2]", "scatter.density has no unit"),
+        ("shear_factor = [2, 3]", "scatter.shear_factor is from 2 to 3, and shear_factor is 1"),
+    ],
+)
+def test_other_intervals_are_told(read, interval, message):
+    with pytest.raises(InputError) as told:
+        read(FABRIC + interval)
+    assert message in str(told.value) and "own.toml: " in str(told.value)
+
+
+def test_a_number_of_both_yarns_that_differ_has_no_interval(read):
+    text = FABRIC.replace("[shear]", "[weft]\nb = 3e5\n[shear]")
+    assert read(text + "yarn_factor = [0.5, 2]").scatter
+    with pytest.raises(InputError, match="b of warp and weft differ; allowed is yarn_factor"):
+        read(text + "b = [2e5, 7e5]")
+
+
+YARN = ff.Yarn(a=100.0, b=600.0, d=0.5, p_min=0.7, c=20.0)
+CURVE = {"x": (0.0, 0.2, 0.4), "y": (0.0, 1.0, 3.0)}
+
+
+def fabrics():
+    from fabric_fenicsx.material.laws.law58 import Law58
+    from fabric_fenicsx.material.laws.tabulated import Curve
+
+    yield ff.WovenFabric(YARN, YARN, s1=0.02, s2=-0.1, s3=0.3)
+    yield Law58(500.0, 600.0, 100.0, 0.0, 0.01, 0.02, 0.5, 0.6)
+    yield ff.TabulatedFabric(Curve(**CURVE), Curve(**CURVE), Curve(**CURVE))
+
+
+@pytest.mark.parametrize("fabric", list(fabrics()), ids=lambda fabric: fabric.law)
+def test_a_factor_multiplies_the_stresses_of_one_kind(fabric):
+    states = np.array([[0.01, 0.0, -0.01, 0.0], [0.0, 0.02, -0.01, 0.0], [0.0, 0.0, 0.0, 0.35]])
+    before = fabric.derivatives(*states).first
+    for name, times in (("shear_factor", (1, 1, 3)), ("yarn_factor", (3, 3, 1))):
+        after = fabric.changed({name: 3.0}).derivatives(*states).first
+        assert after == pytest.approx(before * np.array(times)[:, None], rel=1e-12)
+
+
+def test_a_factor_is_of_numbers_that_are_changed_with_it():
+    fabric = ff.load("komeili").changed({"shear_factor": 2.0, "s1": 0.03, "b": 500.0})
+    assert (fabric.s1, fabric.s3) == (0.06, 2 * 562.39e-3)
+    assert fabric.warp.b == fabric.weft.b == 500.0
+
+
+def test_a_number_that_was_changed_scatters_no_more(read):
+    fabric = read(FABRIC + "s1 = [18, 35]\nb = [5e5, 7e5]")
+    assert fabric.replace(b=100.0).scatter == {"s1": (0.018, 0.035)}
+    assert fabric.replace(s1=1.0).changed({"b": 100.0}).scatter == {}
+
+
+def test_a_metals_yield_stress_scatters(read):
+    metal = read(METAL, ff.load_metal)
+    assert metal.scatter == {"yield_factor": (0.9, 1.1), "E": (1.9e5, 2.1e5)}
+    assert read(metal.dumps(), ff.load_metal).scatter == metal.scatter
+    harder = metal.changed({"yield_factor": 1.1}).hardening
+    assert harder.stress(np.array([0.0, 0.1])) == pytest.approx((220.0, 330.0))
