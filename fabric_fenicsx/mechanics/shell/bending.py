@@ -4,14 +4,19 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 from scipy import sparse
 
 from ...runtime.errors import InputError
 from ...runtime.rules import FROM_ZERO
 from ..materials import fabric_of
 from ..term import SceneFacts, Term, Triplets
+from . import metal_cells
+from .metal_cells import Shape
 from .morley import MorleyCells, Where
 from .stencil import Stencil
+
+TWIST = np.array([1.0, 1.0, 2.0])  # times x,aa, x,bb, x,ab: the curvatures of a `Shape`
 
 
 def plate_stiffness(modulus: float, thickness: float) -> float:
@@ -21,12 +26,13 @@ def plate_stiffness(modulus: float, thickness: float) -> float:
 
 
 class _State(NamedTuple):
-    """At a displacement U (nodes, gdim): energy [N mm] and forces on the nodes (nodes, gdim)
-    [N]."""
+    """At a displacement U (nodes, gdim): energy [N mm]; in space the shape of cells and what is
+    conjugate to its curvatures (cells, 3) [N mm]."""
 
     U: np.ndarray
     energy: float
-    forces: np.ndarray
+    shape: Shape | None = None
+    moments: np.ndarray | None = None
 
 
 class Bending(Term):
@@ -34,9 +40,8 @@ class Bending(Term):
 
     x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
     normal to the deformed cell count in full, their parts tangent to it times `in_plane`. Curvature
-    of the undeformed sheet takes no energy. The operator is that of `morley.MorleyCells`. Normals
-    are lagged, so within a step the energy is quadratic. The part of its derivative from turning
-    normals is lagged, too, so the forces are exact at each accepted state.
+    of the undeformed sheet takes no energy. The operator is that of `morley.MorleyCells`, and
+    normals are those of the present state, so rigid motions are free of energy, however large.
 
     Parameters
     ----------
@@ -60,7 +65,7 @@ class Bending(Term):
     InputError
         On all ranks, for a blank other than of linear triangles (P1, or P2 with straight sides),
         negative stiffnesses, a modulus beside D_a or without a fabric, a plane blank without
-        `in_plane`, or edges not found.
+        `in_plane`, a curved one with it, or edges not found.
 
     Examples
     --------
@@ -119,113 +124,82 @@ class Bending(Term):
             )
         else:
             self.stiffnesses = np.array([given["D_a"], given["D_b"], given["D_t"]], float)
-        self._cells, self._dim = MorleyCells(blank, *self._edges), blank.mesh.geometry.dim
-        operator, curved = self._cells.curvature(self.stiffnesses)
+        cells = MorleyCells(blank, *self._edges)
+        operator, curved = cells.curvature(self.stiffnesses)
         if not self.part.is_whole:
-            here = self._cells.of(self.part.cells)
-            operator, curved, self._cells = operator[here], curved[here], self._cells.only(here)
-        self._weights = self._cells.area[:, None] * self.stiffnesses
-        self._own_curvature = np.where(
-            np.abs(curved) < 1e-10 * np.abs(curved).max(initial=1e-300), 0, curved
-        )
-        if np.abs(curved).max(initial=0) * np.sqrt(self._cells.area.max(initial=0)) < 1e-10:
-            self._own_curvature[:] = 0  # flat but for rounding
+            here = cells.of(self.part.cells)
+            operator, curved, cells = operator[here], curved[here], cells.only(here)
+        is_curved = np.abs(curved).max(initial=0) * np.sqrt(cells.area.max(initial=0)) > 1e-10
+        if blank.mesh.comm.allreduce(bool(is_curved), MPI.LOR) and self.in_plane:
+            raise InputError(
+                f"`in_plane` of the bending of {blank.name} needs a sheet that is flat undeformed"
+            )
+        self._operator, self._own = operator, curved * is_curved  # but for rounding
+        self._stencil, self._corners = Stencil(cells), cells.corners
+        self._slopes = np.ascontiguousarray(-cells.out2 / cells.height[:, :, None])
+        counts = (operator != 0).any(1)
+        counts[:, :3] = True
+        self._coupled = self._stencil.coupled(counts[:, :, None] & counts[:, None])
+        weights = cells.area[:, None] * self.stiffnesses
+        self._section = (1 - self.in_plane) * weights / TWIST**2
+        # stiffness of all second derivatives along each axis, of pairs of nodes
+        both = operator * (self.in_plane * weights)[:, :, None]
+        products = both.swapaxes(1, 2) @ operator
+        pairs, here = self._coupled.places, self._coupled.places >= 0
+        self._within = np.bincount(pairs[here], products[here], self._coupled.count)
+        size = self._stencil.count, self._stencil.count
+        self._matrix = sparse.csr_matrix((self._within, self._coupled.ends), shape=size)
+        self._rest: np.ndarray | float = 0.0
         self._now: _State | None = None
-        self._gathered(operator)
-        self.accept()
+        if blank.mesh.geometry.dim == 3:
+            self._rest = self._shape(0 * self._stencil.displacement()).curvature
 
     # -- what a scene calls
-
-    def accept(self) -> None:
-        """Take normals from the present displacement."""
-        U, dim = self._stencil.displacement(), self._dim
-        own, self._now = self._own_curvature, None
-        self._offset, self._directions = np.zeros_like(own), np.tile(np.eye(dim), (len(own), 1, 1))
-        self._shares = np.full(dim, self.in_plane)  # of the stiffness, along these directions
-        self._turning, self._origin = None, U
-        P = np.broadcast_to(self.in_plane * np.eye(dim), (len(own), dim, dim))
-        if dim == 3:
-            corners = self._cells.corners + U[self._stencil.columns[:, :3]]
-            edges, axes = np.roll(corners, -2, 1) - np.roll(corners, -1, 1), self._axes(corners)
-            normal = axes[:, 2]
-            self._shares = np.array([1.0, self.in_plane, self.in_plane] if self.in_plane else [1.0])
-            self._directions = axes[:, [2, 0, 1]][:, : len(self._shares)].copy()
-            P = P + (1 - self.in_plane) * normal[:, :, None] * normal[:, None]
-            turned = np.einsum("cki,ckj->cij", axes, self._axes(self._cells.corners))
-            self._offset = own - np.einsum("cij,ckj->cki", turned, own)
-            torque = np.cross(self._bent(U)[1], self._curvature(U)).sum(1)
-            area = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)  # twice
-            # gradients of the shape functions
-            slopes = np.cross(normal[:, None], edges) / area[:, None, None]
-            along = -np.einsum("ci,cni->cn", np.cross(torque, normal), slopes)
-            turning = np.zeros((len(own), 12, dim))
-            turning[:, :3] = along[:, :, None] * normal[:, None]
-            self._turning = self._stencil.summed(turning)
-        blocks = (self._pair_weights @ P.reshape(len(P), dim * dim)).reshape(-1, dim, dim)
-        self._triplets = self._stencil.triplets(self._coupled, blocks)
 
     def stored(self) -> float:
         """Energy of this rank's owned cells [N mm]."""
         return self._state().energy
 
     def add_forces(self, f: np.ndarray) -> None:
-        self._stencil.add_forces(self._state().forces.copy(), f)
+        U, _, shape, moments = self._state()
+        forces = self._matrix @ U
+        if shape:
+            given = shape, self._slopes, 0 * moments, moments
+            forces += self._stencil.summed(metal_cells.forces(*given))
+        self._stencil.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
         neighbours, further than a rank's ghosts."""
-        return self._triplets
+        U, _, shape, moments = self._state()
+        blocks = self._within[:, None, None] * np.eye(U.shape[1])
+        if shape:
+            across = np.zeros((3, *self._section.shape, 3))
+            across[2, :, range(3), range(3)] = self._section.T
+            given = shape, self._slopes, 0 * moments, moments, across
+            blocks += metal_cells.stiffness(*given, self._coupled.places, self._coupled.count)
+        return self._stencil.triplets(self._coupled, blocks)
 
     def curvatures(self) -> np.ndarray:
         """Second derivatives x,aa, x,bb, x,ab in each owned cell along the frame's axes,
         (cells, 3, gdim) [1/mm]."""
-        return self._curvature(self._stencil.displacement())
+        return self._operator @ self._stencil.displacement()[self._stencil.columns] + self._own
 
     # --
 
-    def _axes(self, corners):
-        """Unit vectors along the first yarn, across it and normal to the cells with these corners,
-        (cells, 3, 3)."""
-        a = np.einsum("cn,cni->ci", self._cells.along_a, corners)
-        a /= np.linalg.norm(a, axis=1, keepdims=True)
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        return np.stack([a, np.cross(normal, a), normal], 1)
-
     def _state(self):
-        """Energy and forces at the present displacement, computed once."""
+        """The state at the present displacement, computed once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
-            energy, _, forces = self._bent(U)
-            if self._turning is not None:
-                energy += float(np.vdot(self._turning, U - self._origin))
-                forces += self._turning
-            self._now = _State(U, energy, forces)
+            energy, shape, moments = 0.5 * float(np.vdot(U, self._matrix @ U)), None, None
+            if U.shape[1] == 3:
+                shape = self._shape(U)
+                bent = shape.curvature - self._rest
+                moments = self._section * bent
+                energy += 0.5 * float(np.vdot(moments, bent))
+            self._now = _State(U, energy, shape, moments)
         return self._now
 
-    def _bent(self, U):
-        """Energy [N mm], moments (cells, 3, gdim), conjugate to the cells' curvatures [N mm mm],
-        and forces on the nodes (nodes, gdim) [N], without what turning normals add."""
-        bent = (self._operator @ U).reshape(self._offset.shape) + self._offset
-        along = np.einsum("ckx,cax->cka", bent, self._directions)
-        moment = self._weights[:, :, None] * self._shares * along
-        moments = moment @ self._directions
-        forces = self._operator.T @ moments.reshape(-1, self._dim)
-        return 0.5 * float(np.vdot(along, moment)), moments, forces
-
-    def _curvature(self, U):
-        return (self._operator @ U).reshape(self._own_curvature.shape) + self._own_curvature
-
-    def _gathered(self, operator):
-        """Take the cells' `operator` (cells, 3, 12), and note who is needed where."""
-        self._stencil = Stencil(self._cells)
-        cell, k, n = at = np.nonzero(operator)
-        entries = operator[at], (3 * cell + k, self._stencil.columns[cell, n])
-        shape = 3 * len(operator), self._stencil.count
-        self._operator = sparse.csr_matrix(entries, shape=shape)
-        # the stiffness of a pair of nodes is the sum over cells of a number times the cell's P
-        products = np.einsum("ck,cki,ckj->cij", self._weights, operator, operator, optimize=True)
-        at, self._coupled = np.nonzero(products), self._stencil.coupled(products != 0)
-        entries = products[at], (self._coupled.places[at], at[0])
-        shape = self._coupled.count, len(operator)
-        self._pair_weights = sparse.csr_matrix(entries, shape=shape)
+    def _shape(self, U):
+        given = self._corners, self._slopes, self._operator, self._own
+        return metal_cells.shape(*given, U[self._stencil.columns])

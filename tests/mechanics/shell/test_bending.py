@@ -372,23 +372,17 @@ def test_elastica_under_its_own_weight(pattern, angle, meshes):
 
 
 @pytest.mark.mpi
-def test_rigid_motions_cost_nothing_but_the_lag():
+def test_rigid_motions_cost_nothing():
     blank = sheet(20, 20, 8, 8, a=0.4, b=1.8)
     bending = alone(blank, Bending(2.0, 1.0, 0.7, in_plane=0.2))
     displace(blank, wavy)
-    bending.accept()
-    stored, bent, changes = energy(bending), blank.nodal_displacement() + blank.coordinates(), []
-    for angle in (0.02, 0.04, 0.08):
+    stored, bent = energy(bending), blank.nodal_displacement() + blank.coordinates()
+    for angle in (0.1, 2.0):
         axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14)
         cross = np.cross(np.eye(3), axis)
         Q = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
         blank.u.x.array[:] = (bent @ Q.T + [1.0, -2.0, 3.0] - blank.coordinates()).ravel()
-        changes.append(abs(energy(bending) / stored - 1))
-    assert changes[2] < 2 * 0.08**2
-    assert changes[2] / changes[1] == pytest.approx(4, rel=0.1)
-    assert changes[1] / changes[0] == pytest.approx(4, rel=0.1)
-    bending.accept()
-    assert energy(bending) == pytest.approx(stored, rel=1e-12)
+        assert energy(bending) == pytest.approx(stored, rel=1e-12)
 
 
 @pytest.mark.mpi
@@ -404,7 +398,7 @@ def test_curved_sheet_is_at_rest_undeformed():
     found = []
     for nx in (16, 32):
         blank = sheet(math.pi / 2 * radius, 10.0, nx, nx // 3, shape=tube, a=np.array([1.0, 0, 0]))
-        bending = alone(blank, Bending(D, 0.5 * D, 0.5 * D, in_plane=0.1))
+        bending = alone(blank, Bending(D, 0.5 * D, 0.5 * D))
         area = COMM.allreduce(blank.areas().sum(), MPI.SUM)
         scale = 0.5 * D * kappa**2 * area
         assert energy(bending) < 1e-20 * scale
@@ -436,26 +430,18 @@ def test_forces_and_stiffness_are_derivatives(in_plane):
     u, d = blank.u.x.array, np.random.default_rng(0).normal(size=len(blank.u.x.array))
     displace(blank, wavy)
     start = u.copy()
-    bending.accept()
-    at_rest = forces(bending).ravel()
+    at_rest, expected, h = forces(bending).ravel(), matrix(bending) @ d, 1e-5
 
-    def difference(h, accept):
-        stored = []
+    def difference(of):
+        found = []
         for sign in (1, -1):
             u[:] = start + sign * h * d
-            if accept:
-                bending.accept()
-            stored.append(bending.stored())
-        u[:] = start
-        bending.accept()
-        return (stored[0] - stored[1]) / (2 * h)
+            found.append(of())
+        return (found[0] - found[1]) / (2 * h)
 
-    # with normals that lag and, at the accepted state, with normals that follow
-    assert difference(1e-2, accept=False) == pytest.approx(at_rest @ d, rel=1e-9)
-    assert difference(1e-5, accept=True) == pytest.approx(at_rest @ d, rel=1e-6)
-    u[:] = start + d
-    change, expected = forces(bending).ravel() - at_rest, matrix(bending) @ d
-    assert np.abs(change - expected).max() < 1e-12 * np.abs(expected).max()
+    assert difference(bending.stored) == pytest.approx(at_rest @ d, rel=1e-8)
+    change = difference(lambda: forces(bending).ravel())
+    assert np.abs(change - expected).max() < 1e-8 * np.abs(expected).max()
 
 
 @pytest.mark.mpi
