@@ -262,7 +262,7 @@ def _table(cells, keys, named, thickness, problems):
     for i, (name, unit) in enumerate(zip(names, cells.units)):
         meant = named.get(name, column_of(name))
         column, *other = re.findall(r"[^\s\[\]]+", meant) or [name]
-        is_second = column != name and name not in named and column in stated
+        is_second = name not in named and (column in stated or name not in cells.names)
         if column not in COLUMNS or is_second:
             unknown.append(name)
             continue
@@ -276,7 +276,8 @@ def _table(cells, keys, named, thickness, problems):
             _check_column(place, column, header[column], keys, allowed)
             factors[i] = column, units(column, thickness)[header[column]]
     missing = _missing(keys, header)
-    near = [name for name in unknown if difflib.get_close_matches(name, allowed, 1)]
+    once = [name for name in unknown if name in cells.names and name not in COLUMNS]
+    near = [name for name in once if difflib.get_close_matches(name, allowed, 1)]
     if wrong := unknown if missing and unknown else near:
         problems.append(f"{place}: {_unknown(wrong, allowed)}")
     elif missing:
@@ -296,13 +297,9 @@ def _table(cells, keys, named, thickness, problems):
 
 
 def _numbered(names):
-    """Names of a header; of those that machines use the second one gets a number, as `Force 2`."""
-    return [
-        name
-        if name in COLUMNS or not name or name not in names[:i]
-        else f"{name} {names[: i + 1].count(name)}"
-        for i, name in enumerate(names)
-    ]
+    """Names of a header, of which the next of one name gets a number, as `Force 2`."""
+    counts = [names[: i + 1].count(name) for i, name in enumerate(names)]
+    return [f"{name} {n}" if name and n > 1 else name for name, n in zip(names, counts)]
 
 
 def _in_place(name, names):

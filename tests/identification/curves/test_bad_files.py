@@ -225,12 +225,7 @@ from fabric_fenicsx.runtime.errors import InputError
             "sigma_a",
             "row 5: the column sigma_a has no unit; allowed is sigma_a [MPa], for example",
         ),
-        (
-            UNIAXIAL,
-            "sigma_a [MPa]",
-            "eps_a [-]",
-            "row 5: the column eps_a is repeated; allowed is once",
-        ),
+        (UNIAXIAL, "sigma_a [MPa]", "eps_a [-]", "row 5: column 'eps_a 2' is unknown"),
         (
             UNIAXIAL,
             "eps_a [%],sigma_a [MPa]",

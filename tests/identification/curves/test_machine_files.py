@@ -69,11 +69,11 @@ def read(path, content, sheet=SHEET):
     return data.read(path)[1][0]
 
 
-def check(curve):
+def check(curve, remarks=0):
     moved = [row[0] for row in ROWS]
     assert data.bias_displacement(curve.strains[:, 2], 230, 115) == pytest.approx(moved, rel=1e-9)
     assert curve.responses[0].values == pytest.approx([row[1] for row in ROWS], rel=1e-12)
-    assert curve.remarks == ()
+    assert len(curve.remarks) == remarks
 
 
 @pytest.mark.parametrize("text", FILES.values(), ids=FILES.keys())
@@ -303,6 +303,16 @@ def test_noise_of_what_runs_is_read_and_told(tmp_path, old, new, words, left):
 @pytest.mark.parametrize("width", [70, 75, 100, 115])
 def test_a_bias_test_may_begin_at_0(width):
     assert bias_angle(np.zeros(1), 3 * width, width) == 0
+
+
+def test_of_two_columns_of_one_name_the_first_is_read(tmp_path):
+    head = "displacement [mm],F [N],displacement [mm]\n"
+    text = (KEYS + head + "".join(f"9,{f},{x}\n" for x, f in ROWS)).encode()
+    check(read(tmp_path, text, SHEET + '[columns]\n"displacement 2" = "displacement"\n'), 1)
+    text = (KEYS + head + "".join(f"{x},{f},9\n" for x, f in ROWS)).encode()
+    curve = read(tmp_path, text)
+    assert curve.responses[0].values.tolist() == [row[1] for row in ROWS]
+    assert curve.remarks[0].startswith("column 'displacement 2' is not read, which is the next")
 
 
 def test_of_two_tests_side_by_side_the_first_is_read_unless_told_otherwise(tmp_path):
