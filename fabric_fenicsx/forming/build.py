@@ -30,7 +30,7 @@ from ..tools.tool import Tool
 from . import stack
 from .checks import PRESSED, check_clearances, symmetry_warnings
 from .flange import Flange
-from .holders import PULLING, Holder, holders_of
+from .holders import PULLING, Holder, Where, holders_of
 from .holding import HolderSite, holder_terms, nearest_nodes
 from .laying import Laid, lay_blank
 from .placement import Placement
@@ -208,6 +208,7 @@ class Bench:
     def holders(self, between: Sequence[Term]) -> list[Term]:
         """The terms of all holders; between: contacts of the sheets."""
         terms: list[Term] = []
+        self._taken: list[tuple[str, str, Where]] = []
         for name, given in self.press.holders.items():
             for k, holder in enumerate(holders_of(name, given)):
                 terms += self._holder(name if k == 0 else f"{name} {k + 1}", holder, between)
@@ -233,6 +234,7 @@ class Bench:
             [sheet.name for sheet in self.laid.sheets] if pile else (),
             stack.rims(pile, self.laid.sheets) if pile else (),
             stack.neighbours(between, self.laid.sheets) if pile else (),
+            self._taken,
         )
         return holder_terms(holder, site)
 

@@ -22,6 +22,7 @@ GROUP = "blank holder"  # of options
 PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"
 # edge of a rectangle around the blank -> axis, and which end of it
 EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
+SAME = 1e-6  # mm or deg, by which rounding may put a node beyond a limit
 # name of a coordinate -> function of points (3, n) to its values (n,)
 MEASURES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "x": lambda x: x[0],
@@ -60,9 +61,9 @@ class Region:
         """The mask (n,)."""
         inside = np.ones(x.shape[1], dtype=bool)
         for name, (low, high) in self.limits.items():
-            value = MEASURES[name](x)
-            value = low + (value - low) % 360 if name == "angle" else value
-            inside &= (value >= low) & (value <= high)
+            over = MEASURES[name](x) - low + SAME
+            over = over % 360 if name == "angle" else over
+            inside &= (over >= 0) & (over <= high - low + 2 * SAME)
         return inside
 
 
@@ -103,14 +104,14 @@ class PressureHolder(_Checked):
         Number [MPa], or function of the load factor, 0 to 1 over the whole run.
     where
         Function of present positions (3, n) [mm] to a mask (n,): where a segment of a holder
-        presses. Where segments overlap, their pressures add up.
+        presses.
     against
         Name of the die, needed if several tools could be it.
 
     Raises
     ------
     InputError
-        For a pressure below 0.
+        For a pressure below 0; when built, for segments that overlap.
 
     Examples
     --------
@@ -147,14 +148,14 @@ class ForceHolder(_Checked):
         On the whole blank [N].
     where
         Function of points (3, n) [mm] of the flat blank to a mask (n,): the nodes that a segment
-        touches. If several segments touch a node, all their forces act on it.
+        touches.
     against
         As in `PressureHolder`.
 
     Raises
     ------
     InputError
-        For a force that is not above 0.
+        For a force that is not above 0; when built, for segments that overlap.
 
     Examples
     --------
@@ -189,7 +190,8 @@ class GapHolder(_Checked):
     Raises
     ------
     InputError
-        For a gap that is not above 0; when built, for one below half a thickness.
+        For a gap that is not above 0; when built, for one below half a thickness and for segments
+        that overlap.
 
     Examples
     --------

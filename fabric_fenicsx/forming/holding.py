@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from reprlib import repr as shown
 from typing import Any
 
@@ -62,6 +62,9 @@ class HolderSite:
         sheets below them; the contacts of each sheet with the next.
     warnings
         Those of the run, see `warn`.
+    taken
+        Of holders before this one: name, place, and function of points (3, n) to a mask (n,) of
+        where they act there.
 
     Examples
     --------
@@ -85,6 +88,7 @@ class HolderSite:
     sheets: Sequence[str] = ()
     rims: Sequence[str] = ()
     against: Sequence[SheetContact] = ()
+    taken: list[tuple[str, str, Where]] = field(default_factory=list)
 
     @property
     def lag(self) -> float:
@@ -131,7 +135,7 @@ def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
 
 def pressure_terms(holder: PressureHolder, site: HolderSite) -> list[Term]:
     """Terms of a `PressureHolder`; it presses a stack where all sheets lie on one another."""
-    flange, where = site.on_flange(), _checked_where(holder, site)
+    flange, where = site.on_flange(), _own_place(holder, site)
     site.warn(*loose_ends_warnings(flange, least_corner(site.blank)))
     pressure = BlankHolderPressure(
         holder.pressure,
@@ -179,15 +183,17 @@ def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
 def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
     """Terms of `Grippers`. Raises InputError if no edge is gripped."""
     where, ends = _checked_where(holder, site), site.blank.extent()
-    edges = [
-        (_edge(axis, ends[end][axis], where), (2 * end - 1) * np.eye(3)[axis])
-        for axis, end in map(EDGES.__getitem__, holder.edges)
-        if end or site.whole
-    ]
     owned = site.blank.V.dofmap.index_map.size_local
     x, comm = site.blank.coordinates()[:owned].T, site.blank.mesh.comm
-    # not edges of which only a corner is marked
-    gripped = [each for each in edges if comm.allreduce(int(each[0](x).sum())) > 1]
+    gripped = []
+    for name in holder.edges:
+        axis, end = EDGES[name]
+        edge = _edge(axis, ends[end][axis], where)
+        # not edges of which only a corner is marked
+        if (end or site.whole) and comm.allreduce(int(edge(x).sum())) > 1:
+            both = lambda other, edge=edge: int((edge(x) & other(x)).sum())  # noqa: E731
+            _claim(site, name, edge, both, 1, f"nodes of the edge {name}")
+            gripped.append((edge, (2 * end - 1) * np.eye(3)[axis]))
     if not gripped:
         raise InputError(
             f"`where` of holders.{site.name} marks no edge; allowed is a function that is true on "
@@ -230,8 +236,43 @@ def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:
 def _at_plate(holder, site):
     """Function of points of the flat blank to whether a plate touches them: on the die's flat face,
     since the plate has the die's opening, and where its segment is."""
-    flange, where = site.on_flange(), _checked_where(holder, site)
+    flange, where = site.on_flange(), _own_place(holder, site)
     return lambda x: (flange(x) > 0) & (where(x) if where else True)
+
+
+def _own_place(holder, site):
+    """Function of points (3, n) to a mask (n,) of what this holder presses and none before it does,
+    None for all: a node at the common limit of two segments is the first one's. Raises InputError
+    where they overlap by more than that."""
+    given, flange = _checked_where(holder, site), site.on_flange()
+    blank = site.blank.sheets[0].blank if isinstance(site.blank, Stack) else site.blank
+    x, areas = blank.midpoints(), blank.areas() * (1 if site.whole else 4)
+    where = given or (lambda x: np.ones(x.shape[1], dtype=bool))
+
+    def overlap(other):
+        return float(areas[where(x) & other(x) & (flange(x) > 0)].sum())
+
+    place, unit = f"the face of {site.die.name}", "mm2 of the blank"
+    if others := _claim(site, place, where, overlap, 0.0, unit):
+        return lambda x: where(x) & ~np.any([other(x) for other in others], axis=0)
+    return given
+
+
+def _claim(site, place, where, overlap, allowed, unit):
+    """Note that a holder acts on a `place` where a function says so; those of the holders before it
+    there. Raises InputError where two overlap by more than `allowed`, as they would act twice and
+    two plates or grippers can't be at one place; overlap: function of another holder's function to
+    this rank's share of it."""
+    earlier = {name: other for name, at, other in site.taken if at == place}
+    for name, other in earlier.items():
+        shared = site.blank.mesh.comm.allreduce(overlap(other))
+        if shared > allowed:
+            raise InputError(
+                f"holders.{name} and holders.{site.name} overlap on {rounded(shared, 4)} {unit}, "
+                "where both would act; allowed are segments beside each other (`where`)"
+            )
+    site.taken.append((site.name, place, where))
+    return list(earlier.values())
 
 
 def _checked_where(holder: Any, site: HolderSite) -> Where | None:
