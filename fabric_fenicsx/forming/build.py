@@ -15,7 +15,9 @@ from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
+from ..mechanics.load import EdgeTension
 from ..mechanics.shell.bending import Bending
+from ..mechanics.springs import Springs
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
@@ -335,12 +337,25 @@ class FormingScene(Setup):
 
     def columns(self, scene: Scene) -> dict[str, float]:
         """{name: value} of each tool's travel since the start [mm] and its force on the modelled
-        part [N], both along z."""
+        part [N], both along z; of each holder the force on the whole blank [N]: along z, or the sum
+        of its pulls."""
         found = {}
         for name, tool in self.tools.items():
             way = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
             found[f"{name}_way_mm"] = float(way)
             found[f"{name}_force_N"] = float(output.tool_force(scene, tool)[2])
+        for term in scene.terms:
+            name, force = term.name.rpartition(",")[0], 0.0
+            if isinstance(term, ToolInteraction) and term.tool.name not in self.tools:
+                name = term.tool.name.removesuffix("'s face")
+                force = float(term.tool_force()[2])
+            elif name and isinstance(term, EdgeTension):
+                force = self.comm.allreduce(float(abs(term.applied_forces()).sum()))
+            elif name and isinstance(term, Springs):
+                force = term.pull()
+            if name:
+                name = f"{'_'.join(name.split())}_force_of_whole_N"
+                found[name] = found.get(name, 0.0) + force / self.modelled_share()
         return found
 
     def closed(self) -> dict[str, Tool]:

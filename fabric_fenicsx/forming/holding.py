@@ -185,7 +185,7 @@ def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
     where, ends = _checked_where(holder, site), site.blank.extent()
     owned = site.blank.V.dofmap.index_map.size_local
     x, comm = site.blank.coordinates()[:owned].T, site.blank.mesh.comm
-    gripped = []
+    gripped: list[Term] = []
     for name in holder.edges:
         axis, end = EDGES[name]
         edge = _edge(axis, ends[end][axis], where)
@@ -193,13 +193,15 @@ def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
         if (end or site.whole) and comm.allreduce(int(edge(x).sum())) > 1:
             both = lambda other, edge=edge: int((edge(x) & other(x)).sum())  # noqa: E731
             _claim(site, name, edge, both, 1, f"nodes of the edge {name}")
-            gripped.append((edge, (2 * end - 1) * np.eye(3)[axis]))
+            pull = EdgeTension(holder.tension, (2 * end - 1) * np.eye(3)[axis], edge)
+            pull.name = f"{site.name}, {name}"
+            gripped.append(pull)
     if not gripped:
         raise InputError(
             f"`where` of holders.{site.name} marks no edge; allowed is a function that is true on "
             "at least one"
         )
-    return [EdgeTension(holder.tension, direction, edge) for edge, direction in gripped]
+    return gripped
 
 
 def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:

@@ -48,14 +48,13 @@ def _holders(made, plies):
         elif isinstance(term, Contact) and term.where and name not in made.tools:
             up = term.tool.evaluate(centres.T[:1]).normal[0]
             found[name] = _patch(ply, np.asarray(term.where(centres)), -AWAY * size * up)
-        elif isinstance(term, Springs):
-            name, arm = name.rpartition(",")[0], np.asarray(term.arm)
-            long = min(1.0, LONG * size / float(np.linalg.norm(arm)))
-            ends = _pulls(x[term.where(x.T)], long * arm, size)
-            found[name] = found[name].merge(ends) if name in found else ends
-        elif isinstance(term, EdgeTension):
-            name = "grippers"
-            ends = _pulls(x[term.edge(x.T)], LONG * size * np.asarray(term.direction), size)
+        elif isinstance(term, Springs | EdgeTension):
+            is_spring = isinstance(term, Springs)
+            way = np.asarray(term.arm if is_spring else term.direction, dtype=float)
+            length = float(np.linalg.norm(way))
+            way *= (min(length, LONG * size) if is_spring else LONG * size) / length
+            ends = _pulls(x[(term.where if is_spring else term.edge)(x.T)], way, size)
+            name = name.rpartition(",")[0] or name
             found[name] = found[name].merge(ends) if name in found else ends
     return {name: surface for name, surface in found.items() if surface.n_points}
 

@@ -284,10 +284,29 @@ def test_the_picture_of_the_setup_shows_holders(monkeypatch, tmp_path):
     }
     press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.quarter=false"])
     pictures.draw_setup(press.replace(holders=holders).build(), tmp_path)
-    assert [*seen] == ["punch", "ring", "pressed", "plate", "springs", "grippers"]
+    assert [*seen] == ["punch", "ring", "pressed", "plate", "springs", "pull"]
     ends = {name: np.reshape(seen[name].bounds, (3, 2)) for name in [*seen][2:]}
     assert ends["pressed"][0] == pytest.approx([-100, 0]) and ends["pressed"][2, 1] < -1
     assert ends["plate"][0] == pytest.approx([0, 100])
     assert seen["pressed"].area == pytest.approx(14000, rel=0.05)
     assert ends["springs"][0] == pytest.approx([-130, 111], abs=2)
-    assert ends["grippers"][0] == pytest.approx([100, 130], abs=2)
+    assert ends["pull"][0] == pytest.approx([100, 130], abs=2)
+
+
+@pytest.mark.mpi
+def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
+    """Of the quarter that is modelled, too, as its file gives them."""
+    left, right = Region({"x": [0, 70]}), Region({"x": [70, 100]})
+    holders = {
+        "low": [ff.ForceHolder(300.0, left), ff.PressureHolder(0.02, right)],
+        "pull": ff.Grippers(2.0),
+    }
+    press = ff.Press.read("hemisphere", ["blank.nx=6", "stage.1.moves.punch=3"])
+    built = press.replace(holders=holders).build()
+    row = built.job(steps=1, balance=None).run().rows[-1]
+    assert row["low_force_of_whole_N"] == pytest.approx(300, rel=1e-6)
+    assert row["low_2_force_of_whole_N"] == pytest.approx(4 * built.pressing[-1].force()[2])
+    assert row["pull_force_of_whole_N"] == pytest.approx(2.0 * 4 * 200)
+    tools = [row[f"{name}_force_N"] for name in ("punch", "ring")]
+    held = [row[f"low{k}_force_of_whole_N"] / 4 for k in ("", "_2")]
+    assert sum(tools) + sum(held) == pytest.approx(0, abs=1e-4 * abs(tools[1]))
