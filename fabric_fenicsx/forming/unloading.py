@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 from ..job.job import Job, Result
 from ..mechanics.contact.sheet_contact import SheetContact
+from ..mechanics.contact.thickness import PlyThickness
 from ..mechanics.materials import fabric_of, materials_of
 from ..mechanics.protocols import Pressing
 from ..mechanics.release_forces import RELEASED, ReleaseForces
@@ -96,7 +97,10 @@ def unloading(
     scene.set_load(0.0)
     scene.accept()
     forces.take(_from_outside(scene, kept))
-    forces.outputs = {"warnings": lambda forces: _fabric_warnings(scene, forces)}
+    forces.outputs = {
+        "warnings": lambda forces: _fabric_warnings(scene, forces),
+        "cell_fields": lambda _: PlyThickness(scene).fields(0 * blank.areas()),
+    }
     return Job(scene, **USUAL | _output(scene, forces, held) | changes)
 
 

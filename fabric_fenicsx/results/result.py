@@ -206,12 +206,16 @@ class Result:
             units = self.fields.units | nodal.units
             maps(Path(path), self.grids, (name,), outliers=OUTLIERS, units=units)
 
-    def export(self, path: Path | str) -> None:
-        """Write the formed plies with their yarn directions for a structural analysis, to a .vtu
-        file or as Abaqus input (.inp), on rank 0; `postprocess.structural.export` says what is in
-        it. Raises InputError for another ending."""
+    def export(self, path: Path | str, modelled: bool = False) -> None:
+        """Write the formed plies with thickness and yarn directions for a structural analysis, on
+        rank 0; the ending of `path` says how, see `postprocess.structural.export`. A quarter is
+        mirrored to the whole part, unless `modelled`. Raises InputError for another ending."""
         from ..postprocess import structural
 
-        path = structural.checked(path)
+        path, parts = structural.checked(path), self.scene.blank.parts or {"": None}
+        planes = {
+            name: measures.planes_of_symmetry(self.scene, self.scene.blank.part(name))
+            for name in parts
+        }
         if self.scene.comm.rank == 0:
-            structural.export(self.grids, path)
+            structural.export(self.grids, path, {} if modelled else planes)

@@ -176,7 +176,7 @@ def test_files_are_blanks_again(tmp_path):
     layers = {each.dxf.layer: each.closed for each in ezdxf.readfile(drawing).modelspace()}
     assert layers == {"OUTLINE": True, "HOLES": True}
     formed = pyvista.read(part)
-    assert formed.points - formed["u"] == pytest.approx(formed["flat"])
+    assert formed.points - formed["u_mm"] == pytest.approx(formed["flat_mm"])
     assert formed.area == pytest.approx(pattern.formed_area) and "number" in formed.cell_data
 
 
