@@ -26,6 +26,7 @@ from ..scene import output
 from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.stack import Stack
+from ..solve.checkpoint import STAGES
 from ..tools.checks import check_equation
 from ..tools.surfaces import Offset, Reversed, Surface, radii_of
 from ..tools.tool import Tool
@@ -391,10 +392,16 @@ class FormingScene(Setup):
         return self.data.title or "A press", of
 
     def fingerprint(self) -> dict[str, Any]:
-        """As in `Setup`: the press as its file says it."""
+        """As in `Setup`: the press as its file says it, without unloading, and the steps of its
+        stages."""
         from .schema import document_of
 
-        return {"press": _plain(document_of(self.data))}
+        press = _plain(document_of(self.data))
+        press["stage"] = [each for each in press["stage"] if not each.get("unload")]
+        return {
+            "press": press,
+            STAGES: {k: stage.steps for k, stage in enumerate(self.schedule.stages, 1)},
+        }
 
     def resolved(self) -> dict[str, Any]:
         """As in `Setup`: the mesh of the first sheet, and the sides of the blank."""
