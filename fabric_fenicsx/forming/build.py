@@ -1,6 +1,7 @@
 """The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,8 @@ from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
 from ..mechanics.load import EdgeTension
 from ..mechanics.shell.bending import Bending
+from ..mechanics.shell.membrane import Membrane
+from ..mechanics.shell.metal import SheetMetal
 from ..mechanics.springs import Springs
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
@@ -35,13 +38,12 @@ from .checks import PRESSED, check_clearances, symmetry_warnings
 from .flange import Flange
 from .holders import PULLING, Holder, Where, holders_of
 from .holding import HolderSite, holder_terms, nearest_nodes
-from .laying import Laid, lay_blank
+from .laying import ON_PLANE, Laid, lay_blank
 from .placement import Placement
 from .press import Press
 from .stages import Schedule
 
 CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
-ON_PLANE = 1e-6  # mm off a plane of symmetry up to which nodes lie on it
 PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
 CLOSED = 1e-6  # thicknesses, to which tools that are closed are as near as asked
 
@@ -166,7 +168,12 @@ class Bench:
 
     def membranes(self) -> list[Term]:
         """The membrane of each sheet of fabric."""
-        return self._on_sheets(stack.membrane, "fabric")
+
+        def membrane(sheet):
+            weave = None if sheet.weave_angle is None else math.radians(sheet.weave_angle)
+            return Membrane(sheet.fabric, integration=sheet.integration, weave_angle=weave)
+
+        return self._on_sheets(membrane, "fabric")
 
     def bending(self) -> list[Term]:
         """Bending of each sheet of fabric that resists it."""
@@ -183,7 +190,7 @@ class Bench:
 
     def metals(self) -> list[Term]:
         """The `SheetMetal` of each sheet of metal."""
-        return self._on_sheets(lambda sheet: stack.metal(sheet, self.planes), "metal")
+        return self._on_sheets(lambda s: SheetMetal(s.metal, symmetric=self.planes), "metal")
 
     def _on_sheets(self, make, kind):
         made = [(make(s), s.name) for s in self.laid.sheets if getattr(s, kind)]

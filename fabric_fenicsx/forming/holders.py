@@ -84,7 +84,7 @@ class Holder(Protocol):
 
 
 class _Checked:
-    """A holder whose numbers are checked when it is made."""
+    """A holder of the package: its numbers are checked when it is made."""
 
     def __post_init__(self) -> None:
         self.doubts()
@@ -92,6 +92,12 @@ class _Checked:
     def doubts(self) -> list[str]:
         """Warnings of numbers that seem to be in another unit."""
         return check_fields(self)
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`."""
+        from . import holding
+
+        return holding.terms_of(self, site)
 
 
 @dataclass(frozen=True)
@@ -131,12 +137,6 @@ class PressureHolder(_Checked):
         """As in `_Checked`; a function is not checked."""
         return [] if callable(self.pressure) else super().doubts()
 
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.pressure_terms(self, site)
-
 
 @dataclass(frozen=True)
 class ForceHolder(_Checked):
@@ -169,12 +169,6 @@ class ForceHolder(_Checked):
     where: Where | None = None
     against: str = ""
 
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.force_terms(self, site)
-
 
 @dataclass(frozen=True)
 class GapHolder(_Checked):
@@ -206,12 +200,6 @@ class GapHolder(_Checked):
     )
     where: Where | None = None
     against: str = ""
-
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.gap_terms(self, site)
 
 
 @dataclass(frozen=True)
@@ -247,12 +235,6 @@ class Grippers(_Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_edges(self.edges)
-
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.gripper_terms(self, site)
 
 
 @dataclass(frozen=True)
@@ -298,12 +280,6 @@ class SpringHolder(_Checked):
         object.__setattr__(self, "at", points)  # as lists and arrays, so that holders compare
         if not (self.at or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
-
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.spring_terms(self, site)
 
 
 PULLING = Grippers, SpringHolder  # holders that do not press the blank on a die

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import singledispatch
 from reprlib import repr as shown
 from typing import Any
 
@@ -133,7 +134,14 @@ def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
     return list(listed)
 
 
-def pressure_terms(holder: PressureHolder, site: HolderSite) -> list[Term]:
+@singledispatch
+def terms_of(holder: Any, site: HolderSite) -> list[Term]:
+    """The terms of a holder of the package."""
+    raise NotImplementedError
+
+
+@terms_of.register
+def _pressure(holder: PressureHolder, site: HolderSite) -> list[Term]:
     """Terms of a `PressureHolder`; it presses a stack where all sheets lie on one another."""
     flange, where = site.on_flange(), _own_place(holder, site)
     site.warn(*loose_ends_warnings(flange, least_corner(site.blank)))
@@ -159,7 +167,8 @@ def pressure_terms(holder: PressureHolder, site: HolderSite) -> list[Term]:
     return [pressure.on(site.sheets[0]), *below]
 
 
-def force_terms(holder: ForceHolder, site: HolderSite) -> list[Term]:
+@terms_of.register
+def _force(holder: ForceHolder, site: HolderSite) -> list[Term]:
     """Terms of a `ForceHolder`."""
     force = holder.force * (1.0 if site.whole else 0.25)
     plate = Plane(-site.thickness / 2 * site.up, site.up)
@@ -167,7 +176,8 @@ def force_terms(holder: ForceHolder, site: HolderSite) -> list[Term]:
     return [site.contact(tool, _at_plate(holder, site))]
 
 
-def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
+@terms_of.register
+def _gap(holder: GapHolder, site: HolderSite) -> list[Term]:
     """Terms of a `GapHolder`. Raises InputError for a gap below half a thickness."""
     t = site.thickness
     gap = holder.gap or 1.1 * t
@@ -180,7 +190,8 @@ def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
     return [site.contact(tool, _at_plate(holder, site))]
 
 
-def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
+@terms_of.register
+def _gripper(holder: Grippers, site: HolderSite) -> list[Term]:
     """Terms of `Grippers`. Raises InputError if no edge is gripped."""
     where, ends = _checked_where(holder, site), site.blank.extent()
     owned = site.blank.V.dofmap.index_map.size_local
@@ -204,7 +215,8 @@ def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
     return gripped
 
 
-def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:
+@terms_of.register
+def _spring(holder: SpringHolder, site: HolderSite) -> list[Term]:
     """Terms of a `SpringHolder`. Raises InputError for a point that is not in the quarter."""
     ends, parts = site.blank.extent(), list(site.blank.parts.values()) or [site.blank.whole]
     half = 1.0 if site.whole else 0.5  # share of a spring in a plane of symmetry

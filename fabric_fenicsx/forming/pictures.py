@@ -49,12 +49,12 @@ def _holders(made, plies):
             up = term.tool.evaluate(centres.T[:1]).normal[0]
             found[name] = _patch(ply, np.asarray(term.where(centres)), -AWAY * size * up)
         elif isinstance(term, Springs | EdgeTension):
-            is_spring = isinstance(term, Springs)
-            way = np.asarray(term.arm if is_spring else term.direction, dtype=float)
-            length = float(np.linalg.norm(way))
-            way *= (min(length, LONG * size) if is_spring else LONG * size) / length
-            ends = _pulls(x[(term.where if is_spring else term.edge)(x.T)], way, size)
-            name = name.rpartition(",")[0] or name
+            if isinstance(term, Springs):
+                at, way = x[term.where(x.T)], np.asarray(term.arm, dtype=float)
+                way = way * min(1.0, LONG * size / float(np.linalg.norm(way)))
+            else:
+                at, way = x[term.edge(x.T)], LONG * size * np.asarray(term.direction)
+            ends, name = _pulls(at, way, size), name.rpartition(",")[0] or name
             found[name] = found[name].merge(ends) if name in found else ends
     return {name: surface for name, surface in found.items() if surface.n_points}
 
@@ -66,7 +66,7 @@ def _patch(ply, pressed, shift):
 
 def _pulls(x, away, size):
     """Rods from about `PULLS` of the places x (n, 3) along a vector (3,) [mm]."""
-    x = x[:: -(-len(x) // PULLS)]
+    x = x[:: max(1, -(-len(x) // PULLS))]
     lines = pyvista.line_segments_from_points(np.stack([x, x + away], 1).reshape(-1, 3))
     return lines.tube(radius=0.004 * size).triangulate()
 
