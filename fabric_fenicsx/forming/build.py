@@ -16,6 +16,7 @@ from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
+from ..mechanics.fingerprint import plain
 from ..mechanics.load import EdgeTension
 from ..mechanics.shell.bending import Bending
 from ..mechanics.shell.membrane import Membrane
@@ -42,6 +43,7 @@ from .laying import ON_PLANE, Laid, lay_blank
 from .placement import Placement
 from .press import Press
 from .stages import Schedule
+from .tools import DieOf
 
 CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
 PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
@@ -80,7 +82,12 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     that can't stand or move as given."""
     nodes, thickness, pressed = laid.flat_nodes(), press.thickness(), press.thickness(PRESSED)
     at, dies = Placement(nodes, thickness, comm, warnings), press.dies()
-    clearances = {name: press.clearance(name) or CLEARANCE * thickness for name in dies}
+    given = {name: tool.surface for name, tool in press.tools.items()}
+    clearances = {
+        name: surface.clearance or CLEARANCE * thickness
+        for name, surface in given.items()
+        if isinstance(surface, DieOf)
+    }
     usual_off = {of: max(0.0, clearances[name] - thickness) for name, of in dies.items()}
     stood: dict[str, tuple[Surface, np.ndarray]] = {}
     for name in (n for n in press.tools if n not in dies):
@@ -403,7 +410,7 @@ class FormingScene(Setup):
         stages."""
         from .schema import document_of
 
-        press = _plain(document_of(self.data))
+        press = plain(document_of(self.data))
         press["stage"] = [each for each in press["stage"] if not each.get("unload")]
         return {
             "press": press,
@@ -446,16 +453,3 @@ class FormingScene(Setup):
         from . import pictures
 
         pictures.draw(self, result, folder)
-
-
-def _plain(value):
-    """A document in what JSON can hold; functions and own objects by their kind alone."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
-    if hasattr(value, "dumps"):
-        return value.dumps()
-    if isinstance(value, (str, bool, int, float)) or value is None:
-        return value
-    return value.tolist() if isinstance(value, np.ndarray) else type(value).__name__

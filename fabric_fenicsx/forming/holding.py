@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import singledispatch
@@ -110,21 +109,16 @@ class HolderSite:
 
 
 def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
-    """The terms of a holder. Raises InputError if its `terms` does not take a `HolderSite`, or does
-    not return a list of one or more terms."""
-    name = f"`terms` of {site.name}, a `{type(holder).__name__}`,"
-    try:
-        inspect.signature(holder.terms).bind(site)
-    except TypeError as error:
-        raise InputError(
-            f"{name} can't be called with a `HolderSite` ({error}); allowed is `def terms(self, "
-            "site)`"
-        ) from None
+    """The terms of a holder. Raises InputError if its `terms` does not return a list of one or more
+    terms."""
     terms: Any = holder.terms(site)
     listed = terms if isinstance(terms, (list, tuple)) else []
     if not listed or not all(isinstance(term, Term) for term in listed):
         found = f"one `{type(terms).__name__}`" if isinstance(terms, Term) else shown(terms)
-        raise InputError(f"{name} returns {found}; allowed is a list of one or more terms")
+        raise InputError(
+            f"`terms` of {site.name}, a `{type(holder).__name__}`, returns {found}; allowed is a "
+            "list of one or more terms"
+        )
     for term in listed:
         if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0:
             site.warn(

@@ -97,7 +97,8 @@ class Press(KnowsItsFields):
             raise InputError("`sheets` is empty; allowed are one or more")
         if other := [each for each in given if not isinstance(each, Sheet)]:
             raise InputError(f"`sheets` holds {other[0]!r}; allowed are sheets, as `Sheet(...)`")
-        paths = [self._path(k, sheet) for k, sheet in enumerate(given)] if given[1:] else ["blank"]
+        names = [sheet.name.removeprefix("ply ") or k for k, sheet in enumerate(given, 1)]
+        paths = [f"ply.{name}" for name in names] if given[1:] else ["blank"]
         for path, sheet in zip(paths, given):
             with schema.located(path, [each.name for each in dataclasses.fields(Sheet)]):
                 sheet.ready("", self.interface)
@@ -120,9 +121,6 @@ class Press(KnowsItsFields):
             if isinstance(tool.surface, DieOf):
                 self._check_die(name, tool)
         self.schedule(dict.fromkeys(self.dies().values(), 0.0), 0.0)
-
-    def _path(self, k, sheet):
-        return f"ply.{sheet.name.removeprefix('ply ') or k + 1}"
 
     def _check_sides(self):
         """Raise InputError for tools that nothing resists."""
@@ -185,11 +183,6 @@ class Press(KnowsItsFields):
         """{name of a die: the tool that it is the die of}."""
         surfaces = {name: tool.surface for name, tool in self.tools.items()}
         return {name: s.tool for name, s in surfaces.items() if isinstance(s, DieOf)}
-
-    def clearance(self, die: str) -> float | None:
-        """The clearance of a die, None if it is not given [mm]."""
-        surface = self.tools[die].surface
-        return surface.clearance if isinstance(surface, DieOf) else None
 
     def pressures(self) -> dict[str, float]:
         """{name: pressure at the start} of the holders whose pressure is a number [MPa]."""

@@ -136,14 +136,10 @@ def _nearest(ply, points, reach, number):
     beside -= (beside * normal).sum(1, keepdims=True) * normal
     places = _flat(ply, cells, nearest)
     beyond = np.linalg.norm(beside, axis=1)
-    _check_on(points, beyond, (beyond > BESIDE * reach) & _on_edge(ply, places), number)
-    return places, float(apart.max())
-
-
-def _on_edge(ply, places):
-    """Mask of places (n, 2) of the flat ply that lie on its edge."""
     edge = _sheet(ply).boundary
-    return shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
+    on_edge = shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
+    _check_on(points, beyond, (beyond > BESIDE * reach) & on_edge, number)
+    return places, float(apart.max())
 
 
 def _below(ply, points, reach, number):

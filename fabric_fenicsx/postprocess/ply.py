@@ -49,17 +49,26 @@ def whole(ply: Ply) -> Ply:
     numbers are those of the modelled part."""
     x, u, triangles, fields = ply.x, ply.u, ply.triangles, ply.fields
     for axis in ply.planes:
-        mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
-        off = np.flatnonzero(x[:, axis])
-        image = np.arange(len(x))
-        image[off] = len(x) + np.arange(len(off))
+        mirror, off, images = image_of(x, triangles, axis)
         x, u = (np.vstack([p, p[off] * mirror]) for p in (x, u))
-        triangles = np.vstack([triangles, image[triangles][:, ::-1]])
+        triangles = np.vstack([triangles, images])
         fields = {
             name: np.concatenate([v, v * mirror if v.shape[1:] == (3,) else v])
             for name, v in fields.items()
         }
     return Ply(x, u, triangles, fields, [])
+
+
+def image_of(
+    x: np.ndarray, cells: np.ndarray, axis: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The image of flat nodes x (n, 3) and cells (m, k) in the plane of symmetry perpendicular to
+    `axis`: factors of vectors (3,), which nodes are off the plane, and have images behind the
+    others, and the images' cells (m, k), turned round."""
+    off = np.flatnonzero(abs(x[:, axis]) > SAME)
+    image = np.arange(len(x))
+    image[off] = len(x) + np.arange(len(off))
+    return np.where(np.arange(3) == axis, -1.0, 1.0), off, image[cells][:, ::-1]
 
 
 def plan_area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:

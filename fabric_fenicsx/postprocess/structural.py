@@ -10,7 +10,7 @@ import pyvista
 
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from .ply import SAME, Grid, areas, grid_of
+from .ply import SAME, Grid, areas, grid_of, image_of
 from .states import save, set_labels
 
 CORNERS = {5: 3, 69: 3, 9: 4, 70: 4}  # of VTK's cells, which begin with them
@@ -71,16 +71,13 @@ def formed_ply(grid: Grid, planes: Sequence[int] = ()) -> FormedPly:
 
 def _with_image(ply, axis):
     """The ply with its image in the plane of symmetry that is perpendicular to `axis`."""
-    mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
-    off = np.flatnonzero(abs(ply.flat[:, axis]) > SAME)
-    image = np.arange(len(ply.flat))
-    image[off] = len(image) + np.arange(len(off))
+    mirror, off, images = image_of(ply.flat, ply.cells, axis)
     points, flat = (np.vstack([x, x[off] * mirror]) for x in (ply.points, ply.flat))
     new = {name: v * mirror if v.ndim == 2 else v for name, v in ply.fields.items()}
     if "yarn_a" in new:
         new |= _yarns_of_image(ply, new["yarn_a"], new["yarn_b"], mirror)
     fields = {name: np.concatenate([v, new[name]]) for name, v in ply.fields.items()}
-    return FormedPly(points, flat, np.vstack([ply.cells, image[ply.cells][:, ::-1]]), fields)
+    return FormedPly(points, flat, np.vstack([ply.cells, images]), fields)
 
 
 def _yarns_of_image(ply, a, b, mirror):

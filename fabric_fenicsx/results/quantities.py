@@ -79,14 +79,6 @@ def _cells(parts):
     return np.concatenate([part.cells for part in parts])
 
 
-def pressure_quantities(result: Result) -> dict[str, float]:
-    """Largest mean pressure of a cell on the next sheet, of all sheets [MPa]; nothing of one."""
-    if "sheet_pressure" not in result.fields:
-        return {}
-    pressure = np.nan_to_num(result.fields["sheet_pressure"])
-    return {"sheet_pressure_largest_MPa": measures.extremes(result.scene.comm, pressure)[1]}
-
-
 # -- shapes
 
 

@@ -212,10 +212,10 @@ class Result:
         mirrored to the whole part, unless `modelled`. Raises InputError for another ending."""
         from ..postprocess import structural
 
-        path, parts = structural.checked(path), self.scene.blank.parts or {"": None}
+        path, blank = structural.checked(path), self.scene.blank
         planes = {
-            name: measures.planes_of_symmetry(self.scene, self.scene.blank.part(name))
-            for name in parts
+            name: measures.planes_of_symmetry(self.scene, blank.part(name))
+            for name in list(blank.parts) or [""]
         }
         if self.scene.comm.rank == 0:
             structural.export(self.grids, path, {} if modelled else planes)

@@ -369,7 +369,8 @@ def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
 
 def test_segments_in_a_list_all_hold():
     """Two holders under one name."""
-    press = hemisphere("blank.nx=4", holders={"two": [ff.PressureHolder(0.01)] * 2})
+    halves = [ff.PressureHolder(0.01, lambda x, up=up: (x[1] > x[0]) == up) for up in (True, False)]
+    press = hemisphere("blank.nx=4", holders={"two": halves})
     assert [t.tool.name for t in press.pressing if not isinstance(t, ff.Contact)] == [
         "two",
         "two 2",
