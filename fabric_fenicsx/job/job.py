@@ -159,8 +159,6 @@ class Job(JobFields):
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):
             start, notes = checkpoint.load(scene.memory())
-            if start.load < 1:
-                output.say(f"{folder}: the run goes on from load {rounded(start.load, 6)}")
             if start.load == 1 and not start.viscosity.drag:
                 known = read_summary(folder / "summary.json") if comm.rank == 0 else {}
                 if (known := comm.bcast(known)).get("converged"):

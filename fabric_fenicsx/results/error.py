@@ -112,6 +112,7 @@ def estimate(
     comm, area = result.scene.comm, result.scene.blank.areas()
     for name, apart in field_differences(result, coarse).items():
         field = result.fields[f"error_{name}"] = factor(LOCAL_ORDER) * apart
+        result.fields.units[f"error_{name}"] = result.fields.units.get(name, "-")
         mean = measures.mean(comm, np.nan_to_num(field) ** 2, area) or 0.0
         root = float(np.sqrt(mean))
         if name == "shear_angle":
