@@ -20,14 +20,14 @@ def run(words: list[str]) -> None:
         help="what was modelled, as a quarter (default: the whole part)",
     )
     args = parser.parse_args(words)
-    from ..postprocess import ply, states, structural
+    from ..postprocess import states, structural
     from ..results.output import failure_reason
 
     structural.checked(args.file)
-    last = states.states(args.folder)[-1]
-    # without tools nothing tells that a sheet is a quarter
-    grids, is_whole = last.plies(), args.modelled or not last.tools()
-    planes = {name: [] if is_whole else ply.ply_of(grid).planes for name, grid in grids.items()}
+    grids = states.read_grids(args.folder)
+    planes = {name: states.planes_of_symmetry(grid) for name, grid in grids.items()}
+    if args.modelled:
+        planes = dict.fromkeys(grids, [])
     try:
         plies = structural.export(grids, args.file, planes)
     except OSError as error:

@@ -119,6 +119,11 @@ def sheets_of(grid: Grid, names: Sequence[str]) -> dict[str, Grid]:
     }
 
 
+def planes_of_symmetry(grid: Grid) -> list[int]:
+    """Axes to which planes of symmetry of the run are perpendicular, 0 and 1."""
+    return [axis for axis in (0, 1) if "xy"[axis] in grid.field_data.get("symmetry", ())]
+
+
 def of_fabric(grids: Mapping[str, Grid]) -> dict[str, Grid]:
     """The plies {name: grid} that have yarns."""
     return {name: grid for name, grid in grids.items() if "shear_angle" in grid.cell_data}

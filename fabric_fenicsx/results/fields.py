@@ -21,6 +21,7 @@ from ..runtime.files import replace_file
 from ..scene import output
 from ..scene.scene import Scene
 from ..sheets.blank import Blank
+from . import measures
 
 # of the arrays that are there with any terms
 UNITS = dict.fromkeys(("u", "yarn_coordinate_a", "yarn_coordinate_b"), "mm")
@@ -79,9 +80,10 @@ class FieldSeries:
 
     If the sheet may touch tools, `DIR/tools.pvd` has for each state a block with the name of each
     tool, its surface where that then is. Times are load factors. The name of each array ends with
-    its unit, see `postprocess.states.save`. states: those kept of a run that is resumed. Each file
-    is whole at any moment and listed after it is there. Raises OSError, on all ranks, that names
-    the file which can't be written.
+    its unit, see `postprocess.states.save`; the field data `symmetry` names the axes x and y to
+    which planes of symmetry are perpendicular. states: those kept of a run that is resumed. Each
+    file is whole at any moment and listed after it is there. Raises OSError, on all ranks, that
+    names the file which can't be written.
     """
 
     def __init__(self, directory: Path, scene: Scene, states: Iterable[Sequence] = ()) -> None:
@@ -92,6 +94,7 @@ class FieldSeries:
         self._units = dict(UNITS)
         self._tools = output.tools(scene)
         self._parts = list(self.blank.parts.values()) or [self.blank.whole]
+        self._planes = [measures.planes_of_symmetry(scene, part) for part in self._parts]
         extent = self.blank.extent()
         self._surfaces = (
             [triangulated(tool, *extent) for tool in self._tools] if self.comm.rank == 0 else []
@@ -188,6 +191,7 @@ class FieldSeries:
                 grid = self._grid
                 if not part.is_whole:
                     grid = with_known_fields(grid.extract_cells(part.cells))
+                grid.field_data["symmetry"] = ["xy"[axis] for axis in self._planes[k]] or ["none"]
                 save(self.directory / self._file(number, self.comm.rank, k), grid, self._units)
         if not self._surfaces:
             return

@@ -20,6 +20,7 @@ from fabric_fenicsx.readers.read import read_surface_mesh
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.stack import Stack
 
 A, B = 0.4, 1.8  # of the yarns to x [rad]
@@ -27,7 +28,7 @@ A, B = 0.4, 1.8  # of the yarns to x [rad]
 F = builders.rotation() @ np.array([[1.1, 0.3, 0.0], [0.0, 0.9, 0.0], [0.0, 0.0, 1.0]])
 
 
-def formed(folder, element="P1", comm=MPI.COMM_SELF, plies=()):
+def formed(folder, element="P1", comm=MPI.COMM_SELF, plies=(), supports=()):
     """The folder of a sheet, or a stack of `plies`, that F has formed."""
     cell = "triangle" if element[0] == "P" else "quadrilateral"
     sheets = [
@@ -41,7 +42,7 @@ def formed(folder, element="P1", comm=MPI.COMM_SELF, plies=()):
         blank = Stack([(sheet, 1.0, name) for sheet, name in zip(sheets, plies)])
         terms = [Membrane(load("komeili")).on(name) for name in plies]
     with builders.compiled_as_it_stands():  # and never run
-        scene = Scene(blank, terms)
+        scene = Scene(blank, terms, supports)
     blank.u.x.array[:] = (blank.coordinates() @ (F - np.eye(3)).T).ravel()
     folder.mkdir(exist_ok=True)
     FieldSeries(folder, scene).write(1.0)
@@ -231,21 +232,24 @@ def test_a_quarter_is_mirrored_with_its_yarns(angle, tmp_path):
     assert same or low == pytest.approx([30, 60], abs=3)
 
 
-def test_the_command_exports_the_whole_part(tmp_path, capsys):
-    """Of a run with tools, whose quarter is known by its place."""
-    folder = formed(tmp_path / "run")
-    (folder / "tools").mkdir()
-    pyvista.MultiBlock({"ball": pyvista.Sphere()}).save(folder / "tools/0000.vtm")
-    (folder / "tools.pvd").write_text(
-        '<VTKFile type="Collection"><Collection>'
-        '<DataSet timestep="1" part="0" file="tools/0000.vtm"/></Collection></VTKFile>'
-    )
+@pytest.mark.parametrize("plies", [(), ("lower", "upper")])
+def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
+    """Of a quarter, as its supports tell; a clamped end is no plane of symmetry."""
+    planes = [Support("x = 0", builders.near(0, 0.0), (0,))]
+    planes += [Support("y = 0", builders.near(1, 0.0), (1,))]
+    folder = formed(tmp_path / "quarter", plies=plies, supports=planes)
     assert main.main(["export", str(folder), str(tmp_path / "whole.inp")]) == 0
-    assert "(ELSET ply), 96 cells, mirrored in x and y = 0" in capsys.readouterr().out
+    assert capsys.readouterr().out.count(", 96 cells, mirrored in x and y = 0") == max(
+        1, len(plies)
+    )
     assert main.main(["export", "--modelled", str(folder), str(tmp_path / "quarter.inp")]) == 0
-    assert capsys.readouterr().out.endswith("(ELSET ply), 24 cells\n")
+    assert capsys.readouterr().out.endswith("), 24 cells\n")
     assert main.main(["export", str(folder), str(tmp_path / "ply.k")]) == 2
-    assert "the thickness of the ply is not known" in capsys.readouterr().err
+    assert f"the thickness of {plies[0] if plies else 'the ply'} is not" in capsys.readouterr().err
+    held = [Support("clamp", builders.near(0, 0.0), (0, 1, 2))]
+    folder = formed(tmp_path / "clamped", plies=plies, supports=held)
+    assert main.main(["export", str(folder), str(tmp_path / "strip.inp")]) == 0
+    assert "mirrored" not in capsys.readouterr().out
 
 
 def test_labels_are_legal_in_abaqus_and_no_two_alike():
