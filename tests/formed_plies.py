@@ -34,6 +34,8 @@ def formed(
         "log_eps_11": np.log(la),
         "log_eps_22": np.log(lb),
         "shear_angle": np.arcsin((a * b).sum(1) / la / lb),
+        "a": a,
+        "b": b,
     }
     values["strain_state"] = (1 + (lb <= 1) + 2 * (la <= 1)).astype(np.int32)
     part = np.arange(len(cells)) * ranks // len(cells)

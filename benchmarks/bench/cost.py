@@ -17,7 +17,6 @@ from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.mechanics.shell.membrane import QUADRATURE_DEGREE
 from fabric_fenicsx.mechanics.term import SceneFacts, Term
-from fabric_fenicsx.results.curve import moving_grip
 from fabric_fenicsx.runtime import timing
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.solve.newton import Newton
@@ -27,7 +26,7 @@ from fabric_fenicsx.solve.stepping import LoadStepping
 from .camera import camera_displacements, field_distance
 from .cost_plan import Configuration
 from .reference import curve_distance, reference_curve, reference_grid
-from .strips import STRIPS, Discretisation, strip_scene, strip_values
+from .strips import STRIPS, Discretisation, moving_grip, strip_scene, strip_values
 
 REPEATS = 5  # of what is timed alone; the fastest counts
 SHORT = 2.0  # seconds below which a run is timed three times

@@ -12,7 +12,6 @@ import numpy as np
 from mpi4py import MPI
 
 from fabric_fenicsx.material.laws import Law
-from fabric_fenicsx.results.curve import moving_grip
 from fabric_fenicsx.runtime.errors import InputError, SolverFailure
 from fabric_fenicsx.solve.newton import Newton
 from fabric_fenicsx.solve.settings import Settings
@@ -20,7 +19,16 @@ from fabric_fenicsx.solve.stepping import LoadStepping
 
 from .camera import camera_displacements, camera_points, field_distance
 from .extrapolation import Estimate, estimate
-from .strips import LENGTH, STRIPS, WIDTH, Discretisation, Strip, strip_scene, strip_values
+from .strips import (
+    LENGTH,
+    STRIPS,
+    WIDTH,
+    Discretisation,
+    Strip,
+    moving_grip,
+    strip_scene,
+    strip_values,
+)
 
 LOADS = np.arange(21) / 20
 

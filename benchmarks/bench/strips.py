@@ -12,6 +12,7 @@ from fabric_fenicsx.material.laws import Law
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.results import measures
+from fabric_fenicsx.results.curve import Measure
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
 from fabric_fenicsx.scene.supports import clamped_ends
@@ -74,6 +75,12 @@ STRIPS = {
         (Discretisation("P2", 96), Discretisation("P2", 96, quadrature=4)),
     ),
 }
+
+
+def moving_grip(stroke: float) -> Measure:
+    """Function of a strip's scene and its load factor to the moving grip's displacement [mm] and
+    reaction [N]."""
+    return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
 
 
 def strip_scene(comm: MPI.Comm, fabric: Law, strip: Strip, how: Discretisation) -> Scene:

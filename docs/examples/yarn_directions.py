@@ -11,7 +11,7 @@ import fabric_fenicsx as ff
 press = ff.Press.read("double_dome", ["blank.nx=12"])
 press = press.replace(stages=[ff.Stage("forming", moves={"punch": 20}, steps=4)])
 result = press.job().run("results/forming", overwrite=True)
-result.export("formed.inp")  # Abaqus: nodes, shells, *DISTRIBUTION, *ORIENTATION
+result.export("formed.inp")  # Abaqus; formed.k is for LS-DYNA, formed.bdf for Nastran
 result.export("formed.vtu")  # ParaView, PyVista and what else reads VTK
 
 ply = pyvista.read("formed.vtu")

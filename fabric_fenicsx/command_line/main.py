@@ -10,7 +10,6 @@ from pathlib import Path
 
 from ..runtime.cache_folders import is_first
 from ..runtime.errors import InputError
-from ..runtime.files import unwritable
 from ..runtime.rules import unknown_key
 from ..runtime.signals import end_with_reader
 from ..runtime.status import shown, task
@@ -20,12 +19,12 @@ from .options import STUDIES, Parser, exit_status
 COMMANDS = {
     "info": "versions, presets, and whether all works",
     "list": "the studies, and where their example data are",
-    "export": "DIR FILE: formed plies and yarn directions of results, to a .vtu or .inp (Abaqus)",
+    "export": "DIR FILE: formed plies, thickness and yarns, for VTK, Abaqus, LS-DYNA, Nastran",
     "pattern": "DIR: the flat pattern of a trimmed part (fabric pattern --help tells more)",
     "view": "DIR: formed plies and tools in a window, or a page for a browser (--help)",
     "sweep": "runs of a press file with several values, side by side; see its --help",
 }
-PARSED = ("pattern", "view")  # those with options, each a module here with `run(words)`
+PARSED = ("export", "pattern", "view")  # those with options, each a module here with `run(words)`
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -50,13 +49,11 @@ def main(argv: list[str] | None = None) -> int:
         return 0
     try:
         if command not in PARSED:
-            command, files = _parsed(argv, scripts)
+            command = _parsed(argv, scripts)
         if command == "info":
             return info.show(comm)
         if first and command in PARSED:
             import_module(f"{__package__}.{command}").run(argv[1:])
-        elif first and command == "export":
-            _export(*files)
         elif first:
             print(_listed(scripts.values()))
     except InputError as error:
@@ -69,7 +66,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _parsed(argv, scripts):
-    """Command and files of the words; InputError for others."""
+    """The command of the words; InputError for others."""
     parser = Parser(
         prog="fabric",
         usage="fabric [-h] command, or fabric STUDY [option ...]",
@@ -81,11 +78,9 @@ def _parsed(argv, scripts):
     given = parser.parse_args(argv or ["--help"])
     if given.command not in COMMANDS:
         raise unknown_key(given.command, [*COMMANDS, *scripts], f"command {given.command}")
-    count, words = (2, "a folder and a file") if given.command == "export" else (0, "nothing")
-    if len(given.files) != count:
-        found = " ".join(given.files) or "nothing"
-        raise InputError(f"behind {given.command} is {found}; allowed is {words}")
-    return given.command, given.files
+    if given.files:
+        raise InputError(f"behind {given.command} is {' '.join(given.files)}; allowed is nothing")
+    return given.command
 
 
 def _description(studies):
@@ -93,24 +88,6 @@ def _description(studies):
     head = "Runs a study (fabric tensile --help tells its options) or one of these:"
     lines = [f"  {name:8}{words}" for name, words in COMMANDS.items()]
     return "\n".join([head, *lines, "", *textwrap.wrap(f"studies: {', '.join(studies)}", 100)])
-
-
-def _export(folder, file):
-    """Write `file` from the results in `folder`."""
-    from ..postprocess import states, structural
-    from ..results.output import failure_reason
-
-    try:
-        grids = states.read_grids(folder)
-        structural.export(grids, file)
-        labels = states.set_labels(grids) if Path(file).suffix == ".inp" else {}
-        sets = {name: f" (ELSET {label})" for name, label in labels.items()}
-        for name, grid in grids.items():
-            print(f"{file}: {name or 'ply'}{sets.get(name, '')}, {grid.n_cells} cells")
-        if words := failure_reason(Path(folder) / "summary.json"):
-            print(f"warning: the run in {folder} did not end well: {words}", file=sys.stderr)
-    except OSError as error:
-        raise unwritable(error) from None
 
 
 def _listed(scripts):

@@ -56,13 +56,15 @@ def _write(args):
     trim, notes = (_plane(args.plane), []) if args.plane else read_trim_line(args.line)
     reach = args.reach or LAYERS * sum(map(_thickness, grids.values()))
     labels = states.set_labels(grids) if len(grids) > 1 else dict.fromkeys(grids, "")
-    found = {}
+    found, wrong = {}, []
     for name, grid in grids.items():
         if args.sheet in (None, name):
             try:
                 found[name] = pattern.flat_pattern(grid, trim, reach)
             except InputError as error:
-                raise InputError(f"ply {name}: {error}" if name else str(error)) from None
+                wrong.append(f"ply {name}: {error}" if name else str(error))
+    if wrong:
+        raise InputError("\n".join(wrong))
     stem, units = Path(args.out or Path(args.folder) / "pattern"), states.units(args.folder)
     if not stem.parent.is_dir():
         raise InputError(

@@ -1,6 +1,7 @@
 """The scene of a press: the blank is laid, the tools are placed, terms and supports are made."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,12 @@ from ..mechanics.contact.coulomb import Coulomb
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.interaction import ToolInteraction
 from ..mechanics.contact.tool_contact import Contact
+from ..mechanics.fingerprint import plain
+from ..mechanics.load import EdgeTension
 from ..mechanics.shell.bending import Bending
+from ..mechanics.shell.membrane import Membrane
+from ..mechanics.shell.metal import SheetMetal
+from ..mechanics.springs import Springs
 from ..mechanics.term import Term
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
@@ -25,18 +31,20 @@ from ..scene import output
 from ..scene.scene import Scene
 from ..scene.supports import Support
 from ..sheets.stack import Stack
+from ..solve.checkpoint import STAGES
 from ..tools.checks import check_equation
 from ..tools.surfaces import Offset, Reversed, Surface, radii_of
 from ..tools.tool import Tool
 from . import stack
 from .checks import PRESSED, check_clearances, symmetry_warnings
 from .flange import Flange
-from .holders import PULLING, Holder, holders_of
+from .holders import PULLING, Holder, Where, holders_of
 from .holding import HolderSite, holder_terms, nearest_nodes
 from .laying import ON_PLANE, Laid, lay_blank
 from .placement import Placement, face_of
 from .press import Press
 from .stages import Schedule
+from .tools import DieOf
 
 CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
 PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
@@ -77,7 +85,12 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
     that can't stand or move as given."""
     nodes, thickness, pressed = laid.flat_nodes(), press.thickness(), press.thickness(PRESSED)
     at, dies = Placement(nodes, thickness, comm, warnings), press.dies()
-    clearances = {name: press.clearance(name) or CLEARANCE * thickness for name in dies}
+    given = {name: tool.surface for name, tool in press.tools.items()}
+    clearances = {
+        name: surface.clearance or CLEARANCE * thickness
+        for name, surface in given.items()
+        if isinstance(surface, DieOf)
+    }
     usual_off = {of: max(0.0, clearances[name] - thickness) for name, of in dies.items()}
     stood: dict[str, tuple[Surface, np.ndarray]] = {}
     for name in (n for n in press.tools if n not in dies):
@@ -166,7 +179,12 @@ class Bench:
 
     def membranes(self) -> list[Term]:
         """The membrane of each sheet of fabric."""
-        return self._on_sheets(stack.membrane, "fabric")
+
+        def membrane(sheet):
+            weave = None if sheet.weave_angle is None else math.radians(sheet.weave_angle)
+            return Membrane(sheet.fabric, integration=sheet.integration, weave_angle=weave)
+
+        return self._on_sheets(membrane, "fabric")
 
     def bending(self) -> list[Term]:
         """Bending of each sheet of fabric that resists it."""
@@ -183,7 +201,7 @@ class Bench:
 
     def metals(self) -> list[Term]:
         """The `SheetMetal` of each sheet of metal."""
-        return self._on_sheets(lambda sheet: stack.metal(sheet, self.planes), "metal")
+        return self._on_sheets(lambda s: SheetMetal(s.metal, symmetric=self.planes), "metal")
 
     def _on_sheets(self, make, kind):
         made = [(make(s), s.name) for s in self.laid.sheets if getattr(s, kind)]
@@ -211,6 +229,7 @@ class Bench:
     def holders(self, between: Sequence[Term]) -> list[Term]:
         """The terms of all holders; between: contacts of the sheets."""
         terms: list[Term] = []
+        self._taken: list[tuple[str, str, Where]] = []
         for name, given in self.press.holders.items():
             for k, holder in enumerate(holders_of(name, given)):
                 terms += self._holder(name if k == 0 else f"{name} {k + 1}", holder, between)
@@ -236,6 +255,7 @@ class Bench:
             [sheet.name for sheet in self.laid.sheets] if pile else (),
             stack.rims(pile, self.laid.sheets) if pile else (),
             stack.neighbours(between, self.laid.sheets) if pile else (),
+            self._taken,
         )
         return holder_terms(holder, site)
 
@@ -336,12 +356,25 @@ class FormingScene(Setup):
 
     def columns(self, scene: Scene) -> dict[str, float]:
         """{name: value} of each tool's travel since the start [mm] and its force on the modelled
-        part [N], both along z."""
+        part [N], both along z; of each holder the force on the whole blank [N]: along z, or the sum
+        of its pulls."""
         found = {}
         for name, tool in self.tools.items():
             way = tool.displacement[2] - np.asarray(tool.path(0.0))[2]
             found[f"{name}_way_mm"] = float(way)
             found[f"{name}_force_N"] = float(output.tool_force(scene, tool)[2])
+        for term in scene.terms:
+            name, force = term.name.rpartition(",")[0], 0.0
+            if isinstance(term, ToolInteraction) and term.tool.name not in self.tools:
+                name = term.tool.name.removesuffix("'s face")
+                force = float(term.tool_force()[2])
+            elif name and isinstance(term, EdgeTension):
+                force = self.comm.allreduce(float(abs(term.applied_forces()).sum()))
+            elif name and isinstance(term, Springs):
+                force = term.pull()
+            if name:
+                name = f"{'_'.join(name.split())}_force_of_whole_N"
+                found[name] = found.get(name, 0.0) + force / self.modelled_share()
         return found
 
     def closed(self) -> dict[str, Tool]:
@@ -377,10 +410,16 @@ class FormingScene(Setup):
         return self.data.title or "A press", of
 
     def fingerprint(self) -> dict[str, Any]:
-        """As in `Setup`: the press as its file says it."""
+        """As in `Setup`: the press as its file says it, without unloading, and the steps of its
+        stages."""
         from .schema import document_of
 
-        return {"press": _plain(document_of(self.data))}
+        press = plain(document_of(self.data))
+        press["stage"] = [each for each in press["stage"] if not each.get("unload")]
+        return {
+            "press": press,
+            STAGES: {k: stage.steps for k, stage in enumerate(self.schedule.stages, 1)},
+        }
 
     def resolved(self) -> dict[str, Any]:
         """As in `Setup`: the mesh of the first sheet, and the sides of the blank."""
@@ -419,16 +458,3 @@ class FormingScene(Setup):
         from . import pictures
 
         pictures.draw(self, result, folder)
-
-
-def _plain(value):
-    """A document in what JSON can hold; functions and own objects by their kind alone."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(each) for key, each in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(each) for each in value]
-    if hasattr(value, "dumps"):
-        return value.dumps()
-    if isinstance(value, (str, bool, int, float)) or value is None:
-        return value
-    return value.tolist() if isinstance(value, np.ndarray) else type(value).__name__

@@ -33,7 +33,8 @@ def check_clearances(
             names = {tool.name for tool in pair}
             of = next((of for name, of in press.dies().items() if {name, of} == names), "")
             if of and placed.schedule.closes_straight(of, *names - {of}):
-                distance = partial(_of_die, placed.schedule, of)
+                # where both are flat, in the middle
+                distance = lambda load: (placed.schedule.distance(of, load), np.zeros(3))  # noqa: E731
             else:
                 distance = partial(_least_distance, *pair, low, high)
             found += _doubts([t.name for t in pair], same_side, distance, placed.schedule, pressed)
@@ -67,11 +68,6 @@ def _doubts(names, same_side, distance, schedule, pressed):
                 f"under {PRESSED:g} MPa, {rounded(pressed, 4)} mm: they crush it there"
             )
     return found
-
-
-def _of_die(schedule, tool, load):
-    """The distance of a tool and its die where they are flat, in the middle."""
-    return schedule.distance(tool, load), np.zeros(3)
 
 
 def _least_distance(one, two, low, high, load):

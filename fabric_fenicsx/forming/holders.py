@@ -22,6 +22,7 @@ GROUP = "blank holder"  # of options
 PRESSURE = 10.0, "pressures are in MPa (Pa over 1e6)"
 # edge of a rectangle around the blank -> axis, and which end of it
 EDGES = {"low x": (0, 0), "high x": (0, 1), "low y": (1, 0), "high y": (1, 1)}
+SAME = 1e-6  # mm or deg, by which rounding may put a node beyond a limit
 # name of a coordinate -> function of points (3, n) to its values (n,)
 MEASURES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "x": lambda x: x[0],
@@ -60,9 +61,9 @@ class Region:
         """The mask (n,)."""
         inside = np.ones(x.shape[1], dtype=bool)
         for name, (low, high) in self.limits.items():
-            value = MEASURES[name](x)
-            value = low + (value - low) % 360 if name == "angle" else value
-            inside &= (value >= low) & (value <= high)
+            over = MEASURES[name](x) - low + SAME
+            over = over % 360 if name == "angle" else over
+            inside &= (over >= 0) & (over <= high - low + 2 * SAME)
         return inside
 
 
@@ -83,7 +84,7 @@ class Holder(Protocol):
 
 
 class _Checked:
-    """A holder whose numbers are checked when it is made."""
+    """A holder of the package: its numbers are checked when it is made."""
 
     def __post_init__(self) -> None:
         self.doubts()
@@ -91,6 +92,12 @@ class _Checked:
     def doubts(self) -> list[str]:
         """Warnings of numbers that seem to be in another unit."""
         return check_fields(self)
+
+    def terms(self, site: HolderSite) -> list[Term]:
+        """As in `Holder`."""
+        from . import holding
+
+        return holding.terms_of(self, site)
 
 
 @dataclass(frozen=True)
@@ -103,14 +110,14 @@ class PressureHolder(_Checked):
         Number [MPa], or function of the load factor, 0 to 1 over the whole run.
     where
         Function of present positions (3, n) [mm] to a mask (n,): where a segment of a holder
-        presses. Where segments overlap, their pressures add up.
+        presses.
     against
         Name of the die, needed if several tools could be it.
 
     Raises
     ------
     InputError
-        For a pressure below 0.
+        For a pressure below 0; when built, for segments that overlap.
 
     Examples
     --------
@@ -130,12 +137,6 @@ class PressureHolder(_Checked):
         """As in `_Checked`; a function is not checked."""
         return [] if callable(self.pressure) else super().doubts()
 
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.pressure_terms(self, site)
-
 
 @dataclass(frozen=True)
 class ForceHolder(_Checked):
@@ -147,14 +148,14 @@ class ForceHolder(_Checked):
         On the whole blank [N].
     where
         Function of points (3, n) [mm] of the flat blank to a mask (n,): the nodes that a segment
-        touches. If several segments touch a node, all their forces act on it.
+        touches.
     against
         As in `PressureHolder`.
 
     Raises
     ------
     InputError
-        For a force that is not above 0.
+        For a force that is not above 0; when built, for segments that overlap.
 
     Examples
     --------
@@ -167,12 +168,6 @@ class ForceHolder(_Checked):
     force: float = number(1e5, POSITIVE, "force on the whole ply [N]", GROUP)
     where: Where | None = None
     against: str = ""
-
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.force_terms(self, site)
 
 
 @dataclass(frozen=True)
@@ -189,7 +184,8 @@ class GapHolder(_Checked):
     Raises
     ------
     InputError
-        For a gap that is not above 0; when built, for one below half a thickness.
+        For a gap that is not above 0; when built, for one below half a thickness and for segments
+        that overlap.
 
     Examples
     --------
@@ -204,12 +200,6 @@ class GapHolder(_Checked):
     )
     where: Where | None = None
     against: str = ""
-
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.gap_terms(self, site)
 
 
 @dataclass(frozen=True)
@@ -245,12 +235,6 @@ class Grippers(_Checked):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_edges(self.edges)
-
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.gripper_terms(self, site)
 
 
 @dataclass(frozen=True)
@@ -296,12 +280,6 @@ class SpringHolder(_Checked):
         object.__setattr__(self, "at", points)  # as lists and arrays, so that holders compare
         if not (self.at or self.edges):
             raise InputError("a `SpringHolder` needs `edges` or points `at`")
-
-    def terms(self, site: HolderSite) -> list[Term]:
-        """As in `Holder`."""
-        from . import holding
-
-        return holding.spring_terms(self, site)
 
 
 PULLING = Grippers, SpringHolder  # holders that do not press the blank on a die

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import singledispatch
 from reprlib import repr as shown
 from typing import Any
 
@@ -62,6 +62,9 @@ class HolderSite:
         sheets below them; the contacts of each sheet with the next.
     warnings
         Those of the run, see `warn`.
+    taken
+        Of holders before this one: name, place, and function of points (3, n) to a mask (n,) of
+        where they act there.
 
     Examples
     --------
@@ -85,6 +88,7 @@ class HolderSite:
     sheets: Sequence[str] = ()
     rims: Sequence[str] = ()
     against: Sequence[SheetContact] = ()
+    taken: list[tuple[str, str, Where]] = field(default_factory=list)
 
     @property
     def lag(self) -> float:
@@ -105,21 +109,16 @@ class HolderSite:
 
 
 def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
-    """The terms of a holder. Raises InputError if its `terms` does not take a `HolderSite`, or does
-    not return a list of one or more terms."""
-    name = f"`terms` of {site.name}, a `{type(holder).__name__}`,"
-    try:
-        inspect.signature(holder.terms).bind(site)
-    except TypeError as error:
-        raise InputError(
-            f"{name} can't be called with a `HolderSite` ({error}); allowed is `def terms(self, "
-            "site)`"
-        ) from None
+    """The terms of a holder. Raises InputError if its `terms` does not return a list of one or more
+    terms."""
     terms: Any = holder.terms(site)
     listed = terms if isinstance(terms, (list, tuple)) else []
     if not listed or not all(isinstance(term, Term) for term in listed):
         found = f"one `{type(terms).__name__}`" if isinstance(terms, Term) else shown(terms)
-        raise InputError(f"{name} returns {found}; allowed is a list of one or more terms")
+        raise InputError(
+            f"`terms` of {site.name}, a `{type(holder).__name__}`, returns {found}; allowed is a "
+            "list of one or more terms"
+        )
     for term in listed:
         if isinstance(term, BlankHolderPressure) and term.direction @ site.up < 0:
             site.warn(
@@ -129,9 +128,16 @@ def holder_terms(holder: Holder, site: HolderSite) -> list[Term]:
     return list(listed)
 
 
-def pressure_terms(holder: PressureHolder, site: HolderSite) -> list[Term]:
+@singledispatch
+def terms_of(holder: Any, site: HolderSite) -> list[Term]:
+    """The terms of a holder of the package."""
+    raise NotImplementedError
+
+
+@terms_of.register
+def _pressure(holder: PressureHolder, site: HolderSite) -> list[Term]:
     """Terms of a `PressureHolder`; it presses a stack where all sheets lie on one another."""
-    flange, where = site.on_flange(), _checked_where(holder, site)
+    flange, where = site.on_flange(), _own_place(holder, site)
     site.warn(*loose_ends_warnings(flange, least_corner(site.blank)))
     pressure = BlankHolderPressure(
         holder.pressure,
@@ -155,7 +161,8 @@ def pressure_terms(holder: PressureHolder, site: HolderSite) -> list[Term]:
     return [pressure.on(site.sheets[0]), *below]
 
 
-def force_terms(holder: ForceHolder, site: HolderSite) -> list[Term]:
+@terms_of.register
+def _force(holder: ForceHolder, site: HolderSite) -> list[Term]:
     """Terms of a `ForceHolder`."""
     force = holder.force * (1.0 if site.whole else 0.25)
     plate = Plane(-site.thickness / 2 * site.up, site.up)
@@ -163,7 +170,8 @@ def force_terms(holder: ForceHolder, site: HolderSite) -> list[Term]:
     return [site.contact(tool, _at_plate(holder, site))]
 
 
-def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
+@terms_of.register
+def _gap(holder: GapHolder, site: HolderSite) -> list[Term]:
     """Terms of a `GapHolder`. Raises InputError for a gap below half a thickness."""
     t = site.thickness
     gap = holder.gap or 1.1 * t
@@ -176,27 +184,33 @@ def gap_terms(holder: GapHolder, site: HolderSite) -> list[Term]:
     return [site.contact(tool, _at_plate(holder, site))]
 
 
-def gripper_terms(holder: Grippers, site: HolderSite) -> list[Term]:
+@terms_of.register
+def _gripper(holder: Grippers, site: HolderSite) -> list[Term]:
     """Terms of `Grippers`. Raises InputError if no edge is gripped."""
     where, ends = _checked_where(holder, site), site.blank.extent()
-    edges = [
-        (_edge(axis, ends[end][axis], where), (2 * end - 1) * np.eye(3)[axis])
-        for axis, end in map(EDGES.__getitem__, holder.edges)
-        if end or site.whole
-    ]
     owned = site.blank.V.dofmap.index_map.size_local
     x, comm = site.blank.coordinates()[:owned].T, site.blank.mesh.comm
-    # not edges of which only a corner is marked
-    gripped = [each for each in edges if comm.allreduce(int(each[0](x).sum())) > 1]
+    gripped: list[Term] = []
+    for name in holder.edges:
+        axis, end = EDGES[name]
+        edge = _edge(axis, ends[end][axis], where)
+        # not edges of which only a corner is marked
+        if (end or site.whole) and comm.allreduce(int(edge(x).sum())) > 1:
+            both = lambda other, edge=edge: int((edge(x) & other(x)).sum())  # noqa: E731
+            _claim(site, name, edge, both, 1, f"nodes of the edge {name}")
+            pull = EdgeTension(holder.tension, (2 * end - 1) * np.eye(3)[axis], edge)
+            pull.name = f"{site.name}, {name}"
+            gripped.append(pull)
     if not gripped:
         raise InputError(
             f"`where` of holders.{site.name} marks no edge; allowed is a function that is true on "
             "at least one"
         )
-    return [EdgeTension(holder.tension, direction, edge) for edge, direction in gripped]
+    return gripped
 
 
-def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:
+@terms_of.register
+def _spring(holder: SpringHolder, site: HolderSite) -> list[Term]:
     """Terms of a `SpringHolder`. Raises InputError for a point that is not in the quarter."""
     ends, parts = site.blank.extent(), list(site.blank.parts.values()) or [site.blank.whole]
     half = 1.0 if site.whole else 0.5  # share of a spring in a plane of symmetry
@@ -230,8 +244,43 @@ def spring_terms(holder: SpringHolder, site: HolderSite) -> list[Term]:
 def _at_plate(holder, site):
     """Function of points of the flat blank to whether a plate touches them: on the die's flat face,
     since the plate has the die's opening, and where its segment is."""
-    flange, where = site.on_flange(), _checked_where(holder, site)
+    flange, where = site.on_flange(), _own_place(holder, site)
     return lambda x: (flange(x) > 0) & (where(x) if where else True)
+
+
+def _own_place(holder, site):
+    """Function of points (3, n) to a mask (n,) of what this holder presses and none before it does,
+    None for all: a node at the common limit of two segments is the first one's. Raises InputError
+    where they overlap by more than that."""
+    given, flange = _checked_where(holder, site), site.on_flange()
+    blank = site.blank.sheets[0].blank if isinstance(site.blank, Stack) else site.blank
+    x, areas = blank.midpoints(), blank.areas() * (1 if site.whole else 4)
+    where = given or (lambda x: np.ones(x.shape[1], dtype=bool))
+
+    def overlap(other):
+        return float(areas[where(x) & other(x) & (flange(x) > 0)].sum())
+
+    place, unit = f"the face of {site.die.name}", "mm2 of the blank"
+    if others := _claim(site, place, where, overlap, 0.0, unit):
+        return lambda x: where(x) & ~np.any([other(x) for other in others], axis=0)
+    return given
+
+
+def _claim(site, place, where, overlap, allowed, unit):
+    """Note that a holder acts on a `place` where a function says so; those of the holders before it
+    there. Raises InputError where two overlap by more than `allowed`, as they would act twice and
+    two plates or grippers can't be at one place; overlap: function of another holder's function to
+    this rank's share of it."""
+    earlier = {name: other for name, at, other in site.taken if at == place}
+    for name, other in earlier.items():
+        shared = site.blank.mesh.comm.allreduce(overlap(other))
+        if shared > allowed:
+            raise InputError(
+                f"holders.{name} and holders.{site.name} overlap on {rounded(shared, 4)} {unit}, "
+                "where both would act; allowed are segments beside each other (`where`)"
+            )
+    site.taken.append((site.name, place, where))
+    return list(earlier.values())
 
 
 def _checked_where(holder: Any, site: HolderSite) -> Where | None:

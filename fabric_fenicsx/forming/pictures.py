@@ -3,14 +3,27 @@
 from collections.abc import Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyvista
 
 from ..job.job import Result
+from ..mechanics.contact.holder_pressure import BlankHolderPressure
+from ..mechanics.contact.tool_contact import Contact
+from ..mechanics.load import EdgeTension
+from ..mechanics.springs import Springs
 from ..plot import forming_pictures, press_pictures
+from ..postprocess.ply import ply_of
 from ..results.measures import planes_of_symmetry
 from ..results.quantities import middle_of
 from ..runtime.logs import MARKED, log
 from ..runtime.status import task
 from .build import FormingScene
+
+# of a holder in setup.png, over the blank's size: distance from the blank, length of its pulls
+AWAY, LONG = 0.02, 0.15
+PULLS = 9  # rods drawn along an edge, about
 
 
 def draw_setup(made: FormingScene, folder: Path) -> None:
@@ -21,7 +34,43 @@ def draw_setup(made: FormingScene, folder: Path) -> None:
     if made.comm.rank:
         return
     with _no_loss("setup.png"):
-        press_pictures.setup_picture(folder / "setup.png", plies, made.tools, motions)
+        bodies = made.tools | _holders(made, plies)
+        press_pictures.setup_picture(folder / "setup.png", plies, bodies, motions)
+
+
+def _holders(made, plies):
+    """{name: surface} of what holders press, a little away from the blank, and of what pulls."""
+    size, found = float(np.ptp(made.extent, axis=0).max()), dict[str, Any]()
+    for term in made.scene.terms:
+        ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
+        x, centres = ply.x, ply.x[ply.triangles].mean(1).T
+        name = getattr(term, "tool", term).name
+        if isinstance(term, BlankHolderPressure):
+            found[name] = _patch(ply, term.shares(centres) > 0.5, -AWAY * size * term.direction)
+        elif isinstance(term, Contact) and term.where and name not in made.tools:
+            up = term.tool.evaluate(centres.T[:1]).normal[0]
+            found[name] = _patch(ply, np.asarray(term.where(centres)), -AWAY * size * up)
+        elif isinstance(term, Springs | EdgeTension):
+            if isinstance(term, Springs):
+                at, way = x[term.where(x.T)], np.asarray(term.arm, dtype=float)
+                way = way * min(1.0, LONG * size / float(np.linalg.norm(way)))
+            else:
+                at, way = x[term.edge(x.T)], LONG * size * np.asarray(term.direction)
+            ends, name = _pulls(at, way, size), name.rpartition(",")[0] or name
+            found[name] = found[name].merge(ends) if name in found else ends
+    return {name: surface for name, surface in found.items() if surface.n_points}
+
+
+def _patch(ply, pressed, shift):
+    """Surface of the triangles where a mask (m,) is true, moved by `shift` (3,) [mm]."""
+    return pyvista.PolyData.from_regular_faces(ply.x + shift, ply.triangles[pressed]).clean()
+
+
+def _pulls(x, away, size):
+    """Rods from about `PULLS` of the places x (n, 3) along a vector (3,) [mm]."""
+    x = x[:: max(1, -(-len(x) // PULLS))]
+    lines = pyvista.line_segments_from_points(np.stack([x, x + away], 1).reshape(-1, 3))
+    return lines.tube(radius=0.004 * size).triangulate()
 
 
 def draw(made: FormingScene, result: Result, folder: Path) -> None:

@@ -120,8 +120,9 @@ class Placement:
                 )
         if touching is None:
             raise InputError(
-                f"tools.{name} has its body between its face and the blank, which is {_side(tool)} "
-                f"it; allowed is the other side, or turn = [180, 0, 0]{_added(tool)}"
+                f"tools.{name} has its body between its face and the blank, which is "
+                f"{'above' if tool.side == 'below' else 'below'} it; allowed is the other side, or "
+                f"turn = [180, 0, 0]{_added(tool)}"
             )
         if is_die:
             touching += self._to_flange(surface, start + [0, 0, touching], tool.towards[2])
@@ -195,7 +196,8 @@ class Placement:
                 f"{coordinates(self._low)} to {coordinates(self._high)} mm"
             )
             if np.linalg.norm(shift - tool.at[:2]) > 1e-3 * self._size:
-                return f"{words}; allowed is a tool over it, as with at = [{_listed(shift)}]"
+                at = ", ".join(rounded(float(each), 6) for each in shift)
+                return f"{words}; allowed is a tool over it, as with at = [{at}]"
             return f"{words}; allowed is one in mm that is over the blank (is it in cm or inches?)"
         return f"{words}, nearest to {coordinates(place)}; allowed is `at` that puts it there"
 
@@ -228,16 +230,8 @@ class Placement:
             )
 
 
-def _side(tool):
-    return "above" if tool.side == "below" else "below"
-
-
 def _added(tool):
     return " on top of its own turn" if any(tool.turn) else ""
-
-
-def _listed(values):
-    return ", ".join(rounded(float(each), 6) for each in values)
 
 
 def _turned_round(surface: Any) -> Surface:

@@ -187,11 +187,6 @@ class Press(KnowsItsFields):
         surfaces = {name: tool.surface for name, tool in self.tools.items()}
         return {name: s.tool for name, s in surfaces.items() if isinstance(s, DieOf)}
 
-    def clearance(self, die: str) -> float | None:
-        """The clearance of a die, None if it is not given [mm]."""
-        surface = self.tools[die].surface
-        return surface.clearance if isinstance(surface, DieOf) else None
-
     def pressures(self) -> dict[str, float]:
         """{name: pressure at the start} of the holders whose pressure is a number [MPa]."""
         return {

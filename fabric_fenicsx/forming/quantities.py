@@ -23,7 +23,10 @@ def all_of(made: FormingScene, result: Result) -> dict[str, Any]:
     plastic strain and stress; for a stack the pressure between sheets. Those of a stack are for all
     sheets together; `plies` has those of each sheet."""
     found = of_forces(made, result) | of_contact(made, result) | of_sheets(made, result)
-    return found | quantities.pressure_quantities(result)
+    if "sheet_pressure" in result.fields:  # means of cells on the next sheet
+        pressure = np.nan_to_num(result.fields["sheet_pressure"])
+        found["sheet_pressure_largest_MPa"] = measures.extremes(made.comm, pressure)[1]
+    return found
 
 
 def of_forces(made: FormingScene, result: Result) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """Sheets laid on one another: the terms of each and between them."""
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -10,27 +9,12 @@ from mpi4py import MPI
 from ..mechanics.contact.holder_pressure import BlankHolderPressure
 from ..mechanics.contact.sheet_contact import SheetContact
 from ..mechanics.contact.tool_contact import Contact
-from ..mechanics.shell.membrane import Membrane
-from ..mechanics.shell.metal import SheetMetal
 from ..mechanics.shell.morley import Where
 from ..mechanics.term import Term
 from ..sheets.blank import Blank
 from ..sheets.stack import Stack
 from .interface import Interface
 from .sheet import Sheet
-
-
-def membrane(sheet: Sheet) -> Membrane:
-    """The membrane of a sheet of fabric."""
-    weave = None if sheet.weave_angle is None else math.radians(sheet.weave_angle)
-    assert sheet.fabric
-    return Membrane(sheet.fabric, integration=sheet.integration or "full", weave_angle=weave)
-
-
-def metal(sheet: Sheet, planes: Sequence[Where]) -> SheetMetal:
-    """The `SheetMetal` of a sheet of metal; planes: of symmetry."""
-    assert sheet.metal
-    return SheetMetal(sheet.metal, symmetric=planes)
 
 
 def between(

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from copy import copy
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,17 @@ from mpi4py import MPI
 
 from ..job.job import Job, Result
 from ..mechanics.contact.sheet_contact import SheetContact
-from ..mechanics.materials import materials_of
+from ..mechanics.contact.thickness import PlyThickness
+from ..mechanics.materials import fabric_of, materials_of
+from ..mechanics.output import Value
 from ..mechanics.release_forces import RELEASED, ReleaseForces
-from ..mechanics.term import overrides
+from ..mechanics.term import SceneFacts, overrides
 from ..runtime.errors import InputError
+from ..runtime.formatting import rounded
 from ..scene.isostatic import isostatic, planes_of_symmetry
 from ..scene.memory import OF_CELLS, memory_of
 from ..scene.scene import Scene
 from ..scene.supports import Support
-from ..sheets.blank import Part
 
 NAME = "unloaded"  # of the job, and usually of its folder
 # energies that are no longer in the sheets, or that they can't give back
@@ -86,7 +89,7 @@ def unloading(
     memory, formed = _memory(own), blank.u.x.array.copy()
     held = isostatic(blank, kept)
     blank.u.x.array[:] = 0.0  # as terms are made for a sheet that lies as it was laid
-    forces = ReleaseForces(_thinnest(before))
+    forces = _Release(_thinnest(before))
     terms = [copy(term.unbound) for term in own]
     scene = Scene(blank, [*terms, forces], [*map(_where_it_was, kept), *held])
     blank.u.x.array[:] = formed
@@ -95,6 +98,20 @@ def unloading(
     scene.accept()
     forces.take(_from_outside(scene, kept))
     return Job(scene, **USUAL | _output(scene, forces, held) | changes)
+
+
+class _Release(ReleaseForces):
+    """Release forces that tell what becomes of the fabric."""
+
+    def set_up(self, scene: SceneFacts) -> None:
+        super().set_up(scene)
+        self._scene = scene
+
+    def warnings(self) -> list[str]:
+        return _fabric_warnings(self._scene, self)
+
+    def cell_fields(self) -> dict[str, Value]:
+        return PlyThickness(self._scene).fields(0 * self.blank.areas())
 
 
 def _memory(terms):
@@ -146,13 +163,45 @@ def _from_outside(scene, kept):
     return found
 
 
+def _largest(scene, forces, part):
+    """The largest springback of a node of a part, of all ranks [mm]."""
+    size = np.linalg.norm(forces.springback(), axis=1)[part.nodes]
+    return scene.comm.allreduce(float(size.max(initial=0.0)), MPI.MAX)
+
+
+def _height(comm, places):
+    """Height over their mean plane of places (n, 3) of all ranks [mm]."""
+    x = np.concatenate(comm.allgather(places))
+    return float(np.ptp(x @ np.linalg.svd(x - x.mean(0), full_matrices=False)[2][2]))
+
+
+def _fabric_warnings(scene, forces):
+    """A warning of each sheet of fabric, which keeps none of its shape."""
+    blank, found = scene.blank, []
+    for part in blank.parts.values() or [blank.whole]:
+        if not fabric_of(scene, part):
+            continue
+        heights, count = "", len(part.nodes)
+        if blank.mesh.geometry.dim == 3:
+            now = blank.coordinates()[:count] + blank.nodal_displacement()[:count]
+            formed = now - forces.springback() @ blank.frame
+            before, after = (_height(scene.comm, each[part.nodes]) for each in (formed, now))
+            heights = f", from {rounded(before)} to {rounded(after)} mm height over its mean plane,"
+        found.append(
+            f"{part.name or blank.name} springs back by up to "
+            f"{rounded(_largest(scene, forces, part))} mm{heights} and keeps no shape: fabric is "
+            "elastic here, without plasticity, friction of yarns or memory of its bending, so it "
+            "gives back all that it stored. Real fabric keeps most of its shape; do not take this "
+            "for its springback"
+        )
+    return found
+
+
 def _output(scene, forces, held):
     """The fields of the job for its curve, quantities and pictures."""
     parts = list(scene.blank.parts.values()) or [scene.blank.whole]
 
-    def largest(part: Part) -> float:
-        size = np.linalg.norm(forces.springback(), axis=1)[part.nodes]
-        return scene.comm.allreduce(float(size.max(initial=0.0)), MPI.MAX)
+    largest = partial(_largest, scene, forces)
 
     def measure(scene: Scene, load: float) -> tuple[float, float]:
         return max(map(largest, parts)), forces.remaining()

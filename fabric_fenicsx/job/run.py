@@ -153,9 +153,11 @@ class Run:
             log.warning(words, load, report.iterations, report.reason)
 
     def _is_written(self):
-        """True if the last accepted state is one of those written for ParaView."""
+        """True if the last accepted state is one of those written for ParaView; that at full load
+        is, as stages may be added to it."""
         rows = self.history.rows
-        return (len(rows) - 1) % self.job.every == 0 or rows[-1]["load"] in self.job.milestones
+        kept = *self.job.milestones, 1.0
+        return (len(rows) - 1) % self.job.every == 0 or rows[-1]["load"] in kept
 
     def _result(self, outcome: Outcome) -> Result:
         scene, output, rows = self.scene, self.output, self.history.rows

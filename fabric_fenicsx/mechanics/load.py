@@ -158,15 +158,15 @@ class EdgeTension(_DeadLoad):
         edge: Callable[[np.ndarray], np.ndarray],
     ) -> None:
         check_over_load(f"{self.name} [N/mm]", FINITE, tension)
-        self._tension, self._direction, self._edge = tension, direction, edge
+        self._tension, self.direction, self.edge = tension, direction, edge
 
     def set_up(self, scene: SceneFacts) -> None:
         blank = scene.blank
         name = f"direction of {self.name} on {blank.name}"
-        unit = vector_on(blank, name, self._direction, unit=True)
+        unit = vector_on(blank, name, self.direction, unit=True)
         along = ufl.dot(blank.in_space(ufl.TestFunction(blank.V)), ufl.as_vector(unit.tolist()))
         try:
-            ds = self.part.ds(self._edge)
+            ds = self.part.ds(self.edge)
         except InputError as error:
             raise InputError(f"{self.name}: {error}") from error
         # of the edge at each owned degree of freedom

@@ -88,15 +88,15 @@ class Springs(Term):
             )
         if (anchor is None) == (arm is None):
             raise InputError(f"{name} need one of `anchor` and `arm`")
-        self._where, self._anchor, self._arm = where, anchor, arm
+        self.where, self._anchor, self.arm = where, anchor, arm
 
     def set_up(self, scene: SceneFacts) -> None:
         blank, gdim = scene.blank, scene.blank.mesh.geometry.dim
         shares = self._shares()
         nodes = np.flatnonzero(shares)
         self._share, x = shares[nodes], blank.along(blank.coordinates()[nodes].T).T
-        if self._arm is not None:
-            arm = self._vector("arm", self._arm)
+        if self.arm is not None:
+            arm = self._vector("arm", self.arm)
             self._from_anchor = -np.tile(arm, (len(x), 1))
         else:
             self._from_anchor = x - self._vector("anchor", self._anchor)
@@ -125,7 +125,7 @@ class Springs(Term):
         owned, gdim = blank.V.dofmap.index_map.size_local, blank.mesh.geometry.dim
 
         def where(points):
-            return values_at(self._where, points, f"`where` of {self.name}")
+            return values_at(self.where, points, f"`where` of {self.name}")
 
         found = (self.part.nodes & where(blank.coordinates()[:owned].T)).astype(float)
         try:

@@ -56,23 +56,28 @@ def flat_pattern(grid: Grid, trim: Plane | Sequence[np.ndarray], reach: float) -
     trim: lines (n, 3) in space, each point of which counts where the ply is nearest, or (n, 2),
     which are projected along z [mm]; they form closed rings, of which the largest is the outline
     and the others are holes. Holes of the ply stay. reach: distance from the ply up to which a line
-    counts as on it [mm]. Raises InputError, with the place, for a line that is further away, leaves
-    the ply, is open, or crosses itself in the flat, and for a plane that does not cut the ply.
+    counts as on it [mm]. Raises InputError for a line that is further away or leaves the ply, with
+    all places, is open, or crosses itself in the flat, and for a plane that does not cut the ply.
     """
     ply = whole(ply_of(grid))
     if isinstance(trim, Plane):
         part = _beside(ply, trim)
         return FlatPattern(_sheet(part), part, 0.0)
     edge = float(np.sqrt(2 * plan_area(ply.x, ply.triangles).mean()))
-    flat, off = [], 0.0
-    for line in trim:
-        dense = shapely.get_coordinates(
+    lines = [
+        shapely.get_coordinates(
             shapely.segmentize(shapely.LineString(line), FINE * edge), include_z=line.shape[1] == 3
         )
-        places, distance = (_nearest if line.shape[1] == 3 else _below)(ply, dense, reach)
-        line_in_flat = shapely.LineString(places).simplify(STRAIGHT * edge)
-        flat.append(shapely.get_coordinates(line_in_flat))
-        off = max(off, distance)
+        for line in trim
+    ]
+    ends = np.cumsum([len(line) for line in lines])
+    number = np.repeat(np.arange(len(lines)), np.diff(ends, prepend=0))
+    project = _nearest if lines[0].shape[1] == 3 else _below
+    places, off = project(ply, np.vstack(lines), reach, number)
+    flat = [
+        shapely.get_coordinates(shapely.LineString(each).simplify(STRAIGHT * edge))
+        for each in np.split(places, ends[:-1])
+    ]
     source = "the trim line, on the flat ply,"
     net = sheet_of(joined(flat, source), source).intersection(_sheet(ply))
     return FlatPattern(net, _inside(ply, net), off)
@@ -111,17 +116,17 @@ def _beside(ply, plane):
 # -- a line
 
 
-def _nearest(ply, points, reach):
+def _nearest(ply, points, reach, number):
     """Places (n, 2) on the flat ply of what is nearest to `points` (n, 3) on the formed one, and
-    the largest distance."""
+    the largest distance; number (n,): of the line that each is on."""
     surface = pyvista.PolyData.from_regular_faces(ply.formed, ply.triangles)
     cells, nearest = surface.find_closest_cell(points, return_closest_point=True)
     apart = np.linalg.norm(points - nearest, axis=1)
     if apart.max() > reach:
-        k = apart.argmax()
         raise InputError(
-            f"the trim line is {rounded(apart[k])} mm away from the ply at "
-            f"{coordinates(points[k])} mm; allowed is up to {rounded(reach)} mm, on the formed ply"
+            f"the trim line is {rounded(apart.max())} mm away from the ply at "
+            f"{_where(points, apart, apart > reach, number)}; allowed is up to {rounded(reach)} "
+            "mm, on the formed ply"
         )
     p, q, r = ply.formed[ply.triangles[cells]].swapaxes(0, 1)
     normal = np.cross(q - p, r - p)
@@ -130,47 +135,61 @@ def _nearest(ply, points, reach):
     beside = points - nearest
     beside -= (beside * normal).sum(1, keepdims=True) * normal
     places = _flat(ply, cells, nearest)
-    gone = (np.linalg.norm(beside, axis=1) > BESIDE * reach) & _on_edge(ply, places)
-    if gone.any():
-        k = np.linalg.norm(beside, axis=1)[gone].argmax()
-        raise _leaves(points[gone][k])
+    beyond = np.linalg.norm(beside, axis=1)
+    edge = _sheet(ply).boundary
+    on_edge = shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
+    _check_on(points, beyond, (beyond > BESIDE * reach) & on_edge, number)
     return places, float(apart.max())
 
 
-def _on_edge(ply, places):
-    """Mask of places (n, 2) of the flat ply that lie on its edge."""
-    edge = _sheet(ply).boundary
-    return shapely.distance(edge, shapely.points(places)) < 1e-6 * np.sqrt(edge.length)
-
-
-def _below(ply, points, reach):
+def _below(ply, points, reach, number):
     """Places (n, 2) on the flat ply of what is at `points` (n, 2) in plan on the formed one, and a
-    distance of 0."""
+    distance of 0; number: as of `_nearest`."""
     corners = ply.formed[ply.triangles]
     tree = shapely.STRtree(shapely.polygons(corners[:, :, :2]))
     found, cells = tree.query(shapely.points(points), predicate="dwithin", distance=BESIDE * reach)
-    missing = np.setdiff1d(np.arange(len(points)), found)
-    if len(missing):
-        raise _leaves(points[missing[0]])
+    missing = ~np.isin(np.arange(len(points)), found)
+    beyond = np.zeros(len(points))
+    if missing.any():
+        beyond[missing] = shapely.distance(
+            shapely.union_all(tree.geometries), shapely.points(points[missing])
+        )
+    _check_on(points, beyond, missing, number)
     shares = _shares(corners[cells][:, :, :2], points[found])
     height = (shares * corners[cells][:, :, 2]).sum(1)
     low, high = np.full(len(points), np.inf), np.full(len(points), -np.inf)
     np.minimum.at(low, found, height)
     np.maximum.at(high, found, height)
-    if (high - low).max() > reach:
-        k = (high - low).argmax()
+    folded = high - low
+    if folded.max() > reach:
         raise InputError(
-            f"the ply lies {rounded((high - low)[k])} mm above itself at {coordinates(points[k])} "
-            "mm; allowed for it is a trim line with z"
+            f"the ply lies {rounded(folded.max())} mm above itself at "
+            f"{_where(points, folded, folded > reach, number)}; allowed for it is a trim line "
+            "with z"
         )
     _, first = np.unique(found, return_index=True)
     return (shares[first, :, None] * ply.x[ply.triangles[cells[first]], :2]).sum(1), 0.0
 
 
-def _leaves(place):
-    return InputError(
-        f"the trim line leaves the ply at {coordinates(place)} mm; allowed is a line on the ply"
-    )
+def _check_on(points, beyond, gone, number):
+    """Raise InputError for points (n, d) that are `gone` (n,), `beyond` (n,) the ply's edge."""
+    if gone.any():
+        raise InputError(
+            f"the trim line leaves the ply at {_where(points, beyond, gone, number)}; allowed is "
+            "a line on the ply"
+        )
+
+
+def _where(points, size, wrong, number):
+    """The `wrong` (n,) points of lines as text: of each run of them the one of the largest `size`
+    (n,), the worst run first."""
+    rings = [np.flatnonzero(number == k) for k in range(number[-1] + 1)]
+    # none begins in the middle of a run
+    order = np.concatenate([np.roll(ring, -int((~wrong[ring]).argmax())) for ring in rings])
+    at = np.flatnonzero(wrong[order])
+    runs = np.split(order[at], np.flatnonzero(np.diff(at + number[at]) > 1) + 1)
+    worst = sorted((run[size[run].argmax()] for run in runs), key=lambda k: -size[k])
+    return " and ".join(coordinates(points[k]) for k in worst) + " mm"
 
 
 def _flat(ply, cells, points):

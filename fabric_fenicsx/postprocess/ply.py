@@ -50,17 +50,26 @@ def whole(ply: Ply) -> Ply:
     numbers are those of the modelled part."""
     x, u, triangles, fields = ply.x, ply.u, ply.triangles, ply.fields
     for axis in ply.planes:
-        mirror = np.where(np.arange(3) == axis, -1.0, 1.0)
-        off = np.flatnonzero(x[:, axis])
-        image = np.arange(len(x))
-        image[off] = len(x) + np.arange(len(off))
+        mirror, off, images = image_of(x, triangles, axis)
         x, u = (np.vstack([p, p[off] * mirror]) for p in (x, u))
-        triangles = np.vstack([triangles, image[triangles][:, ::-1]])
+        triangles = np.vstack([triangles, images])
         fields = {
             name: np.concatenate([v, v * mirror if v.shape[1:] == (3,) else v])
             for name, v in fields.items()
         }
     return Ply(x, u, triangles, fields, [])
+
+
+def image_of(
+    x: np.ndarray, cells: np.ndarray, axis: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The image of flat nodes x (n, 3) and cells (m, k) in the plane of symmetry perpendicular to
+    `axis`: factors of vectors (3,), which nodes are off the plane, and have images behind the
+    others, and the images' cells (m, k), turned round."""
+    off = np.flatnonzero(abs(x[:, axis]) > SAME)
+    image = np.arange(len(x))
+    image[off] = len(x) + np.arange(len(off))
+    return np.where(np.arange(3) == axis, -1.0, 1.0), off, image[cells][:, ::-1]
 
 
 def plan_area(x: np.ndarray, triangles: np.ndarray) -> np.ndarray:
@@ -83,9 +92,15 @@ def edge_sides(triangles: np.ndarray) -> np.ndarray:
     return sides[first[count == 1]]
 
 
+def planes_of(grid: Grid) -> list[int]:
+    """Axes to which the planes of symmetry at the ply in a grid are perpendicular."""
+    marked = map(int, grid.field_data.get(SYMMETRIC, ()))
+    return [axis for axis in marked if abs(grid.points[:, axis].min()) < SAME]
+
+
 def ply_of(grid: Grid) -> Ply:
     """The ply in a grid, its nodes merged and its cells cut into triangles."""
-    symmetric = grid.field_data.get(SYMMETRIC, ())
+    planes = planes_of(grid)
     grid = grid.triangulate().clean(tolerance=SAME)
     triangles = grid.cells_dict[pyvista.CellType.TRIANGLE].astype(np.int64)
     x = np.array(grid.points, dtype=float)
@@ -93,5 +108,4 @@ def ply_of(grid: Grid) -> Ply:
     clockwise = plan_area(x, triangles) < 0
     triangles[clockwise] = triangles[clockwise, ::-1]
     fields = {name: np.asarray(values) for name, values in grid.cell_data.items()}
-    planes = [int(axis) for axis in symmetric if x[:, axis].min() == 0]
     return Ply(x, np.asarray(grid.point_data["u"], dtype=float), triangles, fields, planes)

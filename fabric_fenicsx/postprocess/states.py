@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pyvista
-from vtkmodules.vtkCommonCore import vtkDataArray
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter, vtkXMLUnstructuredGridWriter
 
 from ..runtime.errors import InputError
@@ -83,7 +82,31 @@ def _read(listed, load):
     """Blocks of the state at `load`, by default the last, that a .pvd file lists."""
     reader = pyvista.PVDReader(listed)
     reader.set_active_time_value(reader.time_values[-1] if load is None else load)
-    return reader.read()
+    blocks = reader.read()
+    for block in blocks:
+        if isinstance(block, pyvista.DataSet):
+            _drop_units(block)
+    return blocks
+
+
+def _drop_units(block):
+    """Give the arrays of a grid the names and units that they had before `save`."""
+    radians, units = list(block.field_data.get("radians", ())), []
+    for line in block.field_data.get("units", ()):
+        written, unit = line.removesuffix("]").split(" [")
+        name, angle = written.removesuffix(_suffix(unit)), written in radians
+        units.append(f"{name} [{'rad' if angle else unit}]")
+        for arrays in (block.point_data, block.cell_data):
+            if written in arrays and written != name:
+                values = arrays.pop(written)
+                arrays[name] = np.radians(values) if angle else values
+    block.field_data["units"] = units
+
+
+def _suffix(unit):
+    """The end of a name that tells its unit: "_N_per_mm2", of no unit ""."""
+    plain = unit.replace(" ", "").replace("^", "").replace("/", "_per_")
+    return f"_{plain}" if plain.strip("-") else ""
 
 
 def units(folder: Path | str) -> dict[str, str]:
@@ -124,15 +147,22 @@ def with_known_fields(grid: Grid) -> Grid:
 
 
 def save(path: Path, data: pyvista.DataSet, known: Mapping[str, str]) -> None:
-    """Write a grid or surface with the units of its arrays, out of those `known`, to `path`, whole
-    or not at all; OSError naming it."""
-    units = []
+    """Write a grid or surface to `path`, whole or not at all; OSError naming it. known: units of
+    arrays {name: unit}; in the file a name ends with its unit, and angles are in degrees."""
+    data, units, radians = data.copy(deep=False), [], []
     for arrays in (data.point_data, data.cell_data):
-        for name in (each for each in arrays if each in known):
-            information = arrays.VTKObject.GetAbstractArray(name).GetInformation()
-            information.Set(vtkDataArray.UNITS_LABEL(), known[name])
-            units.append(f"{name} [{known[name]}]")
+        for name in [each for each in arrays if each in known]:
+            unit = "deg" if known[name] == "rad" else known[name]
+            written = f"{name}{_suffix(unit)}"
+            units.append(f"{written} [{unit}]")
+            if written != name:
+                values = arrays.pop(name)
+                arrays[written] = values if unit == known[name] else np.degrees(values)
+            if unit != known[name]:
+                radians.append(written)
     data.field_data["units"] = units
+    if radians:
+        data.field_data["radians"] = radians
     is_grid = isinstance(data, pyvista.UnstructuredGrid)
     writer = vtkXMLUnstructuredGridWriter() if is_grid else vtkXMLPolyDataWriter()
     writer.SetInputData(data)

@@ -1,6 +1,7 @@
-"""Formed plies with their yarn directions, for a structural analysis: VTU and Abaqus input."""
+"""Formed plies with thickness and yarn directions, for a structural analysis: VTU, Abaqus, LS-DYNA
+and Nastran."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,36 +10,47 @@ import pyvista
 
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from .ply import SAME, Grid, areas, grid_of
+from .ply import SAME, Grid, areas, grid_of, image_of, planes_of
 from .states import save, set_labels
 
 CORNERS = {5: 3, 69: 3, 9: 4, 70: 4}  # of VTK's cells, which begin with them
 UNITS = dict.fromkeys(("yarn_a", "yarn_b", "normal", "area_ratio", "part"), "-")
-UNITS["shear_angle"] = "rad"
-TABLE = "yarn_axes"
+UNITS |= {"shear_angle": "rad", "thickness": "mm"}
+THICKNESS = "thickness_under_pressure", "metal_thickness"  # fields of results
+AXES, LENGTH, ANGLE = "yarn_axes", "length", "angle"  # tables of distributions
 
 
 class FormedPly(NamedTuple):
-    """points (n, 3) [mm] of the formed ply's nodes, cells (m, 3 or 4) by their corners,
-    anticlockwise about the normal, and fields {name: (m,) or (m, 3)}: unit vectors `yarn_a`,
-    `yarn_b`, `normal` (to the side from which b is anticlockwise of a), `shear_angle` [rad],
-    `area_ratio` (formed over flat). A sheet without yarns, as of metal, has `area_ratio` alone."""
+    """points, flat (n, 3) [mm] of the formed and the flat ply's nodes, cells (m, 3 or 4) by their
+    corners, anticlockwise about the normal, and fields {name: (m,) or (m, 3)}: unit vectors
+    `yarn_a`, `yarn_b`, `normal` (to the side from which b is anticlockwise of a), `shear_angle`
+    [rad], `area_ratio` (formed over flat), and `thickness` [mm], if the run knew it. A sheet
+    without yarns, as of metal, has `area_ratio` and `thickness` alone."""
 
     points: np.ndarray
+    flat: np.ndarray
     cells: np.ndarray
     fields: dict[str, np.ndarray]
 
+    def yarn_angles(self) -> np.ndarray:
+        """Angles from the side of the first two corners to yarns a and b, about the normal, (2, m)
+        [deg]."""
+        side = self.points[self.cells[:, 1]] - self.points[self.cells[:, 0]]
+        yarns = np.array([self.fields["yarn_a"], self.fields["yarn_b"]])
+        beside = np.cross(self.fields["normal"], side)
+        return np.degrees(np.arctan2((yarns * beside).sum(2), (yarns * side).sum(2)))
 
-def formed_ply(grid: Grid) -> FormedPly:
-    """The formed ply of a grid as `Result.grids` has it; cells of higher degree by their
-    corners."""
+
+def formed_ply(grid: Grid, modelled: bool = False) -> FormedPly:
+    """The formed ply of a grid as `Result.grids` has it, with its images in the planes of symmetry,
+    unless `modelled`; cells of higher degree by their corners."""
     corners = CORNERS[int(grid.celltypes[0])]
     cells = grid.cell_connectivity.reshape(grid.n_cells, -1)[:, :corners]
     x, u = (np.asarray(each, dtype=float) for each in (grid.points, grid.point_data["u"]))
-    flat = grid_of(x, cells, u).clean(tolerance=SAME)
-    ((_, cells),) = flat.cells_dict.items()
-    cells, x = cells.astype(np.int64), np.asarray(flat.points)
-    points, fields = x + np.asarray(flat.point_data["u"]), {}
+    merged = grid_of(x, cells, u).clean(tolerance=SAME)
+    ((_, cells),) = merged.cells_dict.items()
+    cells, x = cells.astype(np.int64), np.asarray(merged.points)
+    points, fields = x + np.asarray(merged.point_data["u"]), {}
     # not VTK's compute_cell_sizes, which crashed on Debian 13
     ratio = areas(points[cells]) / areas(x[cells])
     if "a" in grid.cell_data:
@@ -48,7 +60,43 @@ def formed_ply(grid: Grid) -> FormedPly:
         p, q, r = points[cells[:, 0]], points[cells[:, 1]], points[cells[:, -1]]
         behind = (np.cross(q - p, r - p) * fields["normal"]).sum(1) < 0
         cells[behind] = cells[behind, ::-1]
-    return FormedPly(points, cells, fields | {"area_ratio": ratio})
+    for name in THICKNESS:
+        if name in grid.cell_data:
+            fields["thickness"] = np.asarray(grid.cell_data[name])
+    ply = FormedPly(points, x, cells, fields | {"area_ratio": ratio})
+    for axis in () if modelled else planes_of(grid):
+        ply = _with_image(ply, axis)
+    return ply
+
+
+def _with_image(ply, axis):
+    """The ply with its image in the plane of symmetry that is perpendicular to `axis`."""
+    mirror, off, images = image_of(ply.flat, ply.cells, axis)
+    points, flat = (np.vstack([x, x[off] * mirror]) for x in (ply.points, ply.flat))
+    new = {name: v * mirror if v.ndim == 2 else v for name, v in ply.fields.items()}
+    if "yarn_a" in new:
+        new |= _yarns_of_image(ply, new["yarn_a"], new["yarn_b"], mirror)
+    fields = {name: np.concatenate([v, new[name]]) for name, v in ply.fields.items()}
+    return FormedPly(points, flat, np.vstack([ply.cells, images]), fields)
+
+
+def _yarns_of_image(ply, a, b, mirror):
+    """Yarns and shear angle of the image of a ply, from its yarns a, b (m, 3), mirrored. The image
+    of yarns at 45 deg runs along the others; a yarn keeps its name and sense over the plane."""
+    p, q, r = (ply.cells[:, k] for k in (0, 1, -1))
+    sides, before = (np.stack([x[q] - x[p], x[r] - x[p]], 1) for x in (ply.points, ply.flat))
+    square = sides @ sides.swapaxes(1, 2)
+    flat = []  # directions of yarns on the flat ply
+    for yarn in (ply.fields["yarn_a"], ply.fields["yarn_b"]):
+        shares = np.linalg.solve(square, (sides @ yarn[:, :, None]))
+        flat.append(_unit((shares * before).sum(1)))
+    along, across = (abs((flat[0] * mirror * each).sum(1)).mean() for each in flat)
+    swapped = int(across > along)
+    images = [flat[swapped] * mirror, flat[1 - swapped] * mirror]
+    senses = [np.sign((new * old).sum(1))[:, None] for new, old in zip(images, flat)]
+    a, b = ((b, a) if swapped else (a, b))[0] * senses[0], (a if swapped else b) * senses[1]
+    shear = ply.fields["shear_angle"] * (1 if swapped else -1)
+    return {"yarn_a": a, "yarn_b": b, "shear_angle": shear}
 
 
 def _unit(vectors):
@@ -58,69 +106,161 @@ def _unit(vectors):
 def checked(path: Path | str) -> Path:
     """The path of a file to write; InputError if its ending is none of those known."""
     path = Path(path)
-    if path.suffix not in (".vtu", ".inp"):
-        raise InputError(f"the ending of {path} is unknown; allowed are .vtu and .inp")
+    if path.suffix not in WRITERS:
+        raise InputError(
+            f"the ending of {path} is unknown; allowed are {', '.join(WRITERS)} (VTK, Abaqus, "
+            "LS-DYNA, Nastran)"
+        )
     return path
 
 
-def export(grids: Mapping[str, Grid], path: Path | str) -> None:
-    """Write the formed plies {name: grid} with their yarn directions to `path`: `.vtu` for VTK's
-    readers, `.inp` as Abaqus input.
+def export(
+    grids: Mapping[str, Grid], path: Path | str, modelled: bool = False
+) -> dict[str, FormedPly]:
+    """Write the formed plies {name: grid} with their yarn directions to `path`; returns them.
 
-    The VTU file has the fields of `FormedPly` and `part`, the ply's number. The Abaqus file has
-    for each ply its nodes, shell elements (S3 or S4) in a set with its name as `set_labels` spells
-    it and, as distributions, two orientations LABEL_yarns_a and LABEL_yarns_b: axis 1 along that
-    yarn, axis 3 along `normal`. Raises InputError for another ending, and if no ply has yarns.
+    Plies and yarn directions are mirrored in the planes of symmetry, unless `modelled`.
+    docs/howto/structural_analysis.md says what is in each file: `.vtu` for VTK's readers, `.inp` as
+    Abaqus input, `.k` for LS-DYNA, `.bdf` for Nastran. Raises InputError for another ending, if no
+    ply has yarns, and for the last two if a thickness is not known.
     """
-    path, plies = checked(path), {name: formed_ply(grid) for name, grid in grids.items()}
+    path, plies = checked(path), {n: formed_ply(grid, modelled) for n, grid in grids.items()}
     if not any("yarn_a" in ply.fields for ply in plies.values()):
         raise InputError("no sheet has yarns; allowed is at least one ply of fabric")
     if path.suffix == ".vtu":
         save(path, _joined(plies.values()), UNITS)
-    else:
-        replace_file(path, "".join(_abaqus(plies)))
+        return plies
+    unknown = [name or "the ply" for name, ply in plies.items() if "thickness" not in ply.fields]
+    if unknown and path.suffix != ".inp":
+        raise InputError(
+            f"the thickness of {unknown[0]} is not known, which {path} needs; allowed are results "
+            "of a run with tools, or .inp and .vtu"
+        )
+    replace_file(path, "".join(WRITERS[path.suffix](plies)))
+    return plies
 
 
-def _joined(plies):
-    """All plies as one grid; directions of a sheet without yarns are NaN."""
-    grids = []
+def _joined(plies: Iterable[FormedPly]) -> pyvista.UnstructuredGrid:
+    """All plies as one grid; what a sheet does not have is NaN."""
+    grids, known = [], [name for ply in plies for name in ply.fields]
     for number, ply in enumerate(plies):
         grid, m = grid_of(ply.points, ply.cells, 0 * ply.points), len(ply.cells)
         grid.clear_point_data()
-        missing = dict.fromkeys(("yarn_a", "yarn_b", "normal"), np.full((m, 3), np.nan))
-        missing["shear_angle"] = np.full(m, np.nan)
+        vectors = "yarn_a", "yarn_b", "normal"
+        missing = {n: np.full((m, 3) if n in vectors else m, np.nan) for n in known}
         grid.cell_data.update(missing | ply.fields)
         grid.cell_data["part"] = np.full(m, number, dtype=np.int32)
         grids.append(grid)
     return pyvista.MultiBlock(grids).combine() if len(grids) > 1 else grids[0]
 
 
+def _numbered(
+    plies: Mapping[str, FormedPly],
+) -> Iterator[tuple[str, FormedPly, np.ndarray, np.ndarray, np.ndarray]]:
+    """Label and ply, with the numbers of its nodes and cells, and its cells by these numbers."""
+    node = element = 1
+    for name, label in set_labels(plies).items():
+        ply = plies[name]
+        numbers = element + np.arange(len(ply.cells))
+        yield label, ply, node + np.arange(len(ply.points)), numbers, ply.cells + node
+        node, element = node + len(ply.points), element + len(ply.cells)
+
+
+# -- Abaqus
+
+
 def _abaqus(plies):
     """Lines of the Abaqus input."""
-    labels = set_labels(plies)
-    yield "** formed plies with their yarn directions, by fabric_fenicsx; mm\n"
-    yield f"*DISTRIBUTION TABLE, NAME={TABLE}\nCOORD3D, COORD3D\n"
-    node = element = 0
-    for name, (points, cells, fields) in plies.items():
-        label = labels[name]
+    yield "** formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n"
+    for name, what in ((AXES, "COORD3D, COORD3D"), (LENGTH, "LENGTH"), (ANGLE, "ANGLE")):
+        yield f"*DISTRIBUTION TABLE, NAME={name}\n{what}\n"
+    for name, (label, ply, nodes, elements, cells) in zip(plies, _numbered(plies)):
+        fields = ply.fields
         yield f"** ply {name!a}: ELSET {label}\n" if name else ""
         yield "*NODE\n"
-        yield from _lines(node, points)
+        yield from _rows(nodes, ply.points)
         yield f"*ELEMENT, TYPE=S{cells.shape[1]}, ELSET={label}\n"
-        yield from _lines(element, cells + node + 1)
+        yield from _rows(elements, cells)
+        if "thickness" in fields:
+            mean = f"{fields['thickness'].mean():.9g}"
+            yield from _distribution(
+                f"{label}_thickness", LENGTH, mean, elements, fields["thickness"]
+            )
         if "yarn_a" in fields:
-            a, b = fields["yarn_a"], fields["yarn_b"]
-            # the second axis so that the third is the same
-            for yarn, axes in (("a", [a, b]), ("b", [b, -a])):
-                own = f"{label}_yarns_{yarn}"
-                yield f"*DISTRIBUTION, NAME={own}, LOCATION=ELEMENT, TABLE={TABLE}\n"
-                yield ", 1.0, 0.0, 0.0, 0.0, 1.0, 0.0\n"
-                yield from _lines(element, np.hstack(axes))
+            shear = np.degrees(fields["shear_angle"])
+            yield from _distribution(f"{label}_shear_angle", ANGLE, "0.0", elements, shear)
+            for yarn in "ab":
+                own, along = f"{label}_yarns_{yarn}", fields[f"yarn_{yarn}"]
+                # the second axis so that the third is the normal
+                axes = np.hstack([along, np.cross(fields["normal"], along)])
+                usual = "1.0, 0.0, 0.0, 0.0, 1.0, 0.0"
+                yield from _distribution(own, AXES, usual, elements, axes)
                 yield f"*ORIENTATION, NAME={own}, SYSTEM=RECTANGULAR\n{own}\n3, 0.0\n"
-        node, element = node + len(points), element + len(cells)
 
 
-def _lines(before, rows):
-    """Rows of numbers, each with its own number, of which the first comes after `before`."""
-    for number, row in enumerate(rows.tolist(), before + 1):
+def _distribution(name, table, usual, elements, values):
+    yield f"*DISTRIBUTION, NAME={name}, LOCATION=ELEMENT, TABLE={table}\n, {usual}\n"
+    yield from _rows(elements, values.reshape(len(elements), -1))
+
+
+def _rows(numbers, rows):
+    """Rows of numbers, each behind its own number."""
+    for number, row in zip(numbers, rows.tolist()):
         yield f"{number}, {', '.join(f'{value:.9g}' for value in row)}\n"
+
+
+# -- LS-DYNA and Nastran: layers a, b, b, a of a quarter of the thickness each
+
+
+def _layers(ply):
+    """Thickness and angle to the first side of each layer, (m,) [mm, deg]: yarns a, b, b, a; of a
+    sheet without yarns one layer."""
+    whole = ply.fields["thickness"]
+    if "yarn_a" not in ply.fields:
+        return [(whole, 0 * whole)]
+    a, b = ply.yarn_angles()
+    return [(whole / 4, angle) for angle in (a, b, b, a)]
+
+
+def _dyna(plies):
+    """Lines of LS-DYNA's keyword file; a triangle has its last corner twice."""
+    yield "$ formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n*NODE\n"
+    for _, ply, nodes, _, _ in _numbered(plies):
+        for node, x in zip(nodes, ply.points.tolist()):
+            yield f"{node:8d}" + "".join(f"{each:16.9g}" for each in x) + "\n"
+    for part, (label, ply, _, elements, cells) in enumerate(_numbered(plies), 1):
+        yield f"$ ply {label}: part {part}, of layers of material {part}\n"
+        yield "*ELEMENT_SHELL_COMPOSITE\n"
+        layers = np.array(_layers(ply)).transpose(2, 0, 1)
+        for element, corners, own in zip(elements, cells.tolist(), layers.tolist()):
+            corners = (*corners, corners[-1])[:4]
+            yield "".join(f"{each:8d}" for each in (element, part, *corners)) + "\n"
+            cards = [f"{part:10d}{t:10.6f}{angle:10.4f}{0:10d}" for t, angle in own]
+            yield from ("".join(cards[k : k + 2]) + "\n" for k in range(0, len(cards), 2))
+    yield "*END\n"
+
+
+def _nastran(plies):
+    """Lines of Nastran's bulk data: an element's layers are the PCOMP of its own number, of which
+    the upper half is the lower one mirrored."""
+    yield "$ formed plies with their yarn directions, by fabric_fenicsx; mm, deg\n"
+    for part, (label, ply, nodes, elements, cells) in enumerate(_numbered(plies), 1):
+        yield f"$ ply {label}: of layers of material {part}\n"
+        for node, (x, y, z) in zip(nodes, ply.points.tolist()):
+            yield f"GRID*   {node:16d}{'':16}{x:16.9e}{y:16.9e}\n*       {z:16.9e}\n"
+        layers = _layers(ply)
+        lower = layers[: max(1, len(layers) // 2)]
+        kind = "CTRIA3" if cells.shape[1] == 3 else "CQUAD4"
+        along = lower[0][1]  # the axis of the element's material, to which layers are turned
+        for k, (element, corners) in enumerate(zip(elements, cells.tolist())):
+            card = "".join(f"{each:8d}" for each in (element, element, *corners))
+            yield f"{kind:8}{card}{along[k]:8.3f}\n"
+            symmetric = "SYM" if layers[1:] else ""
+            yield f"PCOMP*  {element:16d}\n*       {'':48}{symmetric}\n"
+            for t, angle in lower:
+                turned = angle[k] - along[k]
+                yield f"*       {part:16d}{t[k]:16.9e}{turned:16.9e}\n"
+
+
+WRITERS = {".vtu": _joined, ".inp": _abaqus, ".k": _dyna, ".key": _dyna}
+WRITERS |= {".bdf": _nastran, ".nas": _nastran}

@@ -13,12 +13,6 @@ Measure = Callable[[Scene, float], tuple[float, float]]
 Curves = Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
-def moving_grip(stroke: float) -> Measure:
-    """Function of a scene with `clamped_ends(stroke)`, or `rolling_ends`, and its load factor to
-    the moving grip's displacement [mm] and reaction [N]."""
-    return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
-
-
 def default_measure(scene: Scene) -> Measure:
     """Displacement [mm] and force [N] of the first tool of `scene` that moves, else of the support
     that moves furthest, along the motion of either."""

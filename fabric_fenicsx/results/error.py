@@ -119,6 +119,7 @@ def estimate(result: Result, coarser: Sequence[Result], names: Iterable[str]) ->
         sizes = [_root_mean_square(run, each[name]) for run, each in zip(runs, apart)]
         root = float(bound(*sizes))
         result.fields[f"error_{name}"] = differences * (root / sizes[0] if sizes[0] else 0.0)
+        result.fields.units[f"error_{name}"] = result.fields.units.get(name, "-")
         if name == "shear_angle":
             errors["shear_angle_rms_deg"] = float(np.degrees(root))
         else:

@@ -80,10 +80,11 @@ class FieldSeries:
     and patches have a grid each, with its name, and the number `part`.
 
     If the sheet may touch tools, `DIR/tools.pvd` has for each state a block with the name of each
-    tool, its surface where that then is. Times are load factors. Each array has its unit as VTK's
-    UNITS_LABEL and, as ParaView does not show that, in the field data `units`. states: those kept
-    of a run that is resumed. Each file is whole at any moment and listed after it is there. Raises
-    OSError, on all ranks, that names the file which can't be written.
+    tool, its surface where that then is. Times are load factors. The name of each array ends with
+    its unit, see `postprocess.states.save`; the field data `symmetry` names the axes x and y to
+    which planes of symmetry are perpendicular. states: those kept of a run that is resumed. Each
+    file is whole at any moment and listed after it is there. Raises OSError, on all ranks, that
+    names the file which can't be written.
     """
 
     def __init__(self, directory: Path, scene: Scene, states: Iterable[Sequence] = ()) -> None:

@@ -23,6 +23,7 @@ SHARES = 0.01, SHORTENED, 0.05  # beyond which shares of the area are listed
 AREA = 0.01  # share of the area in which yarns are shortened, from which on a run warns
 CRUMPLED = 0.05  # beyond which a cell crumples
 STRIP = 2.0  # width of the strips that yarns are gathered in, in mean lengths of cells
+PACKED = np.pi / np.sqrt(12)  # share of round fibres side by side, 0.907, which no ply exceeds
 FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
 # of the shapes of plies, what of several ones the largest has a meaning
 LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("slope_largest_deg",)}
@@ -76,14 +77,6 @@ def metal_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
 
 def _cells(parts):
     return np.concatenate([part.cells for part in parts])
-
-
-def pressure_quantities(result: Result) -> dict[str, float]:
-    """Largest mean pressure of a cell on the next sheet, of all sheets [MPa]; nothing of one."""
-    if "sheet_pressure" not in result.fields:
-        return {}
-    pressure = np.nan_to_num(result.fields["sheet_pressure"])
-    return {"sheet_pressure_largest_MPa": measures.extremes(result.scene.comm, pressure)[1]}
 
 
 # -- shapes
@@ -226,6 +219,14 @@ def fabric_warnings(result: Result) -> list[str]:
         if not result.scene.comm.allreduce(unknown):
             found = shear_quantities(result, [part]) | shortening_quantities(result, [part])
             sentences += _sentences(part.name or blank.name, found)
+        shares = fields.get("fibre_volume_fraction", np.full(len(blank.areas()), np.nan))
+        most = _known(np.fmax, result.scene.comm, shares[part.cells])
+        if most and most > PACKED:
+            sentences.append(
+                f"fibres of {part.name or blank.name} fill up to {rounded(most)} of its volume, "
+                f"more than round ones can ({rounded(PACKED)}): too much pressure or shear, or the "
+                "fabric's thickness, `density`, `fibre_density` or `compaction` is wrong"
+            )
     return sentences
 
 

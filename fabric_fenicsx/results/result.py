@@ -205,12 +205,12 @@ class Result:
             units = self.fields.units | nodal.units
             maps(Path(path), self.grids, (name,), outliers=OUTLIERS, units=units)
 
-    def export(self, path: Path | str) -> None:
-        """Write the formed plies with their yarn directions for a structural analysis, to a .vtu
-        file or as Abaqus input (.inp), on rank 0; `postprocess.structural.export` says what is in
-        it. Raises InputError for another ending."""
+    def export(self, path: Path | str, modelled: bool = False) -> None:
+        """Write the formed plies with thickness and yarn directions for a structural analysis, on
+        rank 0; the ending of `path` says how, see `postprocess.structural.export`. A quarter is
+        mirrored to the whole part, unless `modelled`. Raises InputError for another ending."""
         from ..postprocess import structural
 
         path = structural.checked(path)
         if self.scene.comm.rank == 0:
-            structural.export(self.grids, path)
+            structural.export(self.grids, path, modelled)

@@ -1,11 +1,12 @@
 """Memory of terms: their history in accepted states, for checkpoints and for unloading."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from ..mechanics.output import arrays, asked
 from ..mechanics.term import Term, overrides
+from ..mechanics.work import STATES
 from ..runtime.errors import InputError
 
 OF_CELLS = "cells "  # begins the names of arrays in cells
@@ -20,6 +21,15 @@ def memory_of(terms: Iterable[Term]) -> dict[str, np.ndarray]:
         for i, term in enumerate(terms)
         for (place, key), values in _memory(term).items()
     }
+
+
+def rescale_loads(memory: Mapping[str, np.ndarray], share: float) -> None:
+    """Multiply the load factors of states in a scene's `memory`, as of `Work`, by `share`."""
+    for name, values in memory.items():
+        if name == "supports":
+            values.reshape(-1, STATES, 4)[:, :, 1] *= share
+        elif name.endswith(" work"):
+            values.reshape(len(values), STATES, -1)[:, :, 1] *= share
 
 
 def recall(term: Term, number: int, memory: dict[str, np.ndarray]) -> None:

@@ -5,6 +5,7 @@ import hashlib
 import io
 import json
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -16,24 +17,29 @@ from scipy.spatial import cKDTree
 from .. import dolfinx_compat as compat
 from ..runtime.errors import InputError
 from ..runtime.files import replace_file
-from ..scene.memory import OF_CELLS
+from ..scene.memory import OF_CELLS, rescale_loads
 from ..sheets.blank import Blank
 from .progress import Progress
 from .viscosity import Viscosity
 
-FORMAT = 7  # counted up with each change of what the file holds
+FORMAT = 8  # counted up with each change of what the file holds
 COUNTS = ("accepted", "rejected", "iterations")
 SCALARS = ("load", "step", "last_step", "work", "stored", "solver", *COUNTS)
 PLACES = ("x", "around")  # of the nodes
 MEMORY = "memory "  # before the names of the terms' arrays
 CELLS = MEMORY + OF_CELLS  # and of those of cells
 CENTRES = "centres"  # of the cells, where a term remembers some
+# entry of a problem whose run has stages, {number of a stage: its steps}, and what may be another
+# in the entries of terms if stages are added: the entry `press` says how tools and holders move
+STAGES = "steps of stages"
+MOVES = re.compile(r"(\S+\.)?(path|force|pressure) of term ")
 
 
 class Checkpoint:
     """File `path` (.npz) with the last accepted state of `blank`. It identifies nodes by their
     position and by the cells around them, cells by their centres. problem: definition of the run, a
-    dict that JSON can hold; a checkpoint of another problem is refused."""
+    dict that JSON can hold; a checkpoint of another problem is refused, but for `STAGES` that were
+    added behind its own: loads are then those of the problem now."""
 
     def __init__(self, path: Path, blank: Blank, problem: dict[str, Any]) -> None:
         self.path, self.blank, self.problem = path, blank, json.loads(json.dumps(problem))
@@ -84,7 +90,7 @@ class Checkpoint:
         content = self.comm.bcast(self._read_or_error(memory) if self.comm.rank == 0 else None)
         if isinstance(content, InputError):
             raise content
-        meta, arrays = content
+        meta, arrays, share = content
         nodes = self._find(np.hstack([arrays[k] for k in PLACES]), np.hstack(self._places), "nodes")
         cells = self._find(arrays[CENTRES], self._centres, "cells") if CENTRES in arrays else None
         vectors = {}
@@ -96,9 +102,16 @@ class Checkpoint:
             for k, values in arrays.items()
             if k.startswith(MEMORY)
         }
-        state = {k: meta[k] for k in SCALARS} | {"memory": remembered}
+        state, notes = {k: meta[k] for k in SCALARS} | {"memory": remembered}, meta["notes"]
         state["viscosity"] = Viscosity(**meta["viscosity"])
-        return Progress(vectors["u"], vectors["previous"], **state), meta["notes"]
+        if share < 1:
+            for name in ("load", "step", "last_step"):
+                state[name] = state[name] and share * state[name]
+            for row in notes["rows"]:
+                row["load"] *= share
+            notes["states"] = [(share * load, ranks) for load, ranks in notes["states"]]
+            rescale_loads(remembered, share)
+        return Progress(vectors["u"], vectors["previous"], **state), notes
 
     def _find(self, saved, places, kind):
         """Indices of the `saved` nodes or cells (n, k) at this rank's `places` (m, k)."""
@@ -121,7 +134,8 @@ class Checkpoint:
         return found
 
     def _read_or_error(self, memory):
-        """Meta data and arrays of the file, or the InputError for it."""
+        """Meta data and arrays of the file, and the share of the load that its stages take; or the
+        InputError for it."""
         try:
             return self._read(memory)
         except InputError as error:
@@ -144,19 +158,34 @@ class Checkpoint:
         if str(arrays.pop("checksum", "")) != _checksum(arrays):
             raise InputError(f"{name} is damaged: its content has another checksum")
         del arrays["meta"]
-        for key, now in self.problem.items():
-            if (before := meta["problem"].get(key)) != now:
-                raise InputError(
-                    f"{name} was made with {key} = {before}, now it is {now}; take the same "
-                    "problem, or begin anew (`overwrite`)"
-                )
+        share = self._share(meta["problem"])
         saved = _widths({k: v for k, v in arrays.items() if k.startswith(MEMORY)})
         now = _widths(memory or {})
         if memory is not None and (saved or meta["accepted"]) and saved != now:
             raise InputError(
                 f"{name} remembers {saved or 'nothing'} where the terms remember {now or 'nothing'}"
             )
-        return meta, arrays
+        return meta, arrays, share
+
+    def _share(self, before):
+        """Share of the load now that the stages of the problem `before` take: 1, unless stages were
+        added. Raises InputError for another problem."""
+        known, steps = (list(each.get(STAGES, {}).values()) for each in (before, self.problem))
+        count = len(known)
+        added = 0 < count < len(steps) and steps[:count] == known
+        for key, now in self.problem.items():
+            if added:
+                number = re.match(rf"(?:press\.stage|{STAGES})\.(\d+)", key)
+                if key == STAGES or MOVES.match(key) or (number and int(number[1]) > count):
+                    continue
+                if key == "press":
+                    now = now | {"stage": now["stage"][:count]}
+            if (was := before.get(key)) != now:
+                raise InputError(
+                    f"checkpoint {self.path} was made with {key} = {was}, now it is {now}; take "
+                    "the same problem, or begin anew (`overwrite`)"
+                )
+        return sum(known) / sum(steps) if added else 1.0
 
 
 def _checksum(arrays):

@@ -67,14 +67,8 @@ def _sheet(pv, view, path):
     scene = pv.GetAnimationScene()
     scene.UpdateAnimationUsingDataTimeSteps()
     scene.AnimationTime = view.ViewTime = time
-    degrees = pv.Calculator(
-        registrationName="shear angle",
-        Input=fields,
-        AttributeType="Cell Data",
-        ResultArrayName="shear_angle_deg",
-        Function=f"shear_angle*{180 / math.pi!r}",
-    )
-    sheet = pv.WarpByVector(registrationName="deformed", Input=degrees, Vectors=["POINTS", "u"])
+    vectors = ["POINTS", "u_mm"]
+    sheet = pv.WarpByVector(registrationName="deformed", Input=fields, Vectors=vectors)
     sheet.UpdatePipeline(time)
     display = pv.Show(sheet, view)
     display.SetRepresentationType("Surface")
@@ -86,9 +80,9 @@ def _sheet(pv, view, path):
 
 def _yarns(pv, view, sheet, spacing, width):
     """Lines of this width along the yarns, `spacing` [mm] apart, None for a round one."""
-    spacing = spacing or _round(max(_span(sheet, f"yarn_coordinate_{k}") for k in "ab") / YARNS)
+    spacing = spacing or _round(max(_span(sheet, f"yarn_coordinate_{k}_mm") for k in "ab") / YARNS)
     for k in "ab":
-        name = f"yarn_coordinate_{k}"
+        name = f"yarn_coordinate_{k}_mm"
         low, high = sheet.PointData[name].GetRange()
         # between multiples of the spacing, so that none runs along an edge, where rounding has it
         # come and go

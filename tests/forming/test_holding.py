@@ -7,7 +7,8 @@ import pytest
 from builders import dome
 
 import fabric_fenicsx as ff
-from fabric_fenicsx.forming.holders import HOLDERS
+from fabric_fenicsx.forming import pictures
+from fabric_fenicsx.forming.holders import HOLDERS, Region
 from fabric_fenicsx.scene import output as reports
 
 SIZES = {"nx": 6, "stroke": 8.0}
@@ -63,6 +64,51 @@ def test_segments_of_a_stack_press_its_sheets_together_as_one_does():
     assert two.blank.u.x.array == pytest.approx(one.blank.u.x.array, abs=1e-14)
     names = [tool.name for tool in reports.tools(two.scene)] + [t.tool.name for t in two.pressing]
     assert {"blank holder", "blank holder 2"} <= {*names}
+
+
+def held_whole(holders):
+    """Force of the pressures on the whole blank of the hemisphere at the start [N]."""
+    press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.quarter=false"])
+    built = press.replace(holders=holders).build()
+    return sum(t.force()[2] for t in built.pressing if isinstance(t, ff.BlankHolderPressure))
+
+
+@pytest.mark.parametrize("limit", [0, 20, 37.3])  # on nodes, and between them
+def test_segments_with_a_common_limit_press_each_node_once(limit):
+    """Also those that rounding puts just beyond the blank's edge."""
+    segments = [
+        ff.PressureHolder(0.02, Region({"x": ends})) for ends in ((-100, limit), (limit, 100))
+    ]
+    whole = held_whole({"holder": ff.PressureHolder(0.02)})
+    assert held_whole(dict(zip("ab", segments))) == pytest.approx(whole, rel=1e-12)
+    assert held_whole({"holder": segments}) == pytest.approx(whole, rel=1e-12)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize(
+    "one, other, words",
+    [
+        (ff.PressureHolder(0.02), ff.PressureHolder(0.02), "28000 mm2"),
+        (
+            ff.PressureHolder(0.02, Region({"x": [-100, 40]})),
+            ff.ForceHolder(100, Region({"x": [0, 100]})),
+            "3400 mm2 of the blank",
+        ),
+        (
+            ff.Grippers(1.0, edges=["low x", "low y"]),
+            ff.Grippers(1.0, edges=["high x", "low y"]),
+            "11 nodes of the edge low y",
+        ),
+    ],
+)
+def test_segments_that_overlap_are_refused_with_their_area(one, other, words):
+    with pytest.raises(ff.InputError, match=f"holders.a and holders.b overlap on ({words})"):
+        held_whole({"a": one, "b": other})
+
+
+def test_grippers_may_share_corners():
+    ends = [ff.Grippers(1.0, edges=[f"{end} {axis}" for axis in "xy"]) for end in ("low", "high")]
+    assert held_whole(dict(zip("ab", ends))) == 0
 
 
 def test_plates_of_segments_bear_their_forces(tmp_path):
@@ -187,10 +233,6 @@ def test_a_holder_of_ones_own():
                 (lambda self, press: None, "returns None; allowed is a list of one or more terms"),
                 (lambda self, press: [], r"returns \[\]; allowed is a list"),
                 (lambda self, press: press.contact(press.die), "returns one `Contact`; allowed is"),
-                (
-                    lambda self: [],
-                    r"can't be called with a `HolderSite` \(too many .*terms\(self, s",
-                ),
             )
         ],
     ],
@@ -218,3 +260,48 @@ def test_what_marks_a_segment_is_a_mask(kind, where, words):
 
 def test_each_holder_has_its_own_option():
     assert len({kind.OPTION for kind in HOLDERS.values()}) == len(HOLDERS)
+
+
+def test_the_picture_of_the_setup_shows_holders(monkeypatch, tmp_path):
+    """Each where it acts: a pressure and a plate on the flange, springs and grippers at edges."""
+    seen = {}
+    monkeypatch.setattr(
+        pictures.press_pictures,
+        "setup_picture",
+        lambda path, plies, bodies, moves: seen.update(bodies),
+    )
+    half = {"left": Region({"x": [-200, 0]}), "right": Region({"x": [0, 200]})}
+    holders = {
+        "pressed": ff.PressureHolder(0.02, half["left"]),
+        "plate": ff.ForceHolder(100.0, half["right"]),
+        "springs": ff.SpringHolder(0.5, preload=5, edges=["low x"], at=[[90, 90]]),
+        "pull": ff.Grippers(1.0, edges=["high x"]),
+    }
+    press = ff.Press.read("hemisphere", ["blank.nx=10", "blank.quarter=false"])
+    pictures.draw_setup(press.replace(holders=holders).build(), tmp_path)
+    assert [*seen] == ["punch", "ring", "pressed", "plate", "springs", "pull"]
+    ends = {name: np.reshape(seen[name].bounds, (3, 2)) for name in [*seen][2:]}
+    assert ends["pressed"][0] == pytest.approx([-100, 0]) and ends["pressed"][2, 1] < -1
+    assert ends["plate"][0] == pytest.approx([0, 100])
+    assert seen["pressed"].area == pytest.approx(14000, rel=0.05)
+    assert ends["springs"][0] == pytest.approx([-130, 111], abs=2)
+    assert ends["pull"][0] == pytest.approx([100, 130], abs=2)
+
+
+@pytest.mark.mpi
+def test_the_history_has_the_force_of_each_holder_on_the_whole_blank():
+    """Of the quarter that is modelled, too, as its file gives them."""
+    left, right = Region({"x": [0, 70]}), Region({"x": [70, 100]})
+    holders = {
+        "low": [ff.ForceHolder(300.0, left), ff.PressureHolder(0.02, right)],
+        "pull": ff.Grippers(2.0),
+    }
+    press = ff.Press.read("hemisphere", ["blank.nx=6", "stage.1.moves.punch=3"])
+    built = press.replace(holders=holders).build()
+    row = built.job(steps=1, balance=None).run().rows[-1]
+    assert row["low_force_of_whole_N"] == pytest.approx(300, rel=1e-6)
+    assert row["low_2_force_of_whole_N"] == pytest.approx(4 * built.pressing[-1].force()[2])
+    assert row["pull_force_of_whole_N"] == pytest.approx(2.0 * 4 * 200)
+    tools = [row[f"{name}_force_N"] for name in ("punch", "ring")]
+    held = [row[f"low{k}_force_of_whole_N"] / 4 for k in ("", "_2")]
+    assert sum(tools) + sum(held) == pytest.approx(0, abs=1e-4 * abs(tools[1]))

@@ -12,7 +12,12 @@ from builders import dome
 from scipy.spatial.transform import Rotation
 
 import fabric_fenicsx as ff
+from fabric_fenicsx import dolfinx_compat as compat
+from fabric_fenicsx.mechanics.fingerprint import entries
 from fabric_fenicsx.meshes.specimen import specimen
+from fabric_fenicsx.postprocess.states import states
+from fabric_fenicsx.solve.checkpoint import Checkpoint
+from fabric_fenicsx.solve.progress import Progress
 
 PRESSES = Path(ff.__file__).parent / "studies/presses"
 HEMISPHERE = PRESSES / "hemisphere.toml"
@@ -443,7 +448,8 @@ def test_a_picture_that_fails_loses_no_run(tmp_path, monkeypatch, caplog):
 
 def test_segments_in_a_list_all_hold():
     """Two holders under one name."""
-    press = hemisphere("blank.nx=4", holders={"two": [ff.PressureHolder(0.01)] * 2})
+    halves = [ff.PressureHolder(0.01, lambda x, up=up: (x[1] > x[0]) == up) for up in (True, False)]
+    press = hemisphere("blank.nx=4", holders={"two": halves})
     assert [t.tool.name for t in press.pressing if not isinstance(t, ff.Contact)] == [
         "two",
         "two 2",
@@ -553,3 +559,67 @@ def test_sheets_are_one_kind_of_data():
     ):
         with pytest.raises(ff.InputError, match=words):
             press.replace(sheets=sheets)
+
+
+FIRST = ff.Stage("first", moves={"punch": 6}, steps=3)
+MORE = [
+    ff.Stage("hold", pressures={"holder": 0.04}, steps=1),
+    ff.Stage("on", moves={"punch": 4}, steps=2),
+]
+
+
+def staged(*stages, changes=()):
+    """The job of a press with these stages, and the problem that its study compares."""
+    press = hemisphere("blank.nx=4", *changes, stages=[FIRST, *stages])
+    return press.job(balance=None), press.fingerprint()
+
+
+@pytest.mark.mpi
+def test_a_stage_may_be_added_to_a_run(shared_path):
+    """It goes on from the end of the earlier ones, as a run of all stages does."""
+    jobs = [staged(), staged(*MORE), staged(*MORE)]
+    folders = [shared_path / name for name in ("some", "some", "whole")]
+    _, more, whole = (
+        job.run(folder, problem=problem, pictures=False, resume=k == 1)
+        for k, (folder, (job, problem)) in enumerate(zip(folders, jobs))
+    )
+    assert [row["load"] for row in more.rows] == pytest.approx([row["load"] for row in whole.rows])
+    for name in ("force_N", "draw_in.largest_mm", "shear_angle_max_deg"):
+        assert more.number(name) == pytest.approx(whole.number(name), rel=1e-5)
+    one, two = (each.rows[-1]["external_work_Nmm"] for each in (more, whole))
+    assert one == pytest.approx(two, rel=1e-3)
+    if more.scene.comm.rank == 0:
+        loads = [[state.load for state in states(folder)] for folder in folders[1:]]
+        assert {*loads[0]} >= {0.5, 4 / 6, 1.0} and {*loads[1]} >= {0.5, 4 / 6, 1.0}
+
+
+@pytest.mark.parametrize(
+    "stages, changes, words",
+    [
+        ([FIRST, *MORE], ["blank.nx=6"], "press.blank.nx = 4, now it is 6"),
+        ([FIRST, *MORE], ["tools.punch.radius=49"], "press.tools.punch.radius = 50.* now it is 49"),
+        (
+            [dataclasses.replace(FIRST, moves={"punch": 7}), *MORE],
+            [],
+            "press.stage.1.moves.punch = 6, now it is 7",
+        ),
+        ([MORE[1], FIRST], [], "press.stage.1.name = first, now it is on"),
+    ],
+)
+def test_a_run_whose_earlier_stages_differ_is_not_gone_on_with(tmp_path, stages, changes, words):
+    before, now = (
+        hemisphere("blank.nx=4", *change, stages=each)
+        for each, change in (([FIRST], ()), (stages, changes))
+    )
+    state = Progress(*(compat.petsc_vector(before.blank.u).copy() for _ in range(2)), step=0.1)
+    problems = [
+        entries(each.fingerprint()["press"], "press") | each.fingerprint() for each in (before, now)
+    ]
+    Checkpoint(tmp_path / "c.npz", before.blank, problems[0]).save(state, {})
+    with pytest.raises(ff.InputError, match=words):
+        Checkpoint(tmp_path / "c.npz", before.blank, problems[1]).load()
+
+
+def test_unloading_may_be_added_to_a_run():
+    with_it = hemisphere("blank.nx=4", stages=[FIRST, ff.Stage(unload=True)])
+    assert with_it.fingerprint() == hemisphere("blank.nx=4", stages=[FIRST]).fingerprint()

@@ -133,7 +133,7 @@ def test_fields_have_a_block_for_each_ply(alone):
         grid = pyvista.read(path / each["file"])
         assert (np.asarray(grid.cell_data["part"]) == k).all()
         assert grid.n_cells == alone.scene.blank.part(PLIES[k]).cells.size
-        assert ("sliding" in grid.cell_data) == (PLIES[k] == "outer")
+        assert ("sliding_mm" in grid.cell_data) == (PLIES[k] == "outer")
 
 
 def test_one_grid_of_all_plies_has_the_fields_of_each(alone):

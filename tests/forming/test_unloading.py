@@ -1,5 +1,7 @@
 """Unloading: springback of metal against closed forms, of fabric to the flat sheet."""
 
+import re
+
 import builders
 import numpy as np
 import pytest
@@ -90,6 +92,10 @@ def test_fabric_gives_back_what_it_stored(full):
     q = unloaded.summary["quantities"]
     assert q["energy_left_Nmm"] < 1e-6 * stored
     assert q["energy_released_Nmm"] == pytest.approx(stored, rel=0.01)
+    (told,) = [each for each in unloaded.summary["warnings"] if "keeps no shape" in each]
+    back, before, after = map(float, re.findall(r"[\d.e-]+(?= mm| to)", told))
+    assert back == pytest.approx(q["springback_largest_mm"], rel=0.01)
+    assert before == pytest.approx(10, abs=0.5) and after < 0.05 * before
     owned = formed.scene.blank.V.dofmap.index_map.size_local
     z = formed.scene.blank.u.x.array.reshape(-1, 3)[:owned, 2]
     heights = formed.scene.comm.allgather((z.min(initial=1e9), z.max(initial=-1e9)))
@@ -109,6 +115,8 @@ def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
     unloaded = ff.unloading(formed, together=together).run()
     q, energy = unloaded.summary["quantities"], unloaded.summary["energy"]
     sheets = [each["springback_largest_mm"] for each in q["sheets"].values()]
+    told = [each for each in unloaded.summary["warnings"] if "keeps no shape" in each]
+    assert len(told) == 1 and told[0].startswith("fabric springs back by up to ")
     assert len(sheets) == 2 and max(sheets) == q["springback_largest_mm"]
     assert all(1.0 < each < 2.0 for each in sheets)  # of 4 mm
     assert energy["metal"] < 1e-6 * formed.summary["energy"]["metal"]  # nothing yielded

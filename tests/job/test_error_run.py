@@ -42,6 +42,7 @@ def test_curve_and_fields_have_errors(folder):
     assert len(errors) == 5 and errors[-1] > 0
     assert max(errors) == pytest.approx(result.summary["error"]["curve_N"])
     assert result.fields["error_shear_angle"].shape == result.fields["shear_angle"].shape
+    assert result.fields.units["error_shear_angle"] == "rad"
     if COMM.rank == 0:
         assert np.asarray(result.grid.cell_data["error_log_eps_22"]).max() > 0
 

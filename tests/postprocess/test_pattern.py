@@ -1,5 +1,7 @@
 """The flat pattern of trimmed plies whose flat shapes are known."""
 
+import re
+
 import ezdxf
 import numpy as np
 import pytest
@@ -131,7 +133,7 @@ def test_a_whole_ply_with_its_corner_at_the_origin_is_not_mirrored():
     "line, words",
     [
         (SQUARE + [0, 0, 3], r"3 mm away from the ply at \(-20, -10, 3\) mm; allowed is up to 0.5"),
-        (SQUARE * 3.01, r"leaves the ply at \(-60.2, .*\) mm"),
+        (SQUARE * 3.01, r"leaves the ply at \(60.2, .*\) and \(-60.2, .*\) mm; "),
         (2.5 * SQUARE[:, :2] + [20, 0], r"leaves the ply at"),
         (SQUARE[[0, 2, 1, 3, 0]], r"on the flat ply, crosses or touches itself at \(0, 0\) mm"),
         (SQUARE[:4], r"on the flat ply, is open at \(-20, "),
@@ -140,6 +142,18 @@ def test_a_whole_ply_with_its_corner_at_the_origin_is_not_mirrored():
 def test_other_lines_are_not_allowed(line, words):
     with pytest.raises(InputError, match=words):
         flat_pattern(ply(), [line], 0.5)
+
+
+@pytest.mark.parametrize("dimensions", [2, 3])
+def test_all_places_where_lines_leave_the_ply_are_told(dimensions):
+    """The outline left and right, the second ring at the top; the worst first."""
+    outer = np.array([[-65.0, -30, 0], [62, -30, 0], [62, 30, 0], [-65, 30, 0], [-65, -30, 0]])
+    ring = np.array([[-10.0, 0, 0], [10, 0, 0], [0, 43, 0], [-10, 0, 0]])
+    lines = [line[:, :dimensions] for line in (outer, ring)]
+    with pytest.raises(InputError, match="leaves the ply at") as error:
+        flat_pattern(ply(), lines, 0.5 if dimensions == 2 else 6)
+    places = re.findall(r"\(([-\d.]+), ([-\d.]+)", str(error.value))
+    assert [x for x, _ in places] == ["-65", "0", "62"] and places[1][1] == "43"
 
 
 def test_a_line_without_z_needs_one_ply_below_it():
@@ -169,7 +183,7 @@ def test_files_are_blanks_again(tmp_path):
     layers = {each.dxf.layer: each.closed for each in ezdxf.readfile(drawing).modelspace()}
     assert layers == {"OUTLINE": True, "HOLES": True}
     formed = pyvista.read(part)
-    assert formed.points - formed["u"] == pytest.approx(formed["flat"])
+    assert formed.points - formed["u_mm"] == pytest.approx(formed["flat_mm"])
     assert formed.area == pytest.approx(pattern.formed_area) and "number" in formed.cell_data
 
 

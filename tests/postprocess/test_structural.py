@@ -4,19 +4,23 @@ import json
 import re
 
 import builders
+import formed_plies
 import meshio
 import numpy as np
 import pytest
 import pyvista
 from mpi4py import MPI
+from scipy.spatial import cKDTree
 
 from fabric_fenicsx.command_line import main
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
 from fabric_fenicsx.postprocess import states, structural
+from fabric_fenicsx.readers.read import read_surface_mesh
 from fabric_fenicsx.results.fields import FieldSeries
 from fabric_fenicsx.runtime.errors import InputError
 from fabric_fenicsx.scene.scene import Scene
+from fabric_fenicsx.scene.supports import Support
 from fabric_fenicsx.sheets.stack import Stack
 
 A, B = 0.4, 1.8  # of the yarns to x [rad]
@@ -24,7 +28,7 @@ A, B = 0.4, 1.8  # of the yarns to x [rad]
 F = builders.rotation() @ np.array([[1.1, 0.3, 0.0], [0.0, 0.9, 0.0], [0.0, 0.0, 1.0]])
 
 
-def formed(folder, element="P1", comm=MPI.COMM_SELF, plies=()):
+def formed(folder, element="P1", comm=MPI.COMM_SELF, plies=(), supports=()):
     """The folder of a sheet, or a stack of `plies`, that F has formed."""
     cell = "triangle" if element[0] == "P" else "quadrilateral"
     sheets = [
@@ -38,7 +42,7 @@ def formed(folder, element="P1", comm=MPI.COMM_SELF, plies=()):
         blank = Stack([(sheet, 1.0, name) for sheet, name in zip(sheets, plies)])
         terms = [Membrane(load("komeili")).on(name) for name in plies]
     with builders.compiled_as_it_stands():  # and never run
-        scene = Scene(blank, terms)
+        scene = Scene(blank, terms, supports)
     blank.u.x.array[:] = (blank.coordinates() @ (F - np.eye(3)).T).ravel()
     folder.mkdir(exist_ok=True)
     FieldSeries(folder, scene).write(1.0)
@@ -79,7 +83,10 @@ def test_abaqus_reads_places_and_both_yarns(tmp_path, element):
         (mesh.points[cells[:, -1]] - mesh.points[cells[:, 0]]),
     )
     assert (np.cross(*edges) @ n > 0).all()
-    for name, axes in (("ply_yarns_a", [*a, *b]), ("ply_yarns_b", [*b, *-a])):
+    for name, axes in (
+        ("ply_yarns_a", [*a, *np.cross(n, a)]),
+        ("ply_yarns_b", [*b, *np.cross(n, b)]),
+    ):
         numbers, values = found[name]
         assert numbers.tolist() == list(range(1, len(cells) + 1))
         np.testing.assert_allclose(values, np.tile(axes, (len(cells), 1)), atol=1e-6)
@@ -92,7 +99,8 @@ def test_vtk_reads_directions_shear_and_area(tmp_path):
     for name, vector in zip(("yarn_a", "yarn_b", "normal"), directions()):
         np.testing.assert_allclose(grid[name], np.tile(vector, (grid.n_cells, 1)), atol=1e-6)
     a, b, _ = directions()
-    np.testing.assert_allclose(grid["shear_angle"], (B - A) - np.arccos(a @ b), atol=1e-6)
+    shear = np.degrees((B - A) - np.arccos(a @ b))
+    np.testing.assert_allclose(grid["shear_angle_deg"], shear, atol=1e-4)
     np.testing.assert_allclose(grid["area_ratio"], 1.1 * 0.9, atol=1e-6)
 
 
@@ -101,11 +109,147 @@ def test_plies_of_a_stack_have_sets_and_numbers_of_their_own(tmp_path):
     structural.export(grids, tmp_path / "plies.inp")
     mesh, found = read_abaqus(tmp_path / "plies.inp")
     assert set(mesh.cell_sets) == {"lower", "ply_2"}
-    assert list(found) == ["lower_yarns_a", "lower_yarns_b", "ply_2_yarns_a", "ply_2_yarns_b"]
+    kinds = "shear_angle", "yarns_a", "yarns_b"
+    assert list(found) == [f"{ply}_{kind}" for ply in ("lower", "ply_2") for kind in kinds]
     half = sum(map(len, mesh.cells_dict.values())) // 2
     assert found["ply_2_yarns_a"][0].tolist() == list(range(half + 1, 2 * half + 1))
     structural.export(grids, tmp_path / "plies.vtu")
     assert np.bincount(pyvista.read(tmp_path / "plies.vtu")["part"]).tolist() == [half, half]
+
+
+def with_thickness(folder):
+    """The grid of a formed ply, each cell of another thickness [mm], and these."""
+    (grid,) = states.read_grids(folder).values()
+    t = 0.2 + 0.01 * np.arange(grid.n_cells)
+    grid.cell_data["thickness_under_pressure"] = t
+    return grid, t
+
+
+@pytest.mark.parametrize("element", ["P1", "Q1"])
+def test_abaqus_reads_thickness_and_shear_in_deg(tmp_path, element):
+    grid, t = with_thickness(formed(tmp_path, element))
+    structural.export({"": grid}, tmp_path / "ply.inp")
+    found = read_abaqus(tmp_path / "ply.inp")[1]
+    a, b, _ = directions()
+    np.testing.assert_allclose(found["ply_thickness"][1][:, 0], t, rtol=1e-8)
+    shear = np.degrees((B - A) - np.arccos(a @ b))
+    np.testing.assert_allclose(found["ply_shear_angle"][1], shear, atol=1e-4)
+
+
+def read_dyna(file):
+    """Points, cells, and layers (cells, n, 2) of thickness and angle, of a keyword file."""
+    lines = [line for line in file.read_text().splitlines() if line[0] != "$"]
+    at = lines.index("*ELEMENT_SHELL_COMPOSITE")
+    assert lines[0] == "*NODE" and lines[-1] == "*END"
+    points = [[float(line[8 + 16 * k : 24 + 16 * k]) for k in range(3)] for line in lines[1:at]]
+    cells, layers = [], []
+    for head, *cards in zip(*(lines[at + 1 + k : -1 : 3] for k in range(3))):
+        cells.append([int(head[8 * k : 8 * k + 8]) - 1 for k in range(2, 6)])
+        words = [[float(card[10 * k : 10 * k + 10]) for k in (1, 2, 5, 6)] for card in cards]
+        layers.append(np.reshape(words, (4, 2)))
+    return np.array(points), np.array(cells), np.array(layers)
+
+
+def read_nastran(file):
+    """As `read_dyna`, of bulk data: points and cells as the project reads them, layers of the PCOMP
+    of each cell, with the element's angle, from the lower face to the upper one."""
+    mesh, lines, layers = read_surface_mesh(file, "a part"), file.read_text().splitlines(), []
+    for k, line in enumerate(lines):
+        if line[:6] in ("CTRIA3", "CQUAD4"):
+            corners = 3 if line[:6] == "CTRIA3" else 4
+            turned = float(line[8 * (3 + corners) : 8 * (4 + corners)])
+            assert lines[k + 1][:8] == "PCOMP*  " and line[8:24] == 2 * line[8:16]
+            assert int(lines[k + 1][8:24]) == int(line[8:16]) and lines[k + 2][56:] == "SYM"
+            lower = [
+                (float(each[24:40]), float(each[40:56]) + turned) for each in lines[k + 3 : k + 5]
+            ]
+            layers.append([*lower, *lower[::-1]])
+    (cells,) = mesh.cells.values()
+    return mesh.points, cells, np.array(layers)
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize("element", ["P1", "P2", "Q1"])
+@pytest.mark.parametrize("ending, read", [(".k", read_dyna), (".bdf", read_nastran)])
+def test_layers_of_elements_lie_along_both_yarns(tmp_path, element, ending, read):
+    """Turned from the first side by its angle, about the normal; thicknesses add up."""
+    grid, t = with_thickness(formed(tmp_path, element))
+    structural.export({"": grid}, tmp_path / f"ply{ending}")
+    points, cells, layers = read(tmp_path / f"ply{ending}")
+    a, b, n = directions()
+    p, q, r = (points[cells[:, k]] for k in (0, 1, -1))
+    assert (np.cross(q - p, r - p) @ n > 0).all()
+    np.testing.assert_allclose(layers[:, :, 0].sum(1), t, atol=2e-6)
+    side = (q - p) / np.linalg.norm(q - p, axis=1)[:, None]
+    for k, yarn in enumerate((a, b, b, a)):
+        angle = np.radians(layers[:, k, 1])[:, None]
+        along = np.cos(angle) * side + np.sin(angle) * np.cross(n, side)
+        np.testing.assert_allclose(along, np.tile(yarn, (len(cells), 1)), atol=2e-5)
+
+
+def test_a_sheet_of_metal_has_one_layer(tmp_path):
+    grids = states.read_grids(formed(tmp_path, plies=("metal", "ply")))
+    for name, thickness in (("metal", "metal_thickness"), ("ply", "thickness_under_pressure")):
+        grids[name].cell_data[thickness] = np.full(grids[name].n_cells, 0.3)
+    grids["metal"].cell_data.remove("a")
+    structural.export(grids, tmp_path / "p.k")
+    metal, fabric = (tmp_path / "p.k").read_text().split("*ELEMENT_SHELL_COMPOSITE\n")[1:]
+    assert metal.splitlines()[1].split() == ["1", "0.300000", "0.0000", "0"]
+    assert fabric.splitlines()[1].split()[:2] == ["2", "0.075000"]
+
+
+def symmetric(x, y):
+    """Places of a ply that is formed alike in all four quarters."""
+    height = 8 * np.exp(-(x**2 + y**2) / 900)
+    return np.column_stack([x * (1 - 1e-4 * y**2), y * (1 + 2e-4 * x**2), height])
+
+
+@pytest.mark.parametrize("angle", [0.0, 45.0, 30.0])
+def test_a_quarter_is_mirrored_with_its_yarns(angle, tmp_path):
+    """To what the whole ply has, if its yarns are their own mirror images; yarns at 30 and 120 deg
+    are continued by those at 60 and 150 deg."""
+    size = {"nx": 6, "ny": 4, "angle": np.radians(angle)}
+    quarter = formed_plies.formed(symmetric, length=30, width=20, **size)
+    size |= {"nx": 12, "ny": 8}
+    whole = formed_plies.formed(symmetric, length=60, width=40, full=True, **size)
+    for grid in (quarter, whole):
+        centres = abs(grid.cell_centers().points)
+        grid.cell_data["thickness_under_pressure"] = 0.3 + 0.01 * centres[:, 0]
+    ply, expected = structural.formed_ply(quarter), structural.formed_ply(whole)
+    assert len(ply.points) == len(expected.points) and len(ply.cells) == len(expected.cells)
+    p, q, r = (ply.points[ply.cells[:, k]] for k in (0, 1, -1))
+    assert (np.cross(q - p, r - p) * ply.fields["normal"]).sum(1).min() > 0
+    upright = np.cross(ply.fields["yarn_a"], ply.fields["yarn_b"])
+    assert (upright * ply.fields["normal"]).sum(1).min() > 0
+    tree = cKDTree(expected.points[expected.cells].mean(1))
+    apart, at = tree.query(ply.points[ply.cells].mean(1))
+    assert apart.max() < 1e-9 and len(set(at)) == len(at)
+    same = angle != 30
+    for name in ("yarn_a", "yarn_b", "normal", "shear_angle", "thickness", "area_ratio"):
+        if same or name in ("normal", "thickness", "area_ratio"):
+            np.testing.assert_allclose(ply.fields[name], expected.fields[name][at], atol=1e-9)
+    low = np.degrees(np.arctan2(*ply.fields["yarn_a"][:, [1, 0]].T))[[0, len(p) // 4]]
+    assert same or low == pytest.approx([30, 60], abs=3)
+
+
+@pytest.mark.parametrize("plies", [(), ("lower", "upper")])
+def test_the_command_exports_the_whole_part(tmp_path, capsys, plies):
+    """Of a quarter, as its supports tell; a clamped end is no plane of symmetry."""
+    planes = [Support("x = 0", builders.near(0, 0.0), (0,))]
+    planes += [Support("y = 0", builders.near(1, 0.0), (1,))]
+    folder = formed(tmp_path / "quarter", plies=plies, supports=planes)
+    assert main.main(["export", str(folder), str(tmp_path / "whole.inp")]) == 0
+    assert capsys.readouterr().out.count(", 96 cells, mirrored in x and y = 0") == max(
+        1, len(plies)
+    )
+    assert main.main(["export", "--modelled", str(folder), str(tmp_path / "quarter.inp")]) == 0
+    assert capsys.readouterr().out.endswith("), 24 cells\n")
+    assert main.main(["export", str(folder), str(tmp_path / "ply.k")]) == 2
+    assert f"the thickness of {plies[0] if plies else 'the ply'} is not" in capsys.readouterr().err
+    held = [Support("clamp", builders.near(0, 0.0), (0, 1, 2))]
+    folder = formed(tmp_path / "clamped", plies=plies, supports=held)
+    assert main.main(["export", str(folder), str(tmp_path / "strip.inp")]) == 0
+    assert "mirrored" not in capsys.readouterr().out
 
 
 def test_labels_are_legal_in_abaqus_and_no_two_alike():
@@ -126,7 +270,7 @@ def test_plies_at_plus_and_minus_45_have_sets_and_orientations_of_their_own(tmp_
         "p45": 24,
         "m45": 24,
     }
-    assert list(found) == ["p45_yarns_a", "p45_yarns_b", "m45_yarns_a", "m45_yarns_b"]
+    assert {name.split("_")[0] for name in found} == {"p45", "m45"}
     assert "** ply '-45': ELSET m45\n" in (tmp_path / "o.inp").read_text()
 
 
@@ -149,7 +293,7 @@ def test_the_command(tmp_path, capsys):
     for words, told in (
         ((str(folder), "ply.stl"), "the ending of ply.stl is unknown; allowed are .vtu"),
         ((str(tmp_path), "ply.inp"), "has no fields.pvd; allowed is the folder of a run's results"),
-        ((str(folder),), "allowed is a folder and a file"),
+        ((str(folder),), "FILE is missing; allowed is to name it"),
         ((str(folder), str(tmp_path / "no/ply.inp")), "can't be written"),
     ):
         assert main.main(["export", *words]) == 2

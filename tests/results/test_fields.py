@@ -1,6 +1,7 @@
 """What ParaView gets, read back with VTK, against the solution it is of."""
 
 import os
+import re
 import resource
 import shutil
 import subprocess
@@ -15,13 +16,14 @@ import pytest
 import pyvista
 from mpi4py import MPI
 from scipy.spatial import cKDTree
-from vtkmodules.vtkCommonCore import vtkDataArray
 
 from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.presets import load
 from fabric_fenicsx.mechanics.contact.tool_contact import Contact
 from fabric_fenicsx.mechanics.shell.membrane import Membrane
-from fabric_fenicsx.postprocess.states import read_last
+from fabric_fenicsx.postprocess.ply import grid_of
+from fabric_fenicsx.postprocess.states import _drop_units, read_last, save
+from fabric_fenicsx.postprocess.states import units as state_units
 from fabric_fenicsx.results.fields import UNITS, FieldSeries, yarn_coordinates
 from fabric_fenicsx.scene import output as reports
 from fabric_fenicsx.scene.scene import Scene
@@ -65,6 +67,9 @@ def states(path):
     for at in reader.time_values:
         reader.set_active_time_value(at)
         found[at] = list(reader.read())
+        for block in found[at]:
+            if isinstance(block, pyvista.DataSet):
+                _drop_units(block)
     return found
 
 
@@ -114,7 +119,7 @@ def test_series_read_back(tmp_path, element, spatial):
         )
         for name, values in parts[0][1].items():
             values = np.concatenate([fields[name] for _, fields in parts])
-            assert np.array_equal(grid.cell_data[name], values), name
+            np.testing.assert_allclose(grid.cell_data[name], values, rtol=1e-14, err_msg=name)
         assert len(set(grid.cell_data["rank"])) == COMM.size
     assert read_last(folder).n_cells == grid.n_cells
 
@@ -143,18 +148,41 @@ def test_every_array_has_its_unit(tmp_path):
     for path in (tmp_path / "fields" / "0000_0.vtu", tmp_path / "tools" / "0000_0.vtp"):
         ElementTree.parse(path)  # ParaView 5.11 on Debian 12 reads no other
         read = pyvista.read(path)
-        names = set()
-        for arrays in (read.point_data, read.cell_data):
-            for name in arrays:
-                key = (
-                    arrays.VTKObject.GetAbstractArray(name)
-                    .GetInformation()
-                    .Get(vtkDataArray.UNITS_LABEL())
-                )
-                assert key == units[name], name
-                names.add(f"{name} [{key}]")
-        assert set(read.field_data["units"]) == names
-    assert "u [mm]" in pyvista.read(tmp_path / "fields" / "0000_0.vtu").field_data["units"]
+        names = {*read.point_data, *read.cell_data}
+        plain = {name: re.sub("_(mm|deg|MPa|Nmm_per_mm3)$", "", name) for name in names}
+        ends = {"-": "", "rad": "_deg", "N mm/mm^3": "_Nmm_per_mm3"}
+        assert all(n == o + ends.get(units[o], f"_{units[o]}") for n, o in plain.items())
+        assert {line.split(" [")[0] for line in read.field_data["units"]} == names
+    read = pyvista.read(tmp_path / "fields" / "0000_0.vtu")
+    assert {"u_mm [mm]", "shear_angle_deg [deg]"} <= set(read.field_data["units"])
+
+
+@pytest.mark.versions
+def test_angles_are_in_degrees_in_files_and_as_before_when_read(tmp_path):
+    """Of terms of one's own, too, which may have angles in degrees by themselves."""
+    grid = grid_of(np.eye(3), np.array([[0, 1, 2]]), np.ones((3, 3)))
+    known = {"shear_angle": "rad", "turned": "deg", "depth_mm": "mm", "share": "-"}
+    for name in known:
+        grid.cell_data[name] = [0.5]
+    (tmp_path / "fields").mkdir()
+    save(tmp_path / "fields/0000_0.vtu", grid, {"u": "mm"} | known)
+    assert {*grid.cell_data} == {*known}  # what is written stays as it is
+    (tmp_path / "fields.pvd").write_text(
+        '<VTKFile type="Collection"><Collection>'
+        '<DataSet timestep="1" part="0" file="fields/0000_0.vtu"/></Collection></VTKFile>'
+    )
+    (read,) = pyvista.PVDReader(tmp_path / "fields.pvd").read()
+    values = {name: float(each[0]) for name, each in read.cell_data.items()}
+    assert values == {
+        "shear_angle_deg": pytest.approx(np.degrees(0.5)),
+        "turned_deg": 0.5,
+        "depth_mm_mm": 0.5,
+        "share": 0.5,
+    }
+    read = read_last(tmp_path)
+    assert {*read.cell_data} == {*known} and read["u"].shape == (3, 3)
+    assert all(read[name] == pytest.approx([0.5], rel=1e-14) for name in known)
+    assert state_units(tmp_path) == {"u": "mm"} | known
 
 
 # -- yarns

@@ -4,12 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import pyvista
 from bench.reference import curve_distance
 from mpi4py import MPI
 
 from fabric_fenicsx.coupons.bias_extension import transition_width
 from fabric_fenicsx.coupons.pin_jointed import PinJointedStrip
+from fabric_fenicsx.postprocess.states import read_state
 
 REFERENCE = Path(__file__).parents[2] / "studies" / "reference"
 
@@ -42,9 +42,7 @@ def test_three_zones_and_both_models(launch):
     assert found["fabric"]["reaction_N"] == pytest.approx(
         found["hyperelastic"]["reaction_N"], rel=1e-3
     )
-    reader = pyvista.PVDReader(done.folder / "fields.pvd")
-    reader.set_active_time_value(1.0)
-    grid = reader.read().combine()
+    grid = read_state(done.folder, 1.0)
     x, gamma = grid.cell_centers().points, np.degrees(np.abs(grid.cell_data["shear_angle"]))
     for place, theory in (((5, 25), 0.0), ((25, 5), 16.53 / 2), ((100, 25), 16.53)):
         near = np.linalg.norm(x[:, :2] - place, axis=1) < 4
@@ -101,9 +99,7 @@ def test_cells_that_do_not_follow_the_yarns_do_not_lock(
     assert done.summary["dofs"] <= 12_000
     assert done.summary["reaction_N"] == pytest.approx(0.51809, rel=0.02)
     assert q["centre_shear_angle_deg"] == pytest.approx(15.662, abs=0.5)
-    reader = pyvista.PVDReader(done.folder / "fields.pvd")
-    reader.set_active_time_value(1.0)
-    grid = reader.read().combine()
+    grid = read_state(done.folder, 1.0)
     x = np.asarray(grid.cell_centers().points)[:, :2]
     _, distance = PinJointedStrip(200, 50, np.pi / 4, 3 * np.pi / 4).held(*x.T)
     strain = np.maximum(np.abs(grid.cell_data["eps_a"]), np.abs(grid.cell_data["eps_b"]))

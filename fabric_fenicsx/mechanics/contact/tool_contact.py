@@ -91,7 +91,7 @@ class Contact(ToolInteraction):
         for name, value in (face | {"permitted penetration": permitted}).items():
             if value is not None:
                 POSITIVE.check(f"{name} of the contact with {tool.name}", value)
-        self._face, self.permitted, self._where = face, permitted, where
+        self._face, self.permitted, self.where = face, permitted, where
         # the last displacement, and what was found at it
         self._found: tuple[np.ndarray, Pressed] | None = None
         self._load, self._work = 0.0, Work()
@@ -101,7 +101,7 @@ class Contact(ToolInteraction):
         same = [t for t in scene.terms if isinstance(t, Contact) and (t.tool, t.part_name) == on]
         if len(same) > 1:
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
-        self.nodes = Nodes(scene.blank, self.part, self._where)
+        self.nodes = Nodes(scene.blank, self.part, self.where)
         self.thickness, self._law, self.rigid = self._faces(scene)
         stiffened = bool(self.permitted or self._face["penalty"] or self._face["smoothing"])
         self.plies = PlyThickness(scene, self._face["thickness"], stiffened)
