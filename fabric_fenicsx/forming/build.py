@@ -106,7 +106,7 @@ def place(press: Press, laid: Laid, comm: MPI.Comm, warnings: list[str]) -> Plac
         except InputError as error:
             raise InputError(
                 f"tools.{name} can't be the die of {of}; allowed is the die of an open surface, as "
-                f"double_dome or a file without a back, not of a closed one, as a ball ({error})"
+                f"double_dome or a file, not of a closed one, as a ball ({error})"
             ) from None
     reach = {
         of: float((stood[name][1] - stood[of][1]) @ press.tools[of].towards) + clearances[name]
