@@ -107,8 +107,9 @@ def _curve(file, table, keys, thickness, remarks):
         keys.free,
         _noise(keys.texts.get("noise"), responses, thickness),
         keys.lengths,
-        (*remarks, *left_out, *checks.doubted_angles(keys.test, table)),
+        (*remarks, *left_out),
         slack,
+        columns.get("displacement"),
     )
 
 
