@@ -95,8 +95,9 @@ def ratios(weave: str, fabric: WovenFabric) -> list[dict[str, Any]]:
 def middle_angles(fabric: WovenFabric) -> list[float]:
     """Simulated shear angles [deg] at the displacements of `MIDDLE`."""
     strain = max(MIDDLE) / 450
-    sizes = {"length": 450, "width": 150, "nx": 18, "strain": strain, "pattern": "graded"}
-    strip = BiasExtension(fabric, **sizes).build(MPI.COMM_SELF)
+    strip = BiasExtension(
+        fabric, length=450, width=150, strain=strain, nx=18, pattern="graded"
+    ).build(MPI.COMM_SELF)
     middle = strip.near_centre()
 
     def angle(_):
