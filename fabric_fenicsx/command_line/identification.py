@@ -78,10 +78,12 @@ def check(args: Namespace) -> None:
 
 def is_first_rank() -> bool:
     """True on one of all ranks, which does all the work."""
-    if not find_spec("mpi4py"):
+    if not find_spec("dolfinx"):
         return True
     from mpi4py import MPI
 
+    if MPI.COMM_WORLD.size > 1:
+        from petsc4py import PETSc  # noqa: F401, as ranks start and end it together
     return not MPI.COMM_WORLD.rank
 
 
