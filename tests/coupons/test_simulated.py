@@ -56,3 +56,12 @@ def test_a_fit_to_a_simulated_specimen_gives_its_fabric_back():
     assert values[1] == pytest.approx(truth, rel=5e-3)
     assert np.abs(np.divide(values[0], truth) - 1).max() > 0.05
     assert found.simulated.off["bias.csv"] < 1e-3
+
+
+def test_the_normalised_shear_force_of_a_run_is_the_law_s():
+    """Its half angle is that of earlier states, not half of the last force."""
+    strip = ff.BiasExtension(FABRIC, length=450, width=150, strain=0.105, nx=12, pattern="graded")
+    found = strip.job(steps=15).run().summary["quantities"]
+    g = np.radians(found["theory_shear_angle_deg"])
+    law = (FABRIC.s1 + (FABRIC.s2 + FABRIC.s3 * g) * g) * g * FABRIC.thickness / np.cos(g)
+    assert found["normalised_shear_force_N_per_mm"] == pytest.approx(law, rel=0.02)

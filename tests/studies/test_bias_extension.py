@@ -120,10 +120,7 @@ def test_against_measured_forces(launch, tmp_path):
     strip = ("--length", 230, "--width", 115, "--strain", 0.1535, "--nx", 16)
     done = launch("bias_extension", "--material", law, *strip, "--measured", data)
     assert done.status == 0, done.err
-    q = done.summary["quantities"]
-    assert 0.05 < q["measured_rms_relative"] < 0.09
-    assert (done.folder / "measured.png").stat().st_size > 10_000
-    (found,) = q["measured"]
+    (found,) = done.summary["quantities"]["measured"]
     assert (found["test"], found["points_covered"]) == ("bias_extension", 8)
     assert 0.01 < found["rms_of_peak"] < 0.02 < found["largest_of_peak"] < 0.05
     assert done.summary["reaction_N"] == pytest.approx(6.15, rel=0.05)  # measured
