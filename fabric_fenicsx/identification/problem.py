@@ -221,7 +221,7 @@ class Problem:
             c0, c1, c2 = s1, s1 + s2 * G, s1 + 2 * s2 * G + 3 * s3 * G**2
             unit = self.natural[place[0]]
             i, j = free.index(place[0]), free.index(place[1])
-            low[[i, j]], high[[i, j]] = 1e-9, np.inf
+            low[[i, j]], high[[i, j]] = 1e-3, np.inf  # of a straight line: 0 is hardly reached
             x[[i, j]] = c0 / unit, c2 / unit
             if place[2] in free:
                 m = free.index(place[2])
