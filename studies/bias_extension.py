@@ -4,7 +4,6 @@ Schäfer et al."""
 from fabric_fenicsx.command_line.study import Study, parser, run
 from fabric_fenicsx.coupons.coupon import BiasExtension
 from fabric_fenicsx.coupons.measured import measured_lines
-from fabric_fenicsx.runtime.formatting import percent, rounded
 
 
 def options():
@@ -17,12 +16,6 @@ def main(study: Study):
     q, theory = result.summary["quantities"], "no theory"
     for line in measured_lines(result):
         study.say(line)
-    if "measured_rms_N_per_mm" in q:
-        rms, relative = q["measured_rms_N_per_mm"], q["measured_rms_relative"]
-        study.say(
-            f"normalised shear forces differ by {rounded(rms)} N/mm r.m.s. "
-            f"({percent(relative, 3)} of each)"
-        )
     centre = "no cell at the centre"
     if bias.has_centre:
         centre = f"centre shear angle {result.formatted('centre_shear_angle_deg', '.2f')} deg"

@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 
 from fabric_fenicsx import __version__, identification
-from fabric_fenicsx.command_line.identification import check, options
+from fabric_fenicsx.command_line.identification import check, identified, is_first_rank, options
 from fabric_fenicsx.command_line.options import exit_status, program, restart_command
 from fabric_fenicsx.identification import curves
 from fabric_fenicsx.material.presets import load
@@ -59,7 +59,7 @@ def main(args):
             f"{percent(args.noise, 6)} of each column's largest value"
         )
         curves.write(args.data, sheet, tests, [remark])
-    result = identification.identify(*curves.read(args.data))
+    result = identified(*curves.read(args.data), args.homogeneous)
     report = {"data": str(args.data)} | result.report()
     write_report(args, args.out.with_suffix(".json"), report, started)
     result.fabric.to_toml(args.out, result.remarks())
@@ -77,8 +77,9 @@ def main(args):
 
 if __name__ == "__main__":
     try:
-        with shown(), task(program("identify")):
-            main(options(__doc__).parse_args())
+        if is_first_rank():
+            with shown(), task(program("identify")):
+                main(options(__doc__).parse_args())
     except (InputError, SolverFailure) as error:
         status, text = exit_status(error)
         print(f"{program('identify')}: {text}", file=sys.stderr)

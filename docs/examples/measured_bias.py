@@ -1,26 +1,20 @@
-"""Both bias tests of glass/PP of Cao et al. (2008): measured, fitted and simulated.
+"""Bias tests of glass/PP of Cao et al. (2008): the law is fitted to a specimen of 150 x 450 mm,
+and one of 115 x 230 mm is predicted.
 
-Prints for each specimen and measured shear angle [deg] the normalised shear force [N/mm], and over
-it that of the fitted law and that of the simulated test.
+Prints for both the displacement [mm], the measured force [N], and the simulated over the measured.
 """
 
 from importlib.resources import files
 
-import numpy as np
-
-import fabric_fenicsx as ff
 from fabric_fenicsx import identification
+from fabric_fenicsx.coupons.simulated import simulated_bias
 from fabric_fenicsx.identification import curves
 
 data = files("fabric_fenicsx") / "studies/data"
-for width, length, strain in ((115, 230, 0.1535), (150, 450, 0.2195)):
-    folder = str(data / f"glass_pp_{width}x{length}")
-    law = identification.identify(*curves.read(folder)).fabric
-    sizes = {"length": length, "width": width, "strain": strain, "nx": 24}
-    test = ff.BiasExtension(law, **sizes, measured=folder).build()
-    result = test.job(steps=20).run()
-    angles, measured, simulated = test.against_measured(result.rows)
-    stress = law.derivatives(0 * angles, 0 * angles, angles, second=False).first[2]
-    fitted = law.thickness * stress / np.cos(angles)  # F_sh of homogeneous shear
-    for row in zip(np.degrees(angles), measured, fitted / measured, simulated / measured):
-        print(f"{width}x{length} {row[0]:.0f} {row[1]} {row[2]:.3f} {row[3]:.3f}")
+large, small = (curves.read(str(data / f"glass_pp_{size}")) for size in ("150x450", "115x230"))
+law = identification.identify_simulated(*large, simulated_bias).fabric
+for _, (test,) in (large, small):
+    size = f"{test.keys['width']:.0f}x{test.keys['height']:.0f}"
+    force, _ = simulated_bias(law, test)
+    for d, measured, simulated in zip(test.displacement, test.responses[0].values, force):
+        print(f"{size} {d} {measured} {simulated / measured:.3f}")

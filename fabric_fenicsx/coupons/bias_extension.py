@@ -100,26 +100,6 @@ class BiasSetup(StripSetup):
         """Grips at both ends."""
         return clamped_ends(self.stroke)
 
-    def shear_forces(self, rows: Sequence[dict[str, Any]]) -> tuple[np.ndarray, np.ndarray]:
-        """Magnitude of theory's shear angle [rad] and normalised shear force [N/mm] at the rows of
-        a history, as an experiment derives them."""
-        strokes = [row["displacement_mm"] for row in rows]
-        gamma = np.array([abs(self.strip.shear_angle(s, self.rest)) for s in strokes])
-        reach = np.isfinite(gamma)
-        reaction = np.array([row["reaction_N"] for row in rows])[reach]
-        strip = self.strip
-        return gamma[reach], bias_normalised(gamma[reach], reaction, strip.length, strip.width)
-
-    def against_measured(
-        self, rows: Sequence[dict[str, Any]]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Shear angles [rad] of the first measured curve, its normalised shear forces and the
-        predicted ones [N/mm] there, within the simulated range."""
-        gamma, force = self.shear_forces(rows)
-        angles, measured = self.shear_forces(self.laid[0].rows())
-        there = angles <= gamma.max() + 1e-9
-        return angles[there], measured[there], np.interp(angles[there], gamma, force)
-
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angles by zones, beside theory's, and the shear force as a test derives it."""
         rows, signed = result.rows, result.fields["shear_angle"]
@@ -128,13 +108,10 @@ class BiasSetup(StripSetup):
             theory = abs(float(self.strip.shear_angle(rows[-1]["displacement_mm"], self.rest)))
         found = {} if self.no_theory else self._by_zones(gamma, signed)
         if self.at_45 and math.isfinite(theory) and theory > 0:
-            force = float(self.shear_forces(rows[-1:])[1][0])
-            found["normalised_shear_force_N_per_mm"] = force
-        if self.laid and (near := self.against_measured(rows))[1].any():
-            _, mine, predicted = near
-            found["measured_rms_N_per_mm"] = float(np.sqrt(np.mean((predicted - mine) ** 2)))
-            off = predicted[mine != 0] / mine[mine != 0] - 1
-            found["measured_rms_relative"] = float(np.sqrt(np.mean(off**2)))
+            strip, reaction = self.strip, [row["reaction_N"] for row in rows]
+            angles = [abs(strip.shear_angle(row["displacement_mm"], self.rest)) for row in rows]
+            force = bias_normalised(angles, reaction, strip.length, strip.width)
+            found["normalised_shear_force_N_per_mm"] = float(force[-1])
         centre = measures.mean(self.comm, gamma, 1.0 * self.near_centre())
         at_centre = math.degrees(centre) if self.has_centre and centre is not None else None
         found |= self.against_curves(result) | {
@@ -187,7 +164,7 @@ class BiasSetup(StripSetup):
             np.savetxt(file, profile, fmt="%.9g", delimiter=",", header=header, comments="")
 
     def pictures(self, result: Result, folder: Path) -> None:
-        """axis.png, beside theory, and measured.png, on rank 0."""
+        """axis.png, beside theory, on rank 0."""
         from ..plot import pictures
 
         profile = np.loadtxt(folder / "axis.csv", delimiter=",", skiprows=1, ndmin=2)
@@ -200,15 +177,6 @@ class BiasSetup(StripSetup):
                 series["inextensible yarns"] = (x, np.degrees(np.abs(theory)), "-")
         labels = "position along the axis / mm", "magnitude of the shear angle / deg"
         pictures.curves(folder / "axis.png", series, *labels)
-        if self.laid:
-            gamma, force = self.shear_forces(result.rows)
-            angles, mine, _ = self.against_measured(result.rows)
-            series = {
-                "measured": (np.degrees(angles), mine, "s"),
-                "simulated": (np.degrees(gamma), force, "-"),
-            }
-            labels = "shear angle from the crosshead / deg", "normalised shear force / (N/mm)"
-            pictures.curves(folder / "measured.png", series, *labels)
 
 
 def transition_width(

@@ -24,13 +24,6 @@ class Measured:
     displacement: np.ndarray
     force: np.ndarray
 
-    def rows(self) -> list[dict[str, float]]:
-        """Rows as a history has them."""
-        return [
-            {"displacement_mm": float(d), "reaction_N": float(f)}
-            for d, f in zip(self.displacement, self.force)
-        ]
-
     def against(self, rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         """Distance of the simulated force from the measured one at the measured points that the
         `rows` of a history cover [N], and over the largest measured force there."""

@@ -15,6 +15,9 @@ value, that of `[assumed]` in sheet.toml or of Table 1, and the result says so.
 A fabric with balanced = false is refused if only one of its directions was pulled and nothing
 states the other: another fabric's values would invent the very difference that the user asks for.
 
+`identify_simulated` predicts raw bias tests by simulated specimens, for which its caller gives
+a function.
+
 Compaction is apart from that: `fit_compaction` fits it to tests across the thickness alone.
 """
 
@@ -24,6 +27,7 @@ from .parameter import Assumed, Determined
 from .pictures import draw
 from .problem import true_values
 from .result import Identification, coverage_lines, result_lines
+from .simulated import identify_simulated
 from .synthetic import PLANS, coverage, synthesise, synthesise_compaction
 
 __all__ = [
@@ -37,6 +41,7 @@ __all__ = [
     "draw",
     "fit_compaction",
     "identify",
+    "identify_simulated",
     "result_lines",
     "synthesise",
     "synthesise_compaction",

@@ -12,7 +12,7 @@ from ..material.laws.coupled import SHEAR, YARN, WovenFabric, Yarn
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from .compaction import fit_compaction
-from .curves import Curve, Sheet, unit_warnings
+from .curves import Curve, Sheet, angle_warnings, unit_warnings
 from .parameter import Assumed, Determined
 from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of
 from .result import Identification
@@ -66,6 +66,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *_fit_warnings(curves, found, softest, convex),
         *_parameter_warnings(determined, assumed),
         *filter(None, (toe_warning(*each) for each in fits)),
+        *angle_warnings(curves),
         *unit_warnings(curves),
         *(compaction.warnings if compaction else ()),
         *fabric.plausibility_warnings(),

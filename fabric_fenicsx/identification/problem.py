@@ -79,6 +79,10 @@ class Problem:
         self.component = joined(lambda _, response: response.component)
         self.strains = np.concatenate([curve.strains for curve, _ in parts])
         self.halves = np.flatnonzero(self.half)
+        simulated = [(s, r.linear) for (_, r), s in self.parts if r.linear is not None]
+        self.linear = np.zeros((len(self.measured), 4))
+        for s, linear in simulated:
+            self.gain[s], self.linear[s] = 0.0, linear
         # the yarns of points under free tension, and where to start the strain across
         self.along = joined(lambda curve, _: -1 if curve.free is None else curve.free)
         last = [curve.responses[-1] for curve, _ in parts]
@@ -113,7 +117,7 @@ class Problem:
         across = np.where(self.along == 0, strains[:, 1], strains[:, 0])
         value = self.gain * np.column_stack([stress[:N], across])[np.arange(N), self.component]
         value[self.halves] += self.half[self.halves] * stress[N:, 2]
-        return value
+        return value + self.linear @ [1.0, fabric.s1, fabric.s2, fabric.s3]
 
     def sizes(self, theta: np.ndarray) -> np.ndarray:
         """A large change of each parameter, (len(theta),)."""
@@ -222,7 +226,7 @@ class Problem:
             c0, c1, c2 = s1, s1 + s2 * G, s1 + 2 * s2 * G + 3 * s3 * G**2
             unit = self.natural[place[0]]
             i, j = free.index(place[0]), free.index(place[1])
-            low[[i, j]], high[[i, j]] = 1e-9, np.inf
+            low[[i, j]], high[[i, j]] = 1e-3, np.inf  # of a straight line: 0 is hardly reached
             x[[i, j]] = c0 / unit, c2 / unit
             if place[2] in free:
                 m = free.index(place[2])

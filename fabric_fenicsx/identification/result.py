@@ -15,6 +15,17 @@ from .parameter import Assumed, Determined
 
 
 @dataclass(frozen=True)
+class SimulatedFit:
+    """How far a fit to simulated specimens of bias tests is from that of homogeneous shear:
+    s1, s2, s3 of the latter [MPa], and for each file the r.m.s. difference of simulated from
+    measured forces over the largest measured, with the latter and with the fit itself."""
+
+    homogeneous: dict[str, float]
+    off_homogeneous: dict[str, float]
+    off: dict[str, float]
+
+
+@dataclass(frozen=True)
 class Identification:
     """The result of `identify`. fits: for each measured column (curve, response, predicted (n,),
     deviation (n,)); correlation (m, m) in the order of `determined`; variance: of the weighted
@@ -33,6 +44,7 @@ class Identification:
     warnings: list[str]
     areal_weight: float | None = None  # [g/m2], if the density is from it
     compaction: CompactionFit | None = None  # None without a test of it: the default
+    simulated: SimulatedFit | None = None  # None if no specimen was simulated
 
     def remarks(self) -> list[str]:
         """Lines for a material file on the origin of its values."""
@@ -78,6 +90,7 @@ class Identification:
             "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
             "curves": [_error(*fit) for fit in self.fits],
             "compaction": self.compaction and self.compaction.report(),
+            "simulated": self.simulated and dataclasses.asdict(self.simulated),
             "degrees_of_freedom": self.degrees_of_freedom,
             "variance_of_weighted_residuals": self.variance,
             "noise_estimated_of_peak": self.noise_estimated,
@@ -121,6 +134,14 @@ def result_lines(result: Identification) -> Iterator[str]:
         )
     for test in (report["compaction"] or {"tests": []})["tests"]:
         yield f"{test['file']}: r.m.s. error of thickness {test['rms_error_mm']:.3g} mm"
+    if fit := result.simulated:
+        shear = ", ".join(f"{name} {value:.4g} MPa" for name, value in fit.homogeneous.items())
+        yield f"specimens of bias tests were simulated; by homogeneous shear: {shear}"
+        for file, off in fit.off.items():
+            yield (
+                f"{file}: the simulated force is {percent(off)} of its peak off r.m.s., and "
+                f"{percent(fit.off_homogeneous[file])} with the fit of homogeneous shear"
+            )
     if result.areal_weight is not None:
         density = f"{result.fabric.density:.4g} g/cm3"
         yield f"density {density} = areal weight {result.areal_weight:g} g/m2 / thickness"

@@ -117,7 +117,12 @@ def test_held_sides_are_warned_of():
 @pytest.mark.parametrize(
     "kind, fields, file, words",
     [
-        (ff.Tensile, {}, "glass_pp_115x230", "has no test for this study but shear; allowed is a"),
+        (
+            ff.Tensile,
+            {},
+            "glass_pp_115x230",
+            "has no test for this study but bias_extension; allowed is a",
+        ),
         (ff.Tensile, {}, "komeili_all/uniaxial_b.csv", "but uniaxial_b; allowed is a tension test"),
         (ff.Tensile, {"fibre_angle": 30}, "komeili_all", "allowed is `fibre_angle` 0 or 90"),
         (ff.Tensile, {"yarn_angle": 80}, "komeili_all", "allowed is `fibre_angle` 0 or 90"),

@@ -281,18 +281,21 @@ def test_shipped_synthetic_data(tmp_path, name, count):
 
 
 @pytest.mark.versions
-@pytest.mark.parametrize(("size", "error"), [("115x230", 0.0026), ("150x450", 0.0030)])
-def test_shipped_measured_data(tmp_path, size, error):
+@pytest.mark.parametrize(("size", "off"), [("115x230", 0.11), ("150x450", 0.23)])
+def test_shipped_measured_data(tmp_path, size, off):
     result = identify(*data.read(SHIPPED / f"glass_pp_{size}"))
     assert list(result.determined) == ["s1", "s2", "s3"] and len(result.assumed) == 7
     assert result.shear_stiffness_min > 0
     (measured,) = result.report()["curves"]
-    assert 0.8 * error < measured["rms_error"] < error  # N/mm
-    g = np.radians([10, 45])
+    assert 0.8 * off < measured["rms_error"] < off  # N
+    g = np.radians([10, 20, 30, 40])
     F_sh = (result.fabric.s1 + result.fabric.s2 * g + result.fabric.s3 * g**2) * g * 1.2 / np.cos(g)
-    assert F_sh == pytest.approx(
-        {"115x230": [0.016, 0.158], "150x450": [0.013, 0.13]}[size], rel=0.1
-    )
+    # Eq. 18 of Cao et al. by hand, of their raw curves
+    by_hand = {
+        "115x230": [0.0054, 0.0091, 0.0134, 0.0217],
+        "150x450": [0.0064, 0.0092, 0.0143, 0.0244],
+    }
+    assert F_sh == pytest.approx(by_hand[size], rel=0.1)
     assert [Path(p).name for p in draw(result, tmp_path / "x")] == [
         "x_fit.png",
         "x_residuals.png",
@@ -446,7 +449,7 @@ def test_a_toe_of_a_shear_curve_is_named(toe, points):
     and 0.3 % of noise."""
     sheet, measured = data.read(SHIPPED / "glass_pp_115x230")
     cao = identify(sheet, measured)
-    assert not any("a toe" in warning for warning in cao.warnings)  # its six points show none
+    assert not any("a toe" in warning for warning in cao.warnings)  # its eight points show none
     g = np.radians(np.linspace(45 / points, 45, points))
     tau = (cao.fabric.s1 + cao.fabric.s2 * g + cao.fabric.s3 * g**2) * g
     F_sh = tau * sheet.thickness / np.cos(g) + toe * (1 - np.exp(-np.degrees(g) / 1.5))

@@ -28,9 +28,11 @@ def test_from_curves_to_a_material(launch, tmp_path):
     )
     assert done.status == 0, done.err
     assert "3 of 10 parameters determined, 7 assumed" in done.out
-    assert "r.m.s. error of F_sh 0.0025" in done.out
+    assert "bias.csv: simulating its specimen with s1 0.04" in done.out
+    assert "bias.csv: the simulated force is 1.5 % of its peak off r.m.s., and 2.1 %" in done.out
     report = json.loads((tmp_path / "new/glass.json").read_text())
     assert list(report["determined"]) == ["s1", "s2", "s3"]
+    assert report["simulated"]["homogeneous"]["s1"] != report["determined"]["s1"]["value"]
     assert report["assumed"]["d"]["source"].startswith("Table 1")
     assert load(tmp_path / "new/glass.toml").s1 == report["determined"]["s1"]["value"]
     assert {p.name for p in (tmp_path / "new").iterdir()} == {
@@ -41,6 +43,17 @@ def test_from_curves_to_a_material(launch, tmp_path):
         "glass_residuals.png",
         "glass_correlation.png",
     }
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_bias_tests_by_formula_or_on_two_ranks(launch, tmp_path, ranks):
+    options = "--data", DATA / "glass_pp_115x230", "--out", tmp_path / "x.toml", "--no-pictures"
+    how = ["--homogeneous"] if ranks == 1 else []
+    done = launch("identify", *options, *how, out=False, ranks=ranks)
+    assert done.status == 0, done.err
+    assert done.out.count("3 of 10 parameters determined") == 1
+    assert ("simulating" in done.out) == (ranks == 2)
+    assert ("above 30 deg by the displacement" in done.out) == (ranks == 1)
 
 
 def test_synthetic_data_and_coverage(launch, tmp_path):

@@ -127,14 +127,16 @@ def _check_response(name, table, column, undeformed):
         raise _fault(rows[-1], f"{column} has fallen to {share}; allowed is {allowed}")
 
 
-def doubted_angles(test: str, table: Table) -> list[str]:
-    """A sentence if shear angles of a bias test are from its displacement and beyond `TRUSTED`."""
-    if test != "bias_extension" or "displacement" not in table.columns:
-        return []
+def angle_warnings(curves: Sequence[Curve]) -> list[str]:
+    """Sentences on bias tests whose shear angles are from the displacement, and beyond `TRUSTED`,
+    where the specimen is not simulated."""
     return [
-        f"from row {table.rows[k]} on shear angles are above {TRUSTED:g} deg by the "
-        "displacement, where those of a real strip are less: measure them, or leave these rows out"
-        for k in _first(np.abs(table.columns["gamma"]) > math.radians(TRUSTED))
+        f"{curve.file}: from row {curve.rows[k]} on shear angles are above {TRUSTED:g} deg by the "
+        "displacement, where those of a real strip are less: simulate the specimen, which needs "
+        "DOLFINx, measure them, or leave these rows out"
+        for curve in curves
+        if curve.is_raw and curve.responses[0].linear is None
+        for k in _first(np.abs(curve.strains[:, 2]) > math.radians(TRUSTED))
     ]
 
 

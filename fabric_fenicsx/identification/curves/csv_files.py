@@ -115,8 +115,9 @@ def _curve(file, table, keys, thickness, remarks):
         keys.free,
         _noise(keys.texts.get("noise"), responses, thickness),
         keys.lengths,
-        (*remarks, *told, *checks.doubted_angles(keys.test, table)),
+        (*remarks, *told),
         loose,
+        columns.get("displacement"),
     )
 
 

@@ -115,13 +115,15 @@ class Response:
     """A measured column: `values` (n,) in `unit`, and how the law predicts it.
 
     It predicts gain * s, plus half * tau(gamma/2) if `half` is given, where s is the stress
-    conjugate to eps_a, eps_b or gamma, or the lateral strain."""
+    conjugate to eps_a, eps_b or gamma, or the lateral strain; if `linear` (n, 4) is given instead
+    linear @ (1, s1, s2, s3), as of a simulated specimen."""
 
     column: str
     unit: str
     values: np.ndarray
     gain: np.ndarray
     half: np.ndarray | None = None
+    linear: np.ndarray | None = None
 
     @property
     def component(self) -> int:
@@ -140,7 +142,8 @@ class Curve:
     numbers in the file; free: 0 or 1 if the yarns across a tension along a or b are free of stress;
     noise: ("maximum" | "value" | "absolute", number) or None; abscissa: the column of `strains`
     that runs; keys: further keys of the file, lengths [mm]; remarks: sentences on what was left
-    out; slack: in the unit of the file's column that runs."""
+    out; slack: in the unit of the file's column that runs; displacement (n,) of the clamp [mm], if
+    the file has it."""
 
     file: str
     test: str
@@ -153,6 +156,12 @@ class Curve:
     keys: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     slack: float = 0.0
+    displacement: np.ndarray | None = None
+
+    @property
+    def is_raw(self) -> bool:
+        """True for a bias test of force over displacement."""
+        return self.test == "bias_extension" and self.displacement is not None
 
 
 @dataclass(frozen=True)

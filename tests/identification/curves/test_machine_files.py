@@ -366,6 +366,8 @@ def test_a_toe_of_a_tension_curve_is_named(tmp_path):
 
 def test_angles_beyond_those_that_a_displacement_tells_are_doubted(tmp_path):
     _, (curve,) = data.read(folder(tmp_path, bias=KEYS + HEAD + POINT + "\n30;2000\n32;2400\n"))
-    (words,) = curve.remarks
-    assert words.startswith("from row 10 on shear angles are above 30 deg by the displacement")
+    (words,) = data.angle_warnings([curve])
+    assert words.startswith(
+        "bias.csv: from row 10 on shear angles are above 30 deg by the displacement"
+    )
     assert np.degrees(curve.strains[[-3, -2], 2]) == pytest.approx([23.49, 36.14], abs=0.01)

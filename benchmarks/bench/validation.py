@@ -1,0 +1,109 @@
+"""Bias tests of Cao et al. (2008): the law is fitted to one size, the others are predicted."""
+
+import csv
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+from fabric_fenicsx.coupons.coupon import BiasExtension
+from fabric_fenicsx.coupons.simulated import simulated_bias
+from fabric_fenicsx.identification import identify_simulated
+from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
+from fabric_fenicsx.identification.curves.forces import response
+from fabric_fenicsx.material.laws.coupled import WovenFabric
+
+DATA = Path(__file__).parents[1] / "data"
+# laboratory, width, height [mm] of the test that the law is fitted to
+FITTED = {
+    "plain": ("INSA-NU", 150, 450),
+    "balanced twill": ("INSA-NU", 150, 450),
+    "unbalanced twill": ("UN", 100, 300),
+}
+SHEET = Sheet("glass/PP of Cao et al.", thickness=1.2, density=0.619, balanced=True)
+NOISE = "value", 0.05  # so that all angles count alike
+# of the plain weave, 150 x 450 mm, Fig. 36: displacement [mm] -> shear angle in the middle [deg] by
+# hand, by images and as printed from the usual formula
+MIDDLE = {
+    20: (5.8, 5.5, 7.9),
+    40: (13.5, 13.6, 16.5),
+    60: (25.3, 22.1, 26.1),
+    80: (31.7, 30.9, 37.2),
+}
+
+
+def _table(name: str, weave: str) -> tuple[np.ndarray, list[dict[str, str]]]:
+    """Angles (n,) [deg], and rows of a weave."""
+    lines = [line for line in open(DATA / name, encoding="utf-8") if not line.startswith("#")]
+    rows = [row for row in csv.DictReader(lines) if row["weave"] == weave]
+    return np.array([key for key in rows[0] if key.isdigit()], float), rows
+
+
+def bias_tests(weave: str) -> dict[tuple[str, int, int], Curve]:
+    """The raw bias tests of a weave by laboratory, width and height."""
+    angles, rows = _table("cao2008_bias.csv", weave)
+    gamma, found = np.radians(angles), {}
+    for row in rows:
+        name = row["laboratory"], int(row["width_mm"]), int(row["height_mm"])
+        keys = {"width": float(name[1]), "height": float(name[2])}
+        force = np.array([row[f"{angle:g}"] for angle in angles], float)
+        found[name] = Curve(
+            "{} {}x{}".format(*name),
+            "bias_extension",
+            np.outer(gamma, [0, 0, 1]),
+            (response("F", force, gamma, "bias_extension", keys, SHEET.thickness),),
+            np.arange(len(gamma)),
+            2,
+            noise=NOISE,
+            keys=keys,
+            displacement=bias_displacement(gamma, keys["height"], keys["width"]),
+        )
+    return found
+
+
+def frames(weave: str) -> tuple[np.ndarray, np.ndarray]:
+    """Shear angles (n,) [deg], and normalised shear forces of picture frames (m, n) [N/mm]."""
+    angles, rows = _table("cao2008_frames.csv", weave)
+    return angles, np.array([[row[f"{angle:g}"] for angle in angles] for row in rows], float)
+
+
+def normalised(fabric: WovenFabric, angles: np.ndarray) -> np.ndarray:
+    """Normalised shear force (n,) [N/mm] of the law at shear angles [deg]."""
+    g = np.radians(angles)
+    tau = fabric.derivatives(0 * g, 0 * g, g, second=False).first[2]
+    return tau * fabric.thickness / np.cos(g)
+
+
+def fitted(weave: str) -> WovenFabric:
+    """The law of a weave, by the test of `FITTED`."""
+    curve = bias_tests(weave)[FITTED[weave]]
+    return identify_simulated(SHEET, [curve], simulated_bias).fabric
+
+
+def ratios(weave: str, fabric: WovenFabric) -> list[dict[str, Any]]:
+    """Simulated over measured force of each test of the weave, by the angle of the crosshead."""
+    angles = _table("cao2008_bias.csv", weave)[0]
+    rows = []
+    for name, curve in bias_tests(weave).items():
+        off = simulated_bias(fabric, curve)[0] / curve.responses[0].values
+        row = {"weave": weave, "test": curve.file, "fitted": name == FITTED[weave]}
+        rows.append(row | dict(zip((f"{a:g} deg" for a in angles), off.round(3).tolist())))
+    return rows
+
+
+def middle_angles(fabric: WovenFabric) -> list[float]:
+    """Simulated shear angles [deg] at the displacements of `MIDDLE`."""
+    strain = max(MIDDLE) / 450
+    strip = BiasExtension(
+        fabric, length=450, width=150, strain=strain, nx=18, pattern="graded"
+    ).build(MPI.COMM_SELF)
+    middle = strip.near_centre()
+
+    def angle(_):
+        gamma = np.abs(strip.membrane.invariants_at_points()[..., 3]).mean(1)
+        return {"middle_deg": float(np.degrees(gamma[middle].mean()))}
+
+    loads = [d / max(MIDDLE) for d in MIDDLE]
+    rows = strip.job(steps=16, milestones=loads, columns=angle).run(pictures=False).rows
+    return [next(r["middle_deg"] for r in rows if r["load"] == load) for load in loads]

@@ -1,0 +1,66 @@
+"""Fits to raw bias tests, of which the law's force is that of the simulated specimen."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..material.laws.coupled import SHEAR, WovenFabric
+from ..runtime.errors import SolverFailure
+from .curves import Curve, Sheet
+from .fit import identify
+from .result import Identification, SimulatedFit
+
+# Force (n,) [N] of the specimen of a raw bias test at its displacements, and its derivatives (n, 3)
+# by s1, s2, s3 [N/MPa], as of `coupons.simulated.simulated_bias`.
+Simulate = Callable[[WovenFabric, Curve], tuple[np.ndarray, np.ndarray]]
+MOST = 8  # fits
+CLOSE = 2e-3  # of the peak, by which forces may differ from those that the last fit expected
+
+
+def identify_simulated(sheet: Sheet, curves: Sequence[Curve], simulate: Simulate) -> Identification:
+    """As `identify`, with the specimens of raw bias tests simulated: no formula has to be trusted
+    that makes an angle of a displacement and a stress of a force.
+
+    The first fit is of homogeneous shear. Each other one takes forces as linear in s1, s2, s3 about
+    the last values (Gauss-Newton). Where a specimen cannot be simulated, or its forces do not
+    settle, the result is the first fit, with a warning.
+    """
+    start = identify(sheet, curves)
+    if not any(curve.is_raw for curve in curves):
+        return start
+    try:
+        return _fitted(sheet, curves, simulate, start)
+    except SolverFailure as failure:
+        words = f"a bias test could not be simulated: {failure}; the fit is of homogeneous shear"
+        return dataclasses.replace(start, warnings=[*start.warnings, words])
+
+
+def _fitted(sheet, curves, simulate, start):
+    found, first = start, dict[str, float]()
+    for _ in range(MOST):
+        forces = {c.file: simulate(found.fabric, c) for c in curves if c.is_raw}
+        off, missed = {}, 0.0
+        for curve, response, expected, _ in found.fits:
+            if curve.is_raw:
+                force, peak = forces[curve.file][0], response.peak
+                off[curve.file] = float(np.sqrt(np.mean((force - response.values) ** 2)) / peak)
+                missed = max(missed, np.abs(force - expected).max() / peak)
+        if first and missed < CLOSE:
+            shear = {name: getattr(start.fabric, name) for name in SHEAR}
+            return dataclasses.replace(found, simulated=SimulatedFit(shear, first, off))
+        first = first or off
+        found = identify(sheet, [_linear(curve, found.fabric, forces) for curve in curves])
+    raise SolverFailure(f"its force did not settle in {MOST} fits")
+
+
+def _linear(curve, fabric, forces):
+    """A raw bias test, its force linear about that of the simulated specimen; others as they
+    are."""
+    if not curve.is_raw:
+        return curve
+    force, slopes = forces[curve.file]
+    rest = force - slopes @ [getattr(fabric, name) for name in SHEAR]
+    (response,) = curve.responses
+    response = dataclasses.replace(response, half=None, linear=np.column_stack([rest, slopes]))
+    return dataclasses.replace(curve, responses=(response,))

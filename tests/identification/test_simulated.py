@@ -1,0 +1,81 @@
+"""Fits to raw bias tests with a function in place of a simulation: no DOLFINx."""
+
+import numpy as np
+import pytest
+
+from fabric_fenicsx.identification import identify, identify_simulated
+from fabric_fenicsx.identification.curves import Curve, Sheet, bias_displacement
+from fabric_fenicsx.identification.curves.forces import bias_angle, response
+from fabric_fenicsx.material.presets import load
+from fabric_fenicsx.runtime.errors import SolverFailure
+
+SHEET = Sheet("glass", 1.2, 0.619, True)
+GAMMA = np.radians(np.arange(5.0, 50, 5))
+TRUE = [0.06, -0.12, 0.18]
+FABRIC = load("komeili").replace(**dict(zip(("s1", "s2", "s3"), TRUE)))
+
+
+def raw(force, file="bias.csv"):
+    """A bias test of 300 x 100 mm."""
+    keys, strains = {"height": 300.0, "width": 100.0}, np.outer(GAMMA, [0, 0, 1])
+    responses = (response("F", force, GAMMA, "bias_extension", keys, SHEET.thickness),)
+    d = bias_displacement(GAMMA, 300.0, 100.0)
+    more = {"noise": ("value", 0.01), "keys": keys, "displacement": d}
+    return Curve(file, "bias_extension", strains, responses, np.arange(9), 2, **more)
+
+
+def specimen(fabric, curve, curved=0.1):
+    """Forces that are not linear in the parameters, and their derivatives."""
+    by = GAMMA[:, None] ** np.arange(1, 4) * 300
+    x = by @ [fabric.s1, fabric.s2, fabric.s3]
+    return x - curved * x**2 / 10, by * (1 - curved * x[:, None] / 5)
+
+
+def test_the_specimen_counts_and_not_the_formula():
+    curve = raw(specimen(FABRIC, None)[0])
+    found = identify_simulated(SHEET, [curve], specimen)
+    assert [p.value for p in found.determined.values()] == pytest.approx(TRUE, rel=1e-3)
+    assert (
+        found.simulated.off["bias.csv"] < 1e-4 < 0.02 < found.simulated.off_homogeneous["bias.csv"]
+    )
+    assert not any("above 30 deg" in words for words in found.warnings)
+    start = identify(SHEET, [curve])
+    assert found.report()["simulated"]["homogeneous"]["s1"] == start.fabric.s1
+    assert any("above 30 deg" in words for words in start.warnings)
+
+
+@pytest.mark.parametrize("why", ["could not be simulated: no", "did not settle"])
+def test_a_specimen_that_tells_nothing_leaves_the_first_fit(why):
+    count = iter(range(100))
+
+    def simulate(fabric, curve):
+        if "settle" not in why:
+            raise SolverFailure("no")
+        force, slopes = specimen(fabric, curve)
+        return force * (1 + 0.5 * (next(count) % 2)), slopes
+
+    curve = raw(specimen(FABRIC, None)[0])
+    found, start = identify_simulated(SHEET, [curve], simulate), identify(SHEET, [curve])
+    assert found.fabric == start.fabric and found.simulated is None
+    assert why in found.warnings[-1] and "homogeneous shear" in found.warnings[-1]
+
+
+def test_nothing_raw_nothing_simulated():
+    g = np.linspace(0.05, 0.8, 10)
+    shear = response("tau", 0.05 * g, g, "shear", {}, 1.2)
+    curve = Curve("shear.csv", "shear", np.outer(g, [0, 0, 1]), (shear,), np.arange(10), 2)
+    assert identify_simulated(SHEET, [curve], None).simulated is None
+
+
+def test_a_test_far_beyond_where_shear_is_homogeneous():
+    """To 65 deg by the crosshead (Cao et al., Fig. 38, INSA-NU 115 x 230), where the formula's fit
+    falls to no stiffness at the last angle: it ends all the same."""
+    d = np.arange(10.0, 47, 4)
+    force = np.array([1.28, 1.58, 1.95, 2.39, 3.05, 4.02, 5.53, 7.83, 11.11, 16.57])
+    gamma, keys = bias_angle(d, 230.0, 115.0), {"height": 230.0, "width": 115.0}
+    responses = (response("F", force, gamma, "bias_extension", keys, SHEET.thickness),)
+    more = {"noise": ("value", 0.05), "keys": keys, "displacement": d}
+    strains = np.outer(gamma, [0, 0, 1])
+    curve = Curve("bias.csv", "bias_extension", strains, responses, np.arange(10), 2, **more)
+    found = identify(SHEET, [curve])
+    assert found.fabric.s1 > 0.02 and found.shear_stiffness_min > 0
