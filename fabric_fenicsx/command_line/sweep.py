@@ -229,7 +229,7 @@ def _finer(changes, evaluate):
 
 def _evaluated(runner, asked, values):
     """The runs with these values, done, with a line for each."""
-    runs = runner.all(values, bar=False)
+    runs = runner.all(values)
     for run in runs:
         known = asked if run.is_believed() else ()
         found = ", ".join(f"{name} {run.number(name):.5g}" for name in known)

@@ -16,11 +16,10 @@ from tempfile import TemporaryDirectory
 from types import FrameType, MappingProxyType
 from typing import Any
 
-from tqdm import tqdm
-
 from ..runtime.errors import NOT_BELIEVED, InputError, Interrupted
 from ..runtime.formatting import rounded
 from ..runtime.ranks import RANKS_ENVIRONMENT
+from ..runtime.status import shown, task
 from .folder import ALWAYS, Run, SweepFolder, flat, read_press
 from .varied import Range, Values, changes, label, spelled
 
@@ -29,9 +28,7 @@ CONSOLE = "console.txt"  # in a run's folder: what it printed
 FINER = 1.5  # times as many cells along each side, on the finer mesh
 CELLS = "nx", "ny", "size"  # entries of a sheet
 LOOK = 0.05  # s between looks at whether a run has ended
-READ = 1.0  # s between looks at how far runs have come
 STOPS = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
-LAYOUT = "{l_bar}{bar}| {n:.1f} of {total} runs [{elapsed}<{remaining}]"  # of the progress bar
 
 
 class Form:
@@ -138,7 +135,7 @@ class Runner:
     def __init__(self, folder: SweepFolder, program: Form, jobs: int) -> None:
         self.folder, self.program, self.jobs = folder, program, jobs
 
-    def all(self, values: Iterable[Values], bar: bool = True) -> list[Run]:
+    def all(self, values: Iterable[Values]) -> list[Run]:
         """Have the runs with these values all done; returns them.
 
         Raises InputError with the sentence of a run that met bad input, and Interrupted on SIGINT,
@@ -149,45 +146,43 @@ class Runner:
         for run in todo:  # before any starts, so that a run that another one ends is known, too
             run.status, run.reason = None, ""
         self.folder.save()
-        disable = None if bar and todo else True  # None: where there is no terminal
-        with (
-            _signals_noted() as stop,
-            tqdm(total=len(todo), desc="sweep", bar_format=LAYOUT, disable=disable) as progress,
-        ):
-            _SideBySide(self, todo, stop, progress).work()
+        with _signals_noted() as stop:
+            _SideBySide(self, todo, stop).work()
         return runs
 
 
 def _say(text):
-    """Print a line above the bar, at once."""
-    tqdm.write(text)
-    sys.stdout.flush()
+    """Print a line at once."""
+    print(text, flush=True)
 
 
 class _SideBySide:
     """Processes of the runs `todo` under way."""
 
-    def __init__(self, runner, todo, stop, progress):
-        self.runner, self.todo, self.stop, self.progress = runner, list(todo), stop, progress
+    def __init__(self, runner, todo, stop):
+        self.runner, self.todo, self.stop = runner, list(todo), stop
         self.under_way: list[tuple[Run, subprocess.Popen, float]] = []
-        self.count, self.shown = len(todo), 0.0  # runs in all; when progress was shown last
+        self.count = len(todo)  # runs in all
 
     def work(self):
         """Run all; whatever happens, no process is left."""
         try:
-            while self.todo or self.under_way:
-                if self.stop:
-                    raise Interrupted(
-                        f"stopped by {signal.Signals(self.stop[0]).name}; the same command goes on "
-                        "from there"
-                    )
-                while self.todo and len(self.under_way) < self.runner.jobs:
-                    self._start(self.todo.pop(0))
-                time.sleep(LOOK)
-                self._look()
-                self._show()
+            with shown(), task(self._words):
+                self._work()
         finally:
             self._end()
+
+    def _work(self):
+        while self.todo or self.under_way:
+            if self.stop:
+                raise Interrupted(
+                    f"stopped by {signal.Signals(self.stop[0]).name}; the same command goes on "
+                    "from there"
+                )
+            while self.todo and len(self.under_way) < self.runner.jobs:
+                self._start(self.todo.pop(0))
+            time.sleep(LOOK)
+            self._look()
 
     def _start(self, run):
         words = self.runner.program.command(run.values, run.folder)
@@ -226,14 +221,11 @@ class _SideBySide:
             self.runner.folder.save()
             _say(_line(run, time.monotonic() - began))
 
-    def _show(self):
-        """Show the runs that ended and the loads that others have reached, now and then."""
-        if self.progress.disable or time.monotonic() < self.shown + READ:
-            return
-        self.shown = time.monotonic()
+    def _words(self):
+        """How many runs have ended, and which loads others have reached."""
         ended = self.count - len(self.todo) - len(self.under_way)
-        loads = sum(_load(run.folder / "history.csv") for run, *_ in self.under_way)
-        self.progress.update(ended + loads - self.progress.n)
+        loads = [f"{_load(run.folder / 'history.csv'):.0%}" for run, *_ in self.under_way[:]]
+        return f"{ended} of {self.count} runs, others at {', '.join(loads) or '-'}"
 
     def _end(self):
         """Ask what is under way to end, which it does after its step; a further signal ends it at

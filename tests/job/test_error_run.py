@@ -183,7 +183,7 @@ def test_a_forming_stack_is_made_coarser():
     assert [sheet.nx for sheet in coarser.sheets] == [3, 4]
 
 
-@pytest.mark.parametrize("order", [1.0, 1.7, 2.0])
+@pytest.mark.parametrize("order", [0.5, 1.0, 1.5])
 def test_the_errors_of_a_curve_are_covered(order):
     """A parabola that a mesh of size h puts off by h^order, and the lines that join its points."""
     loads = [np.linspace(0, 1, n) for n in (11, 6, 6)]
@@ -199,7 +199,7 @@ def test_the_errors_of_a_curve_are_covered(order):
     assert errors.max() < 3 * off.max()
 
 
-@pytest.mark.parametrize("order", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("order", [0.5, 1.0, 1.5])
 def test_the_order_is_that_of_three_meshes(order):
     values = [1 + h**order for h in (0.1, 0.2, 0.4)]
     assert bound(*np.diff(values)) == pytest.approx(SAFETY * 0.1**order)
