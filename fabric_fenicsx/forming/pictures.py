@@ -44,7 +44,7 @@ def _holders(made, plies):
     for term in made.scene.terms:
         ply = ply_of(plies[term.part_name] if term.part_name else next(iter(plies.values())))
         x, centres = ply.x, ply.x[ply.triangles].mean(1).T
-        name = getattr(term, "tool", term).name
+        name = (term.tool or term).name
         if isinstance(term, BlankHolderPressure):
             found[name] = _patch(ply, term.shares(centres) > 0.5, -AWAY * size * term.direction)
         elif isinstance(term, Contact) and term.where and name not in made.tools:

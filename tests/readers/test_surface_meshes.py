@@ -269,7 +269,9 @@ def test_what_is_cut_off_is_refused(tmp_path, name):
         by_gmsh(path)
     data = path.read_bytes()
     assert area(read(path)) == pytest.approx(200)
-    path.write_bytes(data[: int(WHOLE[name] * len(data))])
+    cut = data[: int(WHOLE[name] * len(data))]
+    # an end of a line may be that of a file
+    path.write_bytes(cut[: cut.rindex(b",")] if path.suffix == ".inp" else cut)
     with pytest.raises(InputError, match=name):
         read(path)
 

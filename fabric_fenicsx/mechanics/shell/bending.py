@@ -1,7 +1,7 @@
 """Bending: the yarns' resistance to being curved, out of the sheet and, if wanted, within it."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -11,10 +11,11 @@ from ...runtime.errors import InputError
 from ...runtime.rules import FROM_ZERO
 from ..materials import fabric_of
 from ..term import SceneFacts, Term, Triplets
-from . import metal_cells
-from .metal_cells import Shape
 from .morley import MorleyCells, Where
 from .stencil import Stencil
+
+if TYPE_CHECKING:
+    from .metal_cells import Shape
 
 TWIST = np.array([1.0, 1.0, 2.0])  # times x,aa, x,bb, x,ab: the curvatures of a `Shape`
 
@@ -31,7 +32,7 @@ class _State(NamedTuple):
 
     U: np.ndarray
     energy: float
-    shape: Shape | None = None
+    shape: "Shape | None" = None
     moments: np.ndarray | None = None
 
 
@@ -164,6 +165,8 @@ class Bending(Term):
         U, _, shape, moments = self._state()
         forces = self._matrix @ U
         if shape:
+            from . import metal_cells
+
             given = shape, self._slopes, 0 * moments, moments
             forces += self._stencil.summed(metal_cells.forces(*given))
         self._stencil.add_forces(forces, f)
@@ -174,6 +177,8 @@ class Bending(Term):
         U, _, shape, moments = self._state()
         blocks = self._within[:, None, None] * np.eye(U.shape[1])
         if shape:
+            from . import metal_cells
+
             across = np.zeros((3, *self._section.shape, 3))
             across[2, :, range(3), range(3)] = self._section.T
             given = shape, self._slopes, 0 * moments, moments, across
@@ -201,5 +206,7 @@ class Bending(Term):
         return self._now
 
     def _shape(self, U):
+        from . import metal_cells  # imports numba, which a strip does without
+
         given = self._corners, self._slopes, self._operator, self._own
         return metal_cells.shape(*given, U[self._stencil.columns])
