@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .job import Job
 
 FOLDERS = "coarse", "coarser"  # in the run's own
+FEWEST = 8  # cells of a mesh that may tell an order
 
 
 def coarsened(job: Job, made: Any) -> Any:
@@ -46,6 +47,8 @@ def estimated(
             break
         try:
             made = coarsened(job, coarser())
+            if runs and _cells(made) < FEWEST:
+                break
             runs.append(_run(made, output, result, name, problem))
             coarser = made.coarser
         except (InputError, SolverFailure) as failure:

@@ -20,7 +20,7 @@ from .result import Result
 
 SAFETY = 2.0  # see docs/errors.md
 UNMEASURED = 3.0  # times the difference without a third mesh
-ORDERS = 0.5, 1.5  # least and greatest order that is believed
+ORDERS = 0.5, 3.0  # least and greatest order that is believed
 FIELDS = "log_eps_11", "log_eps_22", "shear_angle"
 Row = dict[str, Any]
 

@@ -1,8 +1,8 @@
 """Own meshes in the studies: their sizes are told, what contradicts them is refused, what they do
 not need is doubted."""
 
+import importlib.util
 import json
-import sys
 from pathlib import Path
 
 import meshio
@@ -16,11 +16,17 @@ from fabric_fenicsx.coupons.coupon import PictureFrame, Tensile
 from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.runtime.errors import InputError
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
-import double_dome  # noqa: E402
-import picture_frame  # noqa: E402
-import tensile  # noqa: E402
 
+def _module(name):
+    """The script of a study; meshes/ has one called double_dome, too."""
+    path = Path(__file__).parents[2] / "studies" / f"{name}.py"
+    spec = importlib.util.spec_from_file_location(f"studies_{name}", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+double_dome, picture_frame, tensile = map(_module, ("double_dome", "picture_frame", "tensile"))
 COMM = MPI.COMM_WORLD
 TENSILE = "tensile", tensile.options
 
