@@ -126,7 +126,8 @@ class Run:
             self._reached += f", {tqdm.format_interval(left)} left"
         self._step_began = now
         if self.scene.comm.rank == 0:
-            log.log(logging.DEBUG if status.on_terminal() else logging.INFO, self._reached)
+            is_seen = status.on_terminal() or self.output.is_quiet
+            log.log(logging.DEBUG if is_seen else logging.INFO, self._reached)
 
     def _doing(self):
         """How far the run is, for the status line."""
