@@ -165,10 +165,8 @@ class Bending(Term):
         U, _, shape, moments = self._state()
         forces = self._matrix @ U
         if shape:
-            from . import metal_cells
-
-            given = shape, self._slopes, 0 * moments, moments
-            forces += self._stencil.summed(metal_cells.forces(*given))
+            across = np.einsum("ck,ckn->cn", moments, shape.bends)
+            forces += self._stencil.summed(across[:, :, None] * shape.normal[:, None])
         self._stencil.add_forces(forces, f)
 
     def tangent(self) -> Triplets:
@@ -179,10 +177,8 @@ class Bending(Term):
         if shape:
             from . import metal_cells
 
-            across = np.zeros((3, *self._section.shape, 3))
-            across[2, :, range(3), range(3)] = self._section.T
-            given = shape, self._slopes, 0 * moments, moments, across
-            blocks += metal_cells.stiffness(*given, self._coupled.places, self._coupled.count)
+            given = shape, moments, self._section, self._coupled.places, self._coupled.count
+            blocks += metal_cells.bending_stiffness(*given)
         return self._stencil.triplets(self._coupled, blocks)
 
     def curvatures(self) -> np.ndarray:
