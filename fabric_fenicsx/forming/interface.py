@@ -55,7 +55,7 @@ class Interface:
     )
     slip: float = number(0.1, POSITIVE, "elastic slip while a sheet sticks [mm]", "tools")
     lag: float = number(
-        0.01,
+        0.002,
         POSITIVE,
         "share of normal forces, and of areas under the holder, that may lag behind the state",
         "tools",

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..runtime.errors import InputError
-from ..runtime.rules import Rule, above_zero, check_complete, shown
+from ..runtime.rules import FROM_ZERO, Rule, above_zero, check_complete, shown
 from .files import read_numbers
 from .material import Parameters
 
@@ -21,7 +21,8 @@ class Compaction(Parameters):
     """Pressure p over the thickness h of a ply: p = p_0 (e^y - 1 - y), y = n ln(h_0 / h).
 
     So the fibre volume fraction grows with the power 1/n of pressure, once that is well above p_0,
-    and pressure begins with the square of compaction. h_0 is the thickness without pressure.
+    and pressure begins with the square of compaction. h_0 is the thickness without pressure; where
+    shear and stretch make the area J times as large, it is J^-m times as large.
 
     Parameters
     ----------
@@ -31,11 +32,13 @@ class Compaction(Parameters):
         p_0 [MPa], from which on the power law holds.
     pressure : float
         Pressure [MPa] under which the fabric has its thickness.
+    thickening : float
+        m. With 1 a sheared ply has the fibre volume fraction of a flat one under the same pressure.
 
     Raises
     ------
     InputError
-        For an exponent up to 1, and pressures not above 0.
+        For an exponent up to 1, pressures not above 0, and a thickening below 0.
 
     Examples
     --------
@@ -48,11 +51,13 @@ class Compaction(Parameters):
         "exponent": Rule("a number above 1", lambda v: v > 1),
         "onset": above_zero("stress"),
         "pressure": above_zero("stress"),
+        "thickening": FROM_ZERO,
     }
 
     exponent: float = 16.0
     onset: float = 1e-3
     pressure: float = 1e-3
+    thickening: float = 0.0
 
     def thickness(self, p: float | np.ndarray) -> np.ndarray:
         """Thickness under pressures p from 0 [MPa], over the fabric's."""
@@ -73,7 +78,7 @@ def compaction_of(document: dict[str, Any], units: Mapping[str, str]) -> Compact
             f"compaction is {shown(given)}; allowed is a table [compaction], or false for none"
         )
     numbers = read_numbers(given, Compaction.rules, units, "compaction.")
-    check_complete(numbers, Compaction.rules, "compaction.", "in [compaction]")
+    check_complete(numbers, ("exponent", "onset", "pressure"), "compaction.", "in [compaction]")
     return Compaction(**numbers)
 
 

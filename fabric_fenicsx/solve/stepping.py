@@ -178,7 +178,7 @@ class LoadStepping:
         # energies that grow as the load or faster are 1 / size times as large in the end
         matters = step_criteria.UNBALANCED / max(trial.size, 1e-300)
         if not self.progress.last_step:  # work along a straight line, which halving does not mend
-            matters = min(balance or np.inf, matters)
+            matters = min(balance or np.inf, matters / 2)
         for share in ON_THE_WAY:
             if missing > matters and self._measure_on_the_way(trial, share):
                 missing = self._missing_work(trial)

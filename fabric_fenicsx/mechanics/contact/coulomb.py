@@ -1,6 +1,5 @@
 """Coulomb's law of friction, as a potential of points that slip."""
 
-import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -8,6 +7,10 @@ import numpy as np
 
 from ...runtime.errors import InputError
 from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
+
+LAG = (
+    0.002  # the double dome's force is then 0.15 % off that of 0.0001, at 0.9 times the iterations
+)
 
 
 @dataclass(frozen=True)
@@ -25,9 +28,9 @@ class Coulomb:
     slip
         s [mm], by which a sticking point slips at most.
     lag
-        Normal forces are lagged during a solve. It is repeated if they differ by more than this
-        share of their sum from the lagged ones. With inf they follow one step behind. By default
-        inf on tools, 0.01 between sheets.
+        Normal forces, pressed areas and tangent planes are lagged during a solve. It is repeated if
+        taking them as they are changes the forces by more than this share of their sum. With inf
+        friction follows one step behind.
 
     Raises
     ------
@@ -43,14 +46,13 @@ class Coulomb:
 
     coefficient: float | Mapping[str, float]
     slip: float = 0.1
-    lag: float | None = None
+    lag: float = LAG
 
     def __post_init__(self) -> None:
         for value in self._coefficients():
             FROM_ZERO.check("coefficient of friction", value)
         POSITIVE.check("slip of friction", self.slip)
-        if self.lag is not None:
-            ABOVE_ZERO_OR_INF.check("lag of friction", self.lag)
+        ABOVE_ZERO_OR_INF.check("lag of friction", self.lag)
 
     def _coefficients(self):
         mu = self.coefficient
@@ -86,15 +88,11 @@ class Coulomb:
         )
 
 
-def as_coulomb(
-    friction: float | Mapping[str, float] | Coulomb, owner: str, lag: float
-) -> Coulomb | None:
-    """Law of a term's `friction`, with `lag` where it has none of its own; None if all coefficients
-    are 0. owner: the term, named in errors."""
+def as_coulomb(friction: float | Mapping[str, float] | Coulomb, owner: str) -> Coulomb | None:
+    """Law of a term's `friction`, None if all coefficients are 0. owner: the term, named in
+    errors."""
     try:
         law = friction if isinstance(friction, Coulomb) else Coulomb(friction)
     except InputError as error:
         raise InputError(f"{owner}: {error}") from None
-    if not law.largest:
-        return None
-    return law if law.lag else dataclasses.replace(law, lag=lag)
+    return law if law.largest else None

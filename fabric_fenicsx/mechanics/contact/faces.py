@@ -78,7 +78,7 @@ class Face:
         self.nodes, triangles = np.unique(triangles, return_inverse=True)
         self._count = index_map.size_local
         self._comm, self._blank = comm, blank
-        self._X = X = self._gathered(blank.coordinates()[: self._count])
+        self._X = X = self.gathered(blank.coordinates()[: self._count])
         # in an order that does not depend on the ranks: of two triangles at an edge one is found
         order = np.lexsort(X[triangles.reshape(-1, 3)].mean(1).round(9).T)
         self.triangles = triangles.reshape(-1, 3)[order]
@@ -96,7 +96,7 @@ class Face:
         self._edges, self._bulges = self._bulge_operator(self._rows_to_free_edges() / ROWS)
         self.take()
 
-    def _gathered(self, values):
+    def gathered(self, values: np.ndarray) -> np.ndarray:
         """Rows of all ranks' owned nodes, for the nodes of this face."""
         return np.concatenate(self._comm.allgather(values))[self.nodes]
 
@@ -165,10 +165,10 @@ class Face:
         return Corners(self.nodes[nodes], self.places[nodes], N, offset)
 
     def flat(self, N: np.ndarray, values: np.ndarray | None = None) -> np.ndarray:
-        """Values (nodes, 3), by default undeformed places [mm], at the points of `own_weights` in
-        the flat triangles, (cells k, 3)."""
+        """Values (nodes, i), by default undeformed places [mm], at the points of `own_weights` in
+        the flat triangles, (cells k, i)."""
         corners = (self._X if values is None else values)[self.triangles[self.own_triangles]]
-        return np.einsum("kc,nci->nki", N, corners).reshape(-1, 3)
+        return np.einsum("kc,nci->nki", N, corners).reshape(-1, corners.shape[2])
 
     def flat_height(self) -> float:
         """z of the undeformed sheet [mm]."""
@@ -177,7 +177,7 @@ class Face:
     def take(self) -> None:
         """Take the shape from the present displacement."""
         moved = self._blank.nodal_displacement()[: self._count]
-        self.displacement = self._gathered(moved)
+        self.displacement = self.gathered(moved)
         self.places = self._X + self.displacement
         normals = vertex_normals(self.places, self.triangles)
         for at, plane in self._planes:

@@ -1,5 +1,6 @@
 """The state of friction at points that are pressed on a tool or on another sheet."""
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -7,13 +8,11 @@ from mpi4py import MPI
 
 from .coulomb import Coulomb
 
-INEXACT = 0.01  # of the friction that there can be, by which linear sliding may be off
-
 
 class Sliding(Protocol):
-    """Motion of n points along what they touch, since an accepted state.
+    """Motion of n points along what they touch, since this was made.
 
-    normals (n, 3): unit vectors across the touching faces in that state
+    normals (n, 3): unit vectors across the touching faces then
     """
 
     normals: np.ndarray
@@ -26,13 +25,14 @@ class FrictionState:
     """Coulomb friction at n points of this rank: elastic slip, normal forces and energy taken, in
     the last accepted state and in the trial state of a step.
 
-    Within a step friction is a potential, as normal forces and tangent planes are lagged. The
-    tangential part of `sliding` adds to the elastic slip of the accepted state, which begins with 0
+    Within a solve friction is a potential, as normal forces and tangent planes are lagged. The
+    tangential part of sliding adds to the elastic slip of the accepted state, which begins with 0
     where a point is pressed for the first time. `begin`, `update` and `accept` take normal forces
     (n,) [N]. All ranks use it together.
 
     - coefficient: of all points, or one for each (n,)
     - limit (n,): friction that the points can bear in the accepted state [N]
+    - start, sliding: from the accepted state on, and from where tangent planes were taken last
     """
 
     def __init__(
@@ -44,14 +44,13 @@ class FrictionState:
         comm: MPI.Comm,
     ) -> None:
         self.law, self.coefficient, self._comm = law, coefficient, comm
-        self._lag = law.lag or np.inf
         n = len(normal_forces)
         self._slip, self._accepted_energy = np.zeros((n, 3)), np.zeros(n)
         self._start(normal_forces, sliding)
 
     def _start(self, normal_forces, sliding):
         """Take normal forces for the next step, and turn the slip into the new tangent planes."""
-        self.sliding, self.limit = sliding, self.coefficient * normal_forces
+        self.start, self.limit = sliding, self.coefficient * normal_forces
         self._slip = _turned(self._slip, self.limit, sliding.normals)
         self.begin()
 
@@ -61,30 +60,41 @@ class FrictionState:
         self._limit = self.limit if normal_forces is None else self.coefficient * normal_forces
         # what the elastic slip does not hold
         self._taken = self._accepted_energy - self.law.potential(self._slip, self._limit)[0]
-        self._offset = 0.0  # of sliding, by which it is not linear
+        self._take(self.start, self._slip)
+
+    def _take(self, sliding, slip):
+        """Let `sliding` add to the `slip` (n, 3) [mm] where it began."""
+        self.sliding, self._slip_before = sliding, slip
         self._known: tuple[np.ndarray, float, np.ndarray] | None = None
 
-    def update(self, normal_forces: np.ndarray, exact: np.ndarray) -> bool:
-        """Take the present normal forces and `exact` sliding (n, 3) [mm], if these forces differ
-        from the lagged ones by more than the law's `lag`, or friction does by more than `INEXACT`
-        for the sliding; true if so, the same on all ranks. With an infinite `lag` nothing is."""
-        if np.isinf(self._lag):
+    def update(
+        self, normal_forces: np.ndarray, exact: np.ndarray, sliding: Callable[[], Sliding]
+    ) -> bool:
+        """Take the present normal forces and tangent planes, and `exact` sliding (n, 3) [mm] since
+        the start, if that changes friction by more than the law's `lag` of what there can be; true
+        if so, the same on all ranks. sliding: makes that from the present state on. With an
+        infinite `lag` nothing is taken."""
+        if np.isinf(self.law.lag):
             return False
-        linear, now = self._slid(), self.coefficient * normal_forces
-        missed = self._potential(exact)[1] - self._potential(linear)[1]
-        off = np.linalg.norm(missed, axis=1).sum()
-        sums = np.array([abs(now - self._limit).sum(), now.sum(), off, self._limit.sum()])
-        changed, total, off, limit = self._comm.allreduce(sums)
-        if changed <= self._lag * total and off <= INEXACT * limit:
+        now, limit = sliding(), self.coefficient * normal_forces
+        slip = _turned(self._slip, self.limit, now.normals)
+        slip = _slipped(slip, exact, now.normals)
+        changes = self.law.potential(slip, limit)[1] - self.forces()
+        sums = np.array([np.linalg.norm(changes, axis=1).sum(), limit.sum()])
+        changed, total = self._comm.allreduce(sums)
+        if changed <= self.law.lag * total:
             return False
-        self._limit, self._known = now, None
-        self._offset = self._offset + exact - linear
+        mean = (self.limit + limit) / 2  # as normal forces changed along the way
+        before, after = (self.law.potential(z, mean)[0] for z in (self._slip, slip))
+        self._taken = self._accepted_energy + after - before - self.law.potential(slip, limit)[0]
+        self._limit = limit
+        self._take(now, slip)
         return True
 
     def accept(self, normal_forces: np.ndarray, exact: np.ndarray, sliding: Sliding) -> None:
         """Take the present state as the accepted one: keep the elastic part of the slip. exact
         (n, 3): how far points slid to it [mm]; sliding: from it on."""
-        slipped = self._slipped(exact)
+        slipped = _slipped(self._slip, exact, self.sliding.normals)
         self._accepted_energy = self._taken + self.law.potential(slipped, self._limit)[0]
         self._slip = self.law.elastic(slipped)
         self._start(normal_forces, sliding)
@@ -99,7 +109,9 @@ class FrictionState:
 
     def blocks(self) -> np.ndarray:
         """Decrease of the forces as each point slides, (n, 3, 3) [N/mm]."""
-        return self.law.blocks(self._slipped(self._slid()), self._limit, self.sliding.normals)
+        return self.law.blocks(
+            self._slipped(self.sliding.slid()), self._limit, self.sliding.normals
+        )
 
     def memory(self) -> dict[str, np.ndarray]:
         """Elastic slip (n, 3) [mm] and energy taken (n, 1) [N mm] in the accepted state."""
@@ -109,24 +121,17 @@ class FrictionState:
         """Take back what `memory` gave; `accept` of that state, without motion, is to follow."""
         self._slip = np.ascontiguousarray(memory["slip"])
         self._accepted_energy = memory["energy"].reshape(-1)
-        self.sliding, self.limit = sliding, np.zeros(len(self._slip))
+        self.start, self.limit = sliding, np.zeros(len(self._slip))
         self.begin()
 
-    def _slid(self):
-        return self._offset + self.sliding.slid()
-
     def _slipped(self, slid):
-        return _slipped(self._slip, slid, self.sliding.normals)
-
-    def _potential(self, slid):
-        """Energy of each point (n,) and forces (n, 3) after sliding."""
-        return self.law.potential(self._slipped(slid), self._limit)
+        return _slipped(self._slip_before, slid, self.sliding.normals)
 
     def _now(self):
         """Sliding, energy and forces in the present state, evaluated once."""
-        slid, known = self._slid(), self._known
+        slid, known = self.sliding.slid(), self._known
         if known is None or not np.array_equal(slid, known[0]):
-            energy, forces = self._potential(slid)
+            energy, forces = self.law.potential(self._slipped(slid), self._limit)
             known = self._known = slid, float((self._taken + energy).sum()), forces
         return known
 

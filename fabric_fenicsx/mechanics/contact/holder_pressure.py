@@ -160,7 +160,7 @@ class BlankHolderPressure(ToolInteraction):
 
     def cell_fields(self) -> dict[str, Value]:
         """Fields of `PlyThickness`, of the face that the holder presses."""
-        share = self.areas / np.maximum(self.nodes.areas, 1e-300)
+        share = self.areas / np.maximum(self.nodes.areas_now(), 1e-300)
         lost = self.blank.cell_means(share) * self.plies.lost_under(self.now)
         return self.plies.fields(lost)
 
@@ -174,4 +174,4 @@ class BlankHolderPressure(ToolInteraction):
         covered: np.ndarray | None = None
         for contact in reversed(self._against):
             covered = contact.points.covered(covered)
-        return self.shares(x.T) * (self.nodes.areas if covered is None else covered)
+        return self.shares(x.T) * (self.nodes.areas_now() if covered is None else covered)

@@ -23,19 +23,19 @@ class Interaction(Term):
     the end of `set_up`.
 
     - coulomb, friction: the law of friction and its state; None without friction
+    - taken (points,): energy that contact gave as the pressed areas changed, no force of the points
+      doing the work [N mm]
     - depth, rigid, thickness: at each point, or one of all: deepest overlap in accepted states
       [mm], whether that is penetration of a rigid face, and the sheet's thickness [mm]
     """
 
     friction: FrictionState | None = None
-    depth = np.zeros(0)
+    depth = taken = np.zeros(0)
     rigid: Any = False
     thickness: Any = 1.0
 
-    def __init__(
-        self, friction: float | Mapping[str, float] | Coulomb, owner: str, lag: float
-    ) -> None:
-        self.coulomb = as_coulomb(friction, owner, lag)
+    def __init__(self, friction: float | Mapping[str, float] | Coulomb, owner: str) -> None:
+        self.coulomb = as_coulomb(friction, owner)
 
     def normal_forces(self) -> np.ndarray:
         """Sizes of the forces that press this rank's points, (points,) [N]."""
@@ -98,15 +98,15 @@ class Interaction(Term):
         changed = self._update_pressing()
         if not self.friction:
             return changed
-        exact = self._slid_exactly(self.friction.sliding)
-        if not self.friction.update(self.normal_forces(), exact):
+        exact = self._slid_exactly(self.friction.start)
+        if not self.friction.update(self.normal_forces(), exact, self._sliding):
             return changed
         self._forget_balance()
         return True
 
     def accept(self) -> None:
         if self.friction:
-            exact = self._slid_exactly(self.friction.sliding)
+            exact = self._slid_exactly(self.friction.start)
             self.friction.accept(self.normal_forces(), exact, self._sliding())
 
     def energies(self) -> dict[str | None, float]:
@@ -180,7 +180,7 @@ class ToolInteraction(Interaction):
     def __init__(
         self, tool: Tool, friction: float | Mapping[str, float] | Coulomb, owner: str
     ) -> None:
-        super().__init__(friction, owner, lag=np.inf)  # normal forces are one step behind
+        super().__init__(friction, owner)
         self.tool = tool
         if self.coulomb:
             self.resists = (*self.resists, "slide")
@@ -234,7 +234,7 @@ class ToolInteraction(Interaction):
         if not self.friction:
             return 0.0
         ends = self._friction_at_start + self.nodes.total(self._friction_forces())
-        work = 0.5 * ends @ self.friction.sliding.tool_moved()
+        work = 0.5 * ends @ self.friction.start.tool_moved()
         return float(work) if self.nodes.comm.rank == 0 else 0.0
 
     # -- asked by a scene

@@ -43,8 +43,7 @@ class LaggedFaces:
     than `lag` of their sum, they are taken anew, and the solve is to be repeated. Where solutions
     alternate, they are taken only part of the way there (see `Aitken`).
 
-    accepted, now: those of the last accepted state and of the present solve; pattern: a number that
-    changes when one of them does.
+    accepted, now: those of the last accepted state and of the present solve
     """
 
     def __init__(self, points: SheetPoints, lag: float, owned: int) -> None:
@@ -52,7 +51,6 @@ class LaggedFaces:
         self._place = self._u.copy()  # of the last accepted state
         self._aitken = Aitken(points.blank.mesh.comm, owned, self._place)
         self.accepted = self.now = points.facing()
-        self.pattern = 0
 
     @property
     def _u(self):
@@ -61,20 +59,17 @@ class LaggedFaces:
     def restore(self) -> None:
         """Go back to the faces of the last accepted state."""
         self._aitken.start(self._place)
-        self._take(self.accepted)
+        self.now = self.accepted
 
     def accept(self) -> None:
         """Take the faces as they are, as the accepted ones."""
         self.begin_here()
         self._place = self._u.copy()
-        self._take(self.accepted)
+        self.now = self.accepted
 
     def begin_here(self) -> None:
         """Make the faces as they are the accepted ones, from which sliding counts."""
-        present = self._points.facing()
-        if present is not self.accepted:
-            self.accepted = present
-            self.pattern += 1
+        self.accepted = self._points.facing()
 
     def update(self, forces: Callable[[Facing], np.ndarray]) -> bool:
         """Take the faces anew if they are off by more than `lag`; true if so, the same on all
@@ -90,10 +85,5 @@ class LaggedFaces:
             self._u[:] = place
             present = self._points.facing()
             self._u[:] = found
-        self._take(present)
+        self.now = present
         return True
-
-    def _take(self, facing):
-        if facing is not self.now:
-            self.now = facing
-            self.pattern += 1

@@ -6,6 +6,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from ... import dolfinx_compat as compat
 from ...runtime.errors import InputError
 from ...sheets.blank import Blank, Part
 from ..assembly import assembled
@@ -39,7 +40,7 @@ class Nodes:
       mask (n,), by default true: which nodes of the part count
     - own (count,): which ones count, of the `count` nodes of the blank
     - places (count, 3) [mm], areas of the part (count,) [mm^2]: undeformed, 0 at other nodes; of
-      a quadratic triangle those of its four flat ones
+      a quadratic triangle those of its four flat ones; `areas_now` gives those of the present
     - rows, cols (9 count,): global degrees of freedom of each node's 3 x 3 block
 
     Raises InputError for a blank in a plane, along turned axes or of other cells, and for a `where`
@@ -60,7 +61,7 @@ class Nodes:
             raise InputError(
                 f"{asked} on other cells; allowed are P1, Q1, and P2 with straight sides"
             )
-        self.areas = _areas(blank, part)[: self.count]
+        self.areas, self.part = _areas(blank, part)[: self.count], part
         self.own = part.nodes
         if where:
             name = f"`where` of a contact of {blank.name}"
@@ -80,6 +81,14 @@ class Nodes:
         """As `displacement`, in the memory of the blank's own."""
         return self.blank.u.x.array.reshape(-1, 3)[: self.count]
 
+    def areas_now(self) -> np.ndarray:
+        """Areas of the part at the nodes at the present displacement (count,) [mm^2]."""
+        cells, share = self.part.cells, _share(self.blank)
+        flat = self.blank.areas()[cells, None] * share
+        both = np.stack([flat, flat * self.blank.area_ratios()[cells, None]], axis=2)
+        before, now = self.blank.summed(both, cells)[: self.count].T
+        return self.areas * np.divide(now, before, out=np.ones_like(now), where=before > 0)
+
     def common(self, rows: np.ndarray) -> np.ndarray:
         """The row (k,) that all nodes of all ranks have in `rows` (count, k)."""
         return next(
@@ -91,9 +100,15 @@ class Nodes:
         return self.comm.allreduce(values.sum(0), MPI.SUM)
 
 
+def _share(blank):
+    """Shares of a cell's area at its nodes, of a quadratic triangle those of its four flat ones."""
+    n = compat.dofmap(blank.V).shape[1]
+    return np.array([1, 1, 1, 3, 3, 3]) / 12 if blank.degree == 2 else np.full(n, 1 / n)
+
+
 def _areas(blank, part):
     """Areas of the part at the nodes of the blank, this rank's own first."""
     if blank.degree == 2:  # the integrals of shape functions are 0 at corners
-        share = np.array([1, 1, 1, 3, 3, 3]) / 12
-        return blank.summed((blank.areas()[part.cells, None] * share)[..., None], part.cells)[:, 0]
+        flat = blank.areas()[part.cells, None] * _share(blank)
+        return blank.summed(flat[..., None], part.cells)[:, 0]
     return assembled(ufl.TestFunction(blank.V)[0] * part.dx())[::3].copy()

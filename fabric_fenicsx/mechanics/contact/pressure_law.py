@@ -166,6 +166,28 @@ class ByPlace:
         return found
 
 
+class Grown(NamedTuple):
+    """A law of n places whose faces are `growth` (n,) times as thick as its own."""
+
+    law: PressureLaw
+    growth: np.ndarray
+
+    def __call__(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """See `PressureLaw`."""
+        energy, pressure, slope = self.law(e / self.growth)
+        return energy * self.growth, pressure, slope / self.growth
+
+    def depth(self, p: np.ndarray) -> np.ndarray:
+        """See `PressureLaw`."""
+        return self.law.depth(p) * self.growth
+
+
+def thickening_of(material: Material) -> float:
+    """Power of the area by which a sheared ply is thicker, 0 where its faces are rigid."""
+    compaction = material.compaction if isinstance(material, Law) else None
+    return compaction.thickening if compaction else 0.0
+
+
 def face_of(material: Material, radius: float, penalty: float | None = None) -> PressureLaw:
     """The law of a face of this material on a tool of least `radius` [mm]: `Compacted` fabric, or
     `Rigid` for metal, and for all if a penalty is given [N/mm^3]."""
@@ -191,4 +213,6 @@ def between_faces(first: PressureLaw, second: PressureLaw) -> PressureLaw:
 
 def only(law: PressureLaw, points: np.ndarray) -> PressureLaw:
     """The law at these `points` (k,), by their numbers."""
+    if isinstance(law, Grown):
+        return Grown(only(law.law, points), law.growth[points])
     return ByPlace(law.laws, law.which[points]) if isinstance(law, ByPlace) else law

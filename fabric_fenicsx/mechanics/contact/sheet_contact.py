@@ -1,6 +1,7 @@
 """Contact of two sheets: pressure at points of one over the smooth face of the other."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -17,7 +18,7 @@ from .face_sliding import FaceSliding
 from .interaction import Interaction
 from .lagged_faces import LaggedFaces
 from .pressing import Pressed, anticipate, press
-from .pressure_law import PERMITTED, SMOOTHING, Rigid, between_faces, face_of
+from .pressure_law import PERMITTED, SMOOTHING, Grown, Rigid, between_faces, face_of, thickening_of
 from .sheet_points import POINTS, Facing, SheetPoints
 from .thickness import PlyThickness
 
@@ -30,7 +31,7 @@ class SheetContact(Interaction):
     Without pressure a sheet's face is half its thickness off its smooth `Face`. The pressure
     follows from the depth to which both faces overlap, see `between_faces`: fabric is `Compacted`,
     metal is `Rigid`. It acts at points of the sheet of smaller cells, the upper one if they are
-    equal, over their undeformed areas, and reacts on the corners of the triangle below each point,
+    equal, over their areas, and reacts on the corners of the triangle below each point,
     so that forces balance exactly. Uniform pressure loads the nodes of the one sheet exactly, those
     of the other as well as the points integrate it: with cells in the ratio 1 : 1.37, 6 points are
     0.8 % off, 3 points 1.9 %. Within a solve the gap is a paraboloid in the relative displacement,
@@ -64,7 +65,7 @@ class SheetContact(Interaction):
     --------
     >>> contact = ff.SheetContact("lower", "upper", friction=0.3)
     >>> contact.name, contact.coulomb.lag
-    ('contact of lower and upper', 0.01)
+    ('contact of lower and upper', 0.002)
     """
 
     energy_kind = "contact"
@@ -90,7 +91,7 @@ class SheetContact(Interaction):
             raise InputError(f"{self.name} is of one sheet; allowed are two different ones")
         self._penalty, self._lag, self._points_of_cell = penalty, lag, points
         self._symmetric = [symmetric] if callable(symmetric) else list(symmetric)
-        super().__init__(friction, self.name, LAG)
+        super().__init__(friction, self.name)
         if self.coulomb and isinstance(self.coulomb.coefficient, Mapping):
             raise InputError(
                 f"{self.name} has friction of several sheets; allowed is one number from 0"
@@ -98,17 +99,21 @@ class SheetContact(Interaction):
 
     def set_up(self, scene: SceneFacts) -> None:
         lower, upper = parts = [scene.blank.part(name) for name in self.sheets]
-        faces = [self._face(scene, part) for part in parts]
-        thicknesses = [thickness for thickness, _ in faces]
-        self.thickness, self.face_laws = min(thicknesses), [law for _, law in faces]
+        thicknesses, self.face_laws, powers = zip(*(self._face(scene, part) for part in parts))
+        self.thickness = min(thicknesses)
         self._law = between_faces(*self.face_laws)
         self.rigid = isinstance(self._law, Rigid)
         self.plies = PlyThickness(scene, rigid=bool(self._penalty))
-        self.points = SheetPoints(lower, upper, self._points_of_cell, thicknesses, self._symmetric)
+        faces = thicknesses, powers, self._symmetric
+        self.points = SheetPoints(lower, upper, self._points_of_cell, *faces)
         self.faces = LaggedFaces(self.points, self._lag, 3 * self.points.nodes.count)
         self.depth, self._load = np.zeros(self.points.count), 0.0
+        self.taken = self._accepted_taken = np.zeros(self.points.count)
         # the last displacement and faces, and what was found there
         self._found: tuple[np.ndarray, Facing, Pressed] | None = None
+        # the faces whose nodes are coupled, and their number
+        self._coupled: tuple[Any, ...] = None, None
+        self._pattern = 0
         self.first = self.faces.accepted
         # in the last accepted state, before faces were taken anew
         self.totals = self._totals()
@@ -116,14 +121,14 @@ class SheetContact(Interaction):
         self._start_friction()
 
     def _face(self, scene, part):
-        """Thickness of a sheet without pressure [mm], and the law of its face."""
+        """Thickness of a sheet without pressure [mm], the law of its face, and its thickening."""
         t, k, material = part.thickness, self._penalty, material_of(scene, part)
         if t is None:
             raise InputError(
                 f"{self.name} is asked of {part.name}, a patch; allowed are sheets of a stack"
             )
         if k:
-            return t, Rigid(k, SMOOTHING * PERMITTED * t)
+            return t, Rigid(k, SMOOTHING * PERMITTED * t), 0.0
         if not material:
             raise InputError(
                 f"{self.name} needs a penalty, a number above 0, as not both sheets have a fabric "
@@ -131,7 +136,8 @@ class SheetContact(Interaction):
             )
         tools = [term.tool for term in scene.terms if overrides(term, "may_press")]
         radius = min((min(tool.surface.radii) for tool in tools if tool), default=np.inf)
-        return material.thickness_under(0.0), face_of(material, radius)
+        law = face_of(material, radius)
+        return material.thickness_under(0.0), law, thickening_of(material)
 
     def _check_start(self):
         comm, gap = self.blank.mesh.comm, self.first.gap
@@ -161,7 +167,8 @@ class SheetContact(Interaction):
         # relative motion asks all ranks
         if found is None or not self.blank.mesh.comm.allreduce(known, MPI.LAND):
             gap, normal = facing.paraboloid()
-            now = press(self._law, facing.areas, gap, normal, facing.curvature)
+            law = Grown(self._law, facing.growth)
+            now = press(law, facing.areas, gap, normal, facing.curvature)
             self._found = found = u.copy(), facing, now
         return found[2]
 
@@ -185,7 +192,7 @@ class SheetContact(Interaction):
         return self.blank.mesh.comm.allreduce(np.array(found))
 
     def _sliding(self):
-        return FaceSliding(self.points, self.faces.accepted)
+        return FaceSliding(self.points, self.faces.now)
 
     def _slid_exactly(self, sliding):
         return sliding.exact(self.faces.now)
@@ -194,11 +201,15 @@ class SheetContact(Interaction):
 
     @property
     def pattern(self) -> int:  # type: ignore[override]
-        return self.faces.pattern
+        coupled = self.faces.now, self.friction and self.friction.sliding.start
+        if any(each is not known for each, known in zip(coupled, self._coupled)):
+            self._coupled, self._pattern = coupled, self._pattern + 1
+        return self._pattern
 
     def energies(self) -> dict[str | None, float]:
         """See `Term`: of contact, and what friction took."""
-        return {"contact": float(self.state().energy.sum()), **super().energies()}
+        stored = float(self.state().energy.sum() + self.taken.sum())
+        return {"contact": stored, **super().energies()}
 
     def add_forces(self, f: np.ndarray) -> None:
         self.faces.now.pairs.add(-self.state().forces, f)
@@ -220,42 +231,63 @@ class SheetContact(Interaction):
         forces = f[: 3 * nodes.count].reshape(-1, 3)
         apart = facing.pairs.apart(forces / nodes.areas[:, None])
         missing = 0.5 * (apart * now.normal).sum(1)
-        now = anticipate(self._law, facing.areas, now, missing)
+        law = Grown(self._law, facing.growth)
+        now = anticipate(law, facing.areas, now, missing)
         self._found = self.blank.u.x.array.copy(), facing, now
 
     # -- steps
 
     def set_load(self, load: float) -> None:
         """Go back to the faces and normal forces of the last accepted state."""
-        self._load = load
+        self._load, self.taken = load, self._accepted_taken
         self.faces.restore()
         super().set_load(load)
 
     def _update_pressing(self):
         """Take the faces anew, if needed."""
-        return self.faces.update(
+        before = self.faces.now
+        if not self.faces.update(
             lambda facing: self.points.of_all(facing, self.state(facing).forces)
-        )
+        ):
+            return False
+        self._follow_areas(before)
+        return True
+
+    def _follow_areas(self, before):
+        """Count as `taken` what contact gave as areas changed from those of a `Facing` before."""
+        now = self.faces.now
+        if now is not before:
+            areas = self.points.of_all(before, before.areas, 1.0)
+            grown = 1 - areas[now.points] / now.areas
+            grown[~np.isin(now.points, before.points)] = 0.0
+            given = self.points.of_all(now, self.state().energy * grown)
+            self.taken = self.taken - given
 
     def accept(self) -> None:
         """Take the faces as they are, and let friction follow."""
-        if self.points.facing() is not self.faces.now:
+        before = self.faces.now
+        if self.points.facing() is not before:
             self.totals = self._totals()
         self.faces.accept()
+        self._follow_areas(before)
+        self._accepted_taken = self.taken
         now = self.faces.accepted
         self._note_depth(self._load, self.points.of_all(now, -now.gap))
         super().accept()
 
     def cell_memory(self) -> dict[str, np.ndarray]:
-        """Largest overlap at each point in accepted states, (cells, points) [mm]; elastic slip
-        (cells, 3 points) [mm] and energy taken by friction (cells, points) [N mm]."""
-        known = {"depth": self.depth} | (self.friction.memory() if self.friction else {})
+        """Largest overlap at each point in accepted states, (cells, points) [mm], and energy `taken`
+        [N mm]; elastic slip (cells, 3 points) [mm] and energy taken by friction [N mm]."""
+        known = {"depth": self.depth, "taken": self.taken} | (
+            self.friction.memory() if self.friction else {}
+        )
         points = self.points
         return {name: points.part.rows(each, points.per_cell) for name, each in known.items()}
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         known = {name: self.points.of_cells(rows) for name, rows in memory.items()}
         self.depth = known["depth"]
+        self.taken = self._accepted_taken = known["taken"]
         if self.friction:
             self.faces.begin_here()
             self.friction.recall(known, self._sliding())
@@ -277,7 +309,7 @@ class SheetContact(Interaction):
         other sheet, as a vector and its size; of two other sheets the larger."""
         points = self.points
         shape = len(points.part.cells), points.per_cell
-        pressure = self.normal_forces() / points.areas
+        pressure = points.of_all(self.faces.now, self.state().pressure)
         slid = np.nan_to_num(self.sliding()).reshape(*shape, 3).mean(1)
         return {
             "sheet_pressure": largest(points.part.spread(pressure.reshape(shape).mean(1)), "MPa"),
@@ -288,8 +320,9 @@ class SheetContact(Interaction):
     def _lost(self, pressure):
         """Thickness that both sheets lose on these faces, (owned cells,) [mm]."""
         points, laws = self.points, self.face_laws
+        growth = points.of_all(self.faces.now, self.faces.now.growth, 1.0)
         above, below = (
-            np.zeros(points.count) if isinstance(law, Rigid) else law.depth(pressure)
+            np.zeros(points.count) if isinstance(law, Rigid) else growth * law.depth(pressure)
             for law in (laws[::-1] if points.side > 0 else laws)
         )
         lost = self.blank.cell_means(points.below(self.faces.now, below))

@@ -20,9 +20,10 @@ REACH = 1.0  # of the distance between the sheets, by which points may rise that
 class Facing(NamedTuple):
     """The points of a sheet that lie over the other one, with the sheets in one shape.
 
-    - points (n,): their numbers among all points; areas (n,): that they stand for [mm^2]
+    - points (n,): their numbers among all points; areas (n,): that they stand for [mm^2], as the
+      sheet has stretched and sheared
     - gap (n,) between the faces [mm], its gradient `normal` (n, 3), its Hessian `curvature`
-      (n, 3, 3) [1/mm]
+      (n, 3, 3) [1/mm]; growth (n,): how many times as thick both sheets are as at the start
     - pairs: what the points move with, on flat triangles, so that few nodes are coupled; relative
       (n, 3): their displacement relative to the other sheet in that shape [mm]
     - corners: the flat triangles of both sheets, of the one with the points first
@@ -30,6 +31,7 @@ class Facing(NamedTuple):
 
     points: np.ndarray
     areas: np.ndarray
+    growth: np.ndarray
     gap: np.ndarray
     normal: np.ndarray
     curvature: np.ndarray
@@ -68,7 +70,7 @@ class SheetPoints:
     - part: the sheet with the points; side: 1 if it is the upper one, else -1
     - areas (count,): undeformed areas that this rank's `count` points stand for [mm^2]
     - thickness (lower, upper) [mm]: their mean is the distance of the mid-surfaces where the gap
-      is 0
+      is 0; thickening (lower, upper): powers of the area by which they are thicker
     - nodes: of the whole blank
     """
 
@@ -78,6 +80,7 @@ class SheetPoints:
         upper: Part,
         rule: int,
         thickness: Sequence[float],
+        thickening: Sequence[float],
         symmetric: Sequence[Where],
     ) -> None:
         self.blank, self._lower, self._upper = lower.blank, lower, upper
@@ -103,6 +106,9 @@ class SheetPoints:
         self.areas = (areas[over][:, None] / many * np.tile(weights / weights.sum(), many)).ravel()
         self.count = len(self.areas)
         self.nodes = Nodes(self.blank)
+        self._powers = np.zeros(self.nodes.count)  # at the nodes of both sheets
+        for part, power in zip(parts, thickening):
+            self._powers[part.nodes] = power
         self._below = np.full(self.count, -1)  # what was found last
         self._found: tuple[np.ndarray, Facing] | None = None
 
@@ -126,16 +132,30 @@ class SheetPoints:
         at = np.flatnonzero(over.triangle >= 0)
         corners = self._corners(over, at)
         pairs = Pairs(self.blank, corners)
+        areas = self.areas * np.repeat(self.blank.area_ratios()[self.part.cells], self.per_cell)
+        growth = self._growth(over, at)
         return Facing(
             at,
-            self.areas[at],
-            over.gap[at] - self._distance,
+            areas[at],
+            growth,
+            over.gap[at] - self._distance * growth,
             over.normal[at],
             over.curvature[at],
             pairs,
             pairs.relative(),
             corners,
         )
+
+    def _growth(self, over, at):
+        """`growth` of the `Facing` of the points `at`."""
+        if not self.blank.mesh.comm.allreduce(self._powers.any(), MPI.LOR):
+            return np.ones(len(at))
+        areas = self.nodes.areas
+        ratios = np.where(areas > 0, self.nodes.areas_now() / np.maximum(areas, 1e-300), 1.0)
+        thicker = (ratios**-self._powers)[:, None]
+        mine = self._own.flat(self._places, self._own.gathered(thicker))[at, 0]
+        others = self._face.gathered(thicker)[self._face.triangles[over.triangle[at]], 0]
+        return self._share * mine + (1 - self._share) * (over.weights[at] * others).sum(1)
 
     def _corners(self, over, at):
         """`corners` of the `Facing` of the points `at`."""
@@ -163,7 +183,7 @@ class SheetPoints:
     def below(self, facing: Facing, values: np.ndarray) -> np.ndarray:
         """Values of all points (count,) as means at the nodes of the sheet below them, 0 at nodes
         with no points over them, (owned nodes,)."""
-        areas = self.areas[facing.points]
+        areas = facing.areas
         weighed = np.column_stack([areas * values[facing.points], areas, 0 * areas])
         found = np.zeros(3 * self.nodes.count)
         facing.pairs.add(weighed, found)
@@ -176,7 +196,7 @@ class SheetPoints:
         now, forces = self.facing(), np.zeros(3 * self.nodes.count)
         areas = now.areas
         if above is not None:
-            share = np.where(self._upper.nodes, above / self.nodes.areas, 0.0)
+            share = np.where(self._upper.nodes, above / self.nodes.areas_now(), 0.0)
             areas = areas * abs(now.pairs.apart(np.tile(share[:, None], 3)))[:, 0]
         now.pairs.add(np.tile(areas[:, None], 3), forces)
         return np.where(self._lower.nodes, abs(forces[::3]), 0.0)

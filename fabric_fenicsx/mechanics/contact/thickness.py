@@ -6,6 +6,7 @@ from ...material.laws.base import Law
 from ..materials import fabric_of
 from ..output import Value, last, total
 from ..term import SceneFacts
+from .pressure_law import thickening_of
 
 
 class PlyThickness:
@@ -20,13 +21,15 @@ class PlyThickness:
         self, scene: SceneFacts, thickness: float | None = None, rigid: bool = False
     ) -> None:
         self._blank = blank = scene.blank
-        self._without_pressure, self._fibres = np.full((2, len(blank.areas())), np.nan)
+        self._flat, self._fibres = np.full((2, len(blank.areas())), np.nan)
+        self._thickening = np.zeros(len(self._flat))
         self._fabrics: list[tuple[np.ndarray, Law]] = []
         for part in list(blank.parts.values()) or [blank.whole]:
             if (fabric := fabric_of(scene, part)) and not (rigid and fabric.compaction):
                 fabric = fabric.replace(thickness=thickness or fabric.thickness)
                 self._fabrics.append((part.cells, fabric))
-                self._without_pressure[part.cells] = fabric.thickness_under(0.0)
+                self._flat[part.cells] = fabric.thickness_under(0.0)
+                self._thickening[part.cells] = thickening_of(fabric)
                 if fabric.fibre_density is not None:
                     self._fibres[part.cells] = fabric.fibre_volume_fraction(1.0)
 
@@ -35,7 +38,7 @@ class PlyThickness:
         found = np.zeros(len(self._fibres))
         for cells, fabric in self._fabrics:
             found[cells] = (fabric.thickness_under(0.0) - fabric.thickness_under(pressure)) / 2
-        return found
+        return found * self._growth()
 
     def fields(self, lost: np.ndarray) -> dict[str, Value]:
         """Compaction and thickness [mm] and, where fibre densities are known, fibre volume fraction
@@ -43,7 +46,7 @@ class PlyThickness:
         if not self._fabrics:
             return {}
         found = {
-            "compaction": total(np.where(np.isnan(self._without_pressure), np.nan, lost), "mm"),
+            "compaction": total(np.where(np.isnan(self._flat), np.nan, lost), "mm"),
             "thickness_under_pressure": last(self._thickness, "mm"),
         }
         if any(fabric.fibre_density is not None for _, fabric in self._fabrics):
@@ -51,7 +54,10 @@ class PlyThickness:
         return found
 
     def _thickness(self, fields):
-        return self._without_pressure - fields["compaction"]
+        return self._flat * self._growth() - fields["compaction"]
+
+    def _growth(self):
+        return self._blank.area_ratios() ** -self._thickening
 
     def _share_of_fibres(self, fields):
         return self._fibres / (self._thickness(fields) * self._blank.area_ratios())

@@ -16,14 +16,25 @@ from ..output import Value, largest, least, total
 from ..shell.morley import Where
 from ..term import SceneFacts
 from ..work import Work
-from .coulomb import Coulomb
+from .coulomb import LAG, Coulomb
 from .interaction import ToolInteraction
 from .nodes import Nodes
 from .pressing import Pressed, anticipate, press
-from .pressure_law import PERMITTED, SMOOTHING, ByPlace, Rigid, default_penalty, face_of
+from .pressure_law import (
+    PERMITTED,
+    SMOOTHING,
+    ByPlace,
+    Grown,
+    PressureLaw,
+    Rigid,
+    default_penalty,
+    face_of,
+    thickening_of,
+)
 from .thickness import PlyThickness
 
 PROBED = 1000  # nodes of a rank that show how a tool may hold the sheet; triangles cost 1 ms each
+MOST = 0.01  # of the forces, by which those over the areas as they are may differ
 ITERATIONS = 100  # to where a tool's force is in balance
 MISSING = 1e-12  # of the force, that may be
 
@@ -31,8 +42,8 @@ MISSING = 1e-12  # of the force, that may be
 class Contact(ToolInteraction):
     """Contact of a sheet with a rigid tool, by an energy of its nodes.
 
-    The pressure follows from the depth of the tool in the sheet's face, over the node's undeformed
-    area: fabric is compacted, by half on each face (`Compacted`), and metal is `Rigid`. The sheet
+    The pressure follows from the depth of the tool in the sheet's face, over the node's area, which
+    follows the sheet but is lagged during a solve: fabric is compacted, by half on each face (`Compacted`), and metal is `Rigid`. The sheet
     is on the side to which the tool's normal points. Without pressure its faces are half a
     thickness off the mesh. A tool moved by force stands where contact and friction balance the
     force, at any displacement of the sheet.
@@ -102,10 +113,11 @@ class Contact(ToolInteraction):
         if len(same) > 1:
             raise InputError(f"{len(same)} contacts with {self.tool.name} given; allowed is one")
         self.nodes = Nodes(scene.blank, self.part, self.where)
-        self.thickness, self._law, self.rigid = self._faces(scene)
+        self._flat_thickness, self._flat_law, self.rigid = self._faces(scene)
         stiffened = bool(self.permitted or self._face["penalty"] or self._face["smoothing"])
         self.plies = PlyThickness(scene, self._face["thickness"], stiffened)
         self._shift = self._accepted_shift = self.depth = np.zeros(self.nodes.count)
+        self._press_on(self.nodes.areas, np.zeros(self.nodes.count))
         self._accepted_travel = self.tool.travel
         self.undefined_at = ""  # where the tool's surface gave no number
         self.accept()
@@ -136,7 +148,18 @@ class Contact(ToolInteraction):
         thickness = np.array([t for t, _ in faces])[which]
         is_rigid = np.array([isinstance(law, Rigid) for _, law in faces])[which]
         laws = [law for _, law in faces]
+        powers = np.array([thickening_of(material) for material in materials] or [0.0])
+        self._thickening = powers[which] * ~is_rigid
         return thickness, ByPlace(laws, which) if laws[1:] else laws[0], is_rigid
+
+    def _press_on(self, areas, taken):
+        """Press on areas (nodes,) [mm^2], where a sheet may be thicker as they shrink."""
+        self.areas, self.taken, self._found = areas, taken, None
+        self.thickness, self._law = self._flat_thickness, self._flat_law
+        if self._thickening.any():
+            ratios = np.where(areas > 0, areas / np.maximum(self.nodes.areas, 1e-300), 1.0)
+            growth = ratios**-self._thickening
+            self.thickness, self._law = growth * self.thickness, Grown(self._law, growth)
 
     # -- state
 
@@ -163,9 +186,7 @@ class Contact(ToolInteraction):
             self.undefined_at = f"{coordinates(x[lost[0]])} mm"
         gap = nearest.gap - self.thickness / 2
         gap[~self.nodes.own] = np.inf
-        return press(
-            self._law, self.nodes.areas, gap, nearest.normal, nearest.curvature, self._shift
-        )
+        return press(self._law, self.areas, gap, nearest.normal, nearest.curvature, self._shift)
 
     def _balanced(self, x):
         """The nodes at x as they are pressed where the tool's force is in balance, sought from
@@ -213,7 +234,7 @@ class Contact(ToolInteraction):
         return length * now.normal, np.eye(3) - turned
 
     def normal_forces(self) -> np.ndarray:
-        return self.nodes.areas * self.state().pressure
+        return self.areas * self.state().pressure
 
     def depth_under(self, pressure: float) -> np.ndarray:
         """Depth of the tool in the sheet's face at each node under a pressure [MPa], (nodes,)
@@ -225,14 +246,15 @@ class Contact(ToolInteraction):
     def energies(self) -> dict[str | None, float]:
         """See `Term`: of contact, what friction took, and on rank 0 minus the work of the
         force that moves the tool."""
-        kinds = {"contact": float(self.state().energy.sum()), **super().energies()}
+        stored = float((self.state().energy + self.taken).sum())
+        kinds = {"contact": stored, **super().energies()}
         by_force = self.tool.force and self.nodes.comm.rank == 0
         return kinds | {None: -self.tool.push * self.tool.travel if by_force else 0.0}
 
     def anticipate(self, f: np.ndarray) -> None:
         """See `Term`: until the sheet moves, let `tangent` be the law's slope up to the
         pressure that balances the other forces, see `pressing.anticipate`."""
-        now, areas = self.state(), self.nodes.areas
+        now, areas = self.state(), self.areas
         others = (f[: 3 * self.nodes.count].reshape(-1, 3) * now.normal).sum(1)
         now = anticipate(self._law, areas, now, others / np.maximum(areas, 1e-300))
         self._found = self.nodes.displacement(), now
@@ -246,8 +268,10 @@ class Contact(ToolInteraction):
     # -- steps
 
     def set_load(self, load: float) -> None:
-        """Move the tool, from where it was in the last accepted state, and drop shifts since."""
-        self._load, self._shift, self._found = load, self._accepted_shift, None
+        """Move the tool, from where it was in the last accepted state, and drop what was updated
+        since."""
+        self._press_on(*self._accepted_areas)
+        self._load, self._shift = load, self._accepted_shift
         self.tool.at(load)
         self.tool.travel = self._accepted_travel
         super().set_load(load)
@@ -256,6 +280,7 @@ class Contact(ToolInteraction):
         """Take the present place of the tool and shift of its surface as the last accepted ones."""
         now = self.state()
         self._accepted_travel, self._accepted_shift = self.tool.travel, self._shift
+        self._accepted_areas = self.areas, self.taken
         self._accepted_gap = now.gap
         self._work.accept(self._load, self.force(), self.tool.displacement)
         self._note_depth(self._load, -now.gap)
@@ -266,10 +291,24 @@ class Contact(ToolInteraction):
             self._found = None
 
     def _update_pressing(self):
-        """Shift the surface by what is penetrated, if more than permitted."""
+        """Press on the areas as they are, if that changes the forces by more than `lag`; and shift
+        the surface by what is penetrated, if more than permitted."""
+        followed = self._follow_areas()
         if self.permitted is None or self.penetration() <= self.permitted:
-            return False
+            return followed
         self._shift, self._found = np.maximum(0.0, self._shift - self.state().gap), None
+        return True
+
+    def _follow_areas(self):
+        now, areas, u = self.state(), self.nodes.areas_now(), self.nodes.displacement()
+        pressed = np.column_stack([abs(areas - self.areas), areas]) * now.pressure[:, None]
+        changed, total = self.nodes.total(pressed)
+        if changed <= min(self.coulomb.lag if self.coulomb else LAG, MOST) * total:
+            return False
+        self._press_on(areas, self.taken)
+        then = self._state_at(self.nodes.places + u)
+        self.taken = self.taken + now.energy - then.energy
+        self._found = None if self.tool.force else (u, then)
         return True
 
     def work(self) -> float:
@@ -289,16 +328,22 @@ class Contact(ToolInteraction):
         return np.nan_to_num(off[:, None] * now.normal).ravel()
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Shift of the surface, travel of the tool and depths [mm], (nodes, 1) each, in the last
-        accepted state; what its work is counted from (nodes, 24), and that of friction."""
+        """Shift of the surface, travel of the tool and depths [mm], areas [mm^2] and energy `taken`
+        [N mm], (nodes, 1) each, in the last accepted state; what its work is counted from (nodes,
+        24), and that of friction."""
         rows = self._accepted_travel, self._work.memory().ravel()
         travel, work = (np.tile(row, (self.nodes.count, 1)) for row in rows)
-        shift, depth = self._accepted_shift[:, None], self.depth[:, None]
-        return super().memory() | {"shift": shift, "travel": travel, "depth": depth, "work": work}
+        areas, taken = self._accepted_areas
+        at_nodes = {"shift": self._accepted_shift, "depth": self.depth}
+        at_nodes |= {"areas": areas, "taken": taken}
+        at_nodes = {name: values[:, None] for name, values in at_nodes.items()}
+        return super().memory() | {"travel": travel, "work": work} | at_nodes
 
     def recall(self, memory: dict[str, np.ndarray]) -> None:
         self._shift = self._accepted_shift = memory["shift"][:, 0]
         self.depth = memory["depth"][:, 0]
+        self._accepted_areas = memory["areas"][:, 0], memory["taken"][:, 0]
+        self._press_on(*self._accepted_areas)
         self.tool.travel = self._accepted_travel = float(self.nodes.common(memory["travel"])[0])
         self._work.recall(self.nodes.common(memory["work"]).reshape(3, -1))
         u = self.nodes.displacement()  # not balanced, as what friction bore is not known
@@ -309,7 +354,7 @@ class Contact(ToolInteraction):
 
     def tractions(self) -> np.ndarray:
         """Tractions of the tool on the nodes, (nodes, 3) [MPa]."""
-        return self.state().forces / np.maximum(self.nodes.areas, 1e-300)[:, None]
+        return self.state().forces / np.maximum(self.areas, 1e-300)[:, None]
 
     def gap(self) -> np.ndarray:
         """Gap from the sheet's face to the tool at the nodes, below 0 inside, (nodes,) [mm]."""

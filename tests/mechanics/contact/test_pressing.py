@@ -1,5 +1,7 @@
 """What presses, alone: points pressed by a law, a tool in balance, points that rub."""
 
+import math
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -141,19 +143,30 @@ def test_blocks_are_derivatives_of_the_forces():
 
 def test_normal_forces_are_taken_anew_beyond_the_lag_and_forgotten_by_begin():
     rubbing = friction(lag=0.1)
-    assert not rubbing.update(1.05 * AREAS, along(0.0))
-    assert rubbing.update(2 * AREAS, along(0.0))
-    assert at(rubbing, 1.0).forces()[:, 0] == pytest.approx(-2 * LIMIT)
+    assert not at(rubbing, 1.0).update(1.05 * AREAS, along(1.0), Slid)
+    assert rubbing.update(2 * AREAS, along(1.0), Slid)
+    assert rubbing.forces()[:, 0] == pytest.approx(-2 * LIMIT)
     rubbing.begin()
-    assert rubbing.forces()[:, 0] == pytest.approx(-LIMIT)
-    assert not friction().update(2 * AREAS, along(0.0))  # one step behind, by default
+    assert at(rubbing, 0.05).forces()[:, 0] == pytest.approx(-LIMIT / 2)
+    behind = friction(lag=math.inf)
+    assert not behind.update(2 * AREAS, along(1.0), Slid)
 
 
 def test_sliding_that_is_not_linear_is_taken_anew():
     rubbing = friction(lag=0.1)
-    assert not at(rubbing, 0.05).update(AREAS, along(0.0504))
-    assert rubbing.update(AREAS, along(0.08))
+    assert not at(rubbing, 0.05).update(AREAS, along(0.0504), Slid)
+    assert rubbing.update(AREAS, along(0.08), Slid)
     assert rubbing.forces()[:, 0] == pytest.approx(-0.8 * LIMIT)
+
+
+def test_friction_acts_along_the_face_of_the_end():
+    """Of a sticking and a sliding slip, on faces that turn by 0.3 rad meanwhile."""
+    rubbing, turned = friction(lag=0.01), Slid()
+    turned.normals = np.tile([np.sin(0.3), 0.0, np.cos(0.3)], (4, 1))
+    way = np.array([[np.cos(0.3), 0.0, -np.sin(0.3)]])
+    for length, share in ((0.05, 0.5), (2.0, 1.0)):
+        assert rubbing.update(AREAS, length * np.repeat(way, 4, 0), lambda: turned)
+        assert rubbing.forces() == pytest.approx(-share * LIMIT[:, None] * way)
 
 
 def test_what_is_remembered_is_taken_back():

@@ -122,6 +122,81 @@ def test_each_of_two_sheets_loses_its_own_share(metal_below):
             uniform(found, fabric.thickness_under(pressure), 2e-3)
 
 
+SHEAR = math.radians(40)
+
+
+def sheared(x, load):
+    """Yarns along y turn towards x by up to `SHEAR`, without stretch."""
+    angle = load * SHEAR
+    return np.array([np.sin(angle) * x[1], (np.cos(angle) - 1) * x[1]])
+
+
+SHEARING = ff.Support("plane", everywhere, (0, 1), sheared)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("thickening", [0.0, 1.0])
+@pytest.mark.parametrize("kind", ["P1", "P2", "quadrilateral"])
+def test_pressure_acts_on_the_area_that_shear_leaves(kind, thickening):
+    """Between plates that close meanwhile; a ply that thickens has the fibre volume fraction of a
+    flat one under that pressure."""
+    share, gap = math.cos(SHEAR), 0.8
+    fabric = FABRIC.replace(compaction=ff.Compaction(thickening=thickening))
+    cells = {"cell": kind} if kind == "quadrilateral" else {"degree": int(kind[1])}
+    pair = plates(gap * share**-thickening)
+    scene = ff.Scene(rectangle(**cells), [ff.Membrane(fabric), *pair], [SHEARING])
+    end = run(scene, 40)[-1]
+    for plate in pair:
+        pressure = np.linalg.norm(plate.force()) / (200 * share)
+        assert fabric.thickness_under(pressure) == pytest.approx(gap, rel=2e-4)
+    fields = reports.cell_fields(scene)
+    uniform(fields["thickness_under_pressure"], gap * share**-thickening, 1e-4)
+    fibres = 0.3 / gap * share ** (thickening - 1)
+    uniform(fields["fibre_volume_fraction"], fibres, 1e-4)
+    assert sum(end.energies.values()) == pytest.approx(end.external_work, rel=2e-3)
+
+
+@pytest.mark.mpi
+def test_a_dead_pressure_acts_on_the_area_that_shear_leaves():
+    """Of a holder on two sheets, and so of one on the other and of both on the table."""
+    share, pressure = math.cos(SHEAR), 0.5
+    stack = ff.Stack([(rectangle(4, 3), T, "a"), (rectangle(8, 4), T, "b")])
+    table = ff.Contact(ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="table"))
+    press = ff.BlankHolderPressure(
+        pressure, (0, 0, -1), lambda x: np.ones(x.shape[1]), lag=1e-3
+    ).on("b")
+    pair = ff.SheetContact("a", "b", points=6)
+    membranes = [ff.Membrane(FABRIC).on("a"), ff.Membrane(FABRIC).on("b")]
+    scene = ff.Scene(stack, [*membranes, table, press, pair], [SHEARING])
+    run(scene, 10)
+    for force in (-press.force(), pair.force(), table.force()):
+        assert force == pytest.approx([0, 0, pressure * 200 * share], rel=1e-3)
+    middle = (abs(stack.midpoints()[:2] - [[10], [5]]) < [[5], [2.5]]).all(0)
+    thickness = reports.cell_fields(scene)["thickness_under_pressure"][middle]
+    uniform(thickness, FABRIC.thickness_under(pressure), 2e-3)
+
+
+@pytest.mark.mpi
+def test_two_sheets_that_thicken_press_each_other_over_it():
+    """Both sheared between plates; the upper one thickens."""
+    share, gap = math.cos(SHEAR), 0.8
+    grown = FABRIC.replace(compaction=ff.Compaction(thickening=0.5))
+    stack = ff.Stack([(rectangle(8, 3), T, "a"), (rectangle(8, 4), T, "b")])
+    total = gap * (1 + share**-0.5)
+    bottom = ff.Tool(ff.Plane((0, 0, -T / 2), (0, 0, 1)), name="bottom")
+    top = ff.Tool(
+        ff.Plane((0, 0, 1.5 * T), (0, 0, -1)),
+        path=lambda load: (0, 0, load * (total - 2 * T)),
+        name="top",
+    )
+    pair = ff.SheetContact("a", "b", points=6)
+    membranes = [ff.Membrane(FABRIC).on("a"), ff.Membrane(grown).on("b")]
+    terms = [*membranes, ff.Contact(bottom), ff.Contact(top), pair]
+    run(ff.Scene(stack, terms, [SHEARING]), 10)
+    pressure = pair.force()[2] / (200 * share)
+    assert FABRIC.thickness_under(pressure) == pytest.approx(gap, rel=1e-3)
+
+
 @pytest.mark.mpi
 def test_rigid_faces_lose_nothing():
     rigid = FABRIC.replace(compaction=None)
