@@ -9,7 +9,7 @@ MOST = 30  # solves of one step
 # tolerance of solves after which something may be updated: 1e-1 and 1e-2 leave more to the last
 # one, 1e-3 more to those before it (double dome, 1344 cells: 589, 547, 568 iterations, 510 with
 # 3e-3, before `LONG`)
-LOOSE = 3e-3
+LOOSE = 1e-3
 # tolerance of the first solve: forces of contact are then known well enough to be updated (double
 # dome, 1344 cells: 304 tangents if it is `LOOSE`, 279 with this)
 FIRST = 3e-2

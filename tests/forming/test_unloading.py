@@ -48,7 +48,8 @@ def curvatures(blank):
 
 
 @pytest.mark.parametrize(
-    "times, within", [(0.9, 1e-4), pytest.param(9, 5e-3, marks=pytest.mark.mpi), (16, 2e-3)]
+    "times, within",
+    [(0.9, 1e-4), (1.5, 1e-2), (2, 1e-2), pytest.param(9, 5e-3, marks=pytest.mark.mpi), (16, 2e-3)],
 )
 def test_a_strip_bent_over_a_bar_springs_back_by_its_moment(times, within):
     """Elastic from there: by M / D, with M = M_p (1 - (k_y / k)^2 / 3) of an ideally plastic
@@ -134,7 +135,7 @@ def test_metal_that_yielded_all_over_is_not_driven_on_by_what_formed_it():
     before, after = formed.summary["energy"], unloaded.summary["energy"]
     assert 1 < after["plastic"] / before["plastic"] < 1.01
     assert 0.1 < after["metal"] / before["metal"] < 0.2
-    assert unloaded.number("sheets.metal.springback_largest_mm") == pytest.approx(3.97, rel=0.02)
+    assert unloaded.number("sheets.metal.springback_largest_mm") == pytest.approx(3.87, rel=0.02)
 
 
 def test_what_cannot_be_unloaded():

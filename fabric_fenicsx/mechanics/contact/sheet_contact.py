@@ -276,8 +276,8 @@ class SheetContact(Interaction):
         super().accept()
 
     def cell_memory(self) -> dict[str, np.ndarray]:
-        """Largest overlap at each point in accepted states, (cells, points) [mm], and energy `taken`
-        [N mm]; elastic slip (cells, 3 points) [mm] and energy taken by friction [N mm]."""
+        """Of each point in the accepted state, (cells, points) each: largest overlap [mm], energy
+        `taken` and that of friction [N mm]; elastic slip (cells, 3 points) [mm]."""
         known = {"depth": self.depth, "taken": self.taken} | (
             self.friction.memory() if self.friction else {}
         )

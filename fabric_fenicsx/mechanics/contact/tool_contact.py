@@ -25,7 +25,6 @@ from .pressure_law import (
     SMOOTHING,
     ByPlace,
     Grown,
-    PressureLaw,
     Rigid,
     default_penalty,
     face_of,
@@ -42,11 +41,11 @@ MISSING = 1e-12  # of the force, that may be
 class Contact(ToolInteraction):
     """Contact of a sheet with a rigid tool, by an energy of its nodes.
 
-    The pressure follows from the depth of the tool in the sheet's face, over the node's area, which
-    follows the sheet but is lagged during a solve: fabric is compacted, by half on each face (`Compacted`), and metal is `Rigid`. The sheet
-    is on the side to which the tool's normal points. Without pressure its faces are half a
-    thickness off the mesh. A tool moved by force stands where contact and friction balance the
-    force, at any displacement of the sheet.
+    The pressure follows from the depth of the tool in the sheet's face: fabric is compacted, by
+    half on each face (`Compacted`), and metal is `Rigid`. It acts over the node's area, which
+    follows the sheet but is lagged during a solve. The sheet is on the side to which the tool's
+    normal points. Without pressure its faces are half a thickness off the mesh. A tool moved by
+    force stands where contact and friction balance the force, at any displacement of the sheet.
 
     Parameters
     ----------
