@@ -13,9 +13,8 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from ufl.core.expr import Expr
 
-from fabric_fenicsx import dolfinx_compat as compat
 from fabric_fenicsx.material.laws import Law
-from fabric_fenicsx.mechanics.shell.membrane import QUADRATURE_DEGREE
+from fabric_fenicsx.mechanics.shell.membrane import default_degree
 from fabric_fenicsx.mechanics.term import SceneFacts, Term
 from fabric_fenicsx.runtime import timing
 from fabric_fenicsx.scene.scene import Scene
@@ -41,7 +40,7 @@ class LinearElasticity(Term):
     def set_up(self, scene: SceneFacts) -> None:
         """As in `Term`."""
         mesh, u = scene.blank.mesh, scene.blank.u
-        degree = QUADRATURE_DEGREE[compat.cell_name(mesh), scene.blank.degree]
+        degree = default_degree(self.part)
         self._dx = ufl.Measure("dx", mesh, metadata={"quadrature_degree": degree})
         self.energy = 0.5 * self._work(u, u)
 

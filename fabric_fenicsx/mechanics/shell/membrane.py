@@ -15,19 +15,21 @@ from ...material.presets import checked_fabric
 from ...material.strains import SHORTENED, nominal_strain, share_name, shear_angle
 from ...runtime.errors import InputError
 from ...runtime.rules import COUNT
+from ...sheets.part import Part
 from .. import membrane_energy
 from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
 
-# Points enough for the energy's leading terms; P1 triangles have one strain a cell. The degree that
-# UFL estimates for this energy would take thousands of points.
+# More points change forces by less than the element's own error, see docs/howto/meshes.md. The
+# degree that UFL estimates for this energy would take thousands of points.
 QUADRATURE_DEGREE = {
     ("triangle", 1): 1,
-    ("triangle", 2): 2,
-    ("triangle", 3): 4,
+    ("triangle", 2): 4,
+    ("triangle", 3): 6,
     ("quadrilateral", 1): 2,
     ("quadrilateral", 2): 4,
 }
+FEW = 2  # degree for quadratic triangles that would lock with more points, and in space
 INTEGRATION = "full", "inner"
 # Of `inner`: how far its points lie from a cell's centre, over how far those of `full` do; and the
 # share of the energy that stays at those of `full`. If either is larger, strips with yarns at
@@ -36,6 +38,15 @@ INNER, OUTER_SHARE = 0.5, 0.01
 UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"} | dict.fromkeys(
     ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
 )  # of fields; of all others "-"
+
+
+def default_degree(part: Part) -> int:
+    """Degree of quadrature for cells of a part, on all ranks together."""
+    blank = part.blank
+    degree = QUADRATURE_DEGREE[compat.cell_name(blank.mesh), blank.degree]
+    quadratic = blank.triangulated and blank.degree == 2
+    in_space = blank.mesh.geometry.dim == 3
+    return FEW if quadratic and (in_space or not part.follows_yarns()) else degree
 
 
 class Membrane(Term):
@@ -48,7 +59,7 @@ class Membrane(Term):
     fabric : Law
         The law and its numbers. Fabrics that differ only in numbers share one compiled form.
     quadrature_degree : int, optional
-        By default that of `QUADRATURE_DEGREE`.
+        By default that of `QUADRATURE_DEGREE`, on P2 in space and off the yarns 2.
     integration : {"full", "inner"}
         `inner`, on quadratic triangles with straight sides, takes nearly all of the energy at three
         points nearer to a cell's centre, by the factor `INNER`. They see the gradients of strains
@@ -117,7 +128,7 @@ class Membrane(Term):
             raise InputError(
                 f"{blank.name} is of degree {blank.degree} on {cell}s; allowed is {allowed}"
             )
-        self.degree = self._quadrature_degree or QUADRATURE_DEGREE[cell, blank.degree]
+        self.degree = self._quadrature_degree or default_degree(self.part)
         if self.integration == "inner" and not (blank.degree == 2 and blank.triangulated):
             raise InputError(
                 f"integration `inner` needs quadratic triangles (P2) with straight sides; "
