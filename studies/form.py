@@ -31,14 +31,13 @@ def main(study: PressStudy):
 
 def tell(study, press, result):
     found = result.summary["quantities"]
-    wrinkles = found["wrinkles"] or {"shortening": 0.0}
     study.say(
         f"{study.args.out}: {press.force_name()} {result.formatted('force_N', '.5g')} N"
         f"{press.of_whole(found)}, largest shear angle "
         f"{result.formatted('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
         f"{result.formatted('shear_angle_99_percent_deg', '.2f')}), draw-in "
         f"{result.formatted('draw_in.largest_mm', '.2f')} mm, yarns shortened by "
-        f"{percent(wrinkles['shortening'], 3)} in the mean"
+        f"{percent(found.get('shortening_mean') or 0.0, 3)} in the mean"
     )
 
 

@@ -20,7 +20,6 @@ from ..runtime.errors import InputError
 from ..runtime.fields import check_fields, number, one_of, switch, text
 from ..runtime.files import check_file
 from ..runtime.rules import POSITIVE, SHARE
-from ..solve.limits import Limits
 from ..tools.double_dome import DoubleDome
 from .options import Parser
 from .study import Study, of_kind, parser
@@ -61,7 +60,6 @@ class DomeTest:
     # few steps must not become many
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 12, "steps": 12, "balance": None}
     SOLVER: ClassVar[Mapping[str, Any]] = {"path_tolerance": 1e-6, "every": 10}
-    LIMITS: ClassVar[Limits] = Limits()
     CHEAP_FROM: ClassVar[int] = 0
 
     full: bool = switch("model the whole ply, not a quarter", "sheet")
@@ -168,7 +166,6 @@ class LaminateTest(DomeTest):
     PRESS: ClassVar[str] = "laminate"
     FULL: ClassVar[Mapping[str, Any]] = {"nx": 24, "steps": 40, "balance": 0.02}
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 5, "steps": 2, "balance": None, "stroke": 2}
-    LIMITS: ClassVar[Limits] = Limits(shortening=1.0)  # yarns between metal can't fold
 
     metal: str = text(
         "dc04", "metal of the outer sheets: preset or material file", "FILE", "laminate"

@@ -42,7 +42,7 @@ def press_parser(description: str | None) -> Parser:
     p.set_defaults(_sizes=sizes, **dict(Press.SOLVER))
     for each in declared(Limits):
         words = each.metadata["help"].replace("%", "%%")
-        words += f" (the press's, or {getattr(Press.LIMITS, each.name):g})"
+        words += f" (the press's, or {each.default:g})"
         p.change(spelled(f"max_{each.name}"), default=None, help=words)
     return p
 

@@ -92,8 +92,7 @@ def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = 
         if meta["group"] == "ply" or (owner is Coupon and meta["group"] == "weave"):
             continue
         p.group(meta["group"])
-        default = getattr(test.LIMITS, name) if owner is Limits else each.default
-        how = {"help": meta["help"].replace("%", "%%"), "default": default}
+        how = {"help": meta["help"].replace("%", "%%"), "default": each.default}
         how |= _kind_of_option(meta)
         if name in test.FULL:
             full, quick = (
@@ -101,7 +100,8 @@ def add_fields(p: Parser, owner: Any, test: Any, prefix: str = "", free: bool = 
             )
             how |= {"help": f"{how['help']} ({full}, with --quick {quick})", "default": None}
         if "kinds" in meta:
-            how["default"] = next(k for k, kind in meta["kinds"].items() if type(default) is kind)
+            kind_of = type(each.default)
+            how["default"] = next(k for k, kind in meta["kinds"].items() if kind_of is kind)
         elif "repeated" in meta:
             how["default"] = []
         p.option(spelled(prefix + name), free=free, **how)

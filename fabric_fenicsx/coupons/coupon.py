@@ -14,7 +14,6 @@ from ..runtime.fields import choice, documented, number, text
 from ..runtime.rules import FINITE, FROM_ZERO, POSITIVE, SHARE, Rule
 from ..sheets.layout import FULL_TURN
 from ..sheets.sheet_fields import ELEMENTS, SheetFields
-from ..solve.limits import Limits
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -42,7 +41,6 @@ class Coupon(SheetFields):
     FULL: ClassVar[Mapping[str, Any]] = {"nx": 32, "steps": 20}
     QUICK: ClassVar[Mapping[str, Any]] = {"nx": 20, "steps": 5}
     SOLVER: ClassVar[Mapping[str, Any]] = {}  # other defaults of its `Job`
-    LIMITS: ClassVar[Limits] = Limits()
     SIDES: ClassVar[Mapping[str, float]] = {"length": 200.0, "width": 50.0}  # field: default [mm]
     CHEAP_FROM: ClassVar[int] = 0  # cells from which errors are estimated unasked, 0: never
     HEADLINES: ClassVar[tuple[str, ...]] = ()  # quantities that get an estimated error

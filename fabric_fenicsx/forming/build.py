@@ -377,15 +377,6 @@ class FormingScene(Setup):
                 found[name] = found.get(name, 0.0) + force / self.modelled_share()
         return found
 
-    def closed(self) -> dict[str, Tool]:
-        """The tools that are closed on their dies at the end, {name: tool}."""
-        close = [stage.close for stage in self.schedule.stages if stage.close]
-        if not close:
-            return {}
-        left = (close[-1] + CLOSED) * self.thickness
-        names = self.data.dies().values()
-        return {n: self.tools[n] for n in names if self.schedule.distance(n, 1.0) <= left}
-
     def force_name(self) -> str:
         """As in `Setup`."""
         names = dict.fromkeys(name for name in self.schedule.leaders() if name)

@@ -73,12 +73,11 @@ class Press(KnowsItsFields):
     NAME: ClassVar[str] = "form"
     HEADLINES: ClassVar[tuple[str, ...]] = (
         *("force_N", "shear_angle_max_deg", "shear_angle_99_percent_deg"),
-        *("draw_in.largest_mm", "wrinkles.shortening"),
+        *("draw_in.largest_mm", "shortening_mean"),
     )
     FULL: ClassVar[Mapping[str, Any]] = {"balance": 0.02}
     QUICK: ClassVar[Mapping[str, Any]] = {"balance": None}
     SOLVER: ClassVar[Mapping[str, Any]] = {"path_tolerance": 1e-6, "every": 5}
-    LIMITS: ClassVar[Limits] = Limits()
     CHEAP_FROM: ClassVar[int] = 0  # errors are estimated when asked for
 
     sheets: Sequence[Sheet]

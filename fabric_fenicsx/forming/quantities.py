@@ -1,5 +1,6 @@
 """The quantities of a formed blank, as functions of the built scene and the result."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -69,36 +70,47 @@ def of_contact(made: FormingScene, result: Result) -> dict[str, Any]:
 def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
     """Quantities of the one sheet, or of all sheets of a stack together and of each."""
     parts = made.blank.parts or {"": made.blank.whole}
-    closed = result.rows[-1]["load"] == 1 and made.closed()
-    tool = next(iter(closed.values())) if closed else made.leader()
     plies: dict[str, dict[str, Any]] = {}
-    below = 0.0
     fabrics: list[Part] = []
     metals: list[Part] = []
+    tools = over_tools(made, result)
     for sheet, (name, part) in zip(made.sheets, parts.items()):
-        thickness = sheet.thickness_under(0.0)
         (metals if sheet.metal else fabrics).append(part)
         of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities
-        middle = below + thickness / 2
         plies[name] = of_cells(result, [part])
-        plies[name] |= quantities.shape(result, part, tool, middle, bool(closed))
-        below += thickness
+        plies[name] |= quantities.shape(result, part, tools[name])
     found = plies.get("")
     if not found:
         if name := quantities.middle_of(made.sheets):
             plies[name] |= quantities.middle_quantities(result, name)
         found = quantities.stack_quantities(result, plies, fabrics, metals) | {"plies": plies}
-    return found | {"wrinkles": _wrinkles(made, result, fabrics, found)}
+    return found | {"shortening_mean": _mean_shortening(made, result, fabrics)}
 
 
-def _wrinkles(made, result, fabrics, found):
-    """Mean shortening of yarns by compression over the area of fabric, the largest length that a
-    yarn loses, and, between closed tools, the slopes to the tool."""
+def over_tools(made: FormingScene, result: Result) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    """{name of a sheet: function of places (n, 3) of its mid-surface to the distance (n,) of the
+    blank's faces from the nearest tool [mm], as the other sheets lie on it}."""
+    thickness = np.array([sheet.thickness_under(0.0) for sheet in made.sheets])
+    below = thickness.cumsum() - thickness / 2
+    names = made.blank.parts or [""]
+
+    def distances(below, above):
+        def height(x):
+            least = np.full(len(x), np.inf)
+            for tool in output.tools(result.scene):
+                near = tool.evaluate(x)
+                least = np.fmin(least, near.gap - np.where(near.normal[:, 2] > 0, below, above))
+            return least
+
+        return height
+
+    return {n: distances(z, thickness.sum() - z) for n, z in zip(names, below)}
+
+
+def _mean_shortening(made, result, fabrics):
+    """Of yarns by compression, over the area of fabric; None without fabric."""
     if not fabrics:
         return None
     cells = np.concatenate([part.cells for part in fabrics])
     short, areas = quantities.shortening(result.fields)[cells], made.blank.areas()[cells]
-    return (found.get("wrinkles") or {}) | {
-        "shortening": measures.mean(made.comm, short, areas),
-        "excess_length_mm": found.get("excess_length_mm"),
-    }
+    return measures.mean(made.comm, short, areas)

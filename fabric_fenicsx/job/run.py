@@ -168,7 +168,8 @@ class Run:
                 self.series.write(outcome.reached, fields)
         result = Result({}, rows, fields, self.folder, scene)
         energy = self._energy()
-        for warning in validity.warnings_at_end(result, energy):
+        quantities = self.job.quantities(result) if self.job.quantities else {}
+        for warning in validity.warnings_at_end(result, energy, quantities):
             output.warn(warning)
         wrong = validity.beyond_limits_at_end(scene, self.job.limits, rows, energy)
         self.wrong = outcome.reason or validity.not_believed(self._wrong_now + wrong)
@@ -186,7 +187,7 @@ class Run:
             reaction_N=rows[-1]["reaction_N"],
             reaction_is=self.job.force_name,
             **energy_balance(rows, energy),
-            quantities=self.job.quantities(result) if self.job.quantities else {},
+            quantities=quantities,
         )
         return result
 

@@ -13,7 +13,7 @@ from .job import Job, Result
 class Setup:
     """A `scene` made from the `data` of a test, and what a job needs to know of it.
 
-    data: a frozen dataclass with the class variables NAME, FULL, SOLVER, HEADLINES, LIMITS and
+    data: a frozen dataclass with the class variables NAME, FULL, SOLVER, HEADLINES and
     CHEAP_FROM, in which every default has its value; warnings: sentences found while building. A
     subclass overrides what it has.
     """
@@ -86,6 +86,5 @@ class Setup:
             "beside": self.reference_curves(),
             "coarser": None if coarser is None else lambda: coarser.build(comm).job(),
             "headlines": self.data.HEADLINES,
-            "limits": self.data.LIMITS,
         }
         return Job(self.scene, **usual | dict(self.data.SOLVER) | changes)

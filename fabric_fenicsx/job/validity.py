@@ -18,6 +18,7 @@ from ..scene.scene import Scene
 from ..solve.limits import EDGES, Limits
 from ..solve.step_criteria import UNBALANCED
 
+WAVE = 7.0  # cells of a wave, from which on its height is within some per cent
 MISMATCH = 1e-6  # of stresses of elements and kernel, above which a run warns; usual is 1e-12
 
 
@@ -97,14 +98,23 @@ def warnings_at_start(scene: Scene) -> list[str]:
     return [words for words in found if words]
 
 
-def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
-    """Warnings of a result though nothing failed. energy: as of `beyond_limits_at_end`."""
+def warnings_at_end(
+    result: Result, energy: Mapping[str, float], quantities: Mapping[str, Any]
+) -> list[str]:
+    """Warnings of a result though nothing failed. energy: as of `beyond_limits_at_end`; quantities:
+    of the summary."""
     scene, untouched = result.scene, ""
     if scene_output.tools(scene):
         from ..scene.tool_warnings import untouched_warning
 
         untouched = untouched_warning(scene)
-    found = [untouched, _crossing(scene), _mismatch(scene), *fabric_warnings(result)]
+    found = [
+        *fabric_warnings(result),
+        _coarse_waves(quantities),
+        untouched,
+        _crossing(scene),
+        _mismatch(scene),
+    ]
     if not (untouched or any(energy.values()) or scene.u.norm()):
         found.append(
             "nothing moves or loads the sheet: it stays as it was; a tool, a load or a support "
@@ -122,6 +132,24 @@ def warnings_at_end(result: Result, energy: Mapping[str, float]) -> list[str]:
             f"{percent(balance['energy_imbalance'], 3)}; {_cause(energy)}"
         )
     return [words for words in [*found, *scene_output.warnings(scene)] if words]
+
+
+def _coarse_waves(quantities):
+    """A sentence if a ply's wrinkles have few cells."""
+    plies = quantities.get("plies", {"": quantities}).values()
+    waves = [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
+    known = [each for each in waves if each["cells_a_wave"] is not None]
+    least = min(known, key=lambda each: each["cells_a_wave"], default=None)
+    if not least or least["cells_a_wave"] >= WAVE:
+        return ""
+    height, length, cells = (
+        rounded(least[name]) for name in ("height_mm", "wavelength_mm", "cells_a_wave")
+    )
+    return (
+        f"wrinkles of up to {height} mm are {length} mm long, {cells} cells: their heights and "
+        f"number are rough below {WAVE:g}; take `nx` {rounded(WAVE / least['cells_a_wave'])} "
+        "times as large"
+    )
 
 
 def _mismatch(scene):

@@ -9,7 +9,7 @@ whose edges on x = 0 and y = 0 are not free.
 
 import csv
 import pathlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -17,9 +17,7 @@ from matplotlib.tri import LinearTriInterpolator, Triangulation
 from numpy.typing import ArrayLike
 
 from ..runtime.errors import InputError
-from ..tools.facets import vertex_normals
-from ..tools.tool import Tool
-from .ply import EQUAL, SAME, Grid, areas, edge_sides, ply_of
+from .ply import EQUAL, SAME, Grid, edge_sides, ply_of
 
 File: TypeAlias = pathlib.Path | str
 
@@ -187,51 +185,3 @@ def contrast(grid: Grid, name: str) -> float:
     ply = ply_of(grid)
     values = ply.fields[name]
     return float(np.sqrt(np.mean((values - ply.at_nodes(values)[ply.triangles].mean(1)) ** 2)))
-
-
-def wrinkles(
-    grid: Grid,
-    tool: Tool,
-    thickness: float = 0.0,
-    region: Callable[[np.ndarray], np.ndarray] | None = None,
-) -> dict[str, Any]:
-    """Distance and slope of the formed ply from `tool`: {name: value}.
-
-    height [mm]: distance of the ply's mid-surface from the tool's surface, less half the
-    `thickness`; 0 where it lies on the tool, the amplitude of a wave about it. slope [deg]: angle
-    between the normals of the ply and of the tool at its nearest point; 0 where the ply is parallel
-    to the tool, however far, and arctan(2 pi amplitude / length) at most in a wave. Of each the
-    largest at a node and the r.m.s. over the formed area. Both converge as the mesh is refined
-    (unlike the angle between neighbouring cells) and vanish on the tool's own curvature. Height is
-    what F. Yu et al., Composites A 143 (2021) 106308, measure; as theirs it counts a ply that
-    bridges a hollow without a wrinkle, so leave such places out: region, a function of formed
-    places (n, 3) [mm] to bool (n,), says which nodes count. So do only those for which the tool
-    finds a nearest point. Raises InputError if no node is left.
-    """
-    ply = ply_of(grid)
-    x = ply.formed
-    near = tool.evaluate(x)
-    normal = vertex_normals(x, ply.triangles)
-    for axis in ply.planes:  # as the mirrored cells would make it
-        normal[ply.x[:, axis] == 0, axis] = 0
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    area = np.bincount(ply.triangles.ravel(), np.repeat(areas(x[ply.triangles]) / 3, 3), len(x))
-    counts = np.isfinite(near.gap) if region is None else np.isfinite(near.gap) & region(x)
-    if not counts.any():
-        raise InputError(
-            "no node of the ply is in the region of wrinkles; allowed is a region with one at least"
-        )
-    area, height = area[counts], near.gap[counts] - thickness / 2
-    cosine = (normal * near.normal).sum(1)[counts]
-    cosine *= np.sign(area @ cosine)  # the ply may lie on either side of the tool
-    slope = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-
-    def rms(values):
-        return float(np.sqrt(np.average(values**2, weights=area)))
-
-    return {
-        "height_largest_mm": float(abs(height).max()),
-        "height_rms_mm": rms(height),
-        "slope_largest_deg": float(slope.max()),
-        "slope_rms_deg": rms(slope),
-    }

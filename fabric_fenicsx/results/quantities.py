@@ -5,16 +5,17 @@ A membrane stores as shortening what a real ply folds into wrinkles. Where yarns
 cells crumple, and the largest shear angle says little.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ..material.strains import SHORTENED, share_name
+from ..mechanics.materials import fabric_of
+from ..mechanics.shell.bending import Bending, shortest_wave
 from ..runtime.formatting import of_sheet, percent, rounded
 from ..sheets.blank import Part
-from ..tools.tool import Tool
 from . import measures
 from .result import Result
 
@@ -26,7 +27,7 @@ STRIP = 2.0  # width of the strips that yarns are gathered in, in mean lengths o
 PACKED = np.pi / np.sqrt(12)  # share of round fibres side by side, 0.907, which no ply exceeds
 FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
 # of the shapes of plies, what of several ones the largest has a meaning
-LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("slope_largest_deg",)}
+LARGEST = {"draw_in": ("largest_mm",), "wrinkles": ("height_mm", "rim_mm", "folds")}
 
 
 def fabric_quantities(result: Result, parts: Sequence[Part]) -> dict[str, Any]:
@@ -82,18 +83,17 @@ def _cells(parts):
 # -- shapes
 
 
-def shape(result: Result, part: Part, tool: Tool, middle: float, closed: bool) -> dict[str, Any]:
-    """Draw-in, and slopes of wrinkles over the tool, of one ply, which is all of a sheet or a part
-    of a stack. middle: height of its mid-surface over the tool that it lies on [mm]; closed: True
-    of closed tools, which leave wrinkles no height; others the ply does not follow, and wrinkles
-    are None."""
-    from ..postprocess.shape import wrinkles
+def shape(
+    result: Result, part: Part, over_tools: Callable[[np.ndarray], np.ndarray]
+) -> dict[str, Any]:
+    """Draw-in and wrinkles of one ply, which is all of a sheet or a part of a stack. over_tools: as
+    of `wrinkles.height_map`."""
+    from ..postprocess.wrinkles import wrinkles
 
-    comm, slopes = result.scene.comm, None
-    if closed and comm.rank == 0:
-        found = wrinkles(result.grids[part.name], tool, 2 * middle)
-        slopes = {name: value for name, value in found.items() if name.startswith("slope")}
-    return {"draw_in": result.draw_in(part.name), "wrinkles": comm.bcast(slopes)}
+    comm, found = result.scene.comm, None
+    if comm.rank == 0:
+        found = wrinkles(result.grids[part.name], over_tools)
+    return {"draw_in": result.draw_in(part.name), "wrinkles": comm.bcast(found)}
 
 
 def stack_quantities(
@@ -218,7 +218,8 @@ def fabric_warnings(result: Result) -> list[str]:
         unknown = int(np.isnan(fields["shear_angle"][part.cells]).sum())
         if not result.scene.comm.allreduce(unknown):
             found = shear_quantities(result, [part]) | shortening_quantities(result, [part])
-            sentences += _sentences(part.name or blank.name, found)
+            words = _shortest_wave(result.scene, part)
+            sentences += _sentences(part.name or blank.name, found, words)
         shares = fields.get("fibre_volume_fraction", np.full(len(blank.areas()), np.nan))
         most = _known(np.fmax, result.scene.comm, shares[part.cells])
         if most and most > PACKED:
@@ -230,15 +231,21 @@ def fabric_warnings(result: Result) -> list[str]:
     return sentences
 
 
-def _sentences(name: str, found: Mapping[str, Any]) -> Iterable[str]:
-    if found["shortening_at_shear_angle_max"] > CRUMPLED:
-        yield (
-            f"the largest shear angle of {name}, {rounded(found['shear_angle_max_deg'])} deg at "
-            f"{of_sheet(found['shear_angle_max_at_mm'])}, lies where yarns are shortened by "
-            f"{percent(found['shortening_at_shear_angle_max'])}: cells crumple there, and it "
-            "depends on mesh and contact; 99 % of the area stay below "
-            f"{rounded(found['shear_angle_99_percent_deg'])} deg"
-        )
+def _shortest_wave(scene, part):
+    """What waves the law allows, as text."""
+    bending = [t for t in scene.terms if isinstance(t, Bending) and t.part in (part, t.blank.whole)]
+    fabric = fabric_of(scene, part)
+    if not (bending and fabric):
+        return ""
+    length = shortest_wave(fabric, bending[0].stiffnesses[:2].max(), SHORTENED)
+    doubt = "d" in fabric.assumed_values()
+    return (
+        f". At that, no wave shorter than {rounded(length)} mm forms on any mesh, by the bending "
+        f"stiffness and d{', which no test has determined' if doubt else ''}"
+    )
+
+
+def _sentences(name: str, found: Mapping[str, Any], wave: str = "") -> Iterable[str]:
     share, lost = found[share_name(SHORTENED)], found["excess_length_mm"]
     if share > AREA:
         excess = "" if lost is None else f"; a yarn loses up to {rounded(lost)} mm of its length"
@@ -246,5 +253,13 @@ def _sentences(name: str, found: Mapping[str, Any]) -> Iterable[str]:
             f"compression shortens yarns of {name} by up to {percent(found['shortening_max'], 3)}, "
             f"as at {of_sheet(found['shortening_max_at_mm'])}, and by more than "
             f"{percent(SHORTENED, 6)} in {percent(share, 3)} of the area{excess}. The law stores "
-            "as shortening what a real ply folds into wrinkles"
+            f"as shortening what a real ply folds into wrinkles{wave}"
+        )
+    if found["shortening_at_shear_angle_max"] > CRUMPLED:
+        yield (
+            f"the largest shear angle of {name}, {rounded(found['shear_angle_max_deg'])} deg at "
+            f"{of_sheet(found['shear_angle_max_at_mm'])}, lies where yarns are shortened by "
+            f"{percent(found['shortening_at_shear_angle_max'])}: cells crumple there, and it "
+            "depends on mesh and contact; 99 % of the area stay below "
+            f"{rounded(found['shear_angle_99_percent_deg'])} deg"
         )

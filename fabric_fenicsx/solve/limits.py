@@ -52,9 +52,9 @@ class Limits:
         GROUP,
     )
     shortening: float = number(
-        0.05,
+        1.0,
         POSITIVE,
-        "area in which compression shortens yarns by more than 2 %, as real plies wrinkle",
+        "area in which compression shortens yarns by more than 2 % (1: no limit)",
         GROUP,
     )
     located: float = number(

@@ -1,8 +1,12 @@
 """Criteria that a converged step must meet: each returns the reason for a rejection, or ""."""
 
+from collections.abc import Mapping
+
 from ..runtime.formatting import percent
 
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
+ROUNDING = 1e-9
+TOTAL = 0.1  # of all work, that may be missing in the end
 SMALL_WORK = 0.1  # of the energies, below which a step's work is not compared with itself
 
 
@@ -20,6 +24,23 @@ def missing_work(work: float, rise: float, stored: float, contact: float) -> flo
     what contact lags may be off by a hundredth before and after the step. All in N mm."""
     scale = max(abs(work), abs(rise), SMALL_WORK * abs(stored), abs(contact), 1e-300)
     return abs(work - rise) / scale
+
+
+def total_imbalance(work: float, energy: float, load: float) -> str:
+    """Criterion of the balance of a whole run, whatever its steps: of `work` and `energy` [N mm] at
+    most `TOTAL` is missing from the other, of what they are at full load if they grow with it."""
+    missing = abs(work - energy) / max(abs(work), abs(energy), 1e-300)
+    if missing * load <= TOTAL:
+        return ""
+    return f"{percent(missing, 3)} of all work is not in the energies"
+
+
+def negative_bending(energies: Mapping[str, float]) -> str:
+    """Criterion of bending, which no state can give energy. energies: by kind [N mm]."""
+    bending = energies.get("bending", 0.0)
+    if bending >= -ROUNDING * sum(abs(each) for each in energies.values()):
+        return ""
+    return f"bending has an energy of {bending:.3g} N mm, below 0"
 
 
 def imbalance(missing: float, allowed: float | None) -> str:

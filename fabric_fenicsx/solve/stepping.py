@@ -172,6 +172,7 @@ class LoadStepping:
         if not report.converged:
             return
         self._measure(trial)
+        report.reject(step_criteria.negative_bending(trial.energies))
         if not self._in_equilibrium:
             return
         missing, balance = self._missing_work(trial), self.settings.balance
@@ -183,6 +184,10 @@ class LoadStepping:
             if missing > matters and self._measure_on_the_way(trial, share):
                 missing = self._missing_work(trial)
         trial.report.reject(step_criteria.imbalance(missing, balance))
+        if balance:
+            work = self.progress.work + trial.work
+            reason = step_criteria.total_imbalance(work, trial.energy, trial.load)
+            trial.report.reject(reason)
 
     def _missing_work(self, trial):
         if trial.size <= 1.5 * self.largest / FINEST:

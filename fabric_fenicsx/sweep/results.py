@@ -18,11 +18,11 @@ from .varied import number, short_names
 HEADLINES = {
     "reaction_N": "force [N]",
     "shear_angle_max_deg": "largest shear angle [deg]",
-    "wrinkles.shortening": "mean shortening of yarns [-]",
+    "shortening_mean": "mean shortening of yarns [-]",
     "shortening_max": "largest shortening of yarns [-]",
     "excess_length_mm": "length lost by a yarn [mm]",
     "draw_in.largest_mm": "largest draw-in [mm]",
-    "wrinkles.slope_largest_deg": "largest slope of wrinkles [deg]",
+    "wrinkles.height_mm": "largest height of wrinkles [mm]",
     "shear_angle_99_percent_deg": "shear angle, 99 % of the area below [deg]",
 }
 CAPTIONS = {

@@ -75,7 +75,6 @@ def test_a_punch_of_ones_own_forms_part_of_the_way():
     for punch in (ff.DoubleDome(), Own(ff.DoubleDome())):
         made = dome(surface=punch, stroke=10.0, **coarse)
         told = made.job(steps=4).run().summary["quantities"]
-        assert not made.closed() and "slope_rms_deg" not in told["wrinkles"]
         found.append((told["punch_force_N"], told["draw_in"]["largest_mm"]))
     assert found[1] == pytest.approx(found[0], rel=1e-3)
 
@@ -87,9 +86,7 @@ def test_tools_close_to_the_clearance_that_is_asked():
         made = dome(surface=Bump(25.0, 80.0), clearance=clearance, **sizes)
         way = made.tools["punch"].path(1.0) - made.tools["punch"].path(0.0)
         assert way[2] == pytest.approx(25.0, abs=1e-6)
-        assert list(made.closed()) == ["punch"]
         assert made.schedule.distance("punch", 1.0) == pytest.approx(clearance)
-    assert not dome(surface=Bump(25.0, 80.0), stroke=24.9, **sizes).closed()
     words = "tools die and punch go .* through one another at the end of forming"
     with pytest.raises(ff.InputError, match=words):
         dome(surface=Bump(25.0, 80.0), stroke=27.0, **sizes)

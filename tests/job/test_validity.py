@@ -13,7 +13,8 @@ def pressed(fabric, pattern="crossed", angle=0.0):
     blank = ff.Blank.rectangle(40, 20, nx=8, ny=4, **options)
     flat = ff.Support("flat", lambda x: np.full(x.shape[1], True), (1, 2))
     supports = [*ff.clamped_ends(-2.0)(blank), flat]
-    return ff.Job(ff.Scene(blank, [ff.Membrane(fabric)], supports), steps=4)
+    limits = ff.Limits(shortening=0.05)
+    return ff.Job(ff.Scene(blank, [ff.Membrane(fabric)], supports), steps=4, limits=limits)
 
 
 @pytest.mark.mpi

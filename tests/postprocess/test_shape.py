@@ -9,9 +9,6 @@ from fabric_fenicsx.meshes.specimen import specimen
 from fabric_fenicsx.postprocess import shape
 from fabric_fenicsx.postprocess.ply import SYMMETRIC
 from fabric_fenicsx.runtime.errors import InputError
-from fabric_fenicsx.tools.double_dome import DoubleDome
-from fabric_fenicsx.tools.primitives import Cylinder, Plane, Sphere
-from fabric_fenicsx.tools.surfaces import Offset, Reversed
 
 
 @pytest.mark.parametrize("ranks", [1, 3])
@@ -142,71 +139,6 @@ def test_each_corner_counts_once():
     grid = formed(plane((0.98, 0), (0, 0.9)), nx=1, ny=1, length=80.0, width=80.0, full=True)
     grid.point_data["u"][:, 0] += 1.0
     assert shape.draw_in(grid)["corner_mm"] == pytest.approx(4.8 / np.sqrt(2))
-
-
-@pytest.mark.parametrize("cells, error", [(1, 0.04), (2, 0.01)])
-def test_wrinkles_of_a_sine(cells, error):
-    def ripple(x, y):
-        return np.column_stack([x, y, 0.5 + 2 * np.cos(2 * np.pi * x / 40)])
-
-    grid = formed(ripple, nx=60 * cells, ny=10 * cells, length=240.0, width=40.0)
-    found = shape.wrinkles(grid, Plane((0, 0, 0), (0, 0, 1)), thickness=1.0)
-    slope = 2 * 2 * np.pi / 40
-    # by area, which sqrt(1 + tan^2) more of lies where it is steep
-    s = slope * np.sin(np.linspace(0, 2 * np.pi, 10000, endpoint=False))
-    z = 2 * np.cos(np.linspace(0, 2 * np.pi, 10000, endpoint=False))
-    area = np.hypot(1, s)
-    assert found["height_largest_mm"] == pytest.approx(2)
-    assert found["height_rms_mm"] == pytest.approx(
-        np.sqrt(np.average(z**2, weights=area)), rel=error
-    )
-    assert found["slope_largest_deg"] == pytest.approx(np.degrees(np.arctan(slope)), rel=error)
-    rms = np.degrees(np.sqrt(np.average(np.arctan(s) ** 2, weights=area)))
-    assert found["slope_rms_deg"] == pytest.approx(rms, rel=2 * error)
-    # under the tool that it lies beneath, and where it is flat enough
-    same = shape.wrinkles(grid, Plane((0, 0, 0), (0, 0, -1)), region=lambda x: x[:, 0] < 5)
-    assert same["height_largest_mm"] == pytest.approx(2.5)
-    assert same["slope_largest_deg"] < 0.8 * found["slope_largest_deg"]
-    with pytest.raises(InputError, match="region"):
-        shape.wrinkles(grid, Plane((0, 0, 0), (0, 0, 1)), region=lambda x: x[:, 2] > 9)
-
-
-def test_a_ply_on_its_tool_has_no_wrinkles():
-    def wrapped(x, y, r=50.5):
-        return np.column_stack([r * np.sin(x / 50), y, r * np.cos(x / 50)])
-
-    grid = formed(wrapped, nx=40, ny=20, length=60.0, width=30.0)
-    found = shape.wrinkles(grid, Cylinder((0, 0, 0), (0, 1, 0), 50.0), thickness=1.0)
-    assert found["height_largest_mm"] < 1e-9
-    # but for the free edge, where the normal is that of one side
-    inside = shape.wrinkles(
-        grid, Cylinder((0, 0, 0), (0, 1, 0), 50.0), region=lambda x: (x[:, 1] < 29) & (x[:, 0] < 40)
-    )
-    assert inside["slope_largest_deg"] < 0.2
-    assert found["slope_largest_deg"] < 1.0
-
-
-def test_a_ply_on_a_sphere_has_no_wrinkles():
-    def capped(x, y):
-        return np.column_stack([x, y, np.sqrt(50**2 - x * x - y * y)])
-
-    grid = formed(capped, nx=20, ny=20, length=30.0, width=30.0)
-    found = shape.wrinkles(grid, Sphere(50.0, (0, 0, 0)), region=lambda x: (x[:, :2] < 29).all(1))
-    assert found["height_largest_mm"] < 1e-9 and found["slope_largest_deg"] < 1e-5
-
-
-def test_a_ply_in_the_die_of_a_double_dome_has_no_wrinkles():
-    dome = DoubleDome()
-    grid, die = formed(dome.lift, 94, 54), Reversed(Offset(dome, 1.0))
-    found = shape.wrinkles(
-        grid, die, thickness=2.0, region=lambda x: (x[:, 0] < 200) & (x[:, 1] < 90)
-    )
-    assert found["height_largest_mm"] < 1e-9
-    assert found["slope_rms_deg"] < 0.5
-    bump = shape.wrinkles(
-        formed(lambda x, y: dome.lift(x, y) + [0, 0, 3]), dome, region=lambda x: x[:, 2] < 3.01
-    )
-    assert bump["height_largest_mm"] == pytest.approx(3.0)
 
 
 def test_quadrilaterals_are_cut():

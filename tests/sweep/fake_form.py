@@ -44,7 +44,8 @@ summary = {
     "reaction_is": "punch force",
     "wall_s": {"total": 0.1},
     "quantities": {
-        "wrinkles": {"shortening": shortening, "count": int(pressure < 0.05), "at_mm": [1.0, 2.0]},
+        "shortening_mean": shortening,
+        "wrinkles": {"count": int(pressure < 0.05), "at_mm": [1.0, 2.0]},
         "shear_angle_max_deg": 40 + pressure,
     },
 }

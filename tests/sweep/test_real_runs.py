@@ -64,7 +64,7 @@ def test_more_pressure_of_the_holder_draws_in_less(press, capfd):
     ]
     assert cells[1] / cells[0] == pytest.approx((10 / 6) ** 2)
     summary = json.loads((folder / "pressure=0.5/summary.json").read_text())
-    assert float(strong["wrinkles.shortening"]) == summary["quantities"]["wrinkles"]["shortening"]
+    assert float(strong["shortening_mean"]) == summary["quantities"]["shortening_mean"]
     page = (folder / "report.html").read_text()
     assert page.count("data:image/png") == 3 and 'href="pressure%3D0.5/report.html"' in page
     assert (folder / "maps.png").stat().st_size > 10_000

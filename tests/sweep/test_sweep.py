@@ -39,7 +39,7 @@ class Fake(Form):
             raise InputError("ring.pressure is 0; allowed is another number")
 
     def quantities(self, values):
-        more = ("wrinkles.shortening", "wrinkles.count", "shear_angle_max_deg")
+        more = ("shortening_mean", "wrinkles.count", "shear_angle_max_deg")
         return ["reaction_N", "stroke_reached", *more]
 
     def finer(self, values):
@@ -83,7 +83,7 @@ def test_all_combinations_are_run_and_in_the_table(run):
         ("0.1", "0.1"), ("0.1", "0.3"), ("0.4", "0.1"), ("0.4", "0.3")
     ]  # fmt: skip
     assert rows[3]["run"] == "pressure=0.4_friction=0.3" and rows[3]["converged"] == "True"
-    assert float(rows[3]["wrinkles.shortening"]) == pytest.approx(0.02 * 0.4**-0.5 + 0.048 - 0.04)
+    assert float(rows[3]["shortening_mean"]) == pytest.approx(0.02 * 0.4**-0.5 + 0.048 - 0.04)
     assert float(rows[3]["reaction_N"]) == 400 and "wrinkles.at_mm" not in rows[3]
 
 
@@ -245,16 +245,16 @@ def test_a_killed_run_is_told_and_others_go_on(run, monkeypatch):
 
 
 def test_where_a_quantity_is_below_a_limit_is_interpolated(run):
-    _, out, _ = run("--vary", "ring.pressure=0.1,0.15,0.2", "--below", "wrinkles.shortening=0.02")
+    _, out, _ = run("--vary", "ring.pressure=0.1,0.15,0.2", "--below", "shortening_mean=0.02")
     y = {p: 0.02 * p**-0.5 + 0.2 * p**2 - 0.04 for p in (0.1, 0.15)}
     at = 0.1 + 0.05 * (y[0.1] - 0.02) / (y[0.1] - y[0.15])
-    (found,) = re.findall(r"wrinkles.shortening below 0.02: from pressure = ([\d.]+) on", out)
+    (found,) = re.findall(r"shortening_mean below 0.02: from pressure = ([\d.]+) on", out)
     assert float(found) == pytest.approx(at, abs=1e-4)
     assert "interpolated" in out and "throughout" not in out
 
 
 def test_a_quantity_that_falls_and_rises_is_told_so(run):
-    _, out, _ = run("--vary", "ring.pressure=0.1,0.4,1", "--below", "wrinkles.shortening=0.024")
+    _, out, _ = run("--vary", "ring.pressure=0.1,0.4,1", "--below", "shortening_mean=0.024")
     assert "from pressure = " in out and " and up to pressure = " in out
     assert "it neither falls nor rises throughout" in out
     assert "all on these cells: `-- --error` tells how far they may be off" in out
@@ -286,7 +286,7 @@ def test_where_a_quantity_is_below_a_limit_is_found_again_on_finer_cells(run):
     """The stand-in has half the shortening there: the limit is crossed two runs further."""
     values = [0.025, 0.05, 0.1, 0.15, 0.2]
     vary = "--vary", f"ring.pressure={','.join(map(str, values))}"
-    _, out, _ = run(*vary, "--below", "wrinkles.shortening=0.02", "--finer")
+    _, out, _ = run(*vary, "--below", "shortening_mean=0.02", "--finer")
     coarse, fine = (
         a + (b - a) * (y(a) - 0.02) / (y(a) - y(b))
         for a, b, y in ((0.1, 0.15, shortening), (0.05, 0.1, lambda p: shortening(p) / 2))
@@ -305,16 +305,16 @@ def test_where_a_quantity_is_below_a_limit_is_found_again_on_finer_cells(run):
 
 def test_finer_cells_that_move_the_limit_beyond_all_runs(run):
     vary = "--vary", "ring.pressure=0.06,0.1,0.15,0.2"
-    _, out, _ = run(*vary, "--below", "wrinkles.shortening=0.025", "--finer")
+    _, out, _ = run(*vary, "--below", "shortening_mean=0.025", "--finer")
     assert "on finer cells (nx=36) in all runs, from pressure = 0.06 on; so the cells dec" in out
 
 
 def test_the_least_value_over_one_number(run):
-    words = "--vary", "ring.pressure=0.01..1", "--minimise", "wrinkles.shortening"
+    words = "--vary", "ring.pressure=0.01..1", "--minimise", "shortening_mean"
     status, out, _ = run(*words, "--evaluations", "10")
     best = json.loads(Path("out/sweep.json").read_text())["best"]
     exact = (0.01 / 0.4) ** 0.4  # where the derivative of the stand-in's formula is 0
-    assert status == 0 and "least wrinkles.shortening: " in out and "of its range" not in out
+    assert status == 0 and "least shortening_mean: " in out and "of its range" not in out
     assert float(best["values"]["ring.pressure"]) == pytest.approx(exact, rel=0.03)
     before = starts()
     assert len(before) <= 10
@@ -325,10 +325,10 @@ def test_the_least_value_over_one_number(run):
 def test_the_least_value_is_found_again_on_finer_cells(run):
     """The stand-in has half the shortening there, so the limit allows less pressure."""
     words = "--vary", "ring.pressure=0.01..1", "--minimise", "reaction_N"
-    below = "--below", "wrinkles.shortening=0.02"
+    below = "--below", "shortening_mean=0.02"
     status, out, _ = run(*words, *below, "--evaluations", "16", "--finer")
     best = json.loads(Path("out/sweep.json").read_text())["best"]
-    assert status == 0 and re.search(r"of \d+ runs with wrinkles.shortening below 0.02;", out)
+    assert status == 0 and re.search(r"of \d+ runs with shortening_mean below 0.02;", out)
     pressure = float(best["values"]["ring.pressure"])
     assert shortening(pressure) < 0.02 and shortening(0.97 * pressure) > 0.02  # the limit decides
     assert best["value"] == pytest.approx(1000 * pressure)
@@ -341,8 +341,8 @@ def test_the_least_value_is_found_again_on_finer_cells(run):
 
 def test_no_run_within_a_limit_is_told_with_the_nearest(run):
     words = "--vary", "ring.pressure=0.2..0.9", "--minimise", "reaction_N"
-    status, out, err = run(*words, "--below", "wrinkles.shortening=0.001", "--evaluations", "12")
-    assert status == 3 and "has wrinkles.shortening below 0.001; the nearest is" in err
+    status, out, err = run(*words, "--below", "shortening_mean=0.001", "--evaluations", "12")
+    assert status == 3 and "has shortening_mean below 0.001; the nearest is" in err
     (nearest,) = re.findall(r"the nearest is pressure=([\d.]+)", err)
     assert float(nearest) == pytest.approx((0.01 / 0.4) ** 0.4, rel=0.03)
 
@@ -383,13 +383,13 @@ def test_scatter_leaves_out_runs_that_are_not_believed(run):
 
 
 def test_the_least_value_at_an_end_of_the_range_is_told(run):
-    _, out, _ = run("--vary", "ring.pressure=0.01..0.1", "--minimise", "wrinkles.shortening")
+    _, out, _ = run("--vary", "ring.pressure=0.01..0.1", "--minimise", "shortening_mean")
     assert "ring.pressure = 0.1 is the upper end of its range: the least may lie beyond" in out
 
 
 def test_the_least_value_over_two_numbers(run):
     vary = "--vary", "ring.pressure=0.01..1", "--vary", "tools.punch.friction=0.1..0.3"
-    status, out, _ = run(*vary, "--minimise", "wrinkles.shortening", "--evaluations", "40")
+    status, out, _ = run(*vary, "--minimise", "shortening_mean", "--evaluations", "40")
     best = json.loads(Path("out/sweep.json").read_text())["best"]
     assert status == 0 and len(starts()) <= 40
     assert float(best["values"]["tools.punch.friction"]) == pytest.approx(0.1, abs=0.01)
@@ -399,7 +399,7 @@ def test_the_least_value_over_two_numbers(run):
 def test_the_least_value_over_two_numbers_is_found_again_on_finer_cells(run):
     """Of the best place and the three next to it."""
     vary = "--vary", "ring.pressure=0.01..1", "--vary", "tools.punch.friction=0.1..0.3"
-    words = "--minimise", "wrinkles.shortening", "--evaluations", "20", "--finer"
+    words = "--minimise", "shortening_mean", "--evaluations", "20", "--finer"
     status, out, _ = run(*vary, *words)
     best = json.loads(Path("out/sweep.json").read_text())["best"]
     assert status == 0 and best["finer"]["values"] == best["values"] | {"blank.nx": "36"}
@@ -421,13 +421,13 @@ def test_a_run_without_a_summary_does_not_end_the_search(run, monkeypatch):
         text.replace("import os", "import os\nif pressure == 1: os._exit(1)")
     )
     monkeypatch.setattr(sys.modules[__name__], "FAKE", Path("killed.py"))
-    words = "--vary", "ring.pressure=0.1..1", "--minimise", "wrinkles.shortening"
+    words = "--vary", "ring.pressure=0.1..1", "--minimise", "shortening_mean"
     status, out, _ = run(*words, "--evaluations", "4")
     assert status == 0 and "pressure=1: not believed" in out and "(1 not believed" in out
 
 
 def test_runs_that_are_not_believed_are_never_the_best(run):
-    words = "--vary", "ring.pressure=0.5..3", "--minimise", "wrinkles.shortening"
+    words = "--vary", "ring.pressure=0.5..3", "--minimise", "shortening_mean"
     status, out, _ = run(*words, "--evaluations", "6")
     assert status == 0 and "not believed, left out)" in out
     assert "ring.pressure = 0.5 is the lower end" in out

@@ -7,6 +7,8 @@ import numpy as np
 from mpi4py import MPI
 from scipy import sparse
 
+from ...material import kernel
+from ...material.laws import Law
 from ...runtime.errors import InputError
 from ...runtime.rules import FROM_ZERO
 from ..materials import fabric_of
@@ -24,6 +26,17 @@ def plate_stiffness(modulus: float, thickness: float) -> float:
     """Bending stiffness E t^3 / 12 [N mm] of a strip, per width, of `modulus` E [MPa] and
     `thickness` t [mm]."""
     return modulus * thickness**3 / 12
+
+
+def shortest_wave(fabric: Law, D: float, strain: float) -> float:
+    """Length [mm] below which a yarn of bending stiffness `D` [N mm] shortens by `strain` before it
+    buckles: Euler's 2 pi sqrt(D / P), P being the force per width at which the law has that
+    strain; inf if it has none."""
+    pressed = kernel.evaluate(
+        fabric, gradient=[np.array([[1 - strain, 0], [0, 1], [0, 0]])], fibres=np.eye(2)[:, None]
+    )
+    force = -float(pressed.cauchy[0, 0, 0]) * fabric.thickness
+    return 2 * np.pi * np.sqrt(D / force) if force > 0 else np.inf
 
 
 class _State(NamedTuple):

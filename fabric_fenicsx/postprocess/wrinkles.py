@@ -1,0 +1,122 @@
+"""Wrinkles of a formed ply: how far it is off the smooth surface through it, where no tool is."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.signal import find_peaks
+from scipy.spatial import cKDTree
+
+from .ply import Grid, areas, grid_of, plan_area, ply_of, whole
+from .shape import outline
+
+HEIGHT = "wrinkle_height"
+# of Gaussian weights [mm]: waves up to about three times as long are seen nearly in full
+SIGMA = 20.0
+STEP = 5.0  # mm between places that it is fitted to
+CUT = 2.5  # of these, beyond which places have no weight
+FOLD = 0.3  # mm by which a ridge of the rim stands out
+LEAST = 0.1  # mm, the height from which on waves are told of
+Heights = Callable[[np.ndarray], np.ndarray]
+
+
+def height_map(grid: Grid, over_tools: Heights) -> Grid:
+    """The ply in a grid with the height of its wrinkles at the nodes, `HEIGHT` [mm].
+
+    It is the distance, with a sign, from a smooth surface: at each node the parabola in the flat
+    ply's coordinates that fits the ply around it best, with Gaussian weights (`SIGMA`). Beside
+    radii of tools this distance is none of a wrinkle, so it counts as far as the ply is off the
+    tools there. over_tools: function of formed places (n, 3) [mm] to the distance (n,) [mm] of the
+    ply's faces from the nearest tool.
+    """
+    ply = ply_of(grid)
+    w = _off_smooth(whole(ply), len(ply.x))
+    free = np.clip(np.nan_to_num(over_tools(ply.formed), nan=np.inf), 0.0, None)
+    found = grid_of(ply.x, ply.triangles, ply.u)
+    found.point_data[HEIGHT] = np.sign(w) * np.minimum(abs(w), free)
+    return found
+
+
+def wrinkles(grid: Grid, over_tools: Heights) -> dict[str, Any]:
+    """Numbers of the wrinkles of the ply in a grid: {name: value}.
+
+    - height_mm, height_rms_mm: of `height_map`, the largest at a node, and over the flat area
+    - wavelength_mm: 2 pi times the r.m.s. height over that of its slope; None without waves
+    - cells_a_wave: it over the mean length of a cell's edges
+    - rim_mm: how far the highest place of the outer free edge is above its lowest
+    - folds: ridges of that edge, by z, that stand out by `FOLD`, of the whole ply
+    """
+    ply, w = ply_of(grid), height_map(grid, over_tools).point_data[HEIGHT]
+    area = plan_area(ply.x, ply.triangles)
+    of_nodes = np.bincount(ply.triangles.ravel(), np.repeat(area / 3, 3), len(w))
+    rms = float(np.sqrt(np.average(w**2, weights=of_nodes)))
+    slope = float(np.sqrt(np.average((_slopes(ply, w) ** 2).sum(1), weights=area)))
+    largest = float(abs(w).max())
+    length = 2 * np.pi * rms / slope if largest >= LEAST else None
+    corners = ply.x[ply.triangles]
+    edge = np.linalg.norm(corners - np.roll(corners, 1, 1), axis=2).mean()
+    rim = max((each.formed[:, 2] for each in outline(grid)), key=len)
+    return {
+        "height_mm": largest,
+        "height_rms_mm": rms,
+        "wavelength_mm": length,
+        "cells_a_wave": None if length is None else float(length / edge),
+        "rim_mm": float(np.ptp(rim)),
+        "folds": _ridges(rim, len(ply.planes)),
+    }
+
+
+def _off_smooth(ply, count):
+    """Distances (count,) of the first nodes of a whole ply from their smooth surface [mm]."""
+    at, known = ply.x[:count, :2] / SIGMA, _means(ply)
+    X, x, weight = known[:, :2] / SIGMA, known[:, 2:5], known[:, 5]
+    near = cKDTree(at).sparse_distance_matrix(cKDTree(X), CUT, output_type="coo_matrix")
+    weights = np.exp(-(near.data**2) / 2) * weight[near.col]
+    W = sparse.csr_matrix((weights, (near.row, near.col)), shape=near.shape)
+    basis = _quadratic(X)
+    A = W @ (basis[:, :, None] * basis[:, None]).reshape(-1, 36)
+    b = W @ (basis[:, :, None] * x[:, None]).reshape(-1, 18)
+    fitted = np.linalg.solve(A.reshape(count, 6, 6), b.reshape(count, 6, 3))
+    s, t = at.T
+    zero, one = np.zeros_like(s), np.ones_like(s)
+    along = np.stack([[zero, one, zero, 2 * s, t, zero], [zero, zero, one, zero, s, 2 * t]])
+    smooth = np.einsum("nk,nki->ni", _quadratic(at), fitted)
+    normal = np.cross(*np.einsum("akn,nki->ani", along, fitted))
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    return ((ply.formed[:count] - smooth) * normal).sum(1)
+
+
+def _quadratic(X):
+    """1, s, t, s^2, s t, t^2 of places X (n, 2), (n, 6)."""
+    s, t = X.T
+    return np.stack([np.ones_like(s), s, t, s * s, s * t, t * t], axis=1)
+
+
+def _means(ply):
+    """Flat place, formed place and area of squares of `STEP`, the means of what they have, (k, 6):
+    finer nodes cost much and tell nothing of a smooth surface."""
+    n = len(ply.x)
+    corners = areas(ply.x[ply.triangles])
+    area = np.bincount(ply.triangles.ravel(), np.repeat(corners / 3, 3), n)
+    squares = np.unique(np.floor(ply.x[:, :2] / STEP), axis=0, return_inverse=True)[1].ravel()
+    values = np.column_stack([ply.x[:, :2], ply.formed, np.ones(n)]) * area[:, None]
+    sums = np.stack([np.bincount(squares, each) for each in values.T], axis=1)
+    return np.column_stack([sums[:, :5] / sums[:, 5:], sums[:, 5]])
+
+
+def _slopes(ply, w):
+    """Gradients (m, 2) of values w (n,) at the nodes over the flat triangles."""
+    p, q, r = ply.x[ply.triangles, :2].swapaxes(0, 1)
+    values = w[ply.triangles]
+    sides = np.stack([q - p, r - p], 1)
+    return np.linalg.solve(sides, (values[:, 1:] - values[:, :1])[..., None])[..., 0]
+
+
+def _ridges(z, planes):
+    """Number of ridges of a rim's profile z (n,): closed, or a part that planes of symmetry mirror
+    into a whole."""
+    for _ in range(planes):
+        z = np.concatenate([z, z[::-1]])
+    peaks, _ = find_peaks(np.tile(z, 3), prominence=FOLD, plateau_size=1)
+    return int(((peaks >= len(z)) & (peaks < 2 * len(z))).sum())

@@ -1,0 +1,83 @@
+"""Wrinkles of formed plies whose waves are known."""
+
+import numpy as np
+import pytest
+from formed_plies import formed
+
+from fabric_fenicsx.postprocess.wrinkles import HEIGHT, height_map, wrinkles
+from fabric_fenicsx.tools.double_dome import DoubleDome
+from fabric_fenicsx.tools.primitives import Cylinder, Plane
+
+SIZE = {"length": 240.0, "width": 120.0}
+
+
+def nowhere(x):
+    return np.full(len(x), np.inf)
+
+
+def over(*surfaces, thickness=0.0):
+    return lambda x: np.min([s.evaluate(x).gap for s in surfaces], axis=0) - thickness / 2
+
+
+def rippled(length, amplitude=2.0, rise=0.0005, **options):
+    def ripple(x, y):
+        return np.column_stack([x, y, rise * x * x + amplitude * np.cos(2 * np.pi * x / length)])
+
+    return formed(ripple, **SIZE, **options)
+
+
+@pytest.mark.parametrize("full", [False, True])
+@pytest.mark.parametrize("length", [20.0, 30.0])
+def test_a_sine_on_a_curved_ply(length, full):
+    """Amplitude and length, seen nearly in full; cells are 2.5 mm, but for the ends of the ply."""
+    found = wrinkles(rippled(length, nx=96, ny=48, full=full), nowhere)
+    assert found["height_rms_mm"] == pytest.approx(2 / np.sqrt(2), rel=0.06)
+    assert 1.9 < found["height_mm"] < 2.6
+    assert found["wavelength_mm"] == pytest.approx(length, rel=0.06)
+    assert found["cells_a_wave"] == pytest.approx(length / 2.0, rel=0.1)  # edges of 2.5 and 1.8 mm
+
+
+def test_heights_hardly_depend_on_cells():
+    heights = [wrinkles(rippled(30.0, nx=n, ny=n // 2), nowhere)["height_rms_mm"] for n in (48, 96)]
+    assert heights[0] == pytest.approx(heights[1], rel=0.05)
+
+
+def test_what_lies_on_a_tool_or_between_tools_is_no_wrinkle():
+    """Though the ply is bent about a small radius; between plates a wave is as high as they let."""
+
+    def wrapped(x, y, r=10.5):
+        far = np.maximum(x - 15, 0)
+        angle = np.minimum(x, 15) / 10
+        along, down = np.cos(1.5), np.sin(1.5)
+        return np.column_stack([r * np.sin(angle) + along * far, y, r * np.cos(angle) - down * far])
+
+    grid = formed(wrapped, nx=96, ny=24, **SIZE)
+    bar = over(Cylinder((0, 0, 0), (0, 1, 0), 10.0), thickness=1.0)
+    bent = abs(height_map(grid, nowhere)[HEIGHT]).max()
+    on_bar = height_map(grid, bar)
+    wound = on_bar.points[:, 0] < 14
+    assert bent > 0.3 and abs(on_bar[HEIGHT][wound]).max() < 1e-6
+    flat = rippled(30.0, nx=48, ny=24, rise=0.0)
+    plates = over(Plane((0, 0, -2.5), (0, 0, 1)), Plane((0, 0, 2.5), (0, 0, -1)), thickness=1.0)
+    assert wrinkles(flat, plates)["height_mm"] <= 2.0
+
+
+def test_a_ply_over_a_double_dome_has_no_wrinkles():
+    dome = DoubleDome()
+    grid = formed(dome.lift, 94, 54)
+    found = wrinkles(grid, over(dome))
+    assert found["height_mm"] < 1e-9 and found["wavelength_mm"] is None
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_folds_of_the_rim(full):
+    """Eight around a ply whose rim waves by 3 mm up and down."""
+
+    def lobes(x, y):
+        z = 3 * np.cos(8 * np.arctan2(y, x)) * np.minimum(np.hypot(x, y) / 100, 1)
+        return np.column_stack([x, y, z])
+
+    grid = formed(lobes, nx=80, ny=80, length=240.0, width=240.0, full=full)
+    found = wrinkles(grid, nowhere)
+    assert found["folds"] == 8
+    assert found["rim_mm"] == pytest.approx(6, rel=0.01)
