@@ -159,6 +159,7 @@ class BiasExtension(Strip):
     """
 
     NAME = "bias_extension"
+    FULL = {"nx": 40, "steps": 20}
     HEADLINES = (
         "centre_shear_angle_deg",
         "half_zone_shear_angle_deg",

@@ -48,7 +48,6 @@ from .tools import DieOf
 
 CLEARANCE = 1.2  # thicknesses between a tool and its die, by default
 PLANES = [lambda x: x[0] < ON_PLANE, lambda x: x[1] < ON_PLANE]  # of symmetry of a quarter
-CLOSED = 1e-6  # thicknesses, to which tools that are closed are as near as asked
 
 
 @task("building the press")

@@ -87,7 +87,7 @@ def draw(made: FormingScene, result: Result, folder: Path) -> None:
         found = {name: height_map(grid, tools[name]) for name, grid in result.grids.items()}
         if any(abs(grid[HEIGHT]).max() >= LEAST for grid in found.values()):
             named = {name or "ply": grid for name, grid in found.items()}
-            maps(folder / "wrinkles.png", named, [HEIGHT], units={HEIGHT: "mm"})
+            maps(folder / "wrinkles.png", named, [HEIGHT])
     compare(made, {"": result}, folder)
 
 

@@ -84,7 +84,10 @@ def compaction_of(document: dict[str, Any], units: Mapping[str, str]) -> Compact
 
 def table_of(compaction: Compaction | None) -> dict[str, float] | bool:
     """Its entry in a material file."""
-    return dataclasses.asdict(compaction) if compaction else False
+    if not compaction:
+        return False
+    known = dataclasses.asdict(compaction)
+    return {name: value for name, value in known.items() if name != "thickening" or value}
 
 
 def log_compaction(q: np.ndarray) -> np.ndarray:

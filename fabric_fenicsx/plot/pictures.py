@@ -25,6 +25,7 @@ SHOWN = {
     "shear_angle": ("shear angle / deg", 180 / np.pi, "coolwarm"),
     "shortening_a": ("shortening\nof yarns a / %", 100.0, "magma_r"),
     "shortening_b": ("shortening\nof yarns b / %", 100.0, "magma_r"),
+    "wrinkle_height": ("height of wrinkles / mm", 1.0, "coolwarm"),
     "thickness_under_pressure": ("thickness\nunder pressure / mm", 1.0, "viridis"),
     "error_log_eps_11": ("error of log strain\nalong yarns a / %", 100.0, "magma_r"),
     "error_log_eps_22": ("error of log strain\nalong yarns b / %", 100.0, "magma_r"),

@@ -75,16 +75,27 @@ def _off_smooth(ply, count):
     weights = np.exp(-(near.data**2) / 2) * weight[near.col]
     W = sparse.csr_matrix((weights, (near.row, near.col)), shape=near.shape)
     basis = _quadratic(X)
-    A = W @ (basis[:, :, None] * basis[:, None]).reshape(-1, 36)
-    b = W @ (basis[:, :, None] * x[:, None]).reshape(-1, 18)
-    fitted = np.linalg.solve(A.reshape(count, 6, 6), b.reshape(count, 6, 3))
-    s, t = at.T
-    zero, one = np.zeros_like(s), np.ones_like(s)
-    along = np.stack([[zero, one, zero, 2 * s, t, zero], [zero, zero, one, zero, s, 2 * t]])
-    smooth = np.einsum("nk,nki->ni", _quadratic(at), fitted)
-    normal = np.cross(*np.einsum("akn,nki->ani", along, fitted))
-    normal /= np.linalg.norm(normal, axis=1)[:, None]
-    return ((ply.formed[:count] - smooth) * normal).sum(1)
+    A = (W @ (basis[:, :, None] * basis[:, None]).reshape(-1, 36)).reshape(count, 6, 6)
+    b = (W @ (basis[:, :, None] * x[:, None]).reshape(-1, 18)).reshape(count, 6, 3)
+    # of coordinates from each node on, in which few places beside it leave some terms free
+    shift = _shifted(-at)
+    A = shift @ A @ shift.swapaxes(1, 2)
+    fitted = np.linalg.pinv(A, rcond=1e-6, hermitian=True) @ (shift @ b)
+    normal = np.cross(fitted[:, 1], fitted[:, 2])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
+    return ((ply.formed[:count] - fitted[:, 0]) * normal).sum(1)
+
+
+def _shifted(d):
+    """Matrices (n, 6, 6) from `_quadratic` of places to that of places + d (n, 2)."""
+    found = np.zeros((len(d), 6, 6))
+    s, t = d.T
+    found[:, range(6), range(6)] = 1.0
+    found[:, 1, 0], found[:, 2, 0] = s, t
+    found[:, 3, 0], found[:, 3, 1] = s * s, 2 * s
+    found[:, 4, 0], found[:, 4, 1], found[:, 4, 2] = s * t, t, s
+    found[:, 5, 0], found[:, 5, 2] = t * t, 2 * t
+    return found
 
 
 def _quadratic(X):

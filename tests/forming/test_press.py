@@ -225,13 +225,13 @@ def test_a_punch_from_cad_stands_by_itself(tmp_path):
 
 
 def test_a_laminate_is_bent_and_springs_back(tmp_path):
-    """By half of the stroke; twice the cells give 7.12 mm."""
+    """By half of the stroke; twice the cells give 7.03 mm."""
     press = read(PRESSES / "springback.toml", ["blank.nx=8", "stage.bending.steps=10"])
     assert press.schedule.unloads
     result = formed(press, tmp_path, balance=None)
     unloaded = ff.unloading(result).run(tmp_path / "unloaded", pictures=False)
     upper = unloaded.summary["quantities"]["sheets"]["upper metal"]
-    assert upper["springback_largest_mm"] == pytest.approx(7.10, abs=0.1)
+    assert upper["springback_largest_mm"] == pytest.approx(7.00, abs=0.1)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ QUADRATURE_DEGREE = {
     ("quadrilateral", 1): 2,
     ("quadrilateral", 2): 4,
 }
-FEW = 2  # degree for quadratic triangles that would lock with more points, and in space
+FEW = {2: 2, 3: 4}  # of triangles that would lock more with more points, and of those in space
 INTEGRATION = "full", "inner"
 # Of `inner`: how far its points lie from a cell's centre, over how far those of `full` do; and the
 # share of the energy that stays at those of `full`. If either is larger, strips with yarns at
@@ -44,9 +44,10 @@ def default_degree(part: Part) -> int:
     """Degree of quadrature for cells of a part, on all ranks together."""
     blank = part.blank
     degree = QUADRATURE_DEGREE[compat.cell_name(blank.mesh), blank.degree]
-    quadratic = blank.triangulated and blank.degree == 2
+    if compat.cell_name(blank.mesh) != "triangle" or blank.degree not in FEW:
+        return degree
     in_space = blank.mesh.geometry.dim == 3
-    return FEW if quadratic and (in_space or not part.follows_yarns()) else degree
+    return FEW[blank.degree] if in_space or not part.follows_yarns() else degree
 
 
 class Membrane(Term):
@@ -59,7 +60,7 @@ class Membrane(Term):
     fabric : Law
         The law and its numbers. Fabrics that differ only in numbers share one compiled form.
     quadrature_degree : int, optional
-        By default that of `QUADRATURE_DEGREE`, on P2 in space and off the yarns 2.
+        By default that of `QUADRATURE_DEGREE`; in space and off the yarns that of `FEW`.
     integration : {"full", "inner"}
         `inner`, on quadratic triangles with straight sides, takes nearly all of the energy at three
         points nearer to a cell's centre, by the factor `INNER`. They see the gradients of strains
