@@ -20,11 +20,14 @@ from fabric_fenicsx.sheets.blank import Blank
 
 LENGTH, WIDTH = 200.0, 50.0
 
+# of quadrature, with which the files of studies/reference were made
+DEGREES = {"P1": 1, "P2": 2, "P3": 4, "Q1": 2, "Q2": 4}
+
 
 @dataclass(frozen=True)
 class Discretisation:
     """Element, number of rectangles along the length, pattern as of `specimen`, degree of
-    quadrature (None: the membrane's own) and its integration."""
+    quadrature (None: that of `DEGREES`) and its integration."""
 
     element: str
     nx: int
@@ -92,7 +95,8 @@ def strip_scene(comm: MPI.Comm, fabric: Law, strip: Strip, how: Discretisation) 
         ny = max(1, round(how.nx * WIDTH / LENGTH))
         arrays = specimen(LENGTH, WIDTH, how.nx, ny, how.pattern, cell, angle)
     blank = Blank.from_arrays(comm, *arrays, a=angle, degree=int(how.element[1]))
-    membrane = Membrane(fabric, how.quadrature, how.integration)
+    degree = how.quadrature or DEGREES[how.element]
+    membrane = Membrane(fabric, degree, how.integration)
     return Scene(blank, [membrane], clamped_ends(strip.stroke))
 
 

@@ -29,7 +29,7 @@ def test_from_curves_to_a_material(launch, tmp_path):
     assert done.status == 0, done.err
     assert "3 of 10 parameters determined, 7 assumed" in done.out
     assert "bias.csv: simulating its specimen with s1 0.04" in done.out
-    assert "bias.csv: the simulated force is 1.5 % of its peak off r.m.s., and 2" in done.out
+    assert "bias.csv: the simulated force is 1.5 % of its peak off r.m.s., and 1.8 %" in done.out
     report = json.loads((tmp_path / "new/glass.json").read_text())
     assert list(report["determined"]) == ["s1", "s2", "s3"]
     assert report["simulated"]["homogeneous"]["s1"] != report["determined"]["s1"]["value"]
