@@ -20,6 +20,7 @@ from fabric_fenicsx.solve.stepping import LoadStepping
 from .camera import camera_displacements, camera_points, field_distance
 from .extrapolation import Estimate, estimate
 from .strips import (
+    DEGREES,
     LENGTH,
     STRIPS,
     WIDTH,
@@ -45,7 +46,7 @@ def solve_member(
 
     Raises SolverFailure if it does not reach full load.
     """
-    scene = strip_scene(comm, fabric, strip, how)
+    scene = strip_scene(comm, fabric, strip, how, DEGREES[how.element])
     measure, curve, began = moving_grip(strip.stroke), {}, time.perf_counter()
 
     def accept(accepted):

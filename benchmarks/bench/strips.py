@@ -27,7 +27,7 @@ DEGREES = {"P1": 1, "P2": 2, "P3": 4, "Q1": 2, "Q2": 4}
 @dataclass(frozen=True)
 class Discretisation:
     """Element, number of rectangles along the length, pattern as of `specimen`, degree of
-    quadrature (None: that of `DEGREES`) and its integration."""
+    quadrature (None: the membrane's own) and its integration."""
 
     element: str
     nx: int
@@ -86,8 +86,11 @@ def moving_grip(stroke: float) -> Measure:
     return lambda scene, load: (load * stroke, float(scene.reaction("moving grip")[0]))
 
 
-def strip_scene(comm: MPI.Comm, fabric: Law, strip: Strip, how: Discretisation) -> Scene:
-    """Scene of `strip` in the `Discretisation` `how`."""
+def strip_scene(
+    comm: MPI.Comm, fabric: Law, strip: Strip, how: Discretisation, degree: int | None = None
+) -> Scene:
+    """Scene of `strip` in the `Discretisation` `how`; degree: of its quadrature where it has none
+    of its own."""
     arrays: tuple[Any, Any, str | None] = (None, None, None)
     angle = math.radians(strip.angle)
     if comm.rank == 0:
@@ -95,8 +98,7 @@ def strip_scene(comm: MPI.Comm, fabric: Law, strip: Strip, how: Discretisation) 
         ny = max(1, round(how.nx * WIDTH / LENGTH))
         arrays = specimen(LENGTH, WIDTH, how.nx, ny, how.pattern, cell, angle)
     blank = Blank.from_arrays(comm, *arrays, a=angle, degree=int(how.element[1]))
-    degree = how.quadrature or DEGREES[how.element]
-    membrane = Membrane(fabric, degree, how.integration)
+    membrane = Membrane(fabric, how.quadrature or degree, how.integration)
     return Scene(blank, [membrane], clamped_ends(strip.stroke))
 
 
