@@ -166,15 +166,16 @@ def test_stick_slip():
 @pytest.mark.mpi
 @pytest.mark.parametrize("lag", [math.inf, 1e-6])
 def test_elastic_patch_is_pulled_off(lag):
-    """Gripped at an end: it sticks until all of it slides, by mu p A; work = strain + friction as
-    steps get finer."""
+    """Gripped at an end: it sticks until all of it slides, by mu p A of the stretched patch; work =
+    strain + friction."""
     limit, closures = MU * PRESSURE * AREA, []
     for steps in (10, 20):
-        scene, _ = patch(lambda load: 0.4 * load, stiff=False, lag=lag)
+        scene, table = patch(lambda load: 0.4 * load, stiff=False, lag=lag)
         states = run(scene, steps)
-        assert scene.reaction("grip")[0] == pytest.approx(limit, rel=1e-6)
+        stretched = table.nodes.total(table.nodes.areas_now()) / AREA
+        assert scene.reaction("grip")[0] == pytest.approx(limit * stretched, rel=1e-6)
         closures.append(abs(sum(states[-1].energies.values()) / states[-1].external_work - 1))
-    assert closures[1] < 0.01 and closures[1] < closures[0]
+    assert max(closures) < 0.002
 
 
 @pytest.mark.mpi

@@ -19,7 +19,7 @@ def points():
         (rectangle(20, 10, n, n // 2, spatial=True), T, name) for n, name in ((4, "a"), (6, "b"))
     ]
     stack = ff.Stack(sheets)
-    return SheetPoints(stack.part("a"), stack.part("b"), 3, (T, T), [])
+    return SheetPoints(stack.part("a"), stack.part("b"), 3, (T, T), (0.0, 0.0), [])
 
 
 def lift(points, by):

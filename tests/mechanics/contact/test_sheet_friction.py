@@ -180,9 +180,10 @@ def pulled_at_its_end(pull, stiffness):
 @pytest.mark.parametrize("pull", [0.5 * SLIP, pytest.param(2 * SLIP, marks=pytest.mark.mpi)])
 def test_shear_lag(pull, cells):
     """An elastic sheet pulled at its end, that sticks, or slides along a part of it."""
-    exact = pulled_at_its_end(pull, 1e4 * WIDTH)
+    exact = pulled_at_its_end(pull, 1e4 * WIDTH)  # of areas that do not change
     result = pull_out(lambda load: pull * load, False, cells, cells, steps=2)
-    assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=2e-3)
+    # which stretch by 0.4 % changes
+    assert result.rows[-1]["reaction_N"] == pytest.approx(exact, rel=2.5e-3)
 
 
 @pytest.mark.mpi
