@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from ..runtime.formatting import percent
 
 UNBALANCED = 0.02  # of the energies, above which a run warns that its work does not match
-ROUNDING = 1e-9
-TOTAL = 0.1  # of all work, that may be missing in the end
+ROUNDING = 1e-9  # of all energies
+TOTAL = 0.1  # of all work, which may be missing at full load
 SMALL_WORK = 0.1  # of the energies, below which a step's work is not compared with itself
 
 
@@ -27,8 +27,8 @@ def missing_work(work: float, rise: float, stored: float, contact: float) -> flo
 
 
 def total_imbalance(work: float, energy: float, load: float) -> str:
-    """Criterion of the balance of a whole run, whatever its steps: of `work` and `energy` [N mm] at
-    most `TOTAL` is missing from the other, of what they are at full load if they grow with it."""
+    """Criterion of the energy balance since the start: all `work` and `energy` [N mm] differ by at
+    most `TOTAL` of what they are at full load, if they grow as the load does."""
     missing = abs(work - energy) / max(abs(work), abs(energy), 1e-300)
     if missing * load <= TOTAL:
         return ""
@@ -36,7 +36,7 @@ def total_imbalance(work: float, energy: float, load: float) -> str:
 
 
 def negative_bending(energies: Mapping[str, float]) -> str:
-    """Criterion of bending, which no state can give energy. energies: by kind [N mm]."""
+    """Criterion of bending, whose energy cannot be below 0. energies: by kind [N mm]."""
     bending = energies.get("bending", 0.0)
     if bending >= -ROUNDING * sum(abs(each) for each in energies.values()):
         return ""

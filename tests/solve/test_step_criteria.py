@@ -2,7 +2,13 @@
 
 import pytest
 
-from fabric_fenicsx.solve.step_criteria import imbalance, missing_work, off_path
+from fabric_fenicsx.solve.step_criteria import (
+    imbalance,
+    missing_work,
+    negative_bending,
+    off_path,
+    total_imbalance,
+)
 
 
 @pytest.mark.parametrize(
@@ -27,3 +33,26 @@ def test_work_must_be_in_the_energies_unless_it_is_little(work, rise, contact, a
     reason = imbalance(missing_work(work, rise, 1e3, contact), allowed)
     text = f"{found} of the step's work is not in the energies; allowed is 2 %"
     assert reason == (text if found else "")
+
+
+@pytest.mark.parametrize(
+    "work, energy, load, refused",
+    [
+        (100.0, 91.0, 1.0, False),
+        (100.0, 89.0, 1.0, True),
+        (89.0, 100.0, 1.0, True),
+        (100.0, 60.0, 0.2, False),  # of little that will be much
+        (100.0, 40.0, 0.2, True),
+        (0.0, 0.0, 1.0, False),
+    ],
+)
+def test_a_tenth_of_all_work_may_be_missing_in_the_end(work, energy, load, refused):
+    words = "% of all work is not in the energies"
+    assert total_imbalance(work, energy, load).endswith(words) == refused
+
+
+@pytest.mark.parametrize("bending, refused", [(-7.49, True), (-1e-12, False), (0.1, False)])
+def test_bending_has_no_energy_below_0(bending, refused):
+    reason = negative_bending({"strain": 100.0, "bending": bending, "friction": 3.0})
+    assert reason == ("bending has an energy of -7.49 N mm, below 0" if refused else "")
+    assert not negative_bending({"strain": 100.0})

@@ -55,12 +55,20 @@ def stretched(share, balance):
 
 @pytest.mark.mpi
 def test_steps_that_lose_work_are_halved_but_not_for_ever():
-    loads, reasons = stretched(100.0, 0.02)
+    loads, reasons = stretched(0.5, 0.02)
     steps = [b - a for a, b in zip(loads, loads[1:])]
     assert loads[-1] == 1
     assert reasons and all("of the step's work is not in the energies" in r for r in reasons)
     # the first step must meet it, too, and the finest ones need not
     assert steps[0] < 0.25 and 0.75 <= min(steps[:-1]) * FINEST / 0.25 <= 1.5
+
+
+@pytest.mark.mpi
+def test_a_run_that_loses_more_than_a_tenth_of_its_work_gives_up():
+    """However small its steps."""
+    loads, reasons = stretched(2.0, 0.02)
+    assert 0.1 < loads[-1] < 0.3
+    assert "49.6 % of all work is not in the energies" in reasons[-1]
 
 
 class Hardening(Term):

@@ -8,9 +8,8 @@ import numpy as np
 from ...runtime.errors import InputError
 from ...runtime.rules import ABOVE_ZERO_OR_INF, FROM_ZERO, POSITIVE
 
-LAG = (
-    0.002  # the double dome's force is then 0.15 % off that of 0.0001, at 0.9 times the iterations
-)
+# the double dome's force is then 0.05 % off that of 0.0001, in 0.9 times the iterations
+LAG = 0.002
 
 
 @dataclass(frozen=True)

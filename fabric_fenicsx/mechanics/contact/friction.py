@@ -77,8 +77,7 @@ class FrictionState:
         if np.isinf(self.law.lag):
             return False
         now, limit = sliding(), self.coefficient * normal_forces
-        slip = _turned(self._slip, self.limit, now.normals)
-        slip = _slipped(slip, exact, now.normals)
+        slip = self._slip_at(exact, now)
         changes = self.law.potential(slip, limit)[1] - self.forces()
         sums = np.array([np.linalg.norm(changes, axis=1).sum(), limit.sum()])
         changed, total = self._comm.allreduce(sums)
@@ -94,7 +93,7 @@ class FrictionState:
     def accept(self, normal_forces: np.ndarray, exact: np.ndarray, sliding: Sliding) -> None:
         """Take the present state as the accepted one: keep the elastic part of the slip. exact
         (n, 3): how far points slid to it [mm]; sliding: from it on."""
-        slipped = _slipped(self._slip, exact, self.sliding.normals)
+        slipped = self._slip_at(exact, self.sliding)
         self._accepted_energy = self._taken + self.law.potential(slipped, self._limit)[0]
         self._slip = self.law.elastic(slipped)
         self._start(normal_forces, sliding)
@@ -123,6 +122,11 @@ class FrictionState:
         self._accepted_energy = memory["energy"].reshape(-1)
         self.start, self.limit = sliding, np.zeros(len(self._slip))
         self.begin()
+
+    def _slip_at(self, exact, sliding):
+        """Slip (n, 3) after `exact` sliding since the start, in the tangent planes of `sliding`."""
+        turned = _turned(self._slip, self.limit, sliding.normals)
+        return _slipped(self._slip if sliding is self.start else turned, exact, sliding.normals)
 
     def _slipped(self, slid):
         return _slipped(self._slip_before, slid, self.sliding.normals)

@@ -106,7 +106,7 @@ class SheetPoints:
         self.areas = (areas[over][:, None] / many * np.tile(weights / weights.sum(), many)).ravel()
         self.count = len(self.areas)
         self.nodes = Nodes(self.blank)
-        self._powers = np.zeros(self.nodes.count)  # at the nodes of both sheets
+        self._thickens, self._powers = any(thickening), np.zeros(self.nodes.count)
         for part, power in zip(parts, thickening):
             self._powers[part.nodes] = power
         self._below = np.full(self.count, -1)  # what was found last
@@ -148,7 +148,7 @@ class SheetPoints:
 
     def _growth(self, over, at):
         """`growth` of the `Facing` of the points `at`."""
-        if not self.blank.mesh.comm.allreduce(self._powers.any(), MPI.LOR):
+        if not self._thickens:
             return np.ones(len(at))
         areas = self.nodes.areas
         ratios = np.where(areas > 0, self.nodes.areas_now() / np.maximum(areas, 1e-300), 1.0)
