@@ -110,7 +110,7 @@ def warnings_at_end(
         untouched = untouched_warning(scene)
     found = [
         *fabric_warnings(result),
-        _coarse_waves(quantities),
+        coarse_waves(quantities),
         untouched,
         _crossing(scene),
         _mismatch(scene),
@@ -134,8 +134,8 @@ def warnings_at_end(
     return [words for words in [*found, *scene_output.warnings(scene)] if words]
 
 
-def _coarse_waves(quantities):
-    """A sentence if a ply's wrinkles have few cells."""
+def coarse_waves(quantities: Mapping[str, Any]) -> str:
+    """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
     plies = quantities.get("plies", {"": quantities}).values()
     waves = [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
     known = [each for each in waves if each["cells_a_wave"] is not None]
@@ -146,9 +146,8 @@ def _coarse_waves(quantities):
         rounded(least[name]) for name in ("height_mm", "wavelength_mm", "cells_a_wave")
     )
     return (
-        f"wrinkles of up to {height} mm are {length} mm long, {cells} cells: their heights and "
-        f"number are rough below {WAVE:g}; take `nx` {rounded(WAVE / least['cells_a_wave'])} "
-        "times as large"
+        f"heights of wrinkles, up to {height} mm, are rough, as {length} mm of a wave are {cells} "
+        f"cells; take {WAVE:g}: `nx` {rounded(WAVE / least['cells_a_wave'])} times as large"
     )
 
 

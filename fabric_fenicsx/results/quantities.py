@@ -238,10 +238,10 @@ def _shortest_wave(scene, part):
     if not (bending and fabric):
         return ""
     length = shortest_wave(fabric, bending[0].stiffnesses[:2].max(), SHORTENED)
-    doubt = "d" in fabric.assumed_values()
+    doubt = ", and no test has determined d" if "d" in fabric.assumed_values() else ""
     return (
-        f". At that, no wave shorter than {rounded(length)} mm forms on any mesh, by the bending "
-        f"stiffness and d{', which no test has determined' if doubt else ''}"
+        f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms, on any "
+        f"mesh: stiffness in bending and in compression decide that{doubt}"
     )
 
 

@@ -1,10 +1,14 @@
 """What is said of a sheet whose yarns compression shortens."""
 
+import dataclasses
+import re
+
 import numpy as np
 import pytest
 from builders import sheet
 
 import fabric_fenicsx as ff
+from fabric_fenicsx.job.validity import coarse_waves
 
 
 def pressed(fabric, pattern="crossed", angle=0.0):
@@ -14,7 +18,31 @@ def pressed(fabric, pattern="crossed", angle=0.0):
     flat = ff.Support("flat", lambda x: np.full(x.shape[1], True), (1, 2))
     supports = [*ff.clamped_ends(-2.0)(blank), flat]
     limits = ff.Limits(shortening=0.05)
-    return ff.Job(ff.Scene(blank, [ff.Membrane(fabric)], supports), steps=4, limits=limits)
+    terms = [ff.Membrane(fabric), ff.Bending(modulus=100.0)]
+    return ff.Job(ff.Scene(blank, terms, supports), steps=4, limits=limits)
+
+
+@pytest.mark.mpi
+def test_without_a_limit_shortened_yarns_are_the_first_warning():
+    """With the shortest wave: 2 pi sqrt(D / (2 d t eps)), D = E t^3 / 12."""
+    job = dataclasses.replace(pressed(ff.load("komeili")), limits=ff.Limits())
+    result = job.run()
+    assert result.summary["converged"]
+    first = result.summary["warnings"][0]
+    assert first.startswith("compression shortens yarns of blank by up to 5")
+    length = 2 * np.pi * np.sqrt(100 / 12 / (2 * 0.65 * 0.02))
+    found = float(re.search(r"At 2 % no wave shorter than ([\d.]+) mm forms", first)[1])
+    assert found == pytest.approx(length, rel=0.02)
+    assert first.endswith("and no test has determined d")
+
+
+def test_waves_of_few_cells_are_told():
+    waves = {"height_mm": 1.5, "wavelength_mm": 40.0, "cells_a_wave": 3.5}
+    assert "take 7: `nx` 2 times as large" in coarse_waves({"wrinkles": waves})
+    fine, flat = waves | {"cells_a_wave": 7.0}, waves | {"cells_a_wave": None}
+    plies = {"a": {"wrinkles": fine}, "b": {"wrinkles": flat}, "c": {"wrinkles": None}}
+    assert not coarse_waves({"plies": plies}) and not coarse_waves({})
+    assert "3.5 cells" in coarse_waves({"plies": plies | {"d": {"wrinkles": waves}}})
 
 
 @pytest.mark.mpi
