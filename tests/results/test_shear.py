@@ -124,7 +124,7 @@ def test_sheets_without_yarns_are_not_asked():
     result = sheared(crumpled=0.12, names=("metal", "fabric"))
     for values in result.fields.values():
         values[result.scene.blank.part("metal").cells] = np.nan
-    words, other = fabric_warnings(result)
+    other, words = fabric_warnings(result)
     assert "shear angle of fabric" in words and "shortens yarns of fabric" in other
     assert not fabric_warnings(Result({}, [], Fields({}), None, result.scene))
     assert COMM.allreduce(len(words)) == COMM.size * len(words)
