@@ -63,13 +63,8 @@ class LaggedFaces:
 
     def accept(self) -> None:
         """Take the faces as they are, as the accepted ones."""
-        self.begin_here()
         self._place = self._u.copy()
-        self.now = self.accepted
-
-    def begin_here(self) -> None:
-        """Make the faces as they are the accepted ones, from which sliding counts."""
-        self.accepted = self._points.facing()
+        self.accepted = self.now = self._points.facing()
 
     def update(self, forces: Callable[[Facing], np.ndarray]) -> bool:
         """Take the faces anew if they are off by more than `lag`; true if so, the same on all

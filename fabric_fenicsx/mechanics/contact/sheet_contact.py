@@ -288,8 +288,8 @@ class SheetContact(Interaction):
         known = {name: self.points.of_cells(rows) for name, rows in memory.items()}
         self.depth = known["depth"]
         self.taken = self._accepted_taken = known["taken"]
+        self.faces.accept()
         if self.friction:
-            self.faces.begin_here()
             self.friction.recall(known, self._sliding())
 
     # -- output
