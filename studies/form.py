@@ -3,8 +3,11 @@
 from fabric_fenicsx.command_line.press_study import PressStudy, press_parser
 from fabric_fenicsx.command_line.study import run
 from fabric_fenicsx.forming.unloading import unloading
+from fabric_fenicsx.job.validity import WAVE, coarsest_waves
 from fabric_fenicsx.runtime.errors import SolverFailure
 from fabric_fenicsx.runtime.formatting import percent, rounded
+
+ELSEWHERE = 0.05  # of a number, by which a disturbed run ends elsewhere
 
 
 def main(study: PressStudy):
@@ -13,11 +16,15 @@ def main(study: PressStudy):
         result = study.run(press)
     except SolverFailure as failure:
         if failure.result:
-            tell(study, press, failure.result)
+            tell(study, press, failure.result, study.args.out)
         if press.schedule.unloads:
             study.say("the blank is not unloaded, as the forming is not believed")
         raise
-    tell(study, press, result)
+    tell(study, press, result, study.args.out)
+    if study.args.refine:
+        press, result = refined(study, press, result)
+    if study.args.disturb:
+        disturbed(study, press, result)
     if press.schedule.unloads:
         unloaded = study.run_job(unloading(result), "unloaded")
         found = unloaded.summary["quantities"]
@@ -29,10 +36,49 @@ def main(study: PressStudy):
         study.say(f"{study.args.out}/unloaded: without tools springs back {', '.join(back)}")
 
 
-def tell(study, press, result):
+def refined(study, press, result):
+    """The press and result of cells that wrinkles need, in the folder finer, or those given."""
+    for part in ("finer", "finer/finer"):
+        waves = coarsest_waves(result.summary["quantities"])
+        if not waves:
+            break
+        press = study.build(press.finer(WAVE / waves["cells_a_wave"]))
+        result = study.run(press, part)
+        tell(study, press, result, result.folder)
+    return press, result
+
+
+def disturbed(study, press, result):
+    """Run the whole blank with a tool aside, into the folder disturbed; tell what that changes."""
+    other = study.build(press.disturbed(study.args.disturb))
+    try:
+        found = study.run(other, "disturbed")
+    except SolverFailure:
+        study.say("what symmetry hides is not known, as the disturbed run is not believed")
+        raise
+    tell(study, other, found, found.folder)
+    names = "force_of_whole_blank_N", "shear_angle_99_percent_deg", "wrinkles.height_mm"
+    numbers = {name: (result.number(name), found.number(name)) for name in names}
+    both = {name: two for name, two in numbers.items() if None not in two}
+    words = [
+        f"{name} {rounded(a)}, then {rounded(b)}"
+        for name, (a, b) in both.items()
+        if abs(b - a) > ELSEWHERE * abs(a)
+    ]
+    if words:
+        study.warn(
+            f"with {press.leader().name} {study.args.disturb:g} mm aside and the whole blank the "
+            f"run ends elsewhere: {'; '.join(words)}. A real press is never quite symmetric: "
+            "believe the disturbed run"
+        )
+    ends = {name: b for name, (_, b) in both.items()}
+    result.summary = study.output.amend(result.folder, result.summary, disturbed=ends)
+
+
+def tell(study, press, result, folder):
     found = result.summary["quantities"]
     study.say(
-        f"{study.args.out}: {press.force_name()} {result.formatted('force_N', '.5g')} N"
+        f"{folder}: {press.force_name()} {result.formatted('force_N', '.5g')} N"
         f"{press.of_whole(found)}, largest shear angle "
         f"{result.formatted('shear_angle_max_deg', '.2f')} deg (99 % of the area below "
         f"{result.formatted('shear_angle_99_percent_deg', '.2f')}), draw-in "

@@ -4,10 +4,12 @@ from typing import Any
 
 from ..forming.build import FormingScene
 from ..forming.press import Press
+from ..job.validity import WAVE
 from ..material.presets import read_laws
 from ..runtime.fields import declared
+from ..runtime.rules import POSITIVE
 from ..solve.limits import Limits
-from .options import HelpFormatter, Parser, program, spelled
+from .options import HelpFormatter, Parser, option_type, program, spelled
 from .study import LAW_FILE, Study, add_output, add_solver
 
 
@@ -32,6 +34,20 @@ def press_parser(description: str | None) -> Parser:
     )
     p.option("--law-file", metavar="FILE.py", help=LAW_FILE, free=True)
     add_solver(p, Press)
+    p.group("wrinkles")
+    p.option(
+        "--refine",
+        action="store_true",
+        help=f"if a wave has fewer than {WAVE:g} cells, run again with as many more as it needs",
+        free=True,
+    )
+    p.option(
+        "--disturb",
+        metavar="MM",
+        type=option_type(POSITIVE),
+        help="run the whole blank, too, with the leading tool aside, and tell what changes [mm]",
+        free=True,
+    )
     add_output(p, Press.NAME)
     p.change(
         "--steps",

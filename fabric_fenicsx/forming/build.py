@@ -315,6 +315,7 @@ class FormingScene(Setup):
     - blank, sheets: what is laid, with final names, materials and meshes
     - tools {name: `Tool`}, schedule, thickness [mm] of the blank without pressure
     - pressing, contacts: terms that press the blank, and those of them that are contact with tools
+    - wrinkle_heights: {name of a sheet: `height_map`} of the last result, on rank 0
     """
 
     data: Press
@@ -329,6 +330,7 @@ class FormingScene(Setup):
         self.extent = laid.blank.extent()
         self.pressing = [term for term in scene.terms if isinstance(term, ToolInteraction)]
         self.contacts = [term for term in self.pressing if isinstance(term, Contact)]
+        self.wrinkle_heights: dict[str, Any] = {}
 
     def press_together(self, die: Tool | None) -> None:
         """Press the sheets of a stack together and onto the die, as its holder does: otherwise
@@ -422,6 +424,26 @@ class FormingScene(Setup):
         coarse = [sheet.coarser(each) for sheet, each in zip(self.sheets, self.laid.extents())]
         return None if None in coarse else self.data.replace(sheets=coarse)
 
+    def finer(self, times: float) -> Press:
+        """The press with `times` as many cells along each side of all sheets. Raises InputError for
+        a mesh from a file."""
+        return self.data.replace(sheets=[sheet.finer(times) for sheet in self.sheets])
+
+    def disturbed(self, aside: float) -> Press:
+        """The press of the whole blank with its leading tool moved `aside` [mm], along no axis:
+        what symmetry hides shows there. Raises InputError for a quarter from a file."""
+        press, name = self.data, self.leader().name
+        if press.quarter:
+            if known := [sheet.sheet_file for sheet in self.sheets if sheet.sheet_file]:
+                raise InputError(
+                    f"{known[0]} is a quarter, which can't be disturbed; allowed is the whole blank"
+                )
+            press = self.finer(2.0).replace(quarter=False)
+        x, y, *z = press.tools[name].at
+        at = x + aside * math.cos(math.pi / 6), y + aside * math.sin(math.pi / 6), *z
+        moved = dataclasses.replace(press.tools[name], at=at)
+        return press.replace(tools={**press.tools, name: moved})
+
     def job(self, **changes: Any) -> Job:
         """As in `Setup`, with the steps of the stages; a step ends at the end of each stage."""
         ends = tuple(float(each) for each in self.schedule.joints[1:-1])
@@ -436,6 +458,14 @@ class FormingScene(Setup):
         from . import quantities
 
         return quantities.all_of(self, result)
+
+    def tables(self, result: Result, folder: Path) -> None:
+        """As in `Setup`: the heights of wrinkles, if any are told of."""
+        from ..postprocess.wrinkles import HEIGHT, LEAST
+
+        for name, ply in self.wrinkle_heights.items():
+            if abs(ply[HEIGHT]).max() >= LEAST:
+                ply.save(folder / f"{'_'.join(['wrinkles', *name.split()])}.vtu")
 
     def first_picture(self, folder: Path) -> None:
         """The tools and the flat blank before anything moves; called on all ranks."""

@@ -16,13 +16,12 @@ from ..mechanics.springs import Springs
 from ..plot import forming_pictures, press_pictures
 from ..plot.pictures import maps
 from ..postprocess.ply import ply_of
-from ..postprocess.wrinkles import HEIGHT, LEAST, height_map
+from ..postprocess.wrinkles import HEIGHT
 from ..results.measures import planes_of_symmetry
 from ..results.quantities import middle_of
 from ..runtime.logs import MARKED, log
 from ..runtime.status import task
 from .build import FormingScene
-from .quantities import over_tools
 
 # of a holder in setup.png, over the blank's size: distance from the blank, length of its pulls
 AWAY, LONG = 0.02, 0.15
@@ -83,11 +82,9 @@ def draw(made: FormingScene, result: Result, folder: Path) -> None:
     with _no_loss("formed.png"):
         forming_pictures.draw_plies(folder, result.grids, made.leader().name)
     with _no_loss("wrinkles.png"):
-        tools = over_tools(made, result)
-        found = {name: height_map(grid, tools[name]) for name, grid in result.grids.items()}
-        if any(abs(grid[HEIGHT]).max() >= LEAST for grid in found.values()):
-            named = {name or "ply": grid for name, grid in found.items()}
-            maps(folder / "wrinkles.png", named, [HEIGHT])
+        plies = {file.stem: pyvista.read(file) for file in sorted(folder.glob("wrinkles*.vtu"))}
+        if plies:
+            maps(folder / "wrinkles.png", plies, [HEIGHT], units={HEIGHT: "mm"})
     compare(made, {"": result}, folder)
 
 

@@ -1,12 +1,13 @@
 """The quantities of a formed blank, as functions of the built scene and the result."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from ..job.job import Result
 from ..mechanics.springs import Springs
+from ..postprocess.ply import Grid
+from ..postprocess.wrinkles import height_map
 from ..results import measures, quantities
 from ..scene import output
 from ..sheets.blank import Part
@@ -73,12 +74,12 @@ def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
     plies: dict[str, dict[str, Any]] = {}
     fabrics: list[Part] = []
     metals: list[Part] = []
-    tools = over_tools(made, result)
+    made.wrinkle_heights = wrinkle_heights(made, result)
     for sheet, (name, part) in zip(made.sheets, parts.items()):
         (metals if sheet.metal else fabrics).append(part)
         of_cells = quantities.metal_quantities if sheet.metal else quantities.fabric_quantities
         plies[name] = of_cells(result, [part])
-        plies[name] |= quantities.shape(result, part, tools[name])
+        plies[name] |= quantities.shape(result, part, made.wrinkle_heights.get(name))
     found = plies.get("")
     if not found:
         if name := quantities.middle_of(made.sheets):
@@ -87,9 +88,11 @@ def of_sheets(made: FormingScene, result: Result) -> dict[str, Any]:
     return found | {"shortening_mean": _mean_shortening(made, result, fabrics)}
 
 
-def over_tools(made: FormingScene, result: Result) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
-    """{name of a sheet: function of places (n, 3) of its mid-surface to the distance (n,) of the
-    blank's faces from the nearest tool [mm], as the other sheets lie on it}."""
+def wrinkle_heights(made: FormingScene, result: Result) -> dict[str, Grid]:
+    """{name of a sheet: its `height_map`}, on rank 0 only. What lies on a sheet on that side is
+    between it and the tools."""
+    if made.comm.rank:
+        return {}
     thickness = np.array([sheet.thickness_under(0.0) for sheet in made.sheets])
     below = thickness.cumsum() - thickness / 2
     names = made.blank.parts or [""]
@@ -104,7 +107,8 @@ def over_tools(made: FormingScene, result: Result) -> dict[str, Callable[[np.nda
 
         return height
 
-    return {n: distances(z, thickness.sum() - z) for n, z in zip(names, below)}
+    over_tools = {n: distances(z, thickness.sum() - z) for n, z in zip(names, below)}
+    return {name: height_map(grid, over_tools[name]) for name, grid in result.grids.items()}
 
 
 def _mean_shortening(made, result, fabrics):

@@ -135,6 +135,20 @@ class Sheet(SheetFields):
         few = 4 * size > min(sides) * (1 + 1e-9) if self.outline else self.nx in (None, 1)
         return None if few else self.on_coarser_mesh("length", "width")
 
+    def finer(self, times: float) -> Self:
+        """The sheet, of a final mesh, with `times` as many cells along each side, an even number.
+        Raises InputError for a mesh from a file."""
+        if self.mesh:
+            raise InputError(
+                f"cells of {self.mesh} can't be made finer; allowed is a rectangle or an outline, "
+                "which the program meshes"
+            )
+        more = {n: 2 * math.ceil(times * k / 2) for n in ("nx", "ny") if (k := getattr(self, n))}
+        more |= {"size": self.size and self.size / times}
+        return dataclasses.replace(
+            self, **more | (dict.fromkeys(("length", "width")) if self.outline else {})
+        )
+
     def thickness_under(self, pressure: float) -> float:
         """Thickness under a pressure [MPa], [mm]."""
         return self.material.thickness_under(pressure)

@@ -13,6 +13,7 @@ from ..mechanics.materials import materials_of
 from ..mechanics.output import Fields
 from ..results.curve import Curves, Measure
 from ..results.output import Output, read_summary
+from ..results.quantities import waves_that_do_not_form
 from ..results.result import Result
 from ..runtime.collective_errors import all_or_none
 from ..runtime.errors import InputError, Interrupted, SolverFailure
@@ -175,6 +176,9 @@ class Job(Settings):
         newton = Newton(scene, self.tolerance, linear_solver=self.linear_solver)
         for material in materials_of(scene, scene.blank.whole):
             output.say_assumed(material.label, material.assumed_values())
+        if not output.is_quiet:
+            for words in waves_that_do_not_form(scene):
+                output.say(words)
         start, notes = None, dict[str, Any]()
         # a part of several that was not begun yet has no checkpoint
         if output.resume and (folder == output.path or comm.bcast(checkpoint.path.exists())):

@@ -134,13 +134,18 @@ def warnings_at_end(
     return [words for words in [*found, *scene_output.warnings(scene)] if words]
 
 
-def coarse_waves(quantities: Mapping[str, Any]) -> str:
-    """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
+def coarsest_waves(quantities: Mapping[str, Any]) -> dict[str, float]:
+    """Wrinkles of the ply with the fewest cells a wave; {} if all have `WAVE`. quantities: of the
+    summary."""
     plies = quantities.get("plies", {"": quantities}).values()
     waves = [ply["wrinkles"] for ply in plies if ply.get("wrinkles")]
-    known = [each for each in waves if each["cells_a_wave"] is not None]
-    least = min(known, key=lambda each: each["cells_a_wave"], default=None)
-    if not least or least["cells_a_wave"] >= WAVE:
+    coarse = [each for each in waves if (each["cells_a_wave"] or WAVE) < WAVE]
+    return min(coarse, key=lambda each: each["cells_a_wave"], default={})
+
+
+def coarse_waves(quantities: Mapping[str, Any]) -> str:
+    """A sentence if a ply's wrinkles have few cells. quantities: of the summary."""
+    if not (least := coarsest_waves(quantities)):
         return ""
     height, length, cells = (
         rounded(least[name]) for name in ("height_mm", "wavelength_mm", "cells_a_wave")

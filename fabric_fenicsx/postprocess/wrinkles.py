@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.signal import find_peaks
 from scipy.spatial import cKDTree
 
-from .ply import Grid, areas, grid_of, plan_area, ply_of, whole
+from .ply import SYMMETRIC, Grid, areas, grid_of, plan_area, ply_of, whole
 from .shape import outline
 
 HEIGHT = "wrinkle_height"
@@ -35,19 +35,21 @@ def height_map(grid: Grid, over_tools: Heights) -> Grid:
     free = np.clip(np.nan_to_num(over_tools(ply.formed), nan=np.inf), 0.0, None)
     found = grid_of(ply.x, ply.triangles, ply.u)
     found.point_data[HEIGHT] = np.sign(w) * np.minimum(abs(w), free)
+    if ply.planes:
+        found.field_data[SYMMETRIC] = ply.planes
     return found
 
 
-def wrinkles(grid: Grid, over_tools: Heights) -> dict[str, Any]:
-    """Numbers of the wrinkles of the ply in a grid: {name: value}.
+def wrinkles(heights: Grid) -> dict[str, Any]:
+    """Numbers of the wrinkles of a ply by its `height_map`: {name: value}.
 
-    - height_mm, height_rms_mm: of `height_map`, the largest at a node, and over the flat area
+    - height_mm, height_rms_mm: the largest at a node, and over the flat area
     - wavelength_mm: 2 pi times the r.m.s. height over that of its slope; None without waves
     - cells_a_wave: it over the mean length of a cell's edges
     - rim_mm: how far the highest place of the outer free edge is above its lowest
     - folds: ridges of that edge, by z, that stand out by `FOLD`, of the whole ply
     """
-    ply, w = ply_of(grid), height_map(grid, over_tools).point_data[HEIGHT]
+    ply, w = ply_of(heights), heights.point_data[HEIGHT]
     area = plan_area(ply.x, ply.triangles)
     of_nodes = np.bincount(ply.triangles.ravel(), np.repeat(area / 3, 3), len(w))
     rms = float(np.sqrt(np.average(w**2, weights=of_nodes)))
@@ -56,7 +58,7 @@ def wrinkles(grid: Grid, over_tools: Heights) -> dict[str, Any]:
     length = 2 * np.pi * rms / slope if largest >= LEAST else None
     corners = ply.x[ply.triangles]
     edge = np.linalg.norm(corners - np.roll(corners, 1, 1), axis=2).mean()
-    rim = max((each.formed[:, 2] for each in outline(grid)), key=len)
+    rim = max((each.formed[:, 2] for each in outline(heights)), key=len)
     return {
         "height_mm": largest,
         "height_rms_mm": rms,

@@ -5,9 +5,11 @@ A membrane stores as shortening what a real ply folds into wrinkles. Where yarns
 cells crumple, and the largest shear angle says little.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,14 +17,19 @@ from ..material.strains import SHORTENED, share_name
 from ..mechanics.materials import fabric_of
 from ..mechanics.shell.bending import Bending, shortest_wave
 from ..runtime.formatting import of_sheet, percent, rounded
+from ..scene.scene import Scene
 from ..sheets.blank import Part
 from . import measures
 from .result import Result
+
+if TYPE_CHECKING:
+    from ..postprocess.ply import Grid
 
 # shortening
 SHARES = 0.01, SHORTENED, 0.05  # beyond which shares of the area are listed
 AREA = 0.01  # share of the area in which yarns are shortened, from which on a run warns
 CRUMPLED = 0.05  # beyond which a cell crumples
+SEEN = 60.0  # mm, the length up to which heights show waves nearly in full
 STRIP = 2.0  # width of the strips that yarns are gathered in, in mean lengths of cells
 PACKED = np.pi / np.sqrt(12)  # share of round fibres side by side, 0.907, which no ply exceeds
 FIELDS = "shear_angle", "shortening_a", "shortening_b"  # of fabric
@@ -83,17 +90,13 @@ def _cells(parts):
 # -- shapes
 
 
-def shape(
-    result: Result, part: Part, over_tools: Callable[[np.ndarray], np.ndarray]
-) -> dict[str, Any]:
-    """Draw-in and wrinkles of one ply, which is all of a sheet or a part of a stack. over_tools: as
-    of `wrinkles.height_map`."""
+def shape(result: Result, part: Part, heights: Grid | None) -> dict[str, Any]:
+    """Draw-in and wrinkles of one ply, which is all of a sheet or a part of a stack. heights: its
+    `wrinkles.height_map`, on rank 0."""
     from ..postprocess.wrinkles import wrinkles
 
-    comm, found = result.scene.comm, None
-    if comm.rank == 0:
-        found = wrinkles(result.grids[part.name], over_tools)
-    return {"draw_in": result.draw_in(part.name), "wrinkles": comm.bcast(found)}
+    waves = result.scene.comm.bcast(heights and wrinkles(heights))
+    return {"draw_in": result.draw_in(part.name), "wrinkles": waves}
 
 
 def stack_quantities(
@@ -218,8 +221,7 @@ def fabric_warnings(result: Result) -> list[str]:
         unknown = int(np.isnan(fields["shear_angle"][part.cells]).sum())
         if not result.scene.comm.allreduce(unknown):
             found = shear_quantities(result, [part]) | shortening_quantities(result, [part])
-            words = _shortest_wave(result.scene, part)
-            sentences += _sentences(part.name or blank.name, found, words)
+            sentences += _sentences(part.name or blank.name, found, _allowed(result.scene, part))
         shares = fields.get("fibre_volume_fraction", np.full(len(blank.areas()), np.nan))
         most = _known(np.fmax, result.scene.comm, shares[part.cells])
         if most and most > PACKED:
@@ -231,18 +233,38 @@ def fabric_warnings(result: Result) -> list[str]:
     return sentences
 
 
-def _shortest_wave(scene, part):
+def _allowed(scene, part):
     """What waves the law allows, as text."""
-    bending = [t for t in scene.terms if isinstance(t, Bending) and t.part in (part, t.blank.whole)]
-    fabric = fabric_of(scene, part)
-    if not (bending and fabric):
+    if not (length := shortest_wave_of(scene, part)):
         return ""
-    length = shortest_wave(fabric, bending[0].stiffnesses[:2].max(), SHORTENED)
-    doubt = ", and no test has determined d" if "d" in fabric.assumed_values() else ""
+    fabric = fabric_of(scene, part)
+    doubt = ", and no test has determined d" if fabric and "d" in fabric.assumed_values() else ""
     return (
         f". At {percent(SHORTENED, 6)} no wave shorter than {rounded(length)} mm forms, on any "
         f"mesh: stiffness in bending and in compression decide that{doubt}"
     )
+
+
+def shortest_wave_of(scene: Scene, part: Part) -> float | None:
+    """Length [mm] of the shortest wave that a part folds into where its yarns are shortened by
+    `SHORTENED`, on any mesh; None for one without a fabric and its bending, and in a plane."""
+    bending = [t for t in scene.terms if isinstance(t, Bending) and t.part in (part, t.blank.whole)]
+    fabric = fabric_of(scene, part)
+    if not (bending and fabric) or scene.blank.mesh.geometry.dim == 2:
+        return None
+    return shortest_wave(fabric, float(bending[0].stiffnesses[:2].max()), SHORTENED)
+
+
+def waves_that_do_not_form(scene: Scene) -> list[str]:
+    """A sentence for each part of fabric whose law allows only waves longer than `SEEN`."""
+    parts = scene.blank.parts.values() or [scene.blank.whole]
+    lengths = {p.name or scene.blank.name: shortest_wave_of(scene, p) for p in parts}
+    return [
+        f"no wrinkle of {name} shorter than {rounded(length)} mm can form, as its stiffness in "
+        "bending and in compression have it: measure both, if wrinkles are asked for"
+        for name, length in lengths.items()
+        if length and SEEN < length < np.inf
+    ]
 
 
 def _sentences(name: str, found: Mapping[str, Any], wave: str = "") -> Iterable[str]:

@@ -258,6 +258,21 @@ def test_a_press_on_two_ranks_is_that_on_one():
     assert result.number("force_N") == pytest.approx(27.485717, rel=1e-6)
 
 
+def test_a_ply_that_the_punch_leaves_slack_does_not_depend_on_steps():
+    """Friction keeps what shape it can, and the balance closes."""
+    forward, back = (ff.Stage(moves={"punch": way}, steps=8) for way in (30, -30))
+    energies, heights = [], []
+    for steps in (4, 12):
+        press = hemisphere("blank.nx=6", stages=[forward, dataclasses.replace(back, steps=steps)])
+        result = formed(press, None)
+        assert result.number("force_N") == pytest.approx(0, abs=1e-6)
+        assert result.summary["energy_imbalance"] < 0.02
+        energies.append(result.summary["energy"]["friction"])
+        heights.append(np.ptp(result.grid.warp_by_vector("u").points[:, 2]))
+    assert energies[0] == pytest.approx(energies[1], rel=0.01)
+    assert heights[0] == pytest.approx(heights[1], rel=0.02) and heights[0] > 1
+
+
 def test_a_small_ball_between_nodes_touches_the_face():
     """Not where the nearest node is."""
     press = hemisphere(
