@@ -27,6 +27,8 @@ class Directions:
     EPSILON = 2.0**-52  # rounding of displacements
     # residuals, over the tolerance and over the forces on the sheet, that need no new tangent
     NEAR, SMALL = 300.0, 3e-3
+    # residual over the forces on the sheet, below which tangents are exact and the end is quadratic
+    CLOSE = 1e-3
     # required reduction of the residual: after a fresh tangent, and with reused factors
     GAIN, GAIN_REUSED = 0.5, 0.2
 
@@ -44,7 +46,8 @@ class Directions:
         self.reused = self.reused and self._tangent.solve_with_last_factors(r, d)
         if not self.reused:
             self._scene.set(x)
-            self._scene.anticipate()
+            if report.residuals[-1] > self.CLOSE * report.scale:
+                self._scene.anticipate()
             self._tangent.assemble()
             largest = x.norm(PETSc.NormType.NORM_INFINITY)
             self.noise = self.EPSILON * largest * self._tangent.stiffness_norm()
