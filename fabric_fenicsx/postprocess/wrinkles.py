@@ -25,13 +25,14 @@ def height_map(grid: Grid, over_tools: Heights) -> Grid:
     """The ply in a grid with the height of its wrinkles at the nodes, `HEIGHT` [mm].
 
     It is the distance, with a sign, from a smooth surface: at each node the parabola in the flat
-    ply's coordinates that fits the ply around it best, with Gaussian weights (`SIGMA`). Beside
-    radii of tools this distance is none of a wrinkle, so it counts as far as the ply is off the
-    tools there. over_tools: function of formed places (n, 3) [mm] to the distance (n,) [mm] of the
+    ply's coordinates that fits the ply around it best, with Gaussian weights (`SIGMA`). What is the
+    same along the way on which the smooth surface is shortened most is its shape, as where a ply
+    bridges two tools, so the mean along that way is taken off. Beside radii of tools the height
+    counts as far as the ply is off them. over_tools: function of formed places (n, 3) [mm] to the distance (n,) [mm] of the
     ply's faces from the nearest tool.
     """
     ply = ply_of(grid)
-    w = _off_smooth(whole(ply), len(ply.x))
+    w = _waves(ply)
     free = np.clip(np.nan_to_num(over_tools(ply.formed), nan=np.inf), 0.0, None)
     found = grid_of(ply.x, ply.triangles, ply.u)
     found.point_data[HEIGHT] = np.sign(w) * np.minimum(abs(w), free)
@@ -69,9 +70,37 @@ def wrinkles(heights: Grid) -> dict[str, Any]:
     }
 
 
-def _off_smooth(ply, count):
-    """Distances (count,) of the first nodes of a whole ply from their smooth surface [mm]."""
-    at, known = ply.x[:count, :2] / SIGMA, _means(ply)
+def _waves(ply):
+    """Distances (n,) of the nodes from their smooth surface, less their means along the way on which
+    that is shortened most [mm]."""
+    w, tangents = _off_smooth(ply)
+    way = np.linalg.eigh(tangents @ tangents.swapaxes(1, 2))[1][:, :, 0]
+    x = ply.x[:, :2]
+    nodes, reach = cKDTree(x), 2 * np.sqrt(plan_area(x, ply.triangles).max())
+    sums, weights = w.copy(), np.ones(len(w))
+    for sign in (1.0, -1.0):
+        at, ahead = x.copy(), sign * way
+        on = np.arange(len(x))  # nodes whose way has not left the ply
+        for k in range(1, round(CUT * SIGMA / STEP) + 1):
+            at[on] += STEP * ahead[on]
+            for axis in ply.planes:  # the image's way is the way's image
+                beyond = at[:, axis] < 0
+                at[beyond, axis] *= -1
+                ahead[beyond, axis] *= -1
+            off, near = nodes.query(at[on])
+            on, near = on[off < reach], near[off < reach]
+            turn = np.sign((way[near] * ahead[on]).sum(1))
+            ahead[on] = np.where(turn < 0, -1.0, 1.0)[:, None] * way[near]
+            weight = np.exp(-((k * STEP / SIGMA) ** 2) / 2)
+            sums[on] += weight * w[near]
+            weights[on] += weight
+    return w - sums / weights
+
+
+def _off_smooth(ply):
+    """Distances (n,) of the nodes from their smooth surface, and tangents of that along both axes
+    of the flat ply (n, 2, 3) [mm]."""
+    at, known, count = ply.x[:, :2] / SIGMA, _means(whole(ply)), len(ply.x)
     X, x, weight = known[:, :2] / SIGMA, known[:, 2:5], known[:, 5]
     near = cKDTree(at).sparse_distance_matrix(cKDTree(X), CUT, output_type="coo_matrix")
     weights = np.exp(-(near.data**2) / 2) * weight[near.col]
@@ -85,7 +114,7 @@ def _off_smooth(ply, count):
     fitted = np.linalg.pinv(A, rcond=1e-6, hermitian=True) @ (shift @ b)
     normal = np.cross(fitted[:, 1], fitted[:, 2])
     normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-    return ((ply.formed[:count] - fitted[:, 0]) * normal).sum(1)
+    return ((ply.formed - fitted[:, 0]) * normal).sum(1), fitted[:, 1:3]
 
 
 def _shifted(d):

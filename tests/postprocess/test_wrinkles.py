@@ -20,8 +20,11 @@ def over(*surfaces, thickness=0.0):
 
 
 def rippled(length, amplitude=2.0, rise=0.0005, **options):
+    """A ply that waves as its ends come nearer."""
+
     def ripple(x, y):
-        return np.column_stack([x, y, rise * x * x + amplitude * np.cos(2 * np.pi * x / length)])
+        z = rise * x * x + amplitude * np.cos(2 * np.pi * x / length)
+        return np.column_stack([x * (1 - (np.pi * amplitude / length) ** 2), y, z])
 
     return formed(ripple, **SIZE, **options)
 
@@ -61,6 +64,23 @@ def test_what_lies_on_a_tool_or_between_tools_is_no_wrinkle():
     flat = rippled(30.0, nx=48, ny=24, rise=0.0)
     plates = over(Plane((0, 0, -2.5), (0, 0, 1)), Plane((0, 0, 2.5), (0, 0, -1)), thickness=1.0)
     assert wrinkles(height_map(flat, plates))["height_mm"] <= 2.0
+
+
+@pytest.mark.parametrize("full", [False, True])
+def test_what_bridges_two_tools_all_round_is_shape(full):
+    """A ring that stands out by 2 mm is shortened along its circles, and the same there; waves
+    along these are wrinkles."""
+
+    def ring(x, y, lobes=0.0):
+        r, angle = np.hypot(x, y), np.arctan2(y, x)
+        z = np.exp(-(((r - 60) / 10) ** 2)) * (2 + lobes * np.cos(12 * angle))
+        return np.column_stack([0.95 * x, 0.95 * y, z])
+
+    size = {"nx": 60, "ny": 60, "length": 240.0, "width": 240.0, "full": full}
+    even = wrinkles(height_map(formed(ring, **size), nowhere))
+    waved = wrinkles(height_map(formed(lambda x, y: ring(x, y, 1.0), **size), nowhere))
+    assert even["height_mm"] < 0.4
+    assert 0.8 < waved["height_mm"] < 1.4
 
 
 def test_a_ply_over_a_double_dome_has_no_wrinkles():
