@@ -36,7 +36,13 @@ INTEGRATION = "full", "inner"
 # share of the energy that stays at those of `full`. If either is larger, strips with yarns at
 # 20 deg are too stiff; if smaller, strips with yarns at 10 and 30 deg are too soft.
 INNER, OUTER_SHARE = 0.5, 0.01
-UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa", "shear_friction": "MPa"} | dict.fromkeys(
+UNITS = {
+    "shear_angle": "rad",
+    "I10": "rad",
+    "sigma_a": "MPa",
+    "sigma_b": "MPa",
+    "shear_friction": "MPa",
+} | dict.fromkeys(
     ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
 )  # of fields; of all others "-"
 
