@@ -37,9 +37,9 @@ def unloading(
 
     The forces that these, and supports, exerted on the nodes in the formed state are released in
     proportion to the load, see `ReleaseForces`. The sheets keep their history, as metal its plastic
-    strains and fabric the sliding of its yarns. Planes of symmetry stay. Rigid motions that are left are fixed at a few nodes of each
-    sheet, see `isostatic`, where forces are 0 in the end. The run moves the sheets of
-    `result.scene`, so its output is then that of the unloaded state.
+    strains and fabric the sliding of its yarns. Planes of symmetry stay. Rigid motions that are
+    left are fixed at a few nodes of each sheet, see `isostatic`, where forces are 0 in the end. The
+    run moves the sheets of `result.scene`, so its output is then that of the unloaded state.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def _height(comm, places):
 
 
 def _fabric_warnings(scene, forces):
-    """A warning of each sheet of fabric without friction in shear, which keeps none of its shape."""
+    """A warning of each sheet of fabric that keeps no shape, as its shear has no friction."""
     blank, found = scene.blank, []
     for part in blank.parts.values() or [blank.whole]:
         if not (fabric := fabric_of(scene, part)) or fabric.shear_friction:

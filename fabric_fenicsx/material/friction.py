@@ -83,10 +83,14 @@ class YarnFriction(Parameters):
         k, f = np.array(self.stiffness), np.array(self.strength)
         z = strain[..., None] - sliding
         elastic = np.clip(z, -f / k, f / k)
-        lost = f * abs(z - elastic)
-        each = k * elastic**2 / 2 + lost, k * elastic, k * (abs(z) <= f / k)
-        sums = [values.sum(-1) for values in (*each, lost)]
-        return Response(*sums[:3], sliding + z - elastic, sums[3])
+        lost = (f * abs(z - elastic)).sum(-1)
+        return Response(
+            energy=(k * elastic**2 / 2).sum(-1) + lost,
+            stress=(k * elastic).sum(-1),
+            tangent=(k * (abs(z) <= f / k)).sum(-1),
+            sliding=sliding + z - elastic,
+            dissipated=lost,
+        )
 
     def table(self) -> dict[str, list[float]]:
         """Its table in a material file."""
