@@ -160,3 +160,65 @@ def test_a_picture_frame_meets_its_closed_form():
     frame = ff.PictureFrame(FABRIC.replace(couplings=()), nx=2, angle=30).job(steps=6).run()
     exact = frame.number("closed_form_N_per_mm")
     assert frame.number("normalised_shear_force_N_per_mm") == pytest.approx(exact, rel=1e-9)
+
+
+# -- bending
+
+BENT = ff.BendingFriction(4.0, 0.1)  # k [N mm], f [N mm/mm]
+LENGTH, CURVATURE = 20.0, 0.1
+
+
+def on_a_bar(D):
+    """A strip that is laid on a bar, its sides in planes of symmetry, its wefts straight."""
+    step = LENGTH / 20
+
+    def on_bar(x, load):
+        half, k = step * load * CURVATURE / 2, np.arange(20)
+        s = np.round(x[0] / step).astype(int)
+        along, up = (
+            np.concatenate([[0], step * f((2 * k + 1) * half).cumsum()]) for f in (np.cos, np.sin)
+        )
+        return np.array([along[s] - x[0], 0 * x[0], up[s]])
+
+    blank = sheet(LENGTH, 4.0, 20, 2, "left", spatial=True)
+    sides = [near(0, 0.0), near(1, 0.0), near(1, 4.0)]
+    terms = [
+        ff.Membrane(builders.KOMEILI.replace(bending_friction=BENT)),
+        ff.Bending(D, symmetric=sides),
+    ]
+    held = [ff.Support("plane of symmetry", near(0, 0.0), (0,))]
+    held += [ff.Support("wide", everywhere, (1,)), ff.Support("bar", everywhere, (0, 2), on_bar)]
+    return ff.Job(ff.Scene(blank, terms, held), steps=8, viscosity="off")
+
+
+@pytest.mark.parametrize("D", [0.5, pytest.param(8.0, marks=pytest.mark.mpi)])
+def test_a_strip_keeps_the_curvature_at_which_bending_and_friction_balance(folder, D):
+    """As in shear: D kappa = k (kappa_slid - kappa), or D kappa = f."""
+    left = 4 * (CURVATURE - 0.1 / 4) / (D + 4) if D < 1 else 0.1 / D
+    formed = on_a_bar(D).run(folder, pictures=False)
+    area, elastic = LENGTH * 4.0, 0.1 / 4
+    exact = 0.1 * (CURVATURE - elastic / 2) * area
+    # but for cells at the free end, which have no moment
+    assert formed.summary["energy"]["yarn_friction"] == pytest.approx(exact, rel=0.03)
+    unloaded = ff.unloading(formed, keep=["wide"]).run()
+    blank, bending = unloaded.scene.blank, unloaded.scene.terms[1]
+    normal = bending.curvatures()[:, 0]
+    inside = blank.midpoints()[0] < LENGTH / 2
+    assert np.linalg.norm(normal[inside], axis=1) == pytest.approx(left, rel=2e-3)
+    assert unloaded.summary["energy_imbalance"] < 2e-3
+    again = ff.unloading(on_a_bar(D).run(folder, resume=True, pictures=False), keep=["wide"]).run()
+    assert again.summary["energy"] == pytest.approx(unloaded.summary["energy"], rel=1e-6, abs=1e-9)
+
+
+def test_derivatives_of_bending_after_an_accepted_state():
+    blank = sheet(20.0, 10.0, 5, 3, "unstructured", spatial=True, a=0.4)
+    membrane = ff.Membrane(builders.KOMEILI.replace(bending_friction=BENT))
+    scene = ff.Scene(blank, [membrane, ff.Bending(0.5, D_t=0.1, symmetric=near(0, 0.0))])
+    u, random = blank.u.x.array, np.random.default_rng(1)
+    for _ in range(2):
+        scene.accept()
+        u[:] = random.uniform(-0.5, 0.5, u.size)
+    ff.check_derivatives(scene.terms[1], scene, size=1e-5)
+    before = scene.energies()["yarn_friction"]
+    scene.accept()
+    assert scene.energies()["yarn_friction"] == pytest.approx(before, rel=1e-12) and before > 0
