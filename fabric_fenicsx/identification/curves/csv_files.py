@@ -102,16 +102,14 @@ def _curve(file, table, keys, thickness, remarks):
     for column in (*test.strains, *test.optional):
         if column in columns:
             strains[:, STRAINS.index(column)] = columns[column]
-    responses, back = [], None
-    for column in found:
-        given = keys.test, keys.lengths, thickness
-        responses.append(response(column, columns[column], strains[:, 2], *given))
-        if len(rows) < len(whole.rows) and keys.test in FRAMES:
-            less = way_back(whole, runs, rows[-1])
-            angles = less.columns[runs] - loose
-            if len(angles) >= MIN_POINTS:
-                back = angles, response(column, less.columns[column], angles, *given)
-                told.append(f"friction is fitted to the way back, to row {less.rows[-1]}")
+    given, back = (keys.test, keys.lengths, thickness), None
+    responses = [response(column, columns[column], strains[:, 2], *given) for column in found]
+    if keys.test in FRAMES:
+        less = way_back(whole, runs, rows[-1])
+        if len(less.rows) >= MIN_POINTS:
+            angles, (column,) = less.columns[runs] - loose, found
+            back = angles, response(column, less.columns[column], angles, *given)
+            told.append(f"friction is fitted to the way back, to row {less.rows[-1]}")
     return Curve(
         file,
         keys.test,

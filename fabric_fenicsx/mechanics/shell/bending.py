@@ -256,13 +256,9 @@ class Bending(Term):
         moments = section * bent
         energy = state.energy + 0.5 * float(np.vdot(moments, bent))
         if self._friction:
-            friction, weight = (
-                self._friction.respond(bent[:, :2], self._sliding),
-                self._area[:, None],
-            )
-            moments[:, :2] += weight * friction.stress
-            section = section.copy()
-            section[:, :2] += weight * friction.tangent
+            friction, section = self._friction.respond(bent[:, :2], self._sliding), section.copy()
+            moments[:, :2] += self._area[:, None] * friction.stress
+            section[:, :2] += self._area[:, None] * friction.tangent
         return _State(state.U, energy, shape, moments, section, friction)
 
     def _shape(self, U):

@@ -36,15 +36,9 @@ INTEGRATION = "full", "inner"
 # share of the energy that stays at those of `full`. If either is larger, strips with yarns at
 # 20 deg are too stiff; if smaller, strips with yarns at 10 and 30 deg are too soft.
 INNER, OUTER_SHARE = 0.5, 0.01
-UNITS = {
-    "shear_angle": "rad",
-    "I10": "rad",
-    "sigma_a": "MPa",
-    "sigma_b": "MPa",
-    "shear_friction": "MPa",
-} | dict.fromkeys(
-    ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
-)  # of fields; of all others "-"
+UNITS = {"shear_angle": "rad", "I10": "rad"}  # of fields; of all others "-"
+UNITS |= dict.fromkeys(("sigma_a", "sigma_b", "shear_friction"), "MPa")
+UNITS |= dict.fromkeys(("energy_a", "energy_b", "energy_shear"), "N mm/mm^3")
 
 
 def default_degree(part: Part) -> int:
@@ -288,10 +282,10 @@ class Membrane(Term):
         a, b: deformed fibres; eps_a, eps_b: nominal, log_eps_11, log_eps_22: logarithmic fibre
         strains; shortening_a, shortening_b: of yarns under compression; shear_angle; I4, I6, I8,
         I10; energy_a, energy_b, energy_shear; strain_state 1..4, eq. (13); sigma_a, sigma_b: Cauchy
-        stress along the deformed fibres; shear_friction: shear stress of friction between yarns,
-        if there is any; stability_convexity, stability_ellipticity: the smallest
-        indicators of a cell's points, 1 at rest and negative where the law itself allows a band,
-        see `material.stability`.
+        stress along the deformed fibres; shear_friction: shear stress of friction between yarns, if
+        there is any; stability_convexity, stability_ellipticity: the smallest indicators of a
+        cell's points, 1 at rest and negative where the law itself allows a band, see
+        `material.stability`.
         """
         state, fa, fb, _ = self.state()
 
@@ -314,7 +308,7 @@ class Membrane(Term):
             found[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
         stable = stability.evaluate(self.fabric, state.invariants)
         if self._rubbing:
-            found["shear_friction"] = self._rubbing.response().stress.mean(1)
+            found["shear_friction"] = mean(self._rubbing.response().stress)
         found["stability_convexity"] = stable.convexity.min(1)
         found["stability_ellipticity"] = stable.ellipticity.min(1)
         return {
