@@ -107,7 +107,10 @@ def test_fabric_gives_back_what_it_stored(full):
     assert given.items() >= (held if full else {"point 1 of blank": (2,)}).items()
 
 
-@pytest.mark.parametrize("strength, low, high", [(0.02, 20.0, 25.0), (5e-4, 0.0, 0.1)])
+@pytest.mark.parametrize(
+    "strength, low, high",
+    [pytest.param(0.02, 23.96, 23.98, marks=pytest.mark.mpi), (5e-4, 0.0, 0.1)],
+)
 def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_law(
     strength, low, high
 ):
@@ -115,7 +118,8 @@ def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_la
     fabric = builders.KOMEILI.replace(shear_friction=ff.ShearFriction(0.5, strength))
     formed = dome(fabric, nx=6, stroke=25.0).job(steps=4, balance=None).run()
     unloaded = ff.unloading(formed).run()
-    assert low <= np.ptp(formed.scene.blank.u.x.array.reshape(-1, 3)[:, 2]) <= high
+    z = np.concatenate(formed.scene.comm.allgather(builders.displacement(formed.scene.blank)[:, 2]))
+    assert low <= np.ptp(z) <= high
     assert unloaded.summary["energy_imbalance"] < 5e-3
     assert not [each for each in unloaded.summary["warnings"] if "keeps no shape" in each]
 
