@@ -43,8 +43,8 @@ def toe_warning(curve: Curve, response: Response, predicted: np.ndarray, sd: np.
     )
     if is_shear:
         return text + (
-            "friction makes it where yarns begin to turn, which the law does not have, and which a "
-            "loop would tell; in a simulation the force at these angles will be too low"
+            "friction makes it where yarns begin to turn, which the law does not have; in a "
+            "simulation the force at these angles will be too low"
         )
     fitted = values[0] - off[0]
     return text + (
