@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from .forming.unloading import unloading
     from .job.job import Job, Result
     from .material.compaction import Compaction
+    from .material.friction import BendingFriction, ShearFriction
     from .material.hardening import HardeningTable, Swift, Voce
     from .material.laws.base import Law
     from .material.laws.coupled import WovenFabric, Yarn

@@ -119,6 +119,16 @@ def vector_space(mesh: Mesh, family: str, degree: int, dim: int) -> fem.Function
     return compiled(mesh.comm, lambda: fem.functionspace(mesh, (family, degree, (dim,))))
 
 
+def quadrature_space(mesh: Mesh, degree: int, dim: int) -> fem.FunctionSpace:
+    """Space of `dim` values at each point of `quadrature`, in its order."""
+    kind, cell = "Quadrature", mesh.ufl_cell()
+    if OLD:
+        element = ufl.VectorElement(kind, cell, degree, dim=dim, quad_scheme="default")
+        return compiled(mesh.comm, lambda: fem.FunctionSpace(mesh, element))
+    at_points = basix.ufl.quadrature_element(cell_name(mesh), (dim,), "default", degree)
+    return compiled(mesh.comm, lambda: fem.functionspace(mesh, at_points))
+
+
 def form(ufl_form: ufl.Form) -> "fem.Form":
     """Compile a form, once per machine: rank 0 first, the others from its cache."""
     comm = ufl_form.ufl_domain().ufl_cargo().comm

@@ -65,9 +65,12 @@ class FrameSetup(CouponSetup):
         return math.degrees(gamma), force
 
     def closed_form(self, strain: float, gamma: np.ndarray) -> np.ndarray:
-        """The law's normalised shear force [N/mm] at yarn strain and shear angles (n,) [rad]."""
+        """The law's normalised shear force [N/mm], with friction between yarns, at yarn strain and
+        shear angles (n,) [rad]."""
         mounted = math.radians((self.data.weave_angle or 90) - 90)
         tau = stresses_of_energy(self.data.fabric, strain, strain, mounted + gamma)[2]
+        if friction := self.data.fabric.shear_friction:
+            tau = tau + friction.respond(gamma, np.zeros(1)).stress
         return tau * self.data.fabric.thickness / ((1 + strain) * np.cos(gamma))
 
     def quantities(self, result: Result) -> dict[str, Any]:

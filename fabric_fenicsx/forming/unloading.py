@@ -15,6 +15,7 @@ from ..mechanics.contact.thickness import PlyThickness
 from ..mechanics.materials import fabric_of, materials_of
 from ..mechanics.output import Value
 from ..mechanics.release_forces import RELEASED, ReleaseForces
+from ..mechanics.shell.yarn_friction import KIND
 from ..mechanics.term import SceneFacts, overrides
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
@@ -25,7 +26,7 @@ from ..scene.supports import Support
 
 NAME = "unloaded"  # of the job, and usually of its folder
 # energies that are no longer in the sheets, or that they can't give back
-SPENT = "plastic", "friction", "viscous", "external_work", RELEASED
+SPENT = "plastic", "friction", KIND, "viscous", "external_work", RELEASED
 USUAL: dict[str, Any] = {"steps": 20, "path_tolerance": 1e-6, "name": NAME}  # of the job
 
 
@@ -36,9 +37,9 @@ def unloading(
 
     The forces that these, and supports, exerted on the nodes in the formed state are released in
     proportion to the load, see `ReleaseForces`. The sheets keep their history, as metal its plastic
-    strains. Planes of symmetry stay. Rigid motions that are left are fixed at a few nodes of each
-    sheet, see `isostatic`, where forces are 0 in the end. The run moves the sheets of
-    `result.scene`, so its output is then that of the unloaded state.
+    strains and fabric the sliding of its yarns. Planes of symmetry stay. Rigid motions that are
+    left are fixed at a few nodes of each sheet, see `isostatic`, where forces are 0 in the end. The
+    run moves the sheets of `result.scene`, so its output is then that of the unloaded state.
 
     Parameters
     ----------
@@ -176,10 +177,10 @@ def _height(comm, places):
 
 
 def _fabric_warnings(scene, forces):
-    """A warning of each sheet of fabric, which keeps none of its shape."""
+    """A warning of each sheet of fabric that keeps no shape, as its shear has no friction."""
     blank, found = scene.blank, []
     for part in blank.parts.values() or [blank.whole]:
-        if not fabric_of(scene, part):
+        if not (fabric := fabric_of(scene, part)) or fabric.shear_friction:
             continue
         heights, count = "", len(part.nodes)
         if blank.mesh.geometry.dim == 3:
@@ -190,9 +191,8 @@ def _fabric_warnings(scene, forces):
         found.append(
             f"{part.name or blank.name} springs back by up to "
             f"{rounded(_largest(scene, forces, part))} mm{heights} and keeps no shape: fabric is "
-            "elastic here, without plasticity, friction of yarns or memory of its bending, so it "
-            "gives back all that it stored. Real fabric keeps most of its shape; do not take this "
-            "for its springback"
+            "elastic here and gives back all that it stored. Real fabric keeps most of its shape; "
+            "do not take this for its springback, but give its material a `shear_friction`"
         )
     return found
 

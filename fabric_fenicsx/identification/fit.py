@@ -13,6 +13,7 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from .compaction import fit_compaction
 from .curves import Curve, Sheet, angle_warnings, unit_warnings
+from .friction import fit_friction
 from .parameter import Assumed, Determined
 from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of
 from .result import Identification
@@ -36,7 +37,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
             "`fit_compaction`, which needs no others"
         )
     compaction = fit_compaction(sheet) if sheet.compaction else None
-    problem = Problem(sheet, curves)
+    friction = fit_friction(curves)
+    problem = Problem(sheet, curves, friction.friction if friction else None)
     default, source, reason = _assumptions(problem, sheet)
     _check_yarns(sheet, problem.names, reason, source)
     theta, staged, fitted = _regression(problem, default, reason, source)
@@ -57,6 +59,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         for k, why in sorted(reason.items())
     }
     fabric = _fabric(dict(zip(problem.names, map(float, theta))), sheet, compaction, assumed)
+    fabric = fabric.replace(shear_friction=friction and friction.friction)
     softest, convex = _physics(problem, fabric)
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
@@ -69,6 +72,7 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         *angle_warnings(curves),
         *unit_warnings(curves),
         *(compaction.warnings if compaction else ()),
+        *_friction_warnings(curves, friction),
         *fabric.plausibility_warnings(),
     ]
     return Identification(
@@ -85,7 +89,16 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
         warnings,
         sheet.areal_weight,
         compaction,
+        friction,
     )
+
+
+def _friction_warnings(curves, friction):
+    if not friction and any(curve.back for curve in curves):
+        yield "the loops do not tell friction between yarns; it is left out"
+    for name, each in friction.determined.items() if friction else ():
+        if each.weak:
+            yield f"{name} is weakly determined, as its interval is wider than a factor of 2"
 
 
 def _remarks(tests):

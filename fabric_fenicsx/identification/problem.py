@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 
+from ..material.friction import ShearFriction
 from ..material.homogeneous import lateral_strain, nominal
 from ..material.laws.coupled import SHEAR, YARN, WovenFabric
 from ..material.presets import PRESETS
@@ -56,11 +57,13 @@ class NotConverged(SolverFailure):
 
 class Problem:
     """Residuals of all curves in the parameters `names` (10 or 17), with all N points in one call
-    of the kernel.
+    of the kernel; friction: between yarns, which they move for the first time.
 
     natural, effect: see `rescale`; start: the values at which the fit begins."""
 
-    def __init__(self, sheet: Sheet, curves: Sequence[Curve]) -> None:
+    def __init__(
+        self, sheet: Sheet, curves: Sequence[Curve], friction: ShearFriction | None = None
+    ) -> None:
         self.names, self.thickness, self.curves = names_of(sheet.balanced), sheet.thickness, curves
         if not curves:
             raise InputError("there is no curve; allowed is one or more")
@@ -79,10 +82,18 @@ class Problem:
         self.component = joined(lambda _, response: response.component)
         self.strains = np.concatenate([curve.strains for curve, _ in parts])
         self.halves = np.flatnonzero(self.half)
+        self.rubbed = np.zeros(len(self.measured))
+        if friction:
+            at = np.flatnonzero(self.component == 2)
+            once, half = (
+                friction.respond(share * self.strains[at, 2], np.zeros(1)).stress
+                for share in (1.0, 0.5)
+            )
+            self.rubbed[at] = self.gain[at] * once + self.half[at] * half
         simulated = [(s, r.linear) for (_, r), s in self.parts if r.linear is not None]
         self.linear = np.zeros((len(self.measured), 4))
         for s, linear in simulated:
-            self.gain[s], self.linear[s] = 0.0, linear
+            self.gain[s], self.rubbed[s], self.linear[s] = 0.0, 0.0, linear
         # the yarns of points under free tension, and where to start the strain across
         self.along = joined(lambda curve, _: -1 if curve.free is None else curve.free)
         last = [curve.responses[-1] for curve, _ in parts]
@@ -117,7 +128,7 @@ class Problem:
         across = np.where(self.along == 0, strains[:, 1], strains[:, 0])
         value = self.gain * np.column_stack([stress[:N], across])[np.arange(N), self.component]
         value[self.halves] += self.half[self.halves] * stress[N:, 2]
-        return value + self.linear @ [1.0, fabric.s1, fabric.s2, fabric.s3]
+        return value + self.rubbed + self.linear @ [1.0, fabric.s1, fabric.s2, fabric.s3]
 
     def sizes(self, theta: np.ndarray) -> np.ndarray:
         """A large change of each parameter, (len(theta),)."""

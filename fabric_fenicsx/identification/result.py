@@ -11,6 +11,7 @@ from ..material.laws.coupled import WovenFabric
 from ..runtime.formatting import percent, rounded
 from .compaction import CompactionFit
 from .curves import Curve, Response
+from .friction import FrictionFit
 from .parameter import Assumed, Determined
 
 
@@ -44,6 +45,7 @@ class Identification:
     warnings: list[str]
     areal_weight: float | None = None  # [g/m2], if the density is from it
     compaction: CompactionFit | None = None  # None without a test of it: the default
+    friction: FrictionFit | None = None  # between yarns; None without loops
     simulated: SimulatedFit | None = None  # None if no specimen was simulated
 
     def remarks(self) -> list[str]:
@@ -66,9 +68,10 @@ class Identification:
 
     @property
     def all_determined(self) -> dict[str, Determined]:
-        """Fitted parameters of the law and, as compaction.exponent, of compaction."""
+        """Fitted parameters of the law and, as compaction.exponent, of compaction and friction."""
         across = self.compaction.determined if self.compaction else {}
-        return self.determined | {f"compaction.{name}": p for name, p in across.items()}
+        found = self.determined | {f"compaction.{name}": p for name, p in across.items()}
+        return found | (self.friction.determined if self.friction else {})
 
     @property
     def all_assumed(self) -> dict[str, Assumed]:
@@ -90,6 +93,7 @@ class Identification:
             "correlation": {"names": names, "matrix": np.round(self.correlation, 4).tolist()},
             "curves": [_error(*fit) for fit in self.fits],
             "compaction": self.compaction and self.compaction.report(),
+            "shear_friction": self.friction and self.friction.report(),
             "simulated": self.simulated and dataclasses.asdict(self.simulated),
             "degrees_of_freedom": self.degrees_of_freedom,
             "variance_of_weighted_residuals": self.variance,

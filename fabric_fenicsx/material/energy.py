@@ -47,6 +47,7 @@ class Energy:
     """A strain energy density: a subclass has `energy`, from which all else follows."""
 
     law: ClassVar[str] = ""
+    thickness: Any  # [mm]
 
     def energy(self, eps_a: Any, eps_b: Any, gamma: Any) -> tuple[Any, Any, Any]:
         """The three parts of the strain energy density W, along a, along b and shear with its

@@ -8,8 +8,8 @@ from ufl.corealg.map_dag import map_expr_dag
 from ufl.corealg.multifunction import MultiFunction
 
 from . import functions
+from .energy import Energy
 from .functions import negative, positive, where
-from .laws import Law
 
 for _name, _made in (("log", ufl.ln), ("atan", ufl.atan)):
     getattr(functions, _name).register(Expr, _made)
@@ -21,7 +21,7 @@ positive.register(Expr, lambda x: conditional(gt(x, 0), 1.0, 0.0) * x)
 negative.register(Expr, lambda x: (1 - conditional(gt(x, 0), 1.0, 0.0)) * x)
 
 
-def energy_in_ufl(law: Law, eps_a: Expr, eps_b: Expr, gamma: Expr) -> Expr:
+def energy_in_ufl(law: Energy, eps_a: Expr, eps_b: Expr, gamma: Expr) -> Expr:
     """W of a law [MPa] as a scalar UFL expression of the strains. The law is one of plain numbers,
     or of UFL constants in their place (`Law.symbols`)."""
     return map_expr_dag(_Quick(), ufl.as_ufl(sum(law.parts(eps_a, eps_b, gamma))))

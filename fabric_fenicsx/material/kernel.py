@@ -10,8 +10,9 @@ Against Abaqus' VUMAT interface:
 | `props` | `fabric`, a `Law` |
 | `stressNew` | `State.cauchy` [MPa]: corotational if U or C was given, in space if F was |
 | `enerInternNew` | `State.energy` / density; `State.energy` is per undeformed volume [N mm/mm3] |
-| `stateNew` | `State.invariants`, `State.energy_parts`, `State.strain_state` |
-| `charLength` etc. | not needed: the law is elastic and has no rate |
+| `stateOld` | `sliding`, of friction between yarns |
+| `stateNew` | `State.sliding`; `State.invariants`, `State.energy_parts`, `State.strain_state` |
+| `charLength` etc. | not needed: the law has no rate |
 
 The membrane keeps its thickness (lambda_3 = 1), so J of eq. (4) is the change of area.
 """
@@ -39,6 +40,7 @@ class State(NamedTuple):
     cauchy: np.ndarray
     strain_state: np.ndarray
     tangent: np.ndarray | None
+    sliding: np.ndarray | None = None
 
 
 State.invariants.__doc__ = "(n, 4): I4, I6, I8 [-] and I10 = gamma [rad], signed; eqs (5)-(8)"
@@ -48,6 +50,7 @@ State.S.__doc__ = "(n, 2, 2): second Piola-Kirchhoff stress, eq. (12) [MPa]"
 State.cauchy.__doc__ = "(n, 2, 2), or (n, 3, 3) from a gradient into space: eq. (4) [MPa]"
 State.strain_state.__doc__ = "(n,): 1 both in tension, 2 b compressed, 3 a, 4 both; eq. (13)"
 State.tangent.__doc__ = "(n, 3, 3): dS/dE on (11, 22, 12), E in Voigt's (E11, E22, 2 E12) [MPa]"
+State.sliding.__doc__ = "(n, k): of elements of friction after the step [rad], where it was given"
 
 
 def evaluate(
@@ -59,6 +62,7 @@ def evaluate(
     fibres: tuple[ArrayLike, ArrayLike] | np.ndarray | None = None,
     tangent: bool = False,
     weave_angle: float | None = None,
+    sliding: ArrayLike | None = None,
 ) -> State:
     """Evaluate the law of `fabric` from one of U `stretch`, F `gradient` or C `cauchy_green`.
 
@@ -66,7 +70,8 @@ def evaluate(
     layout; n is the product of the leading shape. fibres: pair of unit vectors a0, b0, each (2,) or
     (..., 2), not parallel; default the two base vectors. tangent: whether to return it, too.
     weave_angle: angle between the yarns from which gamma counts [rad], by default the initial one
-    as in eq. (8).
+    as in eq. (8). sliding: (n, k) or (k,), of each element of the fabric's `shear_friction` before
+    the step [rad]; without it that has no part in the result.
     Raises InputError if not exactly one measure is given, if it is of another shape, not finite,
     inverted or not symmetric at a point, for fibres that are no unit vectors or parallel, and as
     `check_weave_angle` does.
@@ -86,6 +91,9 @@ def evaluate(
     gamma = shear_angle(I6, area, cosine, sine)
 
     W = fabric.derivatives(nominal_strain(I4), nominal_strain(I8), gamma, tangent)
+    slid = None
+    if sliding is not None:
+        W, slid = _with_friction(fabric, W, gamma, sliding)
     W2 = None if W.second is None else W.second[SQUARE]
     slopes, bends = in_invariants((I4, I6, I8), 1 / area, W.first, W2)
     # dI/dC in Voigt's 11, 22, 12: dI4/dC = a a, dI6/dC = sym(a b), dI8/dC = b b
@@ -107,7 +115,21 @@ def evaluate(
         cauchy=np.einsum("nij,njk,nlk->nil", push, S, push) / np.sqrt(J2)[:, None, None],
         strain_state=1 + (I8 <= 1) + 2 * (I4 <= 1),
         tangent=None if bends is None else 4 * np.einsum("ijn,inp,jnq->npq", bends, M, M),
+        sliding=slid,
     )
+
+
+def _with_friction(fabric, W, gamma, sliding):
+    """The derivatives with friction between yarns, and the sliding after the step (n, k)."""
+    if not (friction := fabric.shear_friction):
+        raise InputError("sliding is given and the fabric has no `shear_friction`; allowed is one")
+    count = len(friction.stiffness)
+    more = friction.respond(gamma, np.broadcast_to(sliding, (len(gamma), count)))
+    W.parts[:, 2] += more.energy
+    W.first[2] += more.stress
+    if W.second is not None:
+        W.second[5] += more.tangent
+    return W, more.sliding
 
 
 def _deformation(stretch, gradient, cauchy_green):

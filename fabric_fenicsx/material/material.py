@@ -32,11 +32,12 @@ class Parameters:
 
     def symbols(self, make: Callable[[float], Any]) -> Self:
         """A copy, not checked, of which each number v of the energy is make(v); so make may give
-        UFL constants. Densities and compaction have no part in it; thickness comes last."""
+        UFL constants. Densities, compaction and bending have no part in it; thickness comes
+        last."""
         new = copy.copy(self)
         for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
             value = getattr(self, field.name)
-            if field.name in ("density", "fibre_density", "compaction"):
+            if field.name in ("density", "fibre_density", "compaction", "bending_friction"):
                 continue
             if isinstance(value, float):
                 object.__setattr__(new, field.name, make(value))

@@ -6,8 +6,9 @@ paper's W_tot, eq. (30), is the law's: `WovenFabric.energy` in `material/laws/co
 
 - To change W, write a law (docs/howto/own_law.md); all below stays.
 - To change a strain, change it in `material/strains.py`, with its derivatives in `in_invariants`.
-- After a change below, delete the method `Membrane.variations`, so that UFL derives all, or correct
-  `variations`; tests/mechanics/test_membrane_energy.py compares the two.
+- After a change below, delete the method `Membrane.variations`, so that UFL derives all (but
+  friction between yarns, which then has no force), or correct `variations`;
+  tests/mechanics/test_membrane_energy.py compares the two.
 
     a0, b0, u -> fa, fb -> I4, I6, I8 -> eps_a, eps_b, gamma -> W -> t W dx
 """
@@ -17,8 +18,8 @@ from collections.abc import Sequence
 from ufl import Form, Measure, diff, dot, grad, sqrt, variable
 from ufl.core.expr import Expr
 
+from ..material.energy import Energy
 from ..material.expression import energy_in_ufl
-from ..material.laws import Law
 from ..material.strains import in_invariants, nominal_strain, shear_angle
 
 # unit vectors a0, b0 along undeformed yarns; deformed ones fa, fb; or what a displacement adds
@@ -54,12 +55,12 @@ def strains(I4: Expr, I6: Expr, I8: Expr, cosine: Expr) -> tuple[Expr, Expr, Exp
     return nominal_strain(I4), nominal_strain(I8), gamma
 
 
-def energy_density(I4: Expr, I6: Expr, I8: Expr, cosine: Expr, law: Law) -> Expr:
+def energy_density(I4: Expr, I6: Expr, I8: Expr, cosine: Expr, law: Energy) -> Expr:
     """W(eps_a, eps_b, gamma), eq. (10), by the law [MPa = N mm per mm^3 of undeformed fabric]."""
     return energy_in_ufl(law, *strains(I4, I6, I8, cosine))
 
 
-def energy(f: Yarns, cosine: Expr, law: Law, rules: Quadratures) -> Form:
+def energy(f: Yarns, cosine: Expr, law: Energy, rules: Quadratures) -> Form:
     """E = int t W dA over the undeformed sheet [N mm]."""
     I4, I6, I8 = invariants(*f)
     W = energy_density(I4, I6, I8, cosine, law)
@@ -76,7 +77,7 @@ def integral(values: Expr, rules: Quadratures) -> Form:
 
 
 def variations(
-    f: Yarns, dv: Yarns, dw: Yarns, cosine: Expr, law: Law, rules: Quadratures
+    f: Yarns, dv: Yarns, dw: Yarns, cosine: Expr, law: Energy, rules: Quadratures
 ) -> list[Form]:
     """E' v and v E'' w; dv, dw: what v and w add to the yarns f. With W_i = dW / dI_i of
     I = (I4, I6, I8), in all of which gamma moves (not at fixed gamma as in eqs (11), (12)),

@@ -48,8 +48,8 @@ class Term:
         Name in summaries and errors.
     energy_kind : str or None
         Kind under which the energy is summed: KIND_energy_Nmm in history.csv, KIND in the `energy`
-        of summary.json; None for loads. The package has strain, bending, contact, friction, metal
-        and plastic; an own term needs another kind to be seen by itself.
+        of summary.json; None for loads. The package has strain, bending, contact, friction,
+        yarn_friction, metal and plastic; an own term needs another kind to be seen by itself.
     resists : tuple of str
         Rigid motions of the sheet that the term may resist: "move" and "turn", or only those out of
         its plane, "lift", or within it, "slide"; "stretch" if the term alone can hold the sheet

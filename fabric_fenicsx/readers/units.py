@@ -10,6 +10,8 @@ UNITS = {
     "length": {"mm": 0, "cm": 1, "m": 3, "um": -3},
     "density": {"g/cm3": 0, "kg/m3": -3},
     "areal_weight": {"g/m2": 0, "kg/m2": 3},
+    "bending_stiffness": {"Nmm": 0, "Nm": 3},
+    "line_moment": {"N": 0, "mN": -3},
 }
 DEG = math.pi / 180
 ANGLE = {"rad": 1.0, "deg": DEG}

@@ -107,6 +107,23 @@ def test_fabric_gives_back_what_it_stored(full):
     assert given.items() >= (held if full else {"point 1 of blank": (2,)}).items()
 
 
+@pytest.mark.parametrize(
+    "strength, low, high",
+    [pytest.param(0.02, 23.96, 23.98, marks=pytest.mark.mpi), (5e-4, 0.0, 0.1)],
+)
+def test_fabric_whose_yarns_rub_keeps_its_height_if_that_is_stronger_than_the_law(
+    strength, low, high
+):
+    """Without friction it goes flat, see above; the law takes some 1e-3 MPa at these angles."""
+    fabric = builders.KOMEILI.replace(shear_friction=ff.ShearFriction(0.5, strength))
+    formed = dome(fabric, nx=6, stroke=25.0).job(steps=4, balance=None).run()
+    unloaded = ff.unloading(formed).run()
+    z = np.concatenate(formed.scene.comm.allgather(builders.displacement(formed.scene.blank)[:, 2]))
+    assert low <= np.ptp(z) <= high
+    assert unloaded.summary["energy_imbalance"] < 5e-3
+    assert not [each for each in unloaded.summary["warnings"] if "keeps no shape" in each]
+
+
 @pytest.mark.parametrize("together", [pytest.param(True, marks=pytest.mark.mpi), False])
 def test_sheets_of_a_stack_spring_back_on_each_other_or_alone(together):
     plies = [{"metal": "dc04", "name": "metal"}, {"name": "fabric"}]

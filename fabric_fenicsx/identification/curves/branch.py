@@ -67,6 +67,16 @@ def loading_branch(table: Table, column: str) -> tuple[Table, list[str]]:
     return table, told
 
 
+def way_back(table: Table, column: str, turn: int) -> Table:
+    """The rows of a table from the row `turn` of its file on, down to the next turn of the
+    column."""
+    table = kept(table, np.flatnonzero(np.array(table.rows) >= turn))
+    x = table.columns[column]
+    up = x - np.minimum.accumulate(x) > NOISE * np.ptp(x)
+    stop = int(np.argmax(np.append(up, True)))
+    return kept(table, np.arange(x[:stop].argmin() + 1))
+
+
 def slack(table: Table, column: str, measured: str) -> tuple[float, list[str]]:
     """Where a rising column ends that the measured one does not follow at first, and a sentence on
     it; 0 if there is no slack.

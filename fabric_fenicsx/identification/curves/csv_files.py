@@ -13,11 +13,12 @@ from ...readers.units import factors
 from ...runtime.errors import InputError
 from ...runtime.rules import unknown_key
 from . import checks
-from .branch import from_zero, kept, loading_branch, slack
+from .branch import from_zero, kept, loading_branch, slack, way_back
 from .forces import of_fabric, response
 from .model import (
     COLUMNS,
     COMPACTION,
+    FRAMES,
     KEYS,
     MIN_POINTS,
     STRAINS,
@@ -75,7 +76,8 @@ def _curve(file, table, keys, thickness, remarks):
     runs = max(
         test.strains, key=lambda c: np.ptp(table.columns[raw.get(c, c)]) if table.rows else 0
     )
-    table, left_out = loading_branch(table, raw.get(runs, runs))
+    whole = table
+    table, left_out = loading_branch(whole, raw.get(runs, runs))
     told, loose = told + left_out, 0.0
     if "slack" in keys.texts:
         loose = _quantity("slack", keys.texts["slack"], units(moved), zero=True)
@@ -100,11 +102,14 @@ def _curve(file, table, keys, thickness, remarks):
     for column in (*test.strains, *test.optional):
         if column in columns:
             strains[:, STRAINS.index(column)] = columns[column]
-    gamma = strains[:, 2]
-    responses = [
-        response(column, columns[column], gamma, keys.test, keys.lengths, thickness)
-        for column in found
-    ]
+    given, back = (keys.test, keys.lengths, thickness), None
+    responses = [response(column, columns[column], strains[:, 2], *given) for column in found]
+    if keys.test in FRAMES:
+        less = way_back(whole, runs, rows[-1])
+        if len(less.rows) >= MIN_POINTS:
+            angles, (column,) = less.columns[runs] - loose, found
+            back = angles, response(column, less.columns[column], angles, *given)
+            told.append(f"friction is fitted to the way back, to row {less.rows[-1]}")
     return Curve(
         file,
         keys.test,
@@ -117,6 +122,7 @@ def _curve(file, table, keys, thickness, remarks):
         keys.lengths,
         (*remarks, *told),
         loose,
+        back,
         columns.get("displacement"),
     )
 

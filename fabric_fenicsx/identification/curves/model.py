@@ -97,6 +97,7 @@ TESTS = {
     ),
     COMPACTION: Kind(("pressure",), (), ("thickness", "fibre_volume_fraction"), (), 1),
 }
+FRAMES = "shear", "picture_frame"  # tests of one shear angle, of which loops tell friction
 KEYS = ("test", "noise", *dict.fromkeys(key for test in TESTS.values() for key in test.all_keys))
 
 
@@ -142,8 +143,9 @@ class Curve:
     numbers in the file; free: 0 or 1 if the yarns across a tension along a or b are free of stress;
     noise: ("maximum" | "value" | "absolute", number) or None; abscissa: the column of `strains`
     that runs; keys: further keys of the file, lengths [mm]; remarks: sentences on what was left
-    out; slack: in the unit of the file's column that runs; displacement (n,) of the clamp [mm], if
-    the file has it."""
+    out; slack: in the unit of the file's column that runs; back: of a loop in shear the angles (m,)
+    [rad] and what was measured on the way back; displacement (n,) of the clamp [mm], if the file
+    has it."""
 
     file: str
     test: str
@@ -156,6 +158,7 @@ class Curve:
     keys: dict[str, float] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     slack: float = 0.0
+    back: tuple[np.ndarray, Response] | None = None
     displacement: np.ndarray | None = None
 
     @property

@@ -14,6 +14,7 @@ from .. import law_checks
 from ..compaction import Compaction, compaction_of, table_of
 from ..energy import Derivatives, Energy, Range, stresses_of_energy
 from ..files import FIBRES, SHEET, read_scatter, read_sheet_numbers, take_units
+from ..friction import FRICTIONS, BendingFriction, ShearFriction, frictions_of
 from ..law_checks import COUPLINGS, check_couplings
 from ..material import Material
 
@@ -41,6 +42,9 @@ class Law(Material, Energy):
         In results and messages.
     compaction : Compaction or None
         Thickness under pressure; None for fabric that keeps its thickness.
+    shear_friction : ShearFriction or None
+    bending_friction : BendingFriction or None
+        Friction between yarns; None for fabric that is elastic.
     fibre_density : float or None
         Mass per volume of the fibres [g/cm3], None if not known.
     assumed : tuple of str
@@ -69,6 +73,8 @@ class Law(Material, Energy):
     density: float = field(default=0.75, kw_only=True)
     name: str = field(default="", kw_only=True)
     compaction: Compaction | None = field(default=Compaction(), kw_only=True)
+    shear_friction: ShearFriction | None = field(default=None, kw_only=True)
+    bending_friction: BendingFriction | None = field(default=None, kw_only=True)
     fibre_density: float | None = field(default=None, kw_only=True)
     # where numbers are from does not make another fabric
     assumed: tuple[str, ...] = field(default=(), kw_only=True, compare=False)
@@ -108,6 +114,9 @@ class Law(Material, Energy):
             raise InputError(
                 f"compaction is {shown(self.compaction)}; allowed is one, as `Compaction(16.0)`"
             )
+        for field_name, kind in FRICTIONS.items():
+            if not isinstance(given := getattr(self, field_name), kind | None):
+                raise InputError(f"{field_name} is {shown(given)}; allowed is a {kind.__name__}")
         object.__setattr__(self, "assumed", self._checked_assumed())
         self.check_scatter()
         if self.fibre_density is not None and not self.fibre_density > self.density:
@@ -225,7 +234,8 @@ class Law(Material, Energy):
         entries = {name: value for name, value in known.items() if value is not None}
         entries |= {"assumed": list(self.assumed)} if self.assumed else {}
         entries |= {"scatter": dict(self.scatter)} if self.scatter else {}
-        return entries | {"compaction": table_of(self.compaction)}
+        frictions = {name: each.table() for name in FRICTIONS if (each := getattr(self, name))}
+        return entries | {"compaction": table_of(self.compaction)} | frictions
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
@@ -246,6 +256,7 @@ def sheet_fields(
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
     and for a number that is missing."""
     fields = {"name": document.pop("name", ""), "compaction": compaction_of(document, units)}
+    fields |= frictions_of(document, units)
     fields |= {"assumed": document.pop("assumed", ())}
     fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
     known, rules = (*also, *fields), rules or {}

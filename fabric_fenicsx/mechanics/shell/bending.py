@@ -8,6 +8,7 @@ from mpi4py import MPI
 from scipy import sparse
 
 from ...material import kernel
+from ...material.friction import Response
 from ...material.laws import Law
 from ...runtime.errors import InputError
 from ...runtime.rules import FROM_ZERO
@@ -15,6 +16,7 @@ from ..materials import fabric_of
 from ..term import SceneFacts, Term, Triplets
 from .morley import MorleyCells, Where
 from .stencil import Stencil
+from .yarn_friction import KIND
 
 if TYPE_CHECKING:
     from .metal_cells import Shape
@@ -40,13 +42,15 @@ def shortest_wave(fabric: Law, D: float, strain: float) -> float:
 
 
 class _State(NamedTuple):
-    """At a displacement U (nodes, gdim): energy [N mm]; in space the shape of cells and what is
-    conjugate to its curvatures (cells, 3) [N mm]."""
+    """At a displacement U (nodes, gdim): energy [N mm]; in space the shape of cells, what is
+    conjugate to its curvatures (cells, 3) [N mm] and its derivative, and friction's response."""
 
     U: np.ndarray
     energy: float
     shape: "Shape | None" = None
     moments: np.ndarray | None = None
+    section: np.ndarray | None = None
+    friction: Response | None = None
 
 
 class Bending(Term):
@@ -55,7 +59,9 @@ class Bending(Term):
     x,aa is the second derivative of the deformed position along yarn a, x,ab the twist. Their parts
     normal to the deformed cell count in full, their parts tangent to it times `in_plane`. Curvature
     of the undeformed sheet takes no energy. The operator is that of `morley.MorleyCells`, and
-    normals are those of the present state, so rigid motions are free of energy, however large.
+    normals are those of the present state, so rigid motions are free of energy, however large. A
+    fabric's `bending_friction` acts beside it on the normal curvatures along both yarns, as the
+    kind of energy "yarn_friction".
 
     Parameters
     ----------
@@ -165,8 +171,13 @@ class Bending(Term):
         self._matrix = sparse.csr_matrix((self._within, self._coupled.ends), shape=size)
         self._rest: np.ndarray | float = 0.0
         self._now: _State | None = None
+        self._friction = None
         if blank.mesh.geometry.dim == 3:
             self._rest = self._shape(0 * self._stencil.displacement()).curvature
+            self._friction = fabric.bending_friction if fabric else None
+        count = len(self._friction.stiffness) if self._friction else 0
+        self._area, self._per_cell = cells.area, cells.per_cell
+        self._sliding, self._dissipated = np.zeros((len(cells.area), 2, count)), 0 * cells.area
 
     # -- what a scene calls
 
@@ -174,8 +185,36 @@ class Bending(Term):
         """Energy of this rank's owned cells [N mm]."""
         return self._state().energy
 
+    def energies(self) -> dict[str | None, float]:
+        """As in `Term`: also of friction between yarns, elastic and dissipated up to now."""
+        found = super().energies()
+        if friction := self._state().friction:
+            found[KIND] = float(self._area @ (friction.energy.sum(1) + self._dissipated))
+        return found
+
+    def accept(self) -> None:
+        """Keep the sliding between yarns, and what it has dissipated."""
+        if friction := self._state().friction:
+            dissipated = self._dissipated + friction.dissipated.sum(1)
+            self._sliding, self._dissipated, self._now = friction.sliding, dissipated, None
+
+    def cell_memory(self) -> dict[str, np.ndarray]:
+        """Sliding between yarns, and what it has dissipated, of the triangles of each cell."""
+        if not self._friction:
+            return {}
+        known = {"sliding": self._sliding, "dissipated": self._dissipated}
+        return {name: self.part.rows(each, self._per_cell) for name, each in known.items()}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        if self._friction:
+            self._sliding, self._dissipated = (
+                memory[name][self.part.cells].reshape(now.shape)
+                for name, now in (("sliding", self._sliding), ("dissipated", self._dissipated))
+            )
+            self._now = None
+
     def add_forces(self, f: np.ndarray) -> None:
-        U, _, shape, moments = self._state()
+        U, _, shape, moments, *_ = self._state()
         forces = self._matrix @ U
         if shape:
             across = np.einsum("ck,ckn->cn", moments, shape.bends)
@@ -185,12 +224,12 @@ class Bending(Term):
     def tangent(self) -> Triplets:
         """As in `Term`, of this rank's owned cells' energy [N/mm]: a cell reaches over two
         neighbours, further than a rank's ghosts."""
-        U, _, shape, moments = self._state()
+        U, _, shape, moments, section, _ = self._state()
         blocks = self._within[:, None, None] * np.eye(U.shape[1])
         if shape:
             from . import metal_cells
 
-            given = shape, moments, self._section, self._coupled.places, self._coupled.count
+            given = shape, moments, section, self._coupled.places, self._coupled.count
             blocks += metal_cells.bending_stiffness(*given)
         return self._stencil.triplets(self._coupled, blocks)
 
@@ -205,14 +244,22 @@ class Bending(Term):
         """The state at the present displacement, computed once."""
         U = self._stencil.displacement()
         if self._now is None or not np.array_equal(U, self._now.U):
-            energy, shape, moments = 0.5 * float(np.vdot(U, self._matrix @ U)), None, None
+            self._now = _State(U, 0.5 * float(np.vdot(U, self._matrix @ U)))
             if U.shape[1] == 3:
-                shape = self._shape(U)
-                bent = shape.curvature - self._rest
-                moments = self._section * bent
-                energy += 0.5 * float(np.vdot(moments, bent))
-            self._now = _State(U, energy, shape, moments)
+                self._now = self._bent(self._now)
         return self._now
+
+    def _bent(self, state):
+        """The state with what is normal to the cells."""
+        shape, section, friction = self._shape(state.U), self._section, None
+        bent = shape.curvature - self._rest
+        moments = section * bent
+        energy = state.energy + 0.5 * float(np.vdot(moments, bent))
+        if self._friction:
+            friction, section = self._friction.respond(bent[:, :2], self._sliding), section.copy()
+            moments[:, :2] += self._area[:, None] * friction.stress
+            section[:, :2] += self._area[:, None] * friction.tangent
+        return _State(state.U, energy, shape, moments, section, friction)
 
     def _shape(self, U):
         from . import metal_cells  # imports numba, which a strip does without

@@ -19,6 +19,7 @@ from ...sheets.part import Part
 from .. import membrane_energy
 from ..output import Value, joined, largest, last, least, on_part
 from ..term import SceneFacts, Term
+from .yarn_friction import KIND, YarnsRubbing
 
 # More points change forces by less than the element's own error, see docs/howto/meshes.md. The
 # degree that UFL estimates for this energy would take thousands of points.
@@ -35,9 +36,9 @@ INTEGRATION = "full", "inner"
 # share of the energy that stays at those of `full`. If either is larger, strips with yarns at
 # 20 deg are too stiff; if smaller, strips with yarns at 10 and 30 deg are too soft.
 INNER, OUTER_SHARE = 0.5, 0.01
-UNITS = {"shear_angle": "rad", "I10": "rad", "sigma_a": "MPa", "sigma_b": "MPa"} | dict.fromkeys(
-    ("energy_a", "energy_b", "energy_shear"), "N mm/mm^3"
-)  # of fields; of all others "-"
+UNITS = {"shear_angle": "rad", "I10": "rad"}  # of fields; of all others "-"
+UNITS |= dict.fromkeys(("sigma_a", "sigma_b", "shear_friction"), "MPa")
+UNITS |= dict.fromkeys(("energy_a", "energy_b", "energy_shear"), "N mm/mm^3")
 
 
 def default_degree(part: Part) -> int:
@@ -53,7 +54,9 @@ def default_degree(part: Part) -> int:
 class Membrane(Term):
     """Strain energy W(I4, I6, I8) t of a fabric over the undeformed sheet, eqs (5) to (9), (30).
 
-    The formulas are in `mechanics.membrane_energy`, W itself in the law.
+    The formulas are in `mechanics.membrane_energy`, W itself in the law. A fabric's
+    `shear_friction` acts beside it, as the kind of energy "yarn_friction"; stresses in fields are
+    of the law alone.
 
     Parameters
     ----------
@@ -148,6 +151,9 @@ class Membrane(Term):
         if self.integration == "inner":
             self._rules = [(1 - OUTER_SHARE, dx), (OUTER_SHARE, self.part.dx(self.degree))]
         self.energy = membrane_energy.energy(yarns, rest, law, self._rules)
+        friction, self._rubbing = self.fabric.shear_friction, None
+        if friction:
+            self._rubbing = YarnsRubbing(self.part, friction, law, yarns, rest, self.degree)
 
     @property
     def made_of(self) -> Law:
@@ -158,7 +164,32 @@ class Membrane(Term):
         """As in `Term`, by hand: see `membrane_energy`."""
         law, yarns, _, rest = self._ufl
         dv, dw = (membrane_energy.added(self.blank.in_space(x), self._a0, self._b0) for x in (v, w))
-        return membrane_energy.variations(yarns, dv, dw, rest, law, self._rules)
+        found = membrane_energy.variations(yarns, dv, dw, rest, law, self._rules)
+        if rubbing := self._rubbing:
+            more = membrane_energy.variations(yarns, dv, dw, rest, rubbing, rubbing.rules)
+            found = [each + other for each, other in zip(found, more)]
+        return found
+
+    # -- friction between the yarns, if there is any
+
+    def energies(self) -> dict[str | None, float]:
+        """As in `Term`: of friction between the yarns."""
+        return super().energies() | ({KIND: self._rubbing.stored()} if self._rubbing else {})
+
+    def accept(self) -> None:
+        """Keep how far the yarns slid."""
+        if self._rubbing:
+            self._rubbing.accept()
+
+    def cell_memory(self) -> dict[str, np.ndarray]:
+        """Sliding and dissipation at the points of each cell."""
+        return {"sliding": self._rubbing.memory()} if self._rubbing else {}
+
+    def recall(self, memory: dict[str, np.ndarray]) -> None:
+        if self._rubbing:
+            self._rubbing.recall(memory["sliding"])
+
+    # --
 
     def _constants(self, mesh):
         """The fabric, a0 and b0 where they are constant and the cosine of a weave angle that is
@@ -251,9 +282,10 @@ class Membrane(Term):
         a, b: deformed fibres; eps_a, eps_b: nominal, log_eps_11, log_eps_22: logarithmic fibre
         strains; shortening_a, shortening_b: of yarns under compression; shear_angle; I4, I6, I8,
         I10; energy_a, energy_b, energy_shear; strain_state 1..4, eq. (13); sigma_a, sigma_b: Cauchy
-        stress along the deformed fibres; stability_convexity, stability_ellipticity: the smallest
-        indicators of a cell's points, 1 at rest and negative where the law itself allows a band,
-        see `material.stability`.
+        stress along the deformed fibres; shear_friction: shear stress of friction between yarns, if
+        there is any; stability_convexity, stability_ellipticity: the smallest indicators of a
+        cell's points, 1 at rest and negative where the law itself allows a band, see
+        `material.stability`.
         """
         state, fa, fb, _ = self.state()
 
@@ -275,6 +307,8 @@ class Membrane(Term):
         for name, f, I in (("sigma_a", fa, I4), ("sigma_b", fb, I8)):
             found[name] = mean(np.einsum("cqi,cqij,cqj->cq", f, state.cauchy, f) / I)
         stable = stability.evaluate(self.fabric, state.invariants)
+        if self._rubbing:
+            found["shear_friction"] = mean(self._rubbing.response().stress)
         found["stability_convexity"] = stable.convexity.min(1)
         found["stability_ellipticity"] = stable.ellipticity.min(1)
         return {

@@ -1,0 +1,86 @@
+"""Friction between yarns in material files, and at a point against closed forms."""
+
+import numpy as np
+import pytest
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.material import kernel
+from fabric_fenicsx.material.laws import LAWS
+
+ONE = ff.ShearFriction(0.2, 0.01)
+TWO = ff.ShearFriction((0.2, 0.05), (0.01, 0.02))
+BENT = ff.BendingFriction((8.0, 2.0), (0.02, 0.01))
+LAW58 = LAWS["law58"](1335.0, 900.0, 4000.0, 0.0, 1e-3, 0.025, 0.6, 0.8, thickness=0.4)
+
+
+@pytest.mark.parametrize("fabric", [ff.load("komeili"), LAW58], ids=["coupled", "law58"])
+@pytest.mark.parametrize("shear, bent", [(ONE, None), (TWO, BENT), (None, None)])
+def test_a_file_reads_back_equal(tmp_path, fabric, shear, bent):
+    fabric = fabric.replace(shear_friction=shear, bending_friction=bent)
+    fabric.to_toml(tmp_path / "m.toml")
+    assert ff.load(tmp_path / "m.toml") == fabric
+    assert ("friction" in fabric.dumps()) == (shear is not None)
+
+
+@pytest.mark.parametrize(
+    "table, message",
+    [
+        ("stiffness_kPa = 200\nstrength_kPa = [10]", ""),
+        ("stiffness_MPa = [0.2, 0.1]\nstrength_MPa = 0.01", "2 stiffnesses and 1 strengths"),
+        ("stiffness_MPa = [0.2, 0]\nstrength_MPa = [1, 1]", "stiffness_MPa is 0; allowed is"),
+        ("stiffness_MPa = 0.2", "missing shear_friction.strength"),
+        ("stiffness_Nmm = 0.2", "shear_friction.stiffness_Nmm: stress unit 'Nmm' is unknown"),
+    ],
+)
+def test_a_table_is_read_or_refused(tmp_path, table, message):
+    path = tmp_path / "m.toml"
+    path.write_text(LAW58.dumps() + f"\n[shear_friction]\n{table}\n")
+    if not message:
+        assert ff.load(path).shear_friction == ONE
+        return
+    with pytest.raises(ff.InputError, match=message):
+        ff.load(path)
+    with pytest.raises(ff.InputError, match="bending_friction is .*; allowed is a BendingFriction"):
+        LAW58.replace(bending_friction=ONE)
+
+
+def test_a_loop_of_the_kernel_is_masings():
+    """Back from gamma_1 each element takes twice its strength over twice its elastic angle, and the
+    area of a closed loop is what its sliding takes."""
+    fabric = ff.load("komeili").replace(shear_friction=TWO)
+    back = np.linspace(0.5, -0.5, 201)
+    there, sliding, stress = back[::-1], np.zeros((1, 2)), []
+    for gamma in np.concatenate([there[101:], back[1:], there[1:]]):
+        half = [np.cos(gamma / 2), np.sin(gamma / 2)]
+        F = np.array([half, half[::-1]]).T  # yarns keep their length
+        now = kernel.evaluate(fabric, gradient=[F], sliding=sliding, tangent=True)
+        law = kernel.evaluate(fabric, gradient=[F])
+        sliding = now.sliding
+        turn = 0.5 * np.array([[-half[1], half[0]], [half[0], -half[1]]])
+        stress.append(((now.S - law.S)[0] * (F.T @ turn)).sum())
+    stress = np.array(stress)[99:]  # from gamma_1 on and back to it
+    first = TWO.respond((back[0] - back) / 2, np.zeros(1)).stress
+    assert stress[:201] == pytest.approx(stress[0] - 2 * first, abs=1e-12)
+    k, f = np.array(TWO.stiffness), np.array(TWO.strength)
+    area = np.trapezoid if hasattr(np, "trapezoid") else np.trapz
+    loop = area(stress[:201], back) + area(stress[200:], there)
+    assert loop == pytest.approx((4 * f * (0.5 - f / k)).sum(), rel=1e-3)
+
+
+def test_tangents_of_the_kernel_are_those_of_its_stresses(random_states):
+    C, a, b = random_states(50)
+    fabric = ff.load("komeili").replace(shear_friction=TWO)
+    given = {"fibres": (a, b), "sliding": (0.1, -0.2)}
+    K = kernel.evaluate(fabric, cauchy_green=C, tangent=True, **given).tangent
+    for k, (i, j) in enumerate(((0, 0), (1, 1), (0, 1))):
+        dC, S = np.zeros((2, 2)), []
+        dC[i, j] = dC[j, i] = 2e-7 / (1 + (i != j))
+        for sign in (1, -1):
+            S.append(kernel.evaluate(fabric, cauchy_green=C + sign * dC, **given).S)
+        change = ((S[0] - S[1]) / 2e-7)[:, [0, 1, 0], [0, 1, 1]]
+        assert np.abs(change - K[:, :, k]).max() < 1e-6 * np.abs(K).max()
+
+
+def test_sliding_needs_friction():
+    with pytest.raises(ff.InputError, match="the fabric has no `shear_friction`"):
+        kernel.evaluate(LAW58, gradient=[np.eye(2)], sliding=(0.0,))

@@ -1,0 +1,226 @@
+"""Friction between yarns in sheets: loops, what stays of a shape, ranks and checkpoints."""
+
+import builders
+import numpy as np
+import pytest
+from builders import COMM, everywhere, march, near, sheet
+from mpi4py import MPI
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.material import kernel
+from fabric_fenicsx.solve.checkpoint import Checkpoint
+from fabric_fenicsx.solve.newton import Newton
+
+FRICTION = ff.ShearFriction((0.2, 0.05), (0.002, 0.003))
+K, F = np.array(FRICTION.stiffness), np.array(FRICTION.strength)
+FABRIC = ff.load("komeili").replace(s1=0.03, s2=0.0, s3=0.0, shear_friction=FRICTION)
+ANGLE, SIDE = 0.4, 20.0  # [rad], [mm]
+
+
+def sheared(fabric=FABRIC, path=lambda load: load, comm=COMM, **options):
+    """A square whose nodes all follow pure shear up to ANGLE times a function of the load."""
+
+    def follow(x, load):
+        c, s = np.cos(ANGLE * path(load) / 2), np.sin(ANGLE * path(load) / 2)
+        moved = np.array([c * x[0] + s * x[1], s * x[0] + c * x[1], x[2]])
+        return (moved - x)[: blank.mesh.geometry.dim]
+
+    blank = sheet(SIDE, SIDE, 2, 2, comm=comm, **options)
+    components = tuple(range(blank.mesh.geometry.dim))
+    membrane = ff.Membrane(fabric)
+    return membrane, ff.Scene(
+        blank, [membrane], [ff.Support("all", everywhere, components, follow)]
+    )
+
+
+def shear_angles(membrane):
+    return membrane.invariants_at_points()[..., 3]
+
+
+@pytest.mark.versions
+@pytest.mark.parametrize(
+    "cell, degree, options",
+    [
+        ("triangle", 1, {}),
+        ("triangle", 2, {"integration": "inner"}),
+        ("quadrilateral", 2, {"weave_angle": 1.3}),
+    ],
+)
+def test_derivatives_after_an_accepted_state(unbalanced, cell, degree, options):
+    blank = sheet(40.0, 20.0, 4, 2, cell=cell, degree=degree, turn=builders.rotation(), a=0.4)
+    fabric = unbalanced.replace(shear_friction=FRICTION)
+    with builders.compiled_as_it_stands():
+        scene = ff.Scene(blank, [ff.Membrane(fabric, **options)])
+        u, random = blank.u.x.array, np.random.default_rng(degree)
+        for _ in range(2):
+            scene.accept()
+            u[:] = random.uniform(-0.2, 0.2, u.size) / degree
+        ff.check_derivatives(scene.terms[0], scene, size=1e-5)
+    assert scene.energies()["yarn_friction"] > 0
+
+
+def test_elements_and_kernel_have_the_same_energy():
+    _, scene = sheared()
+    sliding, before = np.zeros((1, 2)), 0.0
+    for gamma in (0.3, -0.1):
+        c, s = np.cos(gamma / 2), np.sin(gamma / 2)
+        given = {"gradient": [np.array([[c, s], [s, c]])]}
+        now, law = (
+            kernel.evaluate(FABRIC, sliding=sliding, **given),
+            kernel.evaluate(FABRIC, **given),
+        )
+        scene.blank.u.interpolate(
+            lambda x: ((c - 1) * x[0] + s * x[1], s * x[0] + (c - 1) * x[1])  # noqa: B023
+        )
+        step = (now.energy - law.energy)[0] * SIDE**2
+        assert scene.energies()["yarn_friction"] == pytest.approx(step + before, rel=1e-12)
+        scene.accept()
+        before += (F * abs(now.sliding - sliding)).sum() * SIDE**2
+        sliding = now.sliding
+
+
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.mpi)])
+def test_a_loop_takes_what_its_sliding_dissipates(degree):
+    """There and back to the square, where the springs of the elements are still loaded."""
+    _, scene = sheared(path=lambda load: 1 - abs(2 * load - 1), degree=degree)
+    result = ff.Job(scene, steps=40).run()
+    energy, elastic = result.summary["energy"], F / K
+    exact = SIDE**2 * (F * (2 * ANGLE - 2.5 * elastic)).sum()
+    assert energy["strain"] < 1e-12
+    assert energy["yarn_friction"] == pytest.approx(exact, rel=1e-9)
+    assert energy["external_work"] == pytest.approx(exact, rel=2e-3)  # its kinks are between states
+
+
+@pytest.mark.parametrize(
+    "s1, friction",
+    [(0.005, ff.ShearFriction(0.2, 0.002)), pytest.param(0.03, FRICTION, marks=pytest.mark.mpi)],
+)
+def test_a_square_keeps_the_angle_at_which_law_and_friction_balance(folder, s1, friction):
+    """A spring alone gives way: s1 g = k (g_slid - g); or the law pushes the yarns back until
+    friction at its full strength holds it: s1 g = sum f. And so it is in a run that went on."""
+    fabric = FABRIC.replace(s1=s1, shear_friction=friction)
+    left = 0.2 * (ANGLE - 0.01) / (s1 + 0.2) if s1 < 0.01 else F.sum() / s1
+    formed = ff.Job(sheared(fabric)[1], steps=4).run(folder, pictures=False)
+    unloaded = ff.unloading(formed).run()
+    term = unloaded.scene.terms[0]
+    assert shear_angles(term) == pytest.approx(np.full_like(shear_angles(term), left), rel=1e-5)
+    assert unloaded.summary["energy"]["strain"] == pytest.approx(s1 * left**2 / 2 * SIDE**2, 1e-4)
+    assert unloaded.summary["energy_imbalance"] < 2e-3
+    assert not [each for each in unloaded.summary["warnings"] if "keeps no shape" in each]
+    again = ff.Job(sheared(fabric)[1], steps=4).run(folder, resume=True, pictures=False)
+    other = ff.unloading(again).run()
+    assert other.summary["energy"] == pytest.approx(unloaded.summary["energy"], rel=1e-9)
+
+
+@pytest.mark.mpi
+def test_same_on_any_number_of_ranks_and_resumed(folder):
+    """A bias test on one rank, on all, and on all from a checkpoint that one rank wrote half way,
+    as it went back."""
+    path, found = folder.with_suffix(".npz"), []
+    for comm, resumed in ((MPI.COMM_SELF, False), (COMM, False), (COMM, True)):
+        blank, start = sheet(40, 20, 8, 4, comm=comm, degree=2, a=np.pi / 4), None
+        pull = lambda x, load: np.outer([2 * min(load, 0.75 - load), 0], 1 + 0 * x[0])  # noqa: E731
+        ends = [ff.Support("fixed", near(0, 0.0), (0, 1))]
+        ends += [ff.Support("moving", near(0, 40.0), (0, 1), pull)]
+        scene = ff.Scene(blank, [ff.Membrane(FABRIC)], ends)
+        checkpoint = Checkpoint(path, blank, {})
+
+        def keep(state):
+            if comm is MPI.COMM_SELF and COMM.rank == 0 and abs(state.load - 0.5) < 1e-9:
+                checkpoint.save(state.progress, {})  # noqa: B023
+
+        if resumed:
+            COMM.barrier()
+            start, _ = checkpoint.load(scene.memory())
+        outcome = march(Newton(scene), 8, max_step=0.125, on_accept=keep, start=start)
+        assert not outcome.reason
+        found.append(scene.energies())
+    assert found[0]["yarn_friction"] > 0.01
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
+    assert found[2] == pytest.approx(found[0], rel=1e-6)
+
+
+@pytest.mark.mpi
+def test_plies_rub_each_by_its_own_friction():
+    plies = [sheet(SIDE, SIDE, 2, 2, spatial=True) for _ in range(2)]
+    stack = ff.Stack([(plies[0], 1.0, "one"), (plies[1], 1.0, "two")])
+    other = FABRIC.replace(shear_friction=ff.ShearFriction(0.1, 0.01))
+    terms = [ff.Membrane(FABRIC).on("one"), ff.Membrane(other).on("two")]
+    scene = ff.Scene(stack, terms)
+    stack.u.interpolate(lambda x: (0 * x[0], 0.4 * x[0], 0 * x[0]))
+    exact = [
+        friction.respond(np.arctan(np.array([0.4])), np.zeros(1)).energy[0]
+        for friction in (FRICTION, other.shear_friction)
+    ]
+    assert scene.energies()["yarn_friction"] == pytest.approx(sum(exact) * SIDE**2, rel=1e-12)
+
+
+@pytest.mark.mpi
+def test_a_picture_frame_meets_its_closed_form():
+    frame = ff.PictureFrame(FABRIC.replace(couplings=()), nx=2, angle=30).job(steps=6).run()
+    exact = frame.number("closed_form_N_per_mm")
+    assert frame.number("normalised_shear_force_N_per_mm") == pytest.approx(exact, rel=1e-9)
+
+
+# -- bending
+
+BENT = ff.BendingFriction(4.0, 0.1)  # k [N mm], f [N mm/mm]
+LENGTH, CURVATURE = 20.0, 0.1
+
+
+def on_a_bar(D):
+    """A strip that is laid on a bar, its sides in planes of symmetry, its wefts straight."""
+    step = LENGTH / 20
+
+    def on_bar(x, load):
+        half, k = step * load * CURVATURE / 2, np.arange(20)
+        s = np.round(x[0] / step).astype(int)
+        along, up = (
+            np.concatenate([[0], step * f((2 * k + 1) * half).cumsum()]) for f in (np.cos, np.sin)
+        )
+        return np.array([along[s] - x[0], 0 * x[0], up[s]])
+
+    blank = sheet(LENGTH, 4.0, 20, 2, "left", spatial=True)
+    sides = [near(0, 0.0), near(1, 0.0), near(1, 4.0)]
+    terms = [
+        ff.Membrane(builders.KOMEILI.replace(bending_friction=BENT)),
+        ff.Bending(D, symmetric=sides),
+    ]
+    held = [ff.Support("plane of symmetry", near(0, 0.0), (0,))]
+    held += [ff.Support("wide", everywhere, (1,)), ff.Support("bar", everywhere, (0, 2), on_bar)]
+    return ff.Job(ff.Scene(blank, terms, held), steps=8, viscosity="off")
+
+
+@pytest.mark.parametrize("D", [0.5, pytest.param(8.0, marks=pytest.mark.mpi)])
+def test_a_strip_keeps_the_curvature_at_which_bending_and_friction_balance(folder, D):
+    """As in shear: D kappa = k (kappa_slid - kappa), or D kappa = f."""
+    chord = 2 * np.sin(CURVATURE / 2)  # curvature through nodes 1 mm apart
+    left = 4 * (chord - 0.1 / 4) / (D + 4) if D < 1 else 0.1 / D
+    formed = on_a_bar(D).run(folder, pictures=False)
+    area, elastic = LENGTH * 4.0, 0.1 / 4
+    exact = 0.1 * (CURVATURE - elastic / 2) * area
+    # but for cells at the free end, which have no moment
+    assert formed.summary["energy"]["yarn_friction"] == pytest.approx(exact, rel=0.03)
+    unloaded = ff.unloading(formed, keep=["wide"]).run()
+    blank, bending = unloaded.scene.blank, unloaded.scene.terms[1]
+    normal = bending.curvatures()[:, 0]
+    # near the plane the fading forces have bent it a little more on the way
+    inside = np.abs(blank.midpoints()[0] - LENGTH / 2) < LENGTH / 4
+    assert np.linalg.norm(normal[inside], axis=1) == pytest.approx(left, rel=2e-3)
+    assert unloaded.summary["energy_imbalance"] < 2e-3
+    again = ff.unloading(on_a_bar(D).run(folder, resume=True, pictures=False), keep=["wide"]).run()
+    assert again.summary["energy"] == pytest.approx(unloaded.summary["energy"], rel=1e-6, abs=1e-9)
+
+
+def test_derivatives_of_bending_after_an_accepted_state():
+    blank = sheet(20.0, 10.0, 5, 3, "unstructured", spatial=True, a=0.4)
+    membrane = ff.Membrane(builders.KOMEILI.replace(bending_friction=BENT))
+    scene = ff.Scene(blank, [membrane, ff.Bending(0.5, D_t=0.1, symmetric=near(0, 0.0))])
+    u, random = blank.u.x.array, np.random.default_rng(1)
+    for _ in range(2):
+        scene.accept()
+        u[:] = random.uniform(-0.5, 0.5, u.size)
+    ff.check_derivatives(scene.terms[1], scene, size=1e-5)
+    before = scene.energies()["yarn_friction"]
+    scene.accept()
+    assert scene.energies()["yarn_friction"] == pytest.approx(before, rel=1e-12) and before > 0
