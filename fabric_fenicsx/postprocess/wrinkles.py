@@ -28,8 +28,8 @@ def height_map(grid: Grid, over_tools: Heights) -> Grid:
     ply's coordinates that fits the ply around it best, with Gaussian weights (`SIGMA`). What is the
     same along the way on which the smooth surface is shortened most is its shape, as where a ply
     bridges two tools, so the mean along that way is taken off. Beside radii of tools the height
-    counts as far as the ply is off them. over_tools: function of formed places (n, 3) [mm] to the distance (n,) [mm] of the
-    ply's faces from the nearest tool.
+    counts as far as the ply is off them. over_tools: function of formed places (n, 3) [mm] to the
+    distance (n,) [mm] of the ply's faces from the nearest tool.
     """
     ply = ply_of(grid)
     w = _waves(ply)
@@ -71,8 +71,8 @@ def wrinkles(heights: Grid) -> dict[str, Any]:
 
 
 def _waves(ply):
-    """Distances (n,) of the nodes from their smooth surface, less their means along the way on which
-    that is shortened most [mm]."""
+    """Distances (n,) of the nodes from their smooth surface, less their means along the way on
+    which that is shortened most [mm]."""
     w, tangents = _off_smooth(ply)
     way = np.linalg.eigh(tangents @ tangents.swapaxes(1, 2))[1][:, :, 0]
     x = ply.x[:, :2]
