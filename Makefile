@@ -8,7 +8,7 @@ ONLY ?=
 DEBIAN13_ROOT ?= .debian13/root
 SID_ROOT ?= .debian13/sid
 # Processes of the tests on one rank: one more than cores, as some wait for others that they start.
-WORKERS ?= $(shell echo $$(($$(nproc --all) + 1)))
+WORKERS ?= $(shell echo $$(($$(env -u OMP_NUM_THREADS nproc) + 1)))
 # Seconds after which the ranks of a test run count as hung: far beyond what they take on a machine with other work.
 TEST_TIMEOUT ?= 21600
 
@@ -58,7 +58,7 @@ else
 MPI_PARTS = "$(MPI_FILES)"
 VENV := .venv
 # Ranks may outnumber cores. Only then they give up a core while they wait: beside other work it comes back late.
-IDLE = $(shell test $(RANKS) -gt $$(nproc --all) && echo 1 || echo 0)
+IDLE = $(shell test $(RANKS) -gt $$(env -u OMP_NUM_THREADS nproc) && echo 1 || echo 0)
 MPIRUN = mpirun.openmpi --map-by :OVERSUBSCRIBE --bind-to none --mca mpi_yield_when_idle $(IDLE) -n $(RANKS)
 TEST_MPIRUN = $(MPIRUN) --timeout $(TEST_TIMEOUT)
 endif
