@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .forming.tools import DieOf, PressTool
     from .forming.unloading import unloading
     from .job.job import Job, Result
+    from .material.bending import MeasuredBending
     from .material.compaction import Compaction
     from .material.friction import BendingFriction, ShearFriction
     from .material.hardening import HardeningTable, Swift, Voce

@@ -14,6 +14,9 @@ from ..runtime.errors import InputError
 from ..runtime.rules import POSITIVE, unknown_key
 from .files import read_toml, write_whole
 
+# fields of materials that have no part in the energy of the membrane
+NO_ENERGY = "density", "fibre_density", "compaction", "bending", "bending_friction"
+
 
 @dataclass(frozen=True)
 class Parameters:
@@ -37,7 +40,7 @@ class Parameters:
         new = copy.copy(self)
         for field in sorted(dataclasses.fields(self), key=lambda field: field.name == "thickness"):
             value = getattr(self, field.name)
-            if field.name in ("density", "fibre_density", "compaction", "bending_friction"):
+            if field.name in NO_ENERGY:
                 continue
             if isinstance(value, float):
                 object.__setattr__(new, field.name, make(value))

@@ -11,6 +11,7 @@ UNITS = {
     "density": {"g/cm3": 0, "kg/m3": -3},
     "areal_weight": {"g/m2": 0, "kg/m2": 3},
     "bending_stiffness": {"Nmm": 0, "Nm": 3},
+    "curvature": {"1/mm": 0, "1/m": -3},
     "line_moment": {"N": 0, "mN": -3},
 }
 DEG = math.pi / 180

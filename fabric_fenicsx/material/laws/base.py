@@ -11,6 +11,7 @@ from ...readers.units import UNITS
 from ...runtime.errors import InputError
 from ...runtime.rules import Rule, check_complete, shown, unknown_key
 from .. import law_checks
+from ..bending import MeasuredBending, bending_of
 from ..compaction import Compaction, compaction_of, table_of
 from ..energy import Derivatives, Energy, Range, stresses_of_energy
 from ..files import FIBRES, SHEET, read_scatter, read_sheet_numbers, take_units
@@ -45,6 +46,8 @@ class Law(Material, Energy):
     shear_friction : ShearFriction or None
     bending_friction : BendingFriction or None
         Friction between yarns; None for fabric that is elastic.
+    bending : MeasuredBending or None
+        As tests tell it; None for that of the sheet, by a modulus.
     fibre_density : float or None
         Mass per volume of the fibres [g/cm3], None if not known.
     assumed : tuple of str
@@ -75,6 +78,7 @@ class Law(Material, Energy):
     compaction: Compaction | None = field(default=Compaction(), kw_only=True)
     shear_friction: ShearFriction | None = field(default=None, kw_only=True)
     bending_friction: BendingFriction | None = field(default=None, kw_only=True)
+    bending: MeasuredBending | None = field(default=None, kw_only=True)
     fibre_density: float | None = field(default=None, kw_only=True)
     # where numbers are from does not make another fabric
     assumed: tuple[str, ...] = field(default=(), kw_only=True, compare=False)
@@ -114,7 +118,7 @@ class Law(Material, Energy):
             raise InputError(
                 f"compaction is {shown(self.compaction)}; allowed is one, as `Compaction(16.0)`"
             )
-        for field_name, kind in FRICTIONS.items():
+        for field_name, kind in (FRICTIONS | {"bending": MeasuredBending}).items():
             if not isinstance(given := getattr(self, field_name), kind | None):
                 raise InputError(f"{field_name} is {shown(given)}; allowed is a {kind.__name__}")
         object.__setattr__(self, "assumed", self._checked_assumed())
@@ -234,8 +238,9 @@ class Law(Material, Energy):
         entries = {name: value for name, value in known.items() if value is not None}
         entries |= {"assumed": list(self.assumed)} if self.assumed else {}
         entries |= {"scatter": dict(self.scatter)} if self.scatter else {}
-        frictions = {name: each.table() for name in FRICTIONS if (each := getattr(self, name))}
-        return entries | {"compaction": table_of(self.compaction)} | frictions
+        of_yarns = (*FRICTIONS, "bending")
+        tables = {name: each.table() for name in of_yarns if (each := getattr(self, name))}
+        return entries | {"compaction": table_of(self.compaction)} | tables
 
     @classmethod
     def from_document(cls, document: dict[str, Any], folder: Path) -> Self:
@@ -256,7 +261,7 @@ def sheet_fields(
     document; units: of its table [units], also: keys that the law took. Raises InputError by key,
     and for a number that is missing."""
     fields = {"name": document.pop("name", ""), "compaction": compaction_of(document, units)}
-    fields |= frictions_of(document, units)
+    fields |= frictions_of(document, units) | {"bending": bending_of(document, units)}
     fields |= {"assumed": document.pop("assumed", ())}
     fields |= {"scatter": read_scatter(document, law.numbers(), law.factors, units)}
     known, rules = (*also, *fields), rules or {}

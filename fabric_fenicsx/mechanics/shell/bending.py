@@ -8,6 +8,7 @@ from mpi4py import MPI
 from scipy import sparse
 
 from ...material import kernel
+from ...material.bending import MeasuredBending
 from ...material.friction import Response
 from ...material.laws import Law
 from ...runtime.errors import InputError
@@ -78,7 +79,8 @@ class Bending(Term):
         plane is held. All other edges are free of moment.
     modulus, twist_modulus : float
         E of both yarns and G [MPa], in place of D_a, D_b, D_t: D_a = D_b = E t^3 / 12 and D_t =
-        G t^3 / 3, with the thickness t of the scene's fabric.
+        G t^3 / 3, with the thickness t of the scene's fabric. A fabric's `bending`, as measured,
+        takes the place of `modulus`; bending within the sheet then has its slopes at the start.
 
     Raises
     ------
@@ -97,6 +99,7 @@ class Bending(Term):
     """
 
     name = energy_kind = "bending"
+    _measured: MeasuredBending | None = None
 
     def __init__(
         self,
@@ -142,6 +145,10 @@ class Bending(Term):
             self.stiffnesses = np.array(
                 [D, D, 4 * plate_stiffness(given["twist_modulus"], fabric.thickness)]
             )
+            self._measured = fabric.bending
+            self._weight = fabric.density * fabric.thickness
+            if self._measured:
+                self.stiffnesses[:2] = self._measured.stiffnesses(self._weight)
         else:
             self.stiffnesses = np.array([given["D_a"], given["D_b"], given["D_t"]], float)
         cells = MorleyCells(blank, *self._edges)
@@ -162,6 +169,7 @@ class Bending(Term):
         self._coupled = self._stencil.coupled(counts[:, :, None] & counts[:, None])
         weights = cells.area[:, None] * self.stiffnesses
         self._section = (1 - self.in_plane) * weights / TWIST**2
+        self._across = (1 - self.in_plane) * np.tile(cells.area[:, None], 2)
         # stiffness of all second derivatives along each axis, of pairs of nodes
         both = operator * (self.in_plane * weights)[:, :, None]
         products = both.swapaxes(1, 2) @ operator
@@ -255,6 +263,13 @@ class Bending(Term):
         bent = shape.curvature - self._rest
         moments = section * bent
         energy = state.energy + 0.5 * float(np.vdot(moments, bent))
+        if self._measured:
+            along, area = self._measured.respond(bent[:, :2], self._weight), self._across
+            energy += float(
+                np.vdot(area, along.energy) - 0.5 * np.vdot(moments[:, :2], bent[:, :2])
+            )
+            section = section.copy()
+            moments[:, :2], section[:, :2] = area * along.moment, area * along.slope
         if self._friction:
             friction, section = self._friction.respond(bent[:, :2], self._sliding), section.copy()
             moments[:, :2] += self._area[:, None] * friction.stress

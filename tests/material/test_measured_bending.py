@@ -1,0 +1,87 @@
+"""Bending of fabric as tests tell it: in files, at a point, and in a sheet."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_bvp
+
+import fabric_fenicsx as ff
+from fabric_fenicsx.material.bending import GRAVITY
+
+FALLING = ff.MeasuredBending(
+    curvature=(0, 0.005, 0.02, 0.1), moment_a=(0, 0.04, 0.1, 0.2), moment_b=(0, 0.02, 0.05, 0.1)
+)
+KOMEILI = ff.load("komeili")
+
+
+def test_a_file_reads_back_equal(tmp_path):
+    for bending in (FALLING, ff.MeasuredBending(cantilever_a=210.0, cantilever_b=160.0), None):
+        fabric = KOMEILI.replace(bending=bending)
+        fabric.to_toml(tmp_path / "m.toml")
+        assert ff.load(tmp_path / "m.toml") == fabric
+
+
+@pytest.mark.parametrize(
+    "table, message",
+    [
+        # non-crimp fabric of Broberg et al. (2024), Composites B 274:111268: 0.119 N mm/mm per 1/m
+        ("curvature_1_per_m = [0, 1]\nmoment_a_N = [0, 0.119]", ""),
+        ("cantilever_a_mm = 200", "bending is incomplete, or told twice; allowed are cantilever_a"),
+        ("curvature_1_per_m = [0, 1]\nmoment_a_N = [0, 1, 2]", "of as many numbers"),
+        ("curvature_1_per_m = [0, 1]\nmoment_a_N = [0.1, 1]", "moment_a is .*numbers that rise"),
+        ("curvature_1_per_m = [0, 2, 1]\nmoment_a_N = [0, 1, 2]", "curvature is .*that rise from"),
+    ],
+)
+def test_a_table_is_read_or_refused(tmp_path, table, message):
+    (tmp_path / "m.toml").write_text(KOMEILI.dumps() + f"\n[bending]\n{table}\n")
+    if not message:
+        found = ff.load(tmp_path / "m.toml").bending.stiffnesses(0.75)
+        assert found == pytest.approx([119.0, 119.0])
+        return
+    with pytest.raises(ff.InputError, match=message):
+        ff.load(tmp_path / "m.toml")
+
+
+def test_the_moment_is_the_energy_s_derivative_and_odd():
+    k = np.linspace(-0.15, 0.15, 31)
+    both = np.stack([k, k], axis=1)
+    found = FALLING.respond(both, 1.0)
+    for yarn, moment in enumerate(found.moment.T):
+        assert moment == pytest.approx(-moment[::-1])
+        work = quad(lambda c: FALLING.respond(np.array([[c, c]]), 1.0).moment[0, yarn], 0, 0.15)[0]
+        assert found.energy[-1, yarn] == pytest.approx(work, rel=1e-7)
+    h = 1e-7
+    high, low = (FALLING.respond(both + s * h, 1.0) for s in (1, -1))
+    assert (high.energy - low.energy) / (2 * h) == pytest.approx(found.moment, abs=1e-7)
+    assert (high.moment - low.moment) / (2 * h) == pytest.approx(found.slope, rel=1e-3)
+
+
+def test_a_cantilever_of_this_length_droops_by_41_5_deg():
+    """The line from the edge to the end of the strip, by the elastica under its own weight."""
+    L, weight = 200.0, GRAVITY * 0.75
+    D = ff.MeasuredBending(cantilever_a=L, cantilever_b=L).stiffnesses(0.75)[0]
+
+    def slope(s, y):
+        return np.array([y[1], weight * (L - s) * np.cos(y[0]) / D, np.cos(y[0]), np.sin(y[0])])
+
+    s = np.linspace(0, L, 50)
+    start = np.array([0 * s, 0 * s, s, 0 * s])
+    end = solve_bvp(slope, lambda a, b: np.array([a[0], b[1], a[2], a[3]]), s, start).y[:, -1]
+    assert np.degrees(np.arctan2(abs(end[3]), end[2])) == pytest.approx(41.5, abs=1.0)
+
+
+@pytest.mark.mpi
+@pytest.mark.parametrize("angle", [0, 90])
+def test_a_strip_bent_to_a_cylinder(angle):
+    """It takes the energy of its curvature, and its forces are the energy's derivatives."""
+    fabric, kappa = KOMEILI.replace(bending=FALLING), 0.03
+    blank = ff.Blank.rectangle(60, 20, nx=24, ny=8, fibre_angle=angle, spatial=True)
+    bending = ff.Bending(modulus=1.0)
+    scene = ff.Scene(blank, [ff.Membrane(fabric), bending], ff.clamped_ends(0.1))
+    x = blank.coordinates()[:, 0]
+    bent = np.column_stack([np.sin(kappa * x) / kappa - x, 0 * x, (1 - np.cos(kappa * x)) / kappa])
+    blank.u.x.array[:] = bent.ravel()
+    both = FALLING.respond(np.array([[kappa, kappa]]), 0.75).energy[0]
+    energy = scene.energies()["bending"]
+    assert energy == pytest.approx(60 * 20 * both[angle // 90], rel=0.1)  # ends are free
+    blank.u.x.array[2::3] += 0.004 * blank.coordinates()[:, 1] ** 2  # as slopes have kinks at 0
+    ff.check_derivatives(bending, scene, size=1e-4)
