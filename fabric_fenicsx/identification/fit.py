@@ -8,13 +8,13 @@ import numpy as np
 from scipy import stats
 
 from ..material.homogeneous import nominal_tangent
-from ..material.laws.coupled import SHEAR, YARN, WovenFabric, Yarn
+from ..material.laws.coupled import SHEAR, WovenFabric, Yarn
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from .compaction import fit_compaction
-from .curves import Curve, Sheet, angle_warnings, unit_warnings
+from .curves import Curve, Sheet, curve_warnings
 from .parameter import Assumed, Determined
-from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of
+from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of, yarns_of
 from .result import Identification
 from .toe import toe_warning
 
@@ -61,36 +61,18 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
-        *_remarks(curves),
-        *_remarks(sheet.compaction),
+        *(f"{t.file}: {text}" for t in (*curves, *sheet.compaction) for text in t.remarks),
         *_fit_warnings(curves, found, softest, convex),
         *_parameter_warnings(determined, assumed),
         *filter(None, (toe_warning(*each) for each in fits)),
-        *angle_warnings(curves),
-        *unit_warnings(curves),
+        *curve_warnings(curves),
         *(compaction.warnings if compaction else ()),
         *fabric.plausibility_warnings(),
     ]
     return Identification(
-        fabric,
-        determined,
-        assumed,
-        found.correlation,
-        fits,
-        found.dof,
-        found.variance,
-        estimated,
-        softest,
-        convex,
-        warnings,
-        sheet.areal_weight,
-        compaction,
+        *(fabric, determined, assumed, found.correlation, fits, found.dof, found.variance),
+        *(estimated, softest, convex, warnings, sheet.areal_weight, compaction),
     )
-
-
-def _remarks(tests):
-    """Sentences on what was left out of the files of tests."""
-    return [f"{test.file}: {text}" for test in tests for text in test.remarks]
 
 
 def _determined(problem, k, value, staged, error, half, at_bound):
@@ -186,11 +168,11 @@ def _statistics(problem, theta, free, sd):
     variance = float(residual @ residual) / dof
     J = problem.jacobian(theta, free) * problem.natural[free] / sd[:, None]
     inverse = np.linalg.inv(np.linalg.qr(J, "r"))
-    covariance = variance * inverse @ inverse.T
-    error = np.sqrt(np.diag(covariance)) * problem.natural[free]
-    spread = np.sqrt(np.diag(inverse @ inverse.T))
-    correlation = inverse @ inverse.T / np.outer(spread, spread)
+    covariance = inverse @ inverse.T  # over the variance
+    spread = np.sqrt(np.diag(covariance))
+    error = math.sqrt(variance) * spread * problem.natural[free]
     half = stats.t.ppf(0.975, dof) * error
+    correlation = covariance / np.outer(spread, spread)
     return _Statistics(free, dof, variance, error, half, correlation, J)
 
 
@@ -209,10 +191,7 @@ def _moves(problem, theta, found, sd, k):
 def _fabric(value, sheet, compaction, assumed):
     """The fabric of values {name: number} and of a fit of compaction, if there is one; assumed:
     names of values that were not fitted."""
-    warp, weft = (
-        Yarn(**{n: value[n] if n in value else value[f"{yarn}.{n}"] for n in YARN})
-        for yarn in ("warp", "weft")
-    )
+    warp, weft = (Yarn(**yarn) for yarn in yarns_of(value))
     known: dict[str, Any] = {n: value[n] for n in SHEAR}
     known |= {n: getattr(sheet, n) for n in ("thickness", "density", "fibre_density", "name")}
     known |= {"compaction": compaction.compaction} if compaction else {}
@@ -257,12 +236,10 @@ def _parameter_warnings(determined, assumed):
                 "but maybe too soft, and does not neck; measure the strain across (eps_a or "
                 "eps_b), or hold the sides"
             )
-    for name, parameter in determined.items():
-        if parameter.at_bound:
-            yield f"{name} is held by a bound from physics"
-    for name, parameter in determined.items():
-        if parameter.weak:
-            yield f"{name} is weakly determined, as its interval is wider than +-100 %"
+    held = [name for name, parameter in determined.items() if parameter.at_bound]
+    weak = [name for name, parameter in determined.items() if parameter.weak]
+    yield from (f"{name} is held by a bound from physics" for name in held)
+    yield from (f"{name} is weakly determined, as its interval is wider than +-100 %" for name in weak)
 
 
 def _regression(problem, default, reason, source):

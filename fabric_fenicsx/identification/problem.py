@@ -1,7 +1,7 @@
 """Residuals of test curves in the parameters of the law, and what the curves determine."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -39,11 +39,19 @@ def unit_of(name: str) -> str:
 def true_values(fabric: WovenFabric, balanced: bool) -> dict[str, float]:
     """Parameters of `fabric` by the names used here: 10 if balanced, otherwise 17 with warp. and
     weft. before the yarns'."""
-    own = {name: getattr(fabric, name) for name in SHEAR}
-    own |= {name: getattr(fabric.warp, name) for name in YARN}
-    for yarn in ("warp", "weft"):
-        own |= {f"{yarn}.{name}": getattr(getattr(fabric, yarn), name) for name in YARN}
-    return {name: own[name] for name in names_of(balanced)}
+    return {
+        name: getattr(getattr(fabric, yarn or "warp") if own in YARN else fabric, own)
+        for name in names_of(balanced)
+        for yarn, _, own in [name.rpartition(".")]
+    }
+
+
+def yarns_of(values: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Parameters of warp and of weft in `values` by the names used here."""
+    return [
+        {n: values[n] if n in values else values[f"{yarn}.{n}"] for n in YARN}
+        for yarn in ("warp", "weft")
+    ]
 
 
 class NotConverged(SolverFailure):
@@ -97,12 +105,10 @@ class Problem:
 
     def material(self, theta: np.ndarray) -> WovenFabric:
         """A fabric without its checks, so that derivatives can be taken at bounds."""
-        v = dict(zip(self.names, theta))
-        fabric = DEFAULTS.symbols(float)
-        vars(fabric).update({n: v[n] for n in SHEAR}, thickness=self.thickness)
-        for yarn in ("warp", "weft"):
-            numbers = {n: v[n] if n in v else v[f"{yarn}.{n}"] for n in YARN}
-            vars(getattr(fabric, yarn)).update(numbers)
+        values, fabric = dict(zip(self.names, theta)), DEFAULTS.symbols(float)
+        vars(fabric).update({n: values[n] for n in SHEAR}, thickness=self.thickness)
+        for yarn, numbers in zip((fabric.warp, fabric.weft), yarns_of(values)):
+            vars(yarn).update(numbers)
         return fabric
 
     def predict(self, theta: np.ndarray) -> np.ndarray:

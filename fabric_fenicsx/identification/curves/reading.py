@@ -50,7 +50,12 @@ def read(folder: Path | str) -> tuple[Sheet, tuple[Curve, ...]]:
     curves = tuple(test for test in tests if isinstance(test, Curve))
     checks.check_contradictions(curves, sheet.balanced)
     compaction = tuple(test for test in tests if isinstance(test, CompactionTest))
-    checks.check_fibres(compaction, sheet)
+    for test in compaction:
+        if test.response.column == "fibre_volume_fraction" and sheet.fibre_density is None:
+            raise InputError(
+                f"{test.file}: the column fibre_volume_fraction needs the fibres' density; allowed "
+                "is a line fibre_density_g_per_cm3 = 2.54 in sheet.toml, for example"
+            )
     return dataclasses.replace(sheet, compaction=compaction), curves
 
 
