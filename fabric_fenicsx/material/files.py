@@ -8,11 +8,12 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..readers.units import UNITS, check_unit, suffixes
+from ..readers.units import OWN, UNITS, check_unit, suffixes
 from ..runtime.errors import InputError
 from ..runtime.rules import POSITIVE, Rule, above_zero, did_you_mean, shown, unknown_key
 
 SHEET = {"thickness": above_zero("length"), "density": above_zero("density")}
+OWN_UNITS = {kind: OWN[kind] for kind in ("stress", "length", "density")}  # of files we write
 FIBRES = {"fibre_density": above_zero("density")}
 
 

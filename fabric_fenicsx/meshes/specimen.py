@@ -3,14 +3,13 @@ of triangles or quadrilaterals."""
 
 import math
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial import Delaunay
 
 from ..runtime.errors import InputError
 from ..runtime.rules import COUNT, POSITIVE
-from .gmsh_cells import KINDS, meshed, own_model
+from .gmsh_cells import meshed, own_model
 
 PATTERNS = ("crossed", "graded", "left", "right", "along", "unstructured", "yarns")
 CELLS = "triangle", "quadrilateral"
@@ -168,28 +167,3 @@ def _unstructured(
             occ.fragment([(2, sheet)], edges)
         occ.synchronize()
         return *meshed(gmsh, corners), "quad" if corners == 4 else "triangle"
-
-
-def write(path: Path | str, points: np.ndarray, cells: np.ndarray, kind: str) -> None:
-    """Write what `specimen` gives, and its four edges, as physical groups (sheet, left, right,
-    bottom, top) to a .msh file."""
-    import gmsh
-
-    with own_model(gmsh):
-        sheet = gmsh.model.addDiscreteEntity(2)
-        gmsh.model.mesh.addNodes(2, sheet, np.arange(1, len(points) + 1), points.ravel())
-        number = KINDS[4 if kind == "quad" else 3]
-        gmsh.model.mesh.addElementsByType(sheet, number, [], (cells + 1).ravel())
-        gmsh.model.setPhysicalName(2, gmsh.model.addPhysicalGroup(2, [sheet]), "sheet")
-        sides = np.sort(np.stack([cells, np.roll(cells, -1, 1)], 2).reshape(-1, 2), 1)
-        sides, count = np.unique(sides, axis=0, return_counts=True)
-        sides = sides[count == 1]
-        low, high = points.min(0), points.max(0)
-        tolerance = 1e-9 * (high - low).max()
-        edges = {"left": (0, low), "right": (0, high), "bottom": (1, low), "top": (1, high)}
-        for name, (axis, value) in edges.items():
-            on = (np.abs(points[sides][:, :, axis] - value[axis]) <= tolerance).all(1)
-            edge = gmsh.model.addDiscreteEntity(1)
-            gmsh.model.mesh.addElementsByType(edge, 1, [], (sides[on] + 1).ravel())
-            gmsh.model.setPhysicalName(1, gmsh.model.addPhysicalGroup(1, [edge]), name)
-        gmsh.write(str(path))

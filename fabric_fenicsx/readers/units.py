@@ -11,6 +11,7 @@ UNITS = {
     "density": {"g/cm3": 0, "kg/m3": -3},
     "areal_weight": {"g/m2": 0, "kg/m2": 3},
 }
+OWN = {kind: next(iter(known)) for kind, known in UNITS.items()}  # the package's own units
 DEG = math.pi / 180
 ANGLE = {"rad": 1.0, "deg": DEG}
 STRAIN = {"-": 1.0, "%": 0.01}
