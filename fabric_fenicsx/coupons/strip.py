@@ -1,19 +1,18 @@
 """Built tests of a strip that a moving grip pulls, with measured curves laid over the run's."""
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..identification.curves import Curve
+from ..identification.curves import Curve, read
 from ..job.job import Result
 from ..results import measures
 from ..results.curve import Curves
 from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from ..scene.scene import Scene
-from .measured import Measured, read_measured
+from .measured import Measured
 from .setup import CouponSetup
 
 SAME = 0.01  # of a length, by which specimens that count as equal may differ
@@ -66,10 +65,10 @@ class StripSetup(CouponSetup):
     def _measured(self, length, width):
         """The measured curves; InputError for those that can't be compared."""
         file, thickness = self.data.measured, self.data.fabric.thickness
-        sheet, found = read_measured(Path(file))
+        sheet, found = read(file)
         fitting = [curve for curve in found if self.is_compared(curve)]
         if not fitting:
-            tests = " and ".join(sorted({curve.test for curve in found}))
+            tests = " and ".join(sorted({curve.test for curve in found})) or "compaction"
             raise InputError(
                 f"`measured` {file} has no test for this study but {tests}; "
                 f"allowed is {self.data.COMPARED}"

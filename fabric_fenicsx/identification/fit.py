@@ -239,7 +239,9 @@ def _parameter_warnings(determined, assumed):
     held = [name for name, parameter in determined.items() if parameter.at_bound]
     weak = [name for name, parameter in determined.items() if parameter.weak]
     yield from (f"{name} is held by a bound from physics" for name in held)
-    yield from (f"{name} is weakly determined, as its interval is wider than +-100 %" for name in weak)
+    yield from (
+        f"{name} is weakly determined, as its interval is wider than +-100 %" for name in weak
+    )
 
 
 def _regression(problem, default, reason, source):

@@ -24,7 +24,7 @@ start at right angles. Noise is the standard deviation of a test.
 from .checks import check_contradictions, curve_warnings
 from .forces import bias_displacement, bias_force, bias_normalised
 from .model import MIN_POINTS, STRAINS, TESTS, CompactionTest, Curve, Response, Sheet
-from .reading import read, read_curve, read_sheet
+from .reading import read, read_sheet
 from .writing import write
 
 __all__ = [
@@ -41,7 +41,6 @@ __all__ = [
     "check_contradictions",
     "curve_warnings",
     "read",
-    "read_curve",
     "read_sheet",
     "write",
 ]
