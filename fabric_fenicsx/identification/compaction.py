@@ -14,7 +14,7 @@ from ..material.compaction import Compaction, log_compaction
 from ..runtime.errors import InputError, SolverFailure
 from ..runtime.formatting import rounded
 from .curves import CompactionTest, Sheet
-from .parameter import Assumed, Determined
+from .problem import Assumed, Determined
 
 NAMES = "exponent", "onset", "pressure"
 UNITS = {"exponent": "-", "onset": "MPa", "pressure": "MPa"}
@@ -111,9 +111,9 @@ def _data(sheet):
     h = np.concatenate([sheet.measured_thickness(test) for test in tests])
     if not h.min() / BEYOND <= sheet.thickness <= h.max() * BEYOND:
         raise InputError(
-            f"sheet.toml: thickness is {rounded(sheet.thickness, 4)} mm, and plies of the compaction "
-            f"tests have {rounded(h.max(), 4)} to {rounded(h.min(), 4)} mm; allowed is a thickness "
-            "of one ply under a measured pressure (divide that of a stack by its plies)"
+            f"sheet.toml: thickness is {rounded(sheet.thickness, 4)} mm, and plies of the "
+            f"compaction tests have {rounded(h.max(), 4)} to {rounded(h.min(), 4)} mm; allowed is "
+            "that of one ply under a measured pressure (divide that of a stack by its plies)"
         )
     sd = np.ones(len(p))
     if all(test.noise for test in tests):

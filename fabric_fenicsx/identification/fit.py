@@ -13,8 +13,18 @@ from ..runtime.errors import InputError
 from ..runtime.formatting import rounded
 from .compaction import fit_compaction
 from .curves import Curve, Sheet, curve_warnings
-from .parameter import Assumed, Determined
-from .problem import DEFAULTS, NOISE, NotConverged, Problem, base, true_values, unit_of, yarns_of
+from .problem import (
+    DEFAULTS,
+    NOISE,
+    Assumed,
+    Determined,
+    NotConverged,
+    Problem,
+    base,
+    true_values,
+    unit_of,
+    yarns_of,
+)
 from .result import Identification
 from .toe import toe_warning
 

@@ -11,7 +11,7 @@ from ..material.laws.coupled import WovenFabric
 from ..runtime.formatting import percent, rounded
 from .compaction import CompactionFit
 from .curves import Curve, Response
-from .parameter import Assumed, Determined
+from .problem import Assumed, Determined
 
 
 @dataclass(frozen=True)
