@@ -72,15 +72,18 @@ class FrameSetup(CouponSetup):
 
     def quantities(self, result: Result) -> dict[str, Any]:
         """Shear angle and normalised shear force, beside the law's."""
-        rows, fields = result.rows, result.fields
-        strain, gamma = self.state(rows[-1]["load"])
-        angle, force = self.shear_force(rows[-1])
+        last, fields = result.rows[-1], result.fields
+        strain, gamma = self.state(last["load"])
+        angle, force = self.shear_force(last)
         names = "shear_angle", "eps_a", "eps_b"
         return {
             "shear_angle_deg": angle,
             "normalised_shear_force_N_per_mm": force,
             "closed_form_N_per_mm": float(self.closed_form(strain, np.array([gamma]))[0]),
-            **{name: measures.extremes(self.comm, fields[name]) for name in names},
+            **{
+                n: measures.extremes(self.comm, fields[n])
+                for n in ("shear_angle", "eps_a", "eps_b")
+            },
         }
 
     def pictures(self, result: Result, folder: Path) -> None:

@@ -18,7 +18,6 @@ class TensileSetup(StripSetup):
 
     @property
     def turned(self) -> float:
-        """Angle from x to the length [rad]."""
         return math.radians(self.data.turned)
 
     def supports(self) -> Supports:

@@ -71,7 +71,8 @@ def identify(sheet: Sheet, curves: Sequence[Curve]) -> Identification:
     predicted = problem.predict(theta)
     fits = [(curve, response, predicted[s], sd[s]) for (curve, response), s in problem.parts]
     warnings = [
-        *(f"{t.file}: {text}" for t in (*curves, *sheet.compaction) for text in t.remarks),
+        *(f"{curve.file}: {text}" for curve in curves for text in curve.remarks),
+        *(f"{test.file}: {text}" for test in sheet.compaction for text in test.remarks),
         *_fit_warnings(curves, found, softest, convex),
         *_parameter_warnings(determined, assumed),
         *filter(None, (toe_warning(*each) for each in fits)),
